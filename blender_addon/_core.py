@@ -80,6 +80,7 @@ if TYPE_CHECKING:
     import core.stream.links.url
     import core.stream.protocols.adapter
     import core.stream.state
+    import core.surface.curved
     import core.surrogate.store
     import core.track.binary
     import core.track.check

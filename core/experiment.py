@@ -15,14 +15,18 @@ from numpy.typing import NDArray
 from .arrays import Array
 from .contact.solver.bodies import ContactBody
 from .contact.solver.path import PathSolver, PathStep
+from .contact.solver.point_path import PointSolver
 from .devices.spec import DeviceSpec
 from .errors import DermisError, Finding
 from .parameters.material import FRICTION
-from .parameters.skin import DEFAULT_SKIN, TISSUE
+from .parameters.skin import CONTACT, DEFAULT_SKIN, SKIN_CONTACT, TISSUE
 from .presets import Library
 from .skin.blas import one_thread
 from .skin.model import SkinModel, skin_from_parameters
+from .skin.nodal_forces import NodalForces
+from .skin.point_forces import PointForces
 from .skin.stimulus import Stimulus, von_mises
+from .skin.surface_store import no_smooth_pad, smooth_pad
 from .surface.gap import Surface
 from .track.command_track import CommandTrack
 
@@ -151,6 +155,7 @@ def press(
     slide: Sequence[float] = (0.0, 0.0),
     at: Sequence[float] = (0.0, 0.0),
     turn: NDArray[np.floating] | None = None,
+    contact: str = CONTACT,
 ) -> Touch:
     """Return what a skin feels when a surface is pressed into its pad, and then drawn along it.
 
@@ -160,6 +165,7 @@ def press(
         surface: in the finger's axes; where it stands along Z does not matter. depth: beyond first contact [m].
         friction: Coulomb's coefficient. slide: movement across the pad afterwards, X and Y [m].
         at: where the surface's origin is across the pad, X and Y [m]. turn: rotation of the surface, shape (3, 3).
+        contact: at the 'nodes' of the skin's mesh, or on 'points' of the smooth skin, as fine as the touch.
 
     A plate that slid is held back by no more than friction allows:
 
@@ -186,17 +192,29 @@ def press(
     if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-9) or np.linalg.det(rotation) < 0.0:
         raise DermisError("not a rotation", where="turn", value=rotation.tolist(), limit="orthonormal, right-handed")
     body = ContactBody(surface, rotation, np.array([*origin, 0.0]), friction=friction)
+    SKIN_CONTACT["contact"].check(contact, "press")
+    doubtful = [f for f in surface.findings("surface") if f.severity != "info"]
+    pad = smooth_pad(skin) if contact == "points" else None
+    if contact == "points" and pad is None:
+        doubtful.append(no_smooth_pad(skin, "press"))
     with one_thread():
-        step, findings = _pressed(skin, body, depth, along)
-    doubtful = tuple(f for f in surface.findings("surface") if f.severity != "info")
-    solution = step.solution
-    return Touch(skin, solution.force, depth, solution.residual, solution.iterations, (*doubtful, *findings))
+        solver: PathSolver
+        if pad is None:
+            solver = PathSolver(skin.compliance, skin.positions, areas=skin.areas, name="press")
+        else:
+            solver = PointSolver(pad, NodalForces(skin.mesh, pad.chart), name="press")
+        step = _pressed(solver, body, depth, along)
+    doubtful += [replace(finding, frame=None) for finding in solver.findings]  # frames are of scenes
+    solution, points = step.solution, None
+    if pad is not None and isinstance(solver, PointSolver):
+        loaded = np.flatnonzero(solution.force.any(axis=1))
+        points = PointForces(pad, solver.cells[loaded], solution.force[loaded])
+    return Touch(skin, step.nodal, points, depth, solution.residual, solution.iterations, tuple(doubtful))
 
 
-def _pressed(skin: SkinModel, body: ContactBody, depth: float, along: Array) -> tuple[PathStep, list[Finding]]:
-    """Return the last step of a body's way from first contact to its depth and then along, and what was doubtful."""
-    start = replace(body, translation=np.array([*body.translation[:2], _first_contact(skin, body)]))
-    solver = PathSolver(skin.compliance, skin.positions, areas=skin.areas, name="press")
+def _pressed(solver: PathSolver, body: ContactBody, depth: float, along: Array) -> PathStep:
+    """Return the last step of a body's way from first contact to its depth and then along."""
+    start = replace(body, translation=np.array([*body.translation[:2], _first_contact(solver.pad, body)]))
     step = solver.step([start])
     for far, way in ((depth, np.array([0.0, 0.0, 1.0])), (float(np.hypot(*along)), np.array([*along, 0.0]))):
         if far <= 0.0:
@@ -206,7 +224,7 @@ def _pressed(skin: SkinModel, body: ContactBody, depth: float, along: Array) -> 
         for part in np.linspace(0.0, far, max(int(np.ceil(far / STEP)), 1) + 1)[1:]:
             start = replace(origin_of_leg, translation=origin_of_leg.translation + part * way)
             step = solver.step([start])
-    return step, [replace(finding, frame=None) for finding in solver.findings]  # frames are of scenes
+    return step
 
 
 def match(
@@ -296,12 +314,11 @@ def _match_thimble(touch: Stimulus, spec: DeviceSpec, method: str | None) -> Mat
     )
 
 
-def _first_contact(skin: SkinModel, body: ContactBody) -> float:
-    """Return the height of a body at which it first meets the undeformed pad from below [m].
+def _first_contact(points: Array, body: ContactBody) -> float:
+    """Return the height of a body at which it first meets points of the undeformed pad from below [m].
 
-    It rises by the smallest gap there is, which can never carry it past a node, until that is nothing.
+    It rises by the smallest gap there is, which can never carry it past a point, until that is nothing.
     """
-    points = skin.positions
     assert isinstance(body.surface, Surface)
     top = float((body.surface.vertices @ body.rotation.T)[:, 2].max())
     height, highest = float(points[:, 2].min()) - top - CLOSE, float(points[:, 2].max()) - top + FAR

@@ -20,11 +20,8 @@ from .foreign import damage_told, is_newer
 from .parameters.material import MATERIAL
 from .parameters.parameter import Table
 from .parameters.skin import SKIN
+from .shipped import BUILT_IN
 from .units import quantity
-
-_HERE = Path(__file__).resolve().parent
-# a wheel has them within the package, a checkout and the extension beside it
-BUILT_IN = _HERE / "built_in" if (_HERE / "built_in").is_dir() else _HERE.parent / "presets"
 
 SCHEMAS = {"devices": DEVICE_SCHEMA, "materials": "dermis-material 1", "skins": "dermis-skin 1"}
 

@@ -24,7 +24,7 @@ class LoneGrip:
         self, surface: Surface, mass: float, fingers: Sequence[HoldingFinger], friction: float, gravity: Array
     ) -> None:
         size = surface.box[1] - surface.box[0]
-        inertia = np.diag((size @ size - size**2) * mass / 12.0)
+        inertia = np.diag((size @ size - size**2) / 12.0)
         centre = surface.box.mean(axis=0)
         self.solver = GripSolver(
             surface, mass, fingers, friction, centre=centre, inertia=inertia, gravity=gravity, name="object"

@@ -9,21 +9,28 @@ from typing import Any
 from core.devices.kinds import KINDS
 from core.parameters.device import DEVICE
 from core.parameters.finger import FINGER
-from core.parameters.material import BODY
+from core.parameters.material import BODY, CURVED
 from core.parameters.parameter import LARGEST, Parameter, Table
-from core.parameters.screen import HEIGHT, SCREEN, SEQUENCE
+from core.parameters.screen import HEIGHT, MAP_UNIT, SCREEN, SEQUENCE
 from core.parameters.skin import SKIN, SKIN_CONTACT
 from core.parameters.stream import STREAM
 
 PAGE = Path(__file__).resolve().parents[1] / "core" / "PARAMETERS.md"
 _DEVICES, _SKIN = "object.dermis.finger.devices[i]", "object.dermis.finger.skin"
+_MAP = {row.name: row for row in (MAP_UNIT, HEIGHT)}
+_OBJECT = "`Body.parameters`; presets in `presets/materials`, all but `held`"
 GROUPS: tuple[tuple[str, str, str, Table], ...] = (
     ("Finger", "`Finger.parameters`", "object.dermis.finger", FINGER),
     ("A finger's skin", "`Finger.parameters`, beside `skin`", _SKIN, SKIN_CONTACT),
     ("Skin", "`skin` of `Finger.parameters`, and presets in `presets/skins`", _SKIN, SKIN),
     ("Device on a finger", "`DeviceUse.parameters`", _DEVICES, DEVICE),
-    ("Object", "`Body.parameters`; presets in `presets/materials`, all but `held`", "object.dermis.material", BODY),
-    ("Screen", "`Screen.parameters`", "object.dermis.screen", {**SCREEN, **SEQUENCE, HEIGHT.name: HEIGHT}),
+    (
+        "Object",
+        "`Body.parameters`; presets in `presets/materials`, all but `held` and `kink_time`",
+        "object.dermis.material",
+        {**BODY, CURVED.name: CURVED},
+    ),
+    ("Screen", "`Screen.parameters`", "object.dermis.screen", {**SCREEN, **SEQUENCE, **_MAP}),
     ("Stream", "a `StreamRequest`; `python -m core stream` has options for some", "scene.dermis_stream", STREAM),
 )
 HEAD = """# Parameters

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from core import presets
+from core import presets, shipped
 from core.devices import calibration
 from core.devices.spec import Channel, DeviceSpec
 from core.files import write_npz
@@ -154,7 +154,7 @@ def screen_map() -> bytes:
 
 
 def preset(group: str, key: str) -> bytes:
-    return (presets.BUILT_IN / group / f"{key}.json").read_bytes()
+    return (shipped.BUILT_IN / group / f"{key}.json").read_bytes()
 
 
 TETRAHEDRON = {

@@ -25,6 +25,7 @@ from core.scene import scene_file
 from core.skin import file as skin_file
 from core.skin import own_mesh, sensor
 from core.skin import store as skin_store
+from core.skin.remainder import Remainder
 from core.stream.protocols import packets
 from core.stream.protocols.native import Native
 from core.stream.protocols.osc import Osc, bundle, message_head, read_bundle, read_message
@@ -212,6 +213,8 @@ def _presets(group: str, *keys: str) -> Callable[[], list[bytes]]:
 
 DEVICES = ("haptip", "thimble_3rrs", "hexapod", "electrovibration", "cable_platform", "pin_array_128")
 MODEL = {name: np.zeros((3, 3)) for name in skin_store.MESH_ARRAYS} | {"compliance": np.zeros((27, 27))}
+REMAINDER = {"centres": np.zeros((4, 3)), "mixing": np.ones((4, 2)), "surface": np.ones((2, 3, 2, 3), "<f4")}
+REMAINDER["beneath"] = np.ones((3, 1, 9, 1, 3), "<f4")
 SAMPLES = {"x": np.ones((4, 3)), "channels": np.ones((4, 2)), "memory": np.ones((4, 1)), "trajectory": np.arange(4)}
 STIMULI = {"times": np.arange(4.0), "stimuli": np.ones((4, 2))}
 ENDS = np.array([[0.0] * 3, [1.0] * 3])
@@ -303,6 +306,13 @@ READERS = (
         lambda path: skin_store.read_table(path, (3, 3)),
     ),
     _reader(
+        "remainder of a skin",
+        "core.skin.remainder:Remainder.read",
+        ".npz",
+        lambda: [ex.npz(**REMAINDER)],
+        lambda path: Remainder.read(path).functions(np.zeros((1, 3))),
+    ),
+    _reader(
         "part of a sweep",
         "core.design.collect:_read_part",
         ".npz",
@@ -385,8 +395,6 @@ READERS = (
 
 # What reads, and reads nothing of others: functions, or whole modules, and why they are in no table.
 OWN = {
-    "core.contact.solver.path:PathSolver._remember": "unpacks what it packed",
-    "core.contact.solver.path:PathSolver.adopt": "unpacks what it packed",
     "core.matching.screen_map:ScreenMap.save": "writes",
     "core.matching.table:SkinTable.save": "writes",
     "core.presets:Library.load": "copies what it holds",

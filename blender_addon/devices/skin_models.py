@@ -1,13 +1,15 @@
 """The skins at hand: made once, shared by all fingers of the same size, kept on disk in the extension's user folder.
 
 Draft and standard skins are made where they are first asked for (some tenths of a second, once per size). A fine one
-takes seconds: in a window a child process makes it, and whoever asked gets None until it is there.
+takes seconds: in a window a child process makes it, and whoever asked gets None until it is there. So does the table of
+a smooth pad, for lengths that no preset has: a preview goes on without it, a bake waits for it.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable, Generator, Mapping
 from contextlib import AbstractContextManager
 from typing import Any, Literal, overload
 
@@ -18,6 +20,7 @@ from ..preferences import user_folder
 
 LIMIT_BYTES = 4_000_000_000
 SLOW = ("fine",)
+PAD = "pad"  # in place of a level: the table of the smooth pad
 POLL = 0.1
 
 on_made: Callable[[], None] | None = None
@@ -27,6 +30,7 @@ _models: core.recent.Recent[str, core.skin.model.SkinModel] = core.recent.Recent
 _making: dict[str, core.work.executor.JobFuture] = {}
 _progress: dict[str, float] = {}
 _failed: dict[str, BaseException] = {}
+_pads: set[str] = set()  # whose tables are there
 
 
 def cache() -> core.cache.Cache:
@@ -41,9 +45,13 @@ def one_thread() -> AbstractContextManager[Any]:
 
 def solved_in(tactile: core.scene.tactile_scene.TactileScene, presets: core.presets.Library) -> bool:
     """Return whether a sampled scene's rendering solves skins: they are shown, or drive a device."""
-    if any(f.parameters.get("skin_shown") for f in tactile.fingers):
+    return any(_solved(finger, presets) for finger in tactile.fingers)
+
+
+def _solved(finger: core.scene.tactile_scene.Finger, presets: core.presets.Library) -> bool:
+    if finger.parameters.get("skin_shown"):
         return True
-    for key in {device.preset for f in tactile.fingers for device in f.devices}:
+    for key in {device.preset for device in finger.devices}:
         try:
             if presets.device(key).follows_skin:
                 return True
@@ -89,6 +97,50 @@ def get(
     return model
 
 
+def wants_pad(parameters: Mapping[str, Any]) -> bool:
+    """Return whether a finger's contact is to be solved on points of its smooth skin, whose table is not made yet.
+
+    Raises:
+        DermisError: a size that leaves no room for tissue.
+    """
+    skin = parameters["skin"]
+    if parameters["contact"] != "points" or "mesh" in skin or _key(skin, PAD) in _pads:
+        return False
+    if core.skin.surface_store.surface_compliance(skin, shipped=core.skin.surface_store.SHIPPED, cache=cache()) is None:
+        return True
+    _pads.add(_key(skin, PAD))
+    return False
+
+
+def make_pad(skin: Mapping[str, float]) -> float | None:
+    """Let a child process make the table of a skin's smooth pad; return how far it is, None where that failed."""
+    key = _key(skin, PAD)
+    if key in _failed:
+        return None
+    if not _finished(key):
+        _begin(key, skin, PAD)
+    return _progress[key]
+
+
+def make_pads(
+    tactile: core.scene.tactile_scene.TactileScene, presets: core.presets.Library
+) -> Generator[core.pipeline.render.Progress, None, None]:
+    """Make the tables of smooth pads that a bake will need; yield progress.
+
+    What cannot be made is left to the bake, which solves contact at the mesh's nodes and says so.
+    """
+    for finger in tactile.fingers:
+        try:
+            if not _solved(finger, presets) or not wants_pad(finger.parameters):
+                continue
+        except DermisError:
+            continue
+        while (done := make_pad(finger.parameters["skin"])) is not None and done < 1.0:
+            yield core.pipeline.render.Progress("skin", round(100 * done), 100)
+            time.sleep(POLL / 5)  # nobody else waits meanwhile, and a timer may not run
+            _tick()
+
+
 def progress(skin: Mapping[str, float], level: str) -> float | None:
     """Return how far a skin that is being made has come, 0 to 1; None where it is not being made."""
     return _progress.get(_key(skin, level))
@@ -101,6 +153,7 @@ def forget() -> None:
     _making.clear()
     _progress.clear()
     _models.clear()
+    _pads.clear()
     _failed.clear()
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)
@@ -116,12 +169,13 @@ def _finished(key: str) -> bool:
 
 
 def _begin(key: str, skin: Mapping[str, float], level: str) -> None:
-    """Let a child process put a skin into the cache, and look after it now and then."""
+    """Let a child process put something into the cache, and look after it now and then."""
     if key in _making:
         return
     executor = core.work.processes.ProcessExecutor()
-    parameters = {"skin": dict(skin), "level": level, "folder": str(cache().folder), "limit": LIMIT_BYTES}
-    _making[key] = executor.submit("skin", {}, parameters)
+    parameters = {"skin": dict(skin), "folder": str(cache().folder), "limit": LIMIT_BYTES}
+    job, more = (PAD, {}) if level == PAD else ("skin", {"level": level})
+    _making[key] = executor.submit(job, {}, parameters | more)
     executor.shutdown(wait=False)  # its process ends with the job
     _progress[key] = 0.0
     if not bpy.app.timers.is_registered(_tick):

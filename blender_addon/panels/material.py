@@ -23,7 +23,7 @@ class DERMIS_PT_material(DermisPanel, bpy.types.Panel):
         material = context.object.dermis.material
         title = choices.title("materials", material.preset)
         self.layout.operator("dermis.choose_material", text=title or "From Preset", icon="PRESET")
-        properties(self.layout, material, "friction", "surface_stiffness_mpa_m")
+        properties(self.layout, material, "friction", "surface_stiffness_mpa_m", "curved")
 
 
 class _Effect(DermisPanel):
@@ -79,7 +79,7 @@ class DERMIS_PT_weight(_Effect, bpy.types.Panel):
     bl_idname = "DERMIS_PT_weight"
     bl_label = "Weight"
     switch = "weight_on"
-    property_names = ("weight_gravity", "weight_acceleration", "mass")
+    property_names = ("weight_gravity", "weight_acceleration")
 
 
 class DERMIS_PT_content(_Effect, bpy.types.Panel):
@@ -102,24 +102,21 @@ class DERMIS_PT_content(_Effect, bpy.types.Panel):
 
 
 class DERMIS_PT_held(DermisPanel, bpy.types.Panel):
-    """When the object counts as held."""
+    """When the object counts as held, and how heavy it is."""
 
     bl_idname = "DERMIS_PT_held"
     bl_label = "Holding"
     bl_parent_id = "DERMIS_PT_material"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Only weight and content need it."""
-        material = context.object.dermis.material
-        return bool(material.weight_on or material.content_on)
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the rule and, where it is keyed, the switch."""
+        """Draw the rule and, where it is keyed, the switch; then what simulated skin has to carry."""
         material = context.object.dermis.material
         column = properties(self.layout, material, "held_mode")
         if material.held_mode == "keyed":
             column.prop(material, "held")
+        if material.held_mode != "never":
+            properties(self.layout, material, "mass", "kink_time")
 
 
 CLASSES: tuple[type, ...] = (

@@ -8,6 +8,7 @@ from .. import choices
 from .._core import core
 from ..layouts import paragraph, properties, role
 from ..polls import needs
+from ..sampling import height_maps
 from . import design, thimble
 from .main import DermisPanel
 
@@ -57,14 +58,25 @@ class DERMIS_PT_object(DermisPanel, bpy.types.Panel):
             if screen.mesh_object is None:
                 paragraph(layout, context, "Choose an object that lies on the screen.", "RIGHTARROW")
         else:
-            column.prop(screen, "filepath")
+            row = column.row(align=True)
+            row.prop(screen, "filepath")
+            row.operator("dermis.open_map", text="", icon="IMPORT")
             if screen.source == "SEQUENCE":
                 column.prop(screen, "sequence_start")
         if screen.source != "MESH":
-            column.prop(screen, "height_mm")
+            column.prop(screen, "map_unit")
+            if screen.map_unit == "white":
+                column.prop(screen, "height_mm")
             column.prop(screen, "invert")
             column.prop(screen, "zero_is_hole")
         column.prop(screen, "touch_distance_mm")
+        for finding in height_maps.offered(context.object) if screen.source != "MESH" else ():
+            what = f"{finding.what[0].upper()}{finding.what[1:]} ({finding.value})."
+            paragraph(layout, context, what, "QUESTION")
+            if finding.code == "zeros-like-holes":
+                layout.prop(screen, "zero_is_hole", text="Take Zeros as Holes", toggle=True)
+            else:
+                layout.row().prop(screen, "map_unit", expand=True)
 
 
 class DERMIS_UL_devices(bpy.types.UIList):

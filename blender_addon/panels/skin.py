@@ -48,6 +48,7 @@ class DERMIS_PT_skin(DermisPanel, bpy.types.Panel):
             row.active = False
             row.alignment = "RIGHT"
             row.label(text=f"about {core.parameters.skin.TETRAHEDRA[skin.level]} tetrahedra")
+            properties(layout, skin, "contact", keys=False)
         properties(layout, skin, "young_kpa", "alpha", keys=False)
         column = properties(layout, skin, "depth_mode", keys=False)
         if skin.depth_mode == "compliant":

@@ -220,12 +220,17 @@ def _solve(f: int, finger: Any, posed: core.contact.posed_scene.PosedScene, fram
     step = path.stepper.step(path.stepper.approach(), 0)
     starts = frame == _live.first
     note = f"live, from rest at frame {_live.first:g}" + (": play or step forward" if starts else "")
+    if skin_models.wants_pad(finger.parameters):
+        made = skin_models.make_pad(finger.parameters["skin"])
+        note += "; at the mesh's nodes" + (f" while the smooth skin is made: {made:.0%}" if made is not None else "")
     return SkinState.of(finger.name, model, step, "live", note, _counters(path.stepper))
 
 
 def _path_of(f: int, finger: Any, model: Any, posed: core.contact.posed_scene.PosedScene) -> _FingerPath:
     p = finger.parameters
-    key = (id(model), p["depth_mode"], p["bone_stiffness"], p["force_limit"])
+    # a table of the smooth skin that has been made since begins a new path
+    waits = skin_models.wants_pad(p)
+    key = (id(model), p["depth_mode"], p["bone_stiffness"], p["force_limit"], p["contact"], waits)
     path = _live.paths.get(finger.name)
     if path is None or path.key != key:
         stepper = core.contact.skin_stepper.SkinStepper(model, f, finger, posed)

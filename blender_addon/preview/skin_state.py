@@ -23,6 +23,7 @@ class SkinState:
         work: what the contact solver did: 'solved', 'unchanged', 'same', 'idle' or 'baked'.
         converged: whether the frame passed the solver's own check.
         counters: what was solved and what was skipped, by name.
+        points: the same forces where they act, on points of the smooth skin; None where contact is solved on nodes.
     """
 
     finger: str
@@ -39,6 +40,7 @@ class SkinState:
     work: str = "idle"
     converged: bool = True
     counters: Mapping[str, int] = field(default_factory=dict)
+    points: core.skin.point_forces.PointForces | None = None
 
     @classmethod
     def of(

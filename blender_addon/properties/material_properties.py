@@ -8,7 +8,7 @@ from bpy.props import StringProperty
 
 from .. import choices
 from .._core import core
-from .fields import OVERRIDE, declared
+from .fields import OVERRIDE, declare_one, declared
 
 
 @declared(core.parameters.material.BODY)
@@ -22,3 +22,4 @@ class DermisMaterial(bpy.types.PropertyGroup):
         options=set(),
         override=OVERRIDE,
     )
+    curved: declare_one(core.parameters.material.CURVED)

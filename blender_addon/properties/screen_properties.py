@@ -69,6 +69,7 @@ class DermisScreen(bpy.types.PropertyGroup):
         "it; such pixels are filled from their rims",
         False,
     )
+    map_unit: declare_one(_screen.MAP_UNIT)
     height_mm: declare_one(_screen.HEIGHT)
     resolution: IntProperty(
         name="Resolution",

@@ -1,4 +1,8 @@
-"""Skins in a stored result: contact forces in single precision, and what their model is made from again."""
+"""Skins in a stored result: contact forces in single precision, and what their model is made from again.
+
+Forces on points of the smooth skin are kept beside those on nodes, as cells of its tree; where its table is gone, a
+result is read with those on nodes alone.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +15,7 @@ import numpy as np
 from .._core import DermisError, Finding, core
 from ..devices import skin_models
 
+POINTS = ("starts", "cells", "force")
 SERIES = ("times", "frames", "normal_force", "tangential_force", "depth", "lift", "sticking", "slipping")
 
 
@@ -27,6 +32,9 @@ def pack(
             continue
         arrays[f"skin_{i}_contact"] = np.asarray(touch.contact, np.int32)
         arrays[f"skin_{i}_force"] = np.asarray(touch.force, np.float32)
+        if touch.points is not None:
+            for name in POINTS:
+                arrays[f"skin_{i}_point_{name}"] = getattr(touch.points, name)
         for name in SERIES:
             arrays[f"skin_{i}_{name}"] = np.asarray(getattr(touch, name))
         entries.append(
@@ -66,9 +74,17 @@ def unpack(entries: list[dict[str, Any]], file: Mapping[str, Any]) -> dict[str, 
             force=file[f"skin_{i}_force"],
             findings=tuple(Finding(**f) for f in entry["findings"]),
             skipped=entry["skipped"],
+            points=_points(model, {name: file.get(f"skin_{i}_point_{name}") for name in POINTS}),
             **{name: file[f"skin_{i}_{name}"] for name in SERIES},
         )
     return out
+
+
+def _points(model: Any, arrays: Mapping[str, Any]) -> Any:
+    surface = None if arrays["cells"] is None else core.skin.surface_store.smooth_pad(model)
+    if surface is None or arrays["cells"].max(initial=-1) >= len(surface.chart.places):
+        return None
+    return core.contact.skin_contact.PointRecord(surface, **arrays)
 
 
 def export(bake: Any, folder: Path) -> list[Path]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import bpy
@@ -16,12 +17,34 @@ from . import mesh_heights, meshes
 LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
 """Rec. 709 weights of red, green and blue."""
 
+OFFERED = ("zeros-like-holes", "no-unit")
+"""Findings of a map that the artist has to decide on."""
+DIM, BEYOND = 0.05, 0.01
+"""Of white: a map that is nowhere brighter, or goes so far beyond black or white, is likely a measure."""
+
 _kept: dict[int, tuple[Any, Any]] = {}
+_offered: dict[int, tuple[Any, ...]] = {}
 
 
 def forget() -> None:
     """Drop the reliefs kept for the live preview: an image or a mesh was edited."""
     _kept.clear()
+
+
+def offered(obj: bpy.types.Object) -> tuple[Any, ...]:
+    """Return what the artist has to decide about the map that a screen was last read from, and has not decided yet."""
+    settings = obj.dermis.screen
+    decided = {"zeros-like-holes": settings.zero_is_hole, "no-unit": settings.map_unit != "white"}
+    return tuple(f for f in _offered.get(obj.session_uid, ()) if not decided[f.code])
+
+
+def look(obj: bpy.types.Object) -> tuple[Any, ...]:
+    """Read the map file of a screen, and return what is to be said of it.
+
+    Raises:
+        DermisError: it cannot be read; what is `offered` says so too where only its unit is missing.
+    """
+    return _file(obj, sequence=False)[2]
 
 
 def bounds(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -131,9 +154,6 @@ def _read(obj: bpy.types.Object, depsgraph: Any, unit: float) -> tuple[NDArray[n
     depth_map = core.effects.depth_map
     settings = obj.dermis.screen
     where = f"screen '{obj.name_full}'"
-    meaning: Any = "depth" if settings.invert else "height"
-    full_scale = value_of(settings, core.parameters.screen.HEIGHT)
-    hole = 0.0 if settings.zero_is_hole else None
     if settings.source == "MESH":
         heights, noticed = mesh_heights.cast(obj, depsgraph, unit, *bounds(obj, depsgraph))
         # Steps in a mesh are edges of the model, not of the storage: they stay.
@@ -142,21 +162,70 @@ def _read(obj: bpy.types.Object, depsgraph: Any, unit: float) -> tuple[NDArray[n
     if settings.source == "IMAGE":
         values, empty, noticed = pixels(settings.image, where)
         made = depth_map.from_array(
-            values,
-            meaning=meaning,
-            hole=hole,
-            declared=empty,
-            levels=0 if settings.image.is_float else 256,
-            where=where,
+            values, **_meant(settings), declared=empty, levels=0 if settings.image.is_float else 256, where=where
         )
-        return made.heights, full_scale, noticed + made.findings
+        unit_ = core.parameters.screen.UNITS_OF_MAPS[settings.map_unit]
+        height_unit = 0.0 if unit_ is None else unit_ * _largest(settings.image)
+        return _with_unit(obj, replace(made, findings=noticed + made.findings, height_unit=height_unit), where)
     if not settings.filepath.strip():
         raise DermisError("no image file was chosen", where=where, remedy="Choose one in the Dermis tab under Screen")
+    return _file(obj, sequence=settings.source == "SEQUENCE")
+
+
+def _file(obj: bpy.types.Object, *, sequence: bool) -> tuple[NDArray[np.float32], float, tuple[Any, ...]]:
+    settings = obj.dermis.screen
     path = bpy.path.abspath(settings.filepath, library=obj.library)
-    sequence = settings.source == "SEQUENCE"
-    made = depth_map.read(core.images.sequence(path) if sequence else path, meaning=meaning, hole=hole)
+    unit = core.parameters.screen.UNITS_OF_MAPS[settings.map_unit]
+    try:
+        paths = core.images.sequence(path) if sequence else path
+        made = core.effects.depth_map.read(paths, **_meant(settings), unit=unit)
+    except DermisError as error:
+        if error.code in OFFERED:
+            _offered[obj.session_uid] = (error.as_finding(code=error.code, remedy=error.remedy),)
+        raise
     gap = core.images.gap_after(path) if sequence else None
-    return made.heights, full_scale, made.findings + (() if gap is None else (gap,))
+    made = replace(made, findings=made.findings + (() if gap is None else (gap,)))
+    return _with_unit(obj, made, f"screen '{obj.name_full}'")
+
+
+def _meant(settings: Any) -> dict[str, Any]:
+    """Return how the artist says that a map is to be read."""
+    return {"meaning": "depth" if settings.invert else "height", "hole": 0.0 if settings.zero_is_hole else None}
+
+
+def _with_unit(obj: bpy.types.Object, made: Any, where: str) -> tuple[NDArray[np.float32], float, tuple[Any, ...]]:
+    """Return heights, metres a unit of them, and findings; keep what the artist has to decide on."""
+    findings, height_unit = made.findings, made.height_unit
+    if height_unit == 0.0:
+        height_unit = value_of(obj.dermis.screen, core.parameters.screen.HEIGHT)
+        findings += _doubtful(made.heights, obj.dermis.screen.invert, where)
+    _offered[obj.session_uid] = tuple(f for f in findings if f.code in OFFERED)
+    return made.heights, height_unit, findings
+
+
+def _doubtful(heights: NDArray[np.float32], depth: bool, where: str) -> tuple[Any, ...]:
+    """Return the finding that a map was taken as brightness and does not look like one."""
+    low, high = float(heights.min()), float(heights.max())
+    low, high = (-high, -low) if depth else (low, high)
+    if low == high or (low >= -BEYOND and DIM <= high <= 1.0 + BEYOND):
+        return ()
+    return (
+        Finding(
+            "warning",
+            "no-unit",
+            "its numbers look like measures, but were taken as brightness, in which 1 is white",
+            where=where,
+            value=f"{low:.4g} to {high:.4g}",
+            remedy="Set Values Are in the Dermis tab under Screen; leave it where 1 is as high as Height says",
+        ),
+    )
+
+
+def _largest(image: bpy.types.Image) -> int:
+    """Return the stored number that Blender makes 1; floating-point formats are as stored."""
+    if not image.is_float:
+        return 255
+    return 65535 if image.file_format == "PNG" and image.source in ("FILE", "SEQUENCE") else 1
 
 
 def pixels(image: bpy.types.Image | None, where: str) -> tuple[NDArray[np.float32], NDArray[np.bool_], tuple[Any, ...]]:
@@ -210,6 +279,7 @@ def _key(obj: bpy.types.Object) -> Any:
         s.invert,
         s.zero_is_hole,
         s.height_mm,
+        s.map_unit,
         s.filepath,
         s.resolution,
         None if image is None else (image.session_uid, tuple(image.size), image.filepath),

@@ -46,11 +46,18 @@ def positions(mesh: bpy.types.Mesh) -> NDArray[np.float32]:
     return raw
 
 
-def triangles(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
-    """Return Blender's triangulation, shape (T, 3)."""
+def triangles(mesh: bpy.types.Mesh, of: str = "vertices") -> NDArray[np.int32]:
+    """Return Blender's triangulation by vertices, or by 'loops' (face corners), shape (T, 3)."""
     mesh.calc_loop_triangles()
     out = np.empty((len(mesh.loop_triangles), 3), np.int32)
-    mesh.loop_triangles.foreach_get("vertices", out.ravel())
+    mesh.loop_triangles.foreach_get(of, out.ravel())
+    return out
+
+
+def normals(mesh: bpy.types.Mesh) -> NDArray[np.float32]:
+    """Return the normals that Blender shades face corners with: smooth, flat, sharp or custom, shape (loops, 3)."""
+    out = np.empty((len(mesh.loops), 3), np.float32)
+    mesh.corner_normals.foreach_get("vector", out.ravel())
     return out
 
 
@@ -61,6 +68,23 @@ class _Last:
     starts: int
     unit: float
     mesh: Any
+    faces: NDArray[np.int32]
+    shading: Shading | None
+
+
+@dataclass
+class Shading:
+    """What a curved surface is made of, and the surface.
+
+    Attributes:
+        tolerance: that it was made with [m]. loops: of the triangles' corners, shape (T, 3).
+        normals: of the loops, shape (loops, 3). curved: the surface.
+    """
+
+    tolerance: float
+    loops: NDArray[np.int32]
+    normals: NDArray[np.float32]
+    curved: Any
 
 
 class MeshReader:
@@ -69,12 +93,15 @@ class MeshReader:
     def __init__(self) -> None:
         self._last: dict[tuple[int, bool], _Last] = {}
 
-    def read(self, evaluated: bpy.types.Object, unit: float, mirrored: bool = False) -> Any:
+    def read(
+        self, evaluated: bpy.types.Object, unit: float, mirrored: bool = False, tolerance: float | None = None
+    ) -> Any:
         """Return the evaluated surface of an object in its own space.
 
         Args:
             unit: metres in a scene unit.
             mirrored: reflect X, for objects of negative scale, whose matrices lose the reflection in turn.
+            tolerance: how far it may be off the curved surface that its shading shows [m]; None for its flat faces.
         """
         with evaluated_mesh(evaluated) as mesh:
             if mesh is None:
@@ -90,14 +117,26 @@ class MeshReader:
                 and len(last.raw) == len(raw)
                 and np.array_equal(last.corners, corners)
             )
-            if same and np.array_equal(last.raw, raw):  # type: ignore[union-attr]
+            known = last.shading if same else None  # type: ignore[union-attr]
+            shown = None if tolerance is None or not np.isfinite(raw).all() else normals(mesh)
+            if same and np.array_equal(last.raw, raw) and _alike(known, shown, tolerance):  # type: ignore[union-attr]
                 return last.mesh  # type: ignore[union-attr]
             # The first triangulation holds while the faces do: Blender may split a bending quad along its other
             # diagonal from one frame to the next, which would look like a change of topology.
-            faces = last.mesh.triangles if same else _faces(mesh, mirrored)  # type: ignore[union-attr]
+            faces = last.faces if same else _faces(mesh, mirrored)  # type: ignore[union-attr]
             made = core.scene.tactile_scene.Mesh(to_metres(raw, unit, mirrored), faces)
-            self._last[key] = _Last(raw, corners, len(mesh.polygons), unit, made)
+            shading = None
+            if shown is not None and tolerance is not None and len(faces):
+                loops = known.loops if known is not None else _faces(mesh, mirrored, "loops")
+                shading = _curved(made, loops, shown, mirrored, tolerance, known)
+                made = shading.curved.mesh
+            self._last[key] = _Last(raw, corners, len(mesh.polygons), unit, made, faces, shading)
             return made
+
+    def curved(self, evaluated: bpy.types.Object, mirrored: bool = False) -> Any | None:
+        """Return the `CurvedMesh` that an object was read as last; None where it was read flat."""
+        last = self._last.get((evaluated.original.session_uid, mirrored))
+        return None if last is None or last.shading is None else last.shading.curved
 
     def clear(self) -> None:
         """Forget every surface."""
@@ -146,6 +185,30 @@ def _corners(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
     return out
 
 
-def _faces(mesh: bpy.types.Mesh, mirrored: bool) -> NDArray[np.int32]:
-    faces = triangles(mesh)
+def _alike(known: Shading | None, shown: NDArray[np.float32] | None, tolerance: float | None) -> bool:
+    """Return whether a kept surface is what the same vertices would be made to again."""
+    if known is None or shown is None:
+        return known is None and shown is None
+    return known.tolerance == tolerance and np.array_equal(known.normals, shown)
+
+
+def _curved(
+    flat: Any,
+    loops: NDArray[np.int32],
+    shown: NDArray[np.float32],
+    mirrored: bool,
+    tolerance: float,
+    known: Shading | None,
+) -> Shading:
+    """Curve a surface by its shading, with the triangles that it had where that was the same way."""
+    each = to_metres(shown, 1.0, mirrored)[loops]
+    if known is not None and known.tolerance == tolerance:
+        made = known.curved.moved(flat.vertices, each)
+    else:
+        made = core.surface.curved.curved_mesh(flat, each, tolerance=tolerance)
+    return Shading(tolerance, loops, shown, made)
+
+
+def _faces(mesh: bpy.types.Mesh, mirrored: bool, of: str = "vertices") -> NDArray[np.int32]:
+    faces = triangles(mesh, of)
     return np.ascontiguousarray(faces[:, ::-1]) if mirrored else faces

@@ -175,7 +175,7 @@ class Recorder:
                 self._surfaces[s][k] = self._absent
                 continue
             evaluated = bpy.data.objects[int(self._place[i])].evaluated_get(depsgraph)
-            mesh = self._reader.read(evaluated, self._participants.unit, entry.mirrored)
+            mesh = self._reader.read(evaluated, self._participants.unit, entry.mirrored, entry.curved)
             self._bare[i, k] = len(mesh.triangles) == 0
             self._surfaces[s][k] = self._absent if self._bare[i, k] else mesh
 

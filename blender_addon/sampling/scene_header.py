@@ -13,7 +13,7 @@ from .._core import DermisError, Finding, core
 from ..devices import platform_devices, thimble_devices
 from ..properties import object_properties, scene_properties, skin_properties
 from ..quantities import metres_per_unit
-from . import height_maps, participants
+from . import curved_surfaces, height_maps, participants
 from .meshes import MeshReader, zero_area_finding
 from .participants import Entry, InstanceKey, Participants
 from .simulated_motion import Simulations
@@ -142,7 +142,8 @@ def list_participants(
                 )
             )
         else:
-            bodies.append(replace(entry, deforming=deforming is None or obj.session_uid in deforming))
+            own = deforming is None or obj.session_uid in deforming
+            bodies.append(replace(entry, deforming=own, curved=curved_surfaces.tolerance_of(obj, matrix)))
     if presence or participants.has_instancers(scene):
         out.findings += [
             Finding(
@@ -190,15 +191,19 @@ def header(depsgraph: bpy.types.Depsgraph, swept: Participants, reader: MeshRead
     bodies, body_entries = [], []
     for entry in swept.bodies:
         obj = objects[entry.uid]
-        mesh = reader.read(obj.evaluated_get(depsgraph), swept.unit, entry.mirrored)
+        evaluated = obj.evaluated_get(depsgraph)
+        mesh = reader.read(evaluated, swept.unit, entry.mirrored, entry.curved)
         if live or not entry.deforming:  # what deforms may get its faces later: the chunks tell
             try:
-                core.scene.tactile_scene.check_mesh(mesh, entry.name)
+                core.scene.tactile_scene.check_mesh(mesh, f"object '{entry.name}'")
             except DermisError as error:
                 findings.append(_left_out(error, "mesh-unusable"))
                 continue
         if entry.instance is None and not live and (flaw := zero_area_finding(mesh, entry.name)):
             findings.append(flaw)
+        if entry.instance is None and not live:
+            made = reader.curved(evaluated, entry.mirrored)
+            findings += curved_surfaces.findings(evaluated, swept.unit, made, f"object '{entry.name}'")
         parameters = object_properties.parameters(obj.dermis.material)
         if live:
             parameters = _defaults(parameters, obj, entry)
@@ -307,6 +312,7 @@ def _instance_entries(
                 deforming=deforming is None or key.object in deforming,
                 simulated=key.object in simulations.uids or key.instancer in simulations.uids,
                 blinking=first_seen is not None,
+                curved=curved_surfaces.tolerance_of(shown, np.eye(4) if matrix is None else matrix),
                 animated=participants.animated_parameters(shown),
             )
         )

@@ -16,8 +16,9 @@ from .skin_surface import DisplaySurface
 
 COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
 SIGNED = frozenset(COMPONENTS)
-# Depth of a press [m] and how far a linear skin's force is then off. Source: the linear model against a nonlinear one.
+NEAR = 2e-3  # to what presses, where stress is read under every drawn vertex and not between nodes [m]
 SMALL = 120  # pad nodes of a skin whose map from forces to the drawn surface is kept whole
+# Depth of a press [m] and how far a linear skin's force is then off. Source: the linear model against a nonlinear one.
 ERROR_BAND = ((0.0, 0.0), (1e-3, 0.18), (2e-3, 0.33))
 
 
@@ -97,7 +98,7 @@ def draw_of(state: SkinState, quantity: str, exaggeration: float = 1.0) -> Drawn
         zero = np.zeros(len(surface.rest))
         lifted = surface.rest + (0.0, 0.0, state.lift)
         return Drawn(surface, lifted, surface.at_rest, zero, 0.0, 0.0, surface.middle, np.zeros(2))
-    stimulus = core.skin.stimulus.Stimulus(state.model, state.force)
+    stimulus = core.skin.stimulus.Stimulus(state.model, state.force, state.points)
     if state.model.pad_count <= SMALL and quantity != "energy":
         moved, stress = _by_shortcut(own, state.model, state.force)
     else:
@@ -106,11 +107,32 @@ def draw_of(state: SkinState, quantity: str, exaggeration: float = 1.0) -> Drawn
         stress = own.averaging @ stimulus.stress if stressed else np.zeros((len(moved), 6))
     nodal = _nodal(own, stimulus, quantity, moved, stress)
     positions, normals, values = surface.deformed(own.points, exaggeration * moved, nodal)
+    if state.points is not None and (quantity == "von_mises" or quantity in SIGNED):
+        near, stress = _beneath(state.points, surface.rest)
+        values[near] = _read(quantity, stress)
+        nodal = values
     positions[:, 2] += state.lift
     push = np.maximum(-np.einsum("ij,ij->i", state.force, state.model.normals), 0.0)
     centre = push @ state.model.positions[:, :2] / max(float(push.sum()), 1e-30)
     shear = state.force.sum(axis=0)[:2] / max(state.normal_force, 1e-12)
     return Drawn(surface, positions, normals, values, float(nodal.min()), float(nodal.max()), centre, shear)
+
+
+def _beneath(points: core.skin.point_forces.PointForces, rest: Array) -> tuple[NDArray[np.intp], Array]:
+    """Return which drawn vertices are near what presses, and the stress as deep below them as the first receptors lie.
+
+    An edge is finer than the mesh, whose stress is smeared over its elements; farther off that is right.
+    """
+    apart = rest[:, None] - points.surface.cells.positions[points.cells]
+    near = np.flatnonzero((np.einsum("ijk,ijk->ij", apart, apart) < NEAR**2).any(axis=1))
+    return near, points.stress_below(rest[near], np.full(len(near), core.skin.stress.RECEPTOR_DEPTHS[0]))
+
+
+def _read(quantity: str, stress: Array) -> Array:
+    """Return a quantity of stresses, shape (k, 6)."""
+    if quantity == "von_mises":
+        return np.asarray(core.skin.stimulus.von_mises(stress))
+    return stress[:, COMPONENTS.index(quantity)]
 
 
 def _by_shortcut(own: _Kit, model: Any, force: Array) -> tuple[Array, Array]:
@@ -155,9 +177,7 @@ def _nodal(own: _Kit, stimulus: Any, quantity: str, moved: Array, stress: Array)
         return out
     if quantity == "energy":
         return np.asarray(own.averaging @ stimulus.energy_density)
-    if quantity == "von_mises":
-        return np.asarray(core.skin.stimulus.von_mises(stress))
-    return stress[:, COMPONENTS.index(quantity)]
+    return _read(quantity, stress)
 
 
 def nice(value: float) -> float:

@@ -52,6 +52,14 @@ def number(text: str) -> float:
         raise argparse.ArgumentTypeError(f"{text!r} is no number") from error
 
 
+def angle(text: str) -> float:
+    """Read an angle between faces [degrees]."""
+    value = number(text)
+    if not 0.0 <= value <= 180.0:
+        raise argparse.ArgumentTypeError(f"{text} is not allowed: 0 to 180 degrees")
+    return value
+
+
 def seconds(text: str) -> float:
     """Read a length of time [s]."""
     value = number(text)

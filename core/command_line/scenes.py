@@ -1,9 +1,11 @@
-"""`python -m core render | compare`: what verbs make of sampled scenes."""
+"""`python -m core render | curve | compare`: what verbs make of sampled scenes."""
 
 from __future__ import annotations
 
 import argparse
 import sys
+
+import numpy as np
 
 from ..errors import DermisError
 from ..matching import pin_report
@@ -11,6 +13,7 @@ from ..pipeline import outputs
 from ..pipeline import render as pipeline
 from ..presets import Library
 from ..scene import scene_file
+from ..surface.curved_scene import curved_scene
 from ..track.export import format_of
 from ..track.file_names import FileNames
 from .findings import FAILED, tell
@@ -44,6 +47,19 @@ def render(options: argparse.Namespace) -> int:
         if bake.skipped[name] and not options.quiet:
             print(f"skipped: {bake.skipped[name]} {name}", file=sys.stderr)
     return max(tell(bake.all_findings, sys.stderr), FAILED if refused else 0)
+
+
+def curve(options: argparse.Namespace) -> int:
+    """Write a sampled scene with its objects' faces curved."""
+    scene = scene_file.load(options.scene)
+    if options.out.resolve() == options.scene.resolve():
+        raise DermisError("the scene would replace itself", where=str(options.out), remedy="Choose another file")
+    if options.out.suffix.lower() != ".npz":
+        raise DermisError("a scene is a file NAME.npz", where=str(options.out), remedy="Choose another name")
+    made = curved_scene(scene, options.object, np.radians(options.sharp))
+    scene_file.save(made, options.out)
+    print(options.out)
+    return tell([f for f in made.findings if f not in scene.findings], sys.stderr)
 
 
 def compare(options: argparse.Namespace) -> int:

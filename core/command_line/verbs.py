@@ -23,6 +23,7 @@ from .arguments import (
     THIMBLE,
     TRACK,
     add_verb,
+    angle,
     argument,
     device,
     seconds,
@@ -81,6 +82,20 @@ def parser(program: str) -> argparse.ArgumentParser:
     _add_stream(verbs)
     _add_design(verbs)
     _add_thimble(verbs)
+    add_verb(
+        verbs,
+        "curve",
+        SCENE,
+        argument("--out", type=Path, required=True, metavar="FILE", help="the new scene, NAME.npz"),
+        argument("--object", action="append", default=[], metavar="NAME", help="only this one; more than once"),
+        argument(
+            "--sharp", type=angle, default=30.0, metavar="DEGREES", help="faces that meet at more keep their edge (30)"
+        ),
+        help="curve the faces of a sampled scene's objects",
+        description="Write a sampled scene in which objects have the curved surfaces that their faces stand for.",
+        run="command_line.scenes.curve",
+        writes={"out": False},
+    )
     add_verb(
         verbs,
         "compare",

@@ -7,7 +7,7 @@ the skin and not after it; the limit is found by retracting the bone until the f
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,9 +17,13 @@ from ..arrays import Array
 from ..errors import Finding
 from ..parameters.skin import SKIN_CONTACT
 from ..skin.model import SkinModel
+from ..skin.nodal_forces import NodalForces
+from ..skin.surface_compliance import SurfaceCompliance
 from .solver.bodies import ContactBody, NodeGaps
 from .solver.notes import Notes
 from .solver.path import DEPTH_LIMIT, TOLERANCE, PathSolver, PathStep
+from .solver.point_path import PointSolver
+from .solver.sub_steps import SubStepper
 
 LIMIT_TOLERANCE = 1e-3  # of the force limit
 MAX_TRIALS = 12
@@ -51,15 +55,25 @@ class CompliantBone:
 
     def __init__(self, solver: PathSolver, stiffness: float, force_limit: float, name: str) -> None:
         self.solver, self.stiffness, self.force_limit, self.name = solver, stiffness, force_limit, name
+        self._sub_steps = SubStepper(solver, float(np.linalg.norm(solver.bone)))
         self._retraction = 0.0  # by the force limit, beyond what the spring gives way [m]
         self._slope = 0.0
+        self._before: Callable[[], Sequence[ContactBody] | None] = lambda: None
         self._notes = Notes(name)
 
     @classmethod
     def of(
-        cls, skin: SkinModel, parameters: Mapping[str, Any], name: str, tolerance: float | None = None
+        cls,
+        skin: SkinModel,
+        parameters: Mapping[str, Any],
+        name: str,
+        tolerance: float | None = None,
+        surface: SurfaceCompliance | None = None,
     ) -> CompliantBone:
         """Build from a finger's parameters: depth_mode, bone_stiffness [N/m], force_limit [N].
+
+        Args:
+            surface: the smooth pad of the same skin: contact is then solved on its points, not on the mesh's nodes.
 
         Raises:
             DermisError: an unknown mode, or a stiffness or limit that is out of range.
@@ -71,14 +85,23 @@ class CompliantBone:
             limit = float(SKIN_CONTACT["force_limit"].of(parameters, name))
             compliance = compliance.copy()
             compliance[2::3, 2::3] += 1.0 / stiffness
+        # what the spring gives way is known only after the solve: then `step` looks at the depth itself
+        depth_limit = DEPTH_LIMIT if stiffness == 0 else np.inf
+        if surface is not None:
+            if stiffness:
+                surface = surface.with_spring(np.array([0.0, 0.0, 1.0]), stiffness)
+            nodes = NodalForces(skin.mesh, surface.chart)
+            points = PointSolver(surface, nodes, name=name, depth_limit=depth_limit)
+            if tolerance is not None:
+                points.tolerance = tolerance
+            return cls(points, stiffness, limit, name)
         solver = PathSolver(
             compliance,
             skin.positions,
             areas=skin.areas,
             tolerance=TOLERANCE if tolerance is None else tolerance,
             name=name,
-            # what the spring gives way is known only after the solve: then `step` looks at the depth itself
-            depth_limit=DEPTH_LIMIT if stiffness == 0 else np.inf,
+            depth_limit=depth_limit,
         )
         return cls(solver, stiffness, limit, name)
 
@@ -90,12 +113,12 @@ class CompliantBone:
     def idle(self, count: int = 1) -> PathStep:
         """Take frames in which nothing is near."""
         self._retraction = 0.0
-        return self.solver.idle(count)
+        return self._sub_steps.idle(count)
 
     def save(self) -> Mapping[str, Any]:
         """Return the state between two frames, for `restore`."""
         return {
-            "solver": self.solver.save(),
+            "solver": self._sub_steps.save(),
             "retraction": self._retraction,
             "slope": self._slope,
             "notes": self._notes.copy(),
@@ -103,24 +126,35 @@ class CompliantBone:
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go back to a saved state."""
-        self.solver.restore(state["solver"])
+        self._sub_steps.restore(state["solver"])
         self._retraction, self._slope, self._notes = state["retraction"], state["slope"], state["notes"].copy()
 
-    def step(self, bodies: Sequence[ContactBody], scene_frame: float) -> BoneStep:
-        """Solve the next frame."""
+    def step(
+        self,
+        bodies: Sequence[ContactBody],
+        scene_frame: float,
+        before: Callable[[], Sequence[ContactBody] | None] = lambda: None,
+    ) -> BoneStep:
+        """Solve the next frame.
+
+        Args:
+            before: the same bodies in the frame before, for a finger that touches nothing there.
+        """
+        self._before = before
         if np.isfinite(self.force_limit):
             step, retraction = self._limited(bodies, scene_frame)
         else:
-            step, retraction = self.solver.step(bodies, scene_frame=scene_frame), 0.0
+            step, retraction = self._sub_steps.step(bodies, before, scene_frame=scene_frame), 0.0
         return self._bone_step(step, retraction, scene_frame)
 
     def retraction(self, bodies: Sequence[ContactBody], scene_frame: float) -> float:
         """Return how far the force limit would retract the bone in the next frame [m], without taking it."""
         if not np.isfinite(self.force_limit):
             return 0.0
-        before, found = self.solver.save(), self._notes.copy()
+        self._before = lambda: None
+        before, found = self._sub_steps.save(), self._notes.copy()
         _, retraction = self._limited(bodies, scene_frame)
-        self.solver.restore(before)
+        self._sub_steps.restore(before)
         self._notes = found
         return retraction
 
@@ -133,7 +167,7 @@ class CompliantBone:
 
     def _bone_step(self, step: PathStep, retraction: float, scene_frame: float) -> BoneStep:
         spring = self._spring(step)
-        depth = -float(step.gaps.gap.min()) if step.gaps is not None else 0.0
+        depth = step.depth(self.solver.points, self.solver.bone)
         depth = max(depth - spring, 0.0)
         if spring > 0 and depth > DEPTH_LIMIT:
             what = "the finger sinks deeper than linear skin is trusted"
@@ -149,7 +183,7 @@ class CompliantBone:
 
     def _limited(self, bodies: Sequence[ContactBody], scene_frame: float) -> tuple[PathStep, float]:
         """Retract the bone until the force is at its limit, or the retraction is zero."""
-        before = self.solver.save()
+        before = self._sub_steps.save()
         low, high = 0.0, np.inf  # retractions that press too much, and not enough
         retraction, step = self._retraction, self._try(bodies, self._retraction, scene_frame)
         for _ in range(MAX_TRIALS):
@@ -158,7 +192,7 @@ class CompliantBone:
                 break
             low, high = (retraction, high) if excess > 0 else (low, retraction)
             trial = self._next(retraction, excess, low, high, step)
-            self.solver.restore(before)
+            self._sub_steps.restore(before)
             following = self._try(bodies, trial, scene_frame)
             if trial != retraction:
                 self._slope = (excess + self.force_limit - self._force(following)) / (trial - retraction)
@@ -180,13 +214,13 @@ class CompliantBone:
         if retraction > 0.0:
             down = np.array([0.0, 0.0, -retraction])  # the finger goes up, so all else goes down in its frame
             bodies = [replace(body, translation=body.translation + down) for body in bodies]
-        return self.solver.step(bodies, scene_frame=scene_frame)
+        return self._sub_steps.step(bodies, self._before, scene_frame=scene_frame)
 
     def _next(self, retraction: float, excess: float, low: float, high: float, step: PathStep) -> float:
         """Return the next retraction: along the last slope, kept within the bracket, which is halved where it fails."""
         slope = self._slope
         if not slope > 0.0:
-            depth = -float(step.gaps.gap.min()) if step.gaps is not None else 0.0
+            depth = step.depth(self.solver.points, self.solver.bone)
             slope = self._force(step) / max(depth, 1e-5)
         trial = max(retraction + excess / max(slope, 1e-6), 0.0)
         if not low < trial < high and trial != 0.0:

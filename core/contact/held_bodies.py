@@ -79,7 +79,7 @@ class HeldBodies:
         retractions = []
         for f in fingers:
             stepper, approach = self._steppers[f], window.fingers[f]
-            own, around = stepper.place_of(b), stepper.around(approach, i)
+            own, around = stepper.place_of(b), stepper.around(approach, i, untouched=True)
             pose = rigid(approach.turn[i], approach.place[i])
             displaced = body.body(pose, surface, turn, origin, sample)
             tried = replace(around[own], rotation=displaced.rotation, translation=displaced.translation)

@@ -6,14 +6,14 @@ only where the skin of every finger that holds it is simulated: what an unseen f
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..errors import Finding
+from ..motion import RoundedPath, accumulated
 from ..parameters.material import BODY
 from ..scene.tactile_scene import Body, Chunk, TactileScene
 from ..surface.gap import Surface
@@ -22,20 +22,28 @@ from .pad_contact import PadContact
 from .solver.bodies import ContactBody
 from .solver.grip_solver import GripSolver, GripStep, HoldContext, HoldingFinger
 
-# Angular acceleration is the difference of angular velocity over this share of a sample to either side.
-SHARE = 1e-3
+# Smaller changes of velocity from sample to sample are no kinks [m/s], [rad/s].
+KINK, TURNING_KINK = 1e-3, 0.02
+
+
+def can_be_held(scene: TactileScene, b: int, animated: Collection[str]) -> bool:
+    """Return whether a body could ever be held: it says a mass, constant or animated, and a way to be held."""
+    given = scene.bodies[b].parameters
+    if "mass" not in given and f"body/{b}/mass" not in animated:
+        return False  # contents that say no mass weigh alike; what says none is not held
+    mode = BODY["held_mode"].of(given, f"object '{scene.bodies[b].name}'")
+    return mode == "keyed" or (mode == "auto" and len(scene.fingers) > 1)
 
 
 def may_be_held(scene: TactileScene, b: int, chunk: Chunk) -> bool:
-    """Return, from the header and one chunk, whether a body could be held there: it has a mass and a way to be held."""
-    given = scene.bodies[b].parameters
-    if not _mass(given) > 0.0:
+    """Return, from the header and one chunk, whether a body could be held there."""
+    if not can_be_held(scene, b, chunk.animated):
         return False
-    mode = BODY["held_mode"].of(given, f"object '{scene.bodies[b].name}'")
-    if mode == "keyed":
+    given = scene.bodies[b].parameters
+    if BODY["held_mode"].of(given) == "keyed":
         switch = chunk.animated.get(f"body/{b}/held")
         return bool(given.get("held", BODY["held"].absent) if switch is None else (switch > 0.5).any())
-    return mode == "auto" and len(scene.fingers) > 1
+    return True
 
 
 class HeldBody:
@@ -67,48 +75,46 @@ class HeldBody:
                 unseen |= holds & (f not in skins)
         self.keyed = BODY["held_mode"].of(self._body.parameters) == "keyed"
         self.held: NDArray[np.bool_] = whole & ~unseen
+        self._kinks = np.zeros(0)  # frames
         self._unseen = int(unseen.sum())
         self._first_unseen = float(pad_contact.frames[np.argmax(unseen)])
         if not self.held.any():
             return
+        mass = pad_contact.series(f"body/{b}", BODY["mass"], self._body.parameters, times)
+        self._mass = np.broadcast_to(mass, times.shape)
         centre = pad_contact.centre(b, self._body.mesh)
-        self._centre, self._acceleration = centre.at(times), centre.at(times, 2)
         motion = pad_contact.body_motion(b)
-        self._spin = motion.at(times).angular_velocity
-        self._spin_rate = np.zeros_like(self._spin)
-        if len(times) > 2:
-            h = SHARE * float(np.diff(times).min())
-            before, after = (np.clip(times + d, times[0], times[-1]) for d in (-h, h))
-            change = motion.at(after).angular_velocity - motion.at(before).angular_velocity
-            self._spin_rate = change / (after - before)[:, None]
+        self._centre, self._spin = centre.at(times), motion.at(times).angular_velocity
+        over = BODY["kink_time"].of(self._body.parameters, f"object '{self._body.name}'")
+        path = RoundedPath(times, centre.values, over, KINK)
+        turning = RoundedPath(times, accumulated(motion.rotations.values), over, TURNING_KINK)
+        self._acceleration, self._spin_rate = path.acceleration, turning.acceleration
+        kinks = np.union1d(path.samples, turning.samples)
+        self._kinks = pad_contact.frames[kinks[self.held[kinks]]]
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """Frames in which it slipped, and whether fingers without a simulated skin hold it."""
+        """Frames in which it slipped, what its motion lacks, and who holds it whose skin is not simulated."""
         found = () if self._object is None else self._object.findings
+        if len(self._kinks):
+            what = "its motion has kinks, where it changes its velocity from one sample to the next"
+            remedy = "Smooth its keys, or say over which time a kink is rounded for its weight and inertia"
+            found = (*found, self._finding("kinks", what, self._kinks[0], len(self._kinks), remedy))
         if self._shared:
-            shared = Finding(
-                "info",
-                "held-together",
-                "a finger holds another object too: this one follows its animated path there",
-                where=f"object '{self._body.name}'",
-                frame=self._shared[0],
-                count=self._shared[1],
+            what = "a finger holds another object too: this one follows its animated path there"
+            found = (*found, self._finding("held-together", what, *self._shared))
+        if self._unseen:
+            what = (
+                "it is held by a finger whose skin is not simulated: it follows its animated path there, and the "
+                "contacts need not carry its weight"
             )
-            found = (*found, shared)
-        if not self._unseen:
-            return found
-        unseen = Finding(
-            "info",
-            "held-unseen",
-            "it is held by a finger whose skin is not simulated: it follows its "
-            "animated path there, and the contacts need not carry its weight",
-            where=f"object '{self._body.name}'",
-            remedy="Show the skin of every finger that holds it",
-            frame=self._first_unseen,
-            count=self._unseen,
-        )
-        return (*found, unseen)
+            remedy = "Show the skin of every finger that holds it"
+            found = (*found, self._finding("held-unseen", what, self._first_unseen, self._unseen, remedy))
+        return found
+
+    def _finding(self, code: str, what: str, frame: float, count: int, remedy: str = "") -> Finding:
+        where = f"object '{self._body.name}'"
+        return Finding("info", code, what, where=where, remedy=remedy, frame=float(frame), count=count)
 
     def shared(self, frame: float) -> None:
         """Record a sample in which a finger that holds it already balances another object."""
@@ -135,6 +141,7 @@ class HeldBody:
             contexts: of the fingers in `order`.
         """
         held_object = self._at(surface, turn.T @ (self._centre[sample] - origin))
+        held_object.mass = float(self._mass[sample])
         mine = next((r.bodies[r.own] for r in contexts if r is not None), None)
         if mine is not None:
             held_object.friction, held_object.softness, held_object.deforms = mine.friction, mine.softness, mine.deforms
@@ -160,22 +167,22 @@ class HeldBody:
         if known is None:
             known = self._object = GripSolver(
                 surface,
-                _mass(self._body.parameters),
+                0.0,
                 self._fingers,
                 0.0,
                 centre=centre,
-                inertia=inertia_of(surface, _mass(self._body.parameters), centre),
+                inertia=inertia_of(surface, centre),
                 gravity=self._gravity,
                 name=f"object '{self._body.name}'",
             )
         elif known.surface is not surface:
             known.surface, known.centre = surface, centre
-            known.inertia = inertia_of(surface, known.mass, centre)
+            known.inertia = inertia_of(surface, centre)
         return known
 
 
-def inertia_of(surface: Surface, mass: float, centre: Array) -> Array:
-    """Return the inertia of a homogeneous solid about a point, or of its box where it encloses nothing [kg m^2].
+def inertia_of(surface: Surface, centre: Array) -> Array:
+    """Return the inertia of a homogeneous kilogram about a point, or of its box where it encloses nothing [m^2].
 
     A sum over the tetrahedra that its triangles span with the point, shape (3, 3).
     """
@@ -184,16 +191,12 @@ def inertia_of(surface: Surface, mass: float, centre: Array) -> Array:
     total = float(volume.sum())
     size = surface.box[1] - surface.box[0]
     if not surface.closed or not abs(total) > 1e-6 * float(size.max()) ** 3:
-        return np.asarray(np.diag((size @ size - size**2) * mass / 12.0))
+        return np.asarray(np.diag((size @ size - size**2) / 12.0))
     # integral of x x' over a tetrahedron with a corner at the origin: V/20 (sum of corner products + sum sum')
     corners = a + b + c
     second = sum(np.einsum("n,ni,nj->ij", volume, x, x) for x in (a, b, c, corners)) / 20.0
-    second = np.asarray(second) * (mass / total)
+    second = np.asarray(second) / total
     return np.asarray(np.trace(second) * np.eye(3) - second)
-
-
-def _mass(parameters: Mapping[str, Any]) -> float:
-    return float(parameters.get("mass", 0.0))  # not what weighs contents: what says no mass is not held
 
 
 def rigid(turn: Array, place: Array) -> Array:

@@ -14,16 +14,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Array
+from ..arrays import Array, Indices
 from ..errors import DermisError, Finding
 from ..motion import rotations, singular
+from ..motion.vectors import dot, turn_back
 from ..motion.vectors import turn as turned
-from ..motion.vectors import turn_back
 from ..parameters.material import BODY
 from ..scene.tactile_scene import Chunk, TactileScene
-from ..surface.centre import centre_of
+from ..surface.centre import centres_of, held_centres
 from ..surface.gap import GapQuery, Surface
 from ..surface.repairs import Repairs
+from .chunk_checks import check_animated, check_scales
 from .deforming_surfaces import DeformingSurfaces
 from .pad_contact import PadContact
 from .pair_record import PairRecord
@@ -62,7 +63,8 @@ class PadSampler:
         """Take in the next samples; return them as they were taken, with poses and surfaces mended.
 
         Raises:
-            DermisError: shapes that do not fit the header, or a finger of scale 0.
+            DermisError: shapes that do not fit the header, a finger of scale 0, a scale beyond measure, or an
+                animated parameter of an object that is out of range.
         """
         count = len(chunk.times)
         scene = self._scene
@@ -81,13 +83,9 @@ class PadSampler:
         fingers = self._repairs.poses("finger", names[0], chunk.fingers, chunk.frames)
         bodies = self._repairs.poses("object", names[1], chunk.bodies, chunk.frames)
         screens = self._repairs.poses("screen", names[2], chunk.screens, chunk.frames)
-        for i, name in enumerate(names[0]):
-            if singular(fingers[i, :, :3, :3]).any():
-                raise DermisError(
-                    "a finger of scale 0 has no direction",
-                    where=f"finger '{name}'",
-                    remedy="Give the finger a scale other than 0",
-                )
+        for kind, known, poses in zip(("finger", "object", "screen"), names, (fingers, bodies, screens), strict=True):
+            check_scales(kind, known, poses, chunk.frames)
+        check_animated(scene, chunk)
         self._chunks.append(Chunk(chunk.frames, chunk.times, fingers, bodies, screens, {}, chunk.animated))
         own = self._radius.over(chunk)
         chunk, boxes = self._deforming.take(chunk)
@@ -117,7 +115,7 @@ class PadSampler:
             bodies=np.concatenate([c.bodies for c in self._chunks], axis=1),
             screens=np.concatenate([c.screens for c in self._chunks], axis=1),
             pairs=pairs,
-            centres={b: np.concatenate(parts) for b, parts in self._centres.items()},
+            centres={b: held_centres(np.concatenate(parts)) for b, parts in self._centres.items()},
             animated=animated,
             skipped={k: v for k, v in self._skipped.items() if v},
             findings=(*self._repairs.findings(), *(f for b in sorted(noted) for f in noted[b])),
@@ -152,7 +150,7 @@ class PadSampler:
             if b in chunk.surfaces:
                 boxes = deforming[b]
                 if any(body.parameters.get(name, BODY[name].absent) for name in ("weight_on", "content_on")):
-                    self._centres.setdefault(b, []).append(np.array([centre_of(m) for m in chunk.surfaces[b]]))
+                    self._centres.setdefault(b, []).append(centres_of(chunk.surfaces[b]))
             else:
                 boxes = box_of(rigid_mesh(body))[None]
             yield b, *boxes_in_world(bodies[b], boxes)
@@ -180,14 +178,11 @@ class PadSampler:
         if not near:
             return
         turn = np.zeros((len(chunk.times), 3, 3))
-        if (linear == linear[0]).all():
-            one = rotations(linear[:1])[0]
-            turn[near_samples] = one
-            stretch = np.broadcast_to(one.T @ linear[0], linear.shape)
-        else:
-            rotation = rotations(linear)
-            turn[near_samples] = rotation
-            stretch = np.stack([turn_back(rotation, linear[:, :, j]) for j in range(3)], axis=-1)
+        maps = linear[:1] if (linear == linear[0]).all() else linear
+        rotation = rotations(maps)
+        turn[near_samples] = rotation
+        stretch = np.stack([turn_back(rotation, maps[:, :, j]) for j in range(3)], axis=-1)
+        stretch = np.broadcast_to(stretch, linear.shape)
         local = {f: turn_back(turn[i], fingers[f, i, :3, 3] - poses[i, :3, 3]) for f, i in near}
         last = self._chunks[-2] if len(self._chunks) > 1 else None
         before = None if last is None else (float(last.times[-1]), last.bodies[b, -1])
@@ -254,6 +249,20 @@ class PadSampler:
             return
         points, samples, who = points[inside], samples[inside], who[inside]
         nearest = surface.query(points, self._radius.longest)
+        if surface.closed:
+            for f in np.unique(who).tolist():
+                which = np.flatnonzero(np.isfinite(nearest.gap) & (who == f))
+                if which.size:
+                    self._keep_side(
+                        self._pairs.setdefault((f, b), PairRecord()),
+                        surface,
+                        nearest,
+                        which,
+                        points,
+                        samples,
+                        turn,
+                        fingers[f],
+                    )
         within_reach = np.isfinite(nearest.gap)
         if own_radius is not None:  # a chunk's longest radius must not lend others what they would not know alone
             within_reach &= (nearest.gap if surface.closed else np.abs(nearest.gap)) <= own_radius[who, samples]
@@ -279,6 +288,32 @@ class PadSampler:
             pair.surface_velocity.append(moving[own])
             if smooth is not None:
                 pair.smooth_normal.append(turned(turn[index], smooth))
+
+    def _keep_side(
+        self,
+        pair: PairRecord,
+        surface: Surface,
+        nearest: GapQuery,
+        which: Indices,
+        points: Array,
+        samples: Indices,
+        turn: Array,
+        finger: Array,
+    ) -> None:
+        """Let a closed surface be felt on the side that the finger came from; it begins anew after a gap in time."""
+        number = self._count + samples[which]
+        begins = np.flatnonzero(number != np.concatenate([[pair.seen], number[:-1]]) + 1)
+        for part in np.split(which, begins):
+            if part.size == 0:
+                continue
+            up = finger[samples[part], :3, 2]
+            nails = turn_back(turn[samples[part]], up / np.sqrt(dot(up, up))[:, None])
+            first = int(pair.seen + 1 != self._count + samples[part[0]])
+            if first:
+                pair.proxy.start(surface, nearest, int(part[0]), points[part[0]], nails[0])
+            if part.size > first:
+                pair.proxy.follow(surface, nearest, part[first:], points, nails[first:])
+            pair.seen = self._count + int(samples[part[-1]])
 
     def _sides(
         self, pair: PairRecord, surface: Surface, index: NDArray[np.intp], local: Array, turn: Array, finger: Array

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 from .pad_contact import PairContact
+from .pad_proxy import PadProxy
+from .solver.bodies import BONE
 
 
 @dataclass
@@ -18,7 +20,9 @@ class PairRecord:
     Attributes:
         start: samples at which the gap is known, rising.
         gap, normal, point, surface_velocity, smooth_normal: there, as in `PairContact`; the last where a device asks.
-        last: the last such sample. side: of an open surface, on which the finger is, +1 or -1.
+        last: the last such sample. seen: the last that `proxy` took in.
+        side: of an open surface, on which the finger is, +1 or -1.
+        proxy: of a closed surface: which of its sides the finger came from.
     """
 
     start: list[NDArray[np.intp]] = field(default_factory=list)
@@ -28,7 +32,9 @@ class PairRecord:
     surface_velocity: list[Array] = field(default_factory=list)
     smooth_normal: list[Array] = field(default_factory=list)
     last: int = -2
+    seen: int = -2
     side: int = 1
+    proxy: PadProxy = field(default_factory=lambda: PadProxy(float(BONE[2])))
 
     def assembled(self, count: int) -> PairContact:
         """Spread what is known over all samples, `count` of them."""

@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import Array
-from ..errors import DermisError
-from ..motion import rotations
+from ..motion import rotations, singular
 from ..scene.tactile_scene import Body, Chunk, Mesh
 from ..surface.gap import Surface
 from .surfaces import alike, box_of, carried, rigid_mesh, surface_of
@@ -62,10 +61,19 @@ class PosedBody:
         self._turned: tuple[Array, Array] | None = None  # linear maps, and their rotations
         self._turned_here = False  # whether those are this chunk's
         self._box: tuple[Mesh, Array] | None = None  # of a mesh, in its object's space
+        self._boxes: Array | None = None  # of this chunk's meshes
+        self._previous: tuple[Array, Mesh | None] | None = None  # pose and mesh of the sample before the chunk
 
-    def take(self, b: int, chunk: Chunk) -> None:
-        """Go on to a chunk, in which it is body `b`."""
+    def take(self, b: int, chunk: Chunk, *, again: bool = False) -> None:
+        """Go on to a chunk, in which it is body `b`; `again` where it stands for the last one once more."""
+        if not again and len(self._poses):
+            self._previous = self._poses[-1], None if self._meshes is None else self._meshes[-1]
         self._poses, self._meshes, self._turned_here = chunk.bodies[b], chunk.surfaces.get(b), False
+        self._boxes = None
+
+    def cut(self) -> None:
+        """Forget the sample before the chunk: what follows does not come from there."""
+        self._previous = None
 
     def boxes(self) -> Array:
         """Return the box in the object's space at every sample [m], shape (n, 2, 3), or (1, 2, 3) of a rigid body.
@@ -73,18 +81,29 @@ class PosedBody:
         Raises:
             DermisError: the object has no surface.
         """
-        if self._meshes is not None:
-            return np.array([self._box_of(mesh) for mesh in self._meshes])
-        return self._box_of(rigid_mesh(self._body))[None]
+        if self._boxes is None:
+            meshes = (rigid_mesh(self._body),) if self._meshes is None else self._meshes
+            self._boxes = np.array([self._box_of(mesh) for mesh in meshes])
+        return self._boxes
 
     def at(self, i: int) -> Posed:
-        """Return the body at a sample.
+        """Return the body at a sample, at which it is not `PosedScene.flat`."""
+        return self._posed(self._poses[i], self._turns()[i], None if self._meshes is None else self._meshes[i])
 
-        Raises:
-            DermisError: the object has scale 0.
-        """
-        turn, pose = self._turns()[i], self._poses[i]
-        mesh = self._body.mesh if self._meshes is None else self._meshes[i]
+    def before(self, i: int) -> Posed | None:
+        """Return the body at the sample before sample `i`; None where it had no surface, or that was not kept."""
+        if i > 0:
+            pose, mesh = self._poses[i - 1], None if self._meshes is None else self._meshes[i - 1]
+        elif self._previous is not None:
+            pose, mesh = self._previous
+        else:
+            return None
+        if (mesh is not None and not len(mesh.triangles)) or singular(pose[None, :3, :3])[0]:
+            return None
+        return self._posed(pose, _rotations(pose[None, :3, :3])[0], mesh)
+
+    def _posed(self, pose: Array, turn: Array, mesh: Mesh | None) -> Posed:
+        mesh = self._body.mesh if mesh is None else mesh
         assert mesh is not None  # `boxes` refused it
         anew = self._meshes is not None and self._deforms is None
         kept = self._surface(mesh, turn.T @ pose[:3, :3], anew)
@@ -118,15 +137,7 @@ class PosedBody:
         """Return the rotations of all samples, shape (n, 3, 3); most objects stand still from chunk to chunk."""
         linear = self._poses[:, :3, :3]
         if self._turned is None or not (self._turned_here or np.array_equal(linear, self._turned[0])):
-            try:
-                self._turned = linear.copy(), rotations(linear)
-            except DermisError as error:
-                raise DermisError(
-                    error.what,
-                    where=f"object '{self._body.name}'",
-                    limit=error.limit,
-                    remedy="Scale its vertices instead",
-                ) from error
+            self._turned = linear.copy(), _rotations(linear)
         self._turned_here = True
         return self._turned[1]
 
@@ -134,3 +145,11 @@ class PosedBody:
         if self._box is None or self._box[0] is not mesh:
             self._box = mesh, box_of(mesh)
         return self._box[1]
+
+
+def _rotations(linear: Array) -> Array:
+    """Return rotations of poses, shape (n, 3, 3); flat ones, which nobody asks for, have none."""
+    flat = singular(linear)
+    if flat.any():
+        linear = np.where(flat[:, None, None], np.eye(3), linear)
+    return np.ascontiguousarray(rotations(linear))  # see `PosedScene.turns`

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Array
-from ..motion import rotations
+from ..motion import rotations, singular
 from ..parameters.material import BODY
-from ..scene.tactile_scene import Body, Chunk
+from ..scene.tactile_scene import Body, Chunk, Mesh
 from .posed_body import Posed, PosedBody
+from .proximity import RelativePoses
 from .solver.bodies import ContactBody
 from .surfaces import boxes_in_world
 
@@ -34,26 +37,45 @@ class PosedScene:
         self._bodies = [PosedBody(body, d) for body, d in zip(bodies, told, strict=True)]
         self._turns: Array | None = None
         self._boxes: tuple[Array, Array] | None = None
+        self._flat: NDArray[np.bool_] | None = None
+        self._previous: Array | None = None  # the fingers' poses at the sample before the chunk
 
-    def take(self, chunk: Chunk, bodies: Sequence[Body] | None = None) -> None:
+    def take(self, chunk: Chunk, bodies: Sequence[Body] | None = None, *, again: bool = False) -> None:
         """Go on to a chunk.
 
         Args:
             bodies: their headers, where parameters may have been edited since.
+            again: it stands for the last chunk once more.
         """
-        self.chunk, self._turns, self._boxes = chunk, None, None
+        if not again and hasattr(self, "chunk"):
+            self._previous = self.chunk.fingers[:, -1]
+        self.chunk, self._turns, self._boxes, self._flat = chunk, None, None, None
         self._headers = self._headers if bodies is None else tuple(bodies)
         for b, body in enumerate(self._bodies):
-            body.take(b, chunk)
+            body.take(b, chunk, again=again)
+
+    def cut(self) -> None:
+        """Forget the sample before the chunk: what follows does not come from there."""
+        self._previous = None
+        for body in self._bodies:
+            body.cut()
 
     def turns(self) -> Array:
         """Return the fingers' rotations to the world, shape (F, n, 3, 3)."""
         if self._turns is None:
             linear = self.chunk.fingers[:, :, :3, :3]
             turns = rotations(linear.reshape(-1, 3, 3)).reshape(linear.shape)
-            # how matrices lie in memory decides the last digit of their products: a lone sample's lie as they ever did
-            self._turns = np.ascontiguousarray(turns) if linear.shape[1] == 1 else turns
+            # how matrices lie in memory decides the last digit of their products: it is the same in chunks of any size
+            self._turns = np.ascontiguousarray(turns)
         return self._turns
+
+    def own_boxes(self, b: int) -> Array:
+        """Return a body's box in its own space at every sample [m], shape (n, 2, 3), or (1, 2, 3) where it is rigid.
+
+        Raises:
+            DermisError: a deforming object has no surface.
+        """
+        return self._bodies[b].boxes()
 
     def boxes(self) -> tuple[Array, Array]:
         """Return middle and half size of the bodies' boxes in the world at every sample [m], shape (B, n, 3) each.
@@ -68,33 +90,60 @@ class PosedScene:
             self._boxes = boxes_in_world(self.chunk.bodies, boxes)
         return self._boxes
 
-    def at(self, b: int, i: int) -> Posed:
-        """Return a body at a sample, in the world.
+    def flat(self) -> NDArray[np.bool_]:
+        """Return when bodies are scaled to 0 or flat, and cannot be touched, shape (B, n)."""
+        if self._flat is None:
+            linear = self.chunk.bodies[:, :, :3, :3]
+            self._flat = singular(linear.reshape(-1, 3, 3)).reshape(linear.shape[:2])
+        return self._flat
 
-        Raises:
-            DermisError: the object has scale 0.
-        """
+    def at(self, b: int, i: int) -> Posed:
+        """Return a body at a sample, at which it is not flat, in the world."""
         return self._bodies[b].at(i)
 
-    def seen_from(self, turn: Array, place: Array, b: int, i: int) -> ContactBody:
-        """Return a body at a sample, in the frame of a finger with this rotation (3, 3) and place [m] in the world.
+    def mesh_at(self, b: int, i: int) -> Mesh:
+        """Return the mesh that a body has at a sample."""
+        mesh = self.chunk.surfaces[b][i] if b in self.chunk.surfaces else self._headers[b].mesh
+        assert mesh is not None  # `boxes` refused it
+        return mesh
 
-        Raises:
-            DermisError: the object has scale 0.
-        """
+    def relative(self, turn: Array, place: Array, bodies: Sequence[int]) -> dict[int, RelativePoses]:
+        """Return bodies at all samples, seen from a finger of rotations (n, 3, 3) and places [m], shape (n, 3)."""
+        if not bodies:
+            return {}
+        poses, back = self.chunk.bodies[list(bodies)], np.swapaxes(turn, 1, 2)
+        moved = (back @ (poses[:, :, :3, 3] - place)[..., None])[..., 0]
+        return {b: RelativePoses(*seen) for b, *seen in zip(bodies, back @ poses[:, :, :3, :3], moved, strict=True)}
+
+    def finger_before(self, f: int, i: int) -> tuple[Array, Array] | None:
+        """Return a finger's rotation (3, 3) and place [m] at the sample before sample `i`; None where none was."""
+        if i > 0:
+            return self.turns()[f, i - 1], self.chunk.fingers[f, i - 1, :3, 3]
+        if self._previous is None:
+            return None
+        return rotations(self._previous[f : f + 1, :3, :3])[0], self._previous[f, :3, 3]
+
+    def seen_before(self, turn: Array, place: Array, b: int, i: int) -> ContactBody | None:
+        """Return a body at the sample before sample `i`, as `seen_from` does; None where it is not known."""
+        posed = self._bodies[b].before(i)
+        return None if posed is None else _seen(posed, turn, place)
+
+    def seen_from(self, turn: Array, place: Array, b: int, i: int) -> ContactBody:
+        """Return a body at a sample, in the frame of a finger with this rotation (3, 3) and place [m] in the world."""
         posed = self._bodies[b].at(i)
         stiffness = self._value(b, i, "surface_stiffness")
-        return ContactBody(
-            posed.surface,
-            turn.T @ posed.turn,
-            turn.T @ (posed.origin - place),
+        return replace(
+            _seen(posed, turn, place),
             friction=self._value(b, i, "friction"),
             softness=1.0 / stiffness if stiffness > 0 else 0.0,
-            deforms=posed.deforms,
-            carry=posed.carry,
         )
 
     def _value(self, b: int, i: int, name: str) -> float:
         """Return a body's parameter at a sample: animated, constant, or what holds where nobody says."""
         series = self.chunk.animated.get(f"body/{b}/{name}")
         return float(self._headers[b].parameters.get(name, BODY[name].absent) if series is None else series[i])
+
+
+def _seen(posed: Posed, turn: Array, place: Array) -> ContactBody:
+    rotation, translation = turn.T @ posed.turn, turn.T @ (posed.origin - place)
+    return ContactBody(posed.surface, rotation, translation, deforms=posed.deforms, carry=posed.carry)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..scene.tactile_scene import Chunk, Mesh
+from .proximity import RelativePoses
 
 # Stands for the surface of a deforming body in samples that no finger needs it in.
 NO_MESH = Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
@@ -22,15 +23,19 @@ class Approach:
     Attributes:
         near: body -> in which samples it is near the finger, shape (n,); only bodies that ever are.
         turn: rotation to the world, shape (n, 3, 3). place: of the pad's centre in the world [m], shape (n, 3).
+        poses: of those bodies, seen from the finger.
+        boxes: of those bodies, each in its own space [m], shape (n, 2, 3) or (1, 2, 3).
     """
 
     near: Mapping[int, NDArray[np.bool_]]
     turn: Array
     place: Array
+    poses: Mapping[int, RelativePoses]
+    boxes: Mapping[int, Array]
 
-    def close(self, i: int) -> list[int]:
+    def close(self, i: int) -> set[int]:
         """Return the bodies that are near at a sample."""
-        return [b for b, inside in self.near.items() if inside[i]]
+        return {b for b, inside in self.near.items() if inside[i]}
 
 
 @dataclass(frozen=True, eq=False)

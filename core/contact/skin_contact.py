@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..errors import Finding
 from ..skin.model import SkinModel
+from ..skin.point_forces import PointForces
+from ..skin.stimulus import Stimulus
+from ..skin.surface_compliance import SurfaceCompliance
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +27,7 @@ class SkinStep:
         lift: how far the bone gave way (compliant touch depth) [m].
         sticking, slipping: number of nodes.
         work: what the solver did, see `PathStep`, or 'baked'. converged: whether the sample passed its check.
+        points: the same forces where they act, on points of the smooth skin; None where contact is solved on nodes.
     """
 
     force: Array
@@ -35,6 +39,28 @@ class SkinStep:
     slipping: int = 0
     work: str = "idle"
     converged: bool = True
+    points: PointForces | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class PointRecord:
+    """Forces on points of the smooth skin over a scene.
+
+    Attributes:
+        surface: the smooth pad.
+        starts: where each sample in contact begins in the others, and their length, shape (k + 1,).
+        cells: of the pad's tree, shape (n,), int32. force: on them [N], shape (n, 3), float32.
+    """
+
+    surface: SurfaceCompliance
+    starts: NDArray[np.intp]
+    cells: NDArray[np.int32]
+    force: NDArray[np.float32]
+
+    def at(self, k: int) -> PointForces:
+        """Return the forces of the k-th sample in contact."""
+        part = slice(self.starts[k], self.starts[k + 1])
+        return PointForces(self.surface, self.cells[part].astype(np.intp), self.force[part].astype(np.float64))
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +78,8 @@ class SkinContact:
         sticking, slipping: number of nodes, shape (n,).
         findings: what did not converge and what was too deep.
         skipped: what was not computed, by name.
+        points: the same forces where they act, on points of the smooth skin: stress near the skin is read from them.
+            None where contact was solved on nodes.
     """
 
     model: SkinModel
@@ -67,16 +95,24 @@ class SkinContact:
     slipping: NDArray[np.int32]
     findings: tuple[Finding, ...]
     skipped: Mapping[str, int]
+    points: PointRecord | None = None
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({len(self.contact)} of {len(self.times)} samples touch, {self.model})"
 
     def force_at(self, sample: int) -> Array:
         """Return the forces of one sample [N], shape (m, 3); zeros without contact."""
-        at = int(np.searchsorted(self.contact, sample))
-        if at < len(self.contact) and self.contact[at] == sample:
-            return self.force[at].astype(np.float64)
-        return np.zeros((self.model.pad_count, 3))
+        at = self._place_of(sample)
+        return np.zeros((self.model.pad_count, 3)) if at is None else self.force[at].astype(np.float64)
+
+    def points_at(self, sample: int) -> PointForces | None:
+        """Return the forces of one sample where they act; None without contact, or where it was solved on nodes."""
+        at = self._place_of(sample)
+        return None if at is None or self.points is None else self.points.at(at)
+
+    def stimulus_at(self, sample: int) -> Stimulus:
+        """Return what the forces of one sample do to the skin."""
+        return Stimulus(self.model, self.force_at(sample), self.points_at(sample))
 
     def at(self, sample: int) -> SkinStep:
         """Return what was felt at one sample; it converged where no sample failed to."""
@@ -90,4 +126,9 @@ class SkinContact:
             int(self.slipping[sample]),
             "baked",
             not any(f.code == "not-converged" for f in self.findings),
+            self.points_at(sample),
         )
+
+    def _place_of(self, sample: int) -> int | None:
+        at = int(np.searchsorted(self.contact, sample))
+        return at if at < len(self.contact) and self.contact[at] == sample else None

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..errors import Finding
 from ..skin.model import SkinModel
-from .skin_contact import SkinContact, SkinStep
+from ..skin.point_forces import PointForces
+from .skin_contact import PointRecord, SkinContact, SkinStep
 
 _NOTHING = (0.0, 0.0, 0.0, 0.0, 0, 0)
 
@@ -21,6 +22,7 @@ class SkinRecord:
     def __init__(self) -> None:
         self._contact: list[int] = []
         self._force: list[NDArray[np.float32]] = []
+        self._points: list[PointForces] = []  # as many as forces, or none
         self._scalars: list[tuple[float, float, float, float, int, int]] = []
 
     def nothing(self, count: int = 1) -> None:
@@ -32,6 +34,8 @@ class SkinRecord:
         if step.force.any():
             self._contact.append(len(self._scalars))
             self._force.append(step.force.astype(np.float32))
+            if step.points is not None:
+                self._points.append(step.points)
         self._scalars.append(
             (step.normal_force, step.tangential_force, step.depth, step.lift, step.sticking, step.slipping)
         )
@@ -55,4 +59,15 @@ class SkinRecord:
             slipping=scalars[:, 5].astype(np.int32),
             findings=findings,
             skipped={name: count for name, count in skipped.items() if count},
+            points=self._point_record(),
+        )
+
+    def _point_record(self) -> PointRecord | None:
+        if not self._points:
+            return None
+        return PointRecord(
+            self._points[0].surface,
+            np.cumsum([0, *(len(one.cells) for one in self._points)]),
+            np.concatenate([one.cells for one in self._points]).astype(np.int32),
+            np.concatenate([one.force for one in self._points]).astype(np.float32),
         )

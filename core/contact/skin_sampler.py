@@ -12,7 +12,7 @@ goes through them at the end.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
@@ -21,8 +21,9 @@ from ..errors import DermisError, Finding
 from ..scene.tactile_scene import Chunk, TactileScene
 from ..skin.model import SkinModel
 from .held_bodies import HeldBodies
-from .held_body import may_be_held
-from .pad_contact import PadContact
+from .held_body import can_be_held, may_be_held
+from .holding_times import holding_times
+from .pad_contact import PadContact, PairContact
 from .pad_sampler import PadSampler
 from .posed_scene import PosedScene
 from .sample_window import SampleWindow
@@ -62,6 +63,9 @@ class SkinSampler:
         """Take in the next samples."""
         if not len(chunk.times):
             return
+        if not self._times and any(stepper.on_points for stepper in self._steppers.values()):
+            # points of the smooth skin cannot hold: whether a finger does must be known before its first sample
+            self._waits = any(can_be_held(self._scene, b, chunk.animated) for b in range(len(self._scene.bodies)))
         self._posed.take(chunk)
         window = SampleWindow(chunk, {f: stepper.approach() for f, stepper in self._steppers.items()})
         self._frames.append(chunk.frames)
@@ -88,7 +92,11 @@ class SkinSampler:
         scene = self._scene
         every = range(len(scene.bodies))
         candidates = {b for s in self._kept for b in every if may_be_held(scene, b, s.chunk)}
-        held = HeldBodies(scene, pad_contact, candidates, self._posed, self._steppers)
+        for f in self._balanced_with(pad_contact, candidates):
+            if self._steppers[f].on_points:
+                self._steppers[f].stay_on_nodes()
+        on_nodes = {f: stepper for f, stepper in self._steppers.items() if not stepper.on_points}
+        held = HeldBodies(scene, pad_contact, candidates, self._posed, on_nodes)
         while self._kept:
             window = self._kept.pop(0)
             self._posed.take(window.chunk)
@@ -127,6 +135,20 @@ class SkinSampler:
         close = {b for approach in window.fingers.values() for b in approach.near}
         return any(may_be_held(self._scene, b, window.chunk) for b in close)
 
+    def _balanced_with(self, pad_contact: PadContact, candidates: Iterable[int]) -> set[int]:
+        """Return the fingers that ever meet a body that is held by fingers that all are solved."""
+        found: set[int] = set()
+        for b in candidates:
+            fingers = range(len(self._scene.fingers))
+            times = {f: holding_times(pad_contact, self._scene, f, b, pad_contact.times) for f in fingers}
+            holds = {f: held for f, held in times.items() if held is not None}
+            unseen = sum(held for f, held in holds.items() if f not in self._steppers)
+            if any((held & np.logical_not(unseen)).any() for held in holds.values()):
+                found |= {
+                    f for f, stepper in self._steppers.items() if _may_touch(stepper, pad_contact.pairs.get((f, b)))
+                }
+        return found
+
     def _finished(self, f: int, times: Array, frames: Array) -> SkinContact:
         stepper, counters = self._steppers[f], self._steppers[f].counters
         skipped = {
@@ -138,6 +160,12 @@ class SkinSampler:
         if f == min(self._steppers):  # what is said of a held object is said once
             findings += self._held_findings
         return self._records[f].finished(stepper.skin, times, frames, findings, skipped)
+
+
+def _may_touch(stepper: SkinStepper, pair: PairContact | None) -> bool:
+    """Return whether a body ever comes as near to the pad's centre as some of the pad is."""
+    reach = float(np.sqrt((stepper.skin.positions**2).sum(axis=1).max()))
+    return pair is not None and bool(pair.gap.min() < reach)
 
 
 def skin_contacts(scene: TactileScene, skins: Mapping[int, SkinModel]) -> dict[int, SkinContact]:

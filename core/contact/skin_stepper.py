@@ -12,16 +12,23 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import Array
 from ..errors import Finding
+from ..parameters.skin import SKIN_CONTACT
 from ..scene.tactile_scene import Finger
 from ..skin.model import SkinModel
+from ..skin.point_forces import PointForces
+from ..skin.surface_store import no_smooth_pad, smooth_pad
+from .coarse_touches import CoarseTouches
 from .compliant_bone import BoneStep, CompliantBone
 from .posed_scene import PosedScene
+from .proximity import Proximity
 from .sample_window import Approach
 from .skin_contact import SkinStep
 from .solver.bodies import AWAY, ContactBody
 from .solver.cone import SLIP, STICK
 from .solver.grip import GripStep
+from .solver.point_path import PointSolver
 
 
 class SkinStepper:
@@ -45,14 +52,24 @@ class SkinStepper:
         self, skin: SkinModel, index: int, finger: Finger, scene: PosedScene, *, tolerance: float | None = None
     ) -> None:
         self.skin, self.index, self.name = skin, index, f"finger '{finger.name}'"
-        self.bone = CompliantBone.of(skin, finger.parameters, self.name, tolerance)
+        self._finger, self._tolerance = finger, tolerance
+        wanted = SKIN_CONTACT["contact"].of(finger.parameters, self.name) == "points"
+        self._surface = smooth_pad(skin) if wanted else None
+        self._told = (no_smooth_pad(skin, self.name),) if wanted and self._surface is None else ()
+        self.bone = CompliantBone.of(skin, finger.parameters, self.name, tolerance, self._surface)
+        self._coarse = None if self.on_points else CoarseTouches(skin.mesh, self.name)
         self.far = 0
         self._scene = scene
         self._low, self._high = skin.positions.min(axis=0), skin.positions.max(axis=0)
         self._order: list[int] = []  # bodies it has ever been near; only ever grows
+        self._proximity = Proximity(skin.positions, self.bone.solver.bone)
+        # what touches the smooth skin may be as far from the nodes, which tell whether anything does [m]
+        self._between = float(np.sqrt(skin.areas.max()))
 
     def approach(self) -> Approach:
         """Find the bodies whose boxes come within reach of the fingertip's in the chunk, and in which samples.
+
+        One that is scaled to 0 is not there; `PadSampler` tells of it.
 
         Raises:
             DermisError: a deforming object has no surface.
@@ -61,32 +78,70 @@ class SkinStepper:
         middle = place + turn @ ((self._low + self._high) / 2)
         half = np.abs(turn) @ ((self._high - self._low) / 2) + self.bone.solver.search_radius
         box_middle, box_half = self._scene.boxes()
-        inside = (np.abs(middle - box_middle) <= half + box_half).all(axis=2)
+        inside = (np.abs(middle - box_middle) <= half + box_half).all(axis=2) & ~self._scene.flat()
         self.far += int((~inside).sum())
-        near = {int(b): inside[b] for b in np.flatnonzero(inside.any(axis=1))}
-        # so that a body keeps its index in the solver's memory
-        self._order += [b for b in near if b not in self._order]
-        return Approach(near, turn, place)
+        near = np.flatnonzero(inside.any(axis=1)).tolist()
+        # so that a body keeps its index in the solver's memory, wherever chunks end
+        came = inside.argmax(axis=1)
+        self._order += sorted((b for b in near if b not in self._order), key=lambda b: (came[b], b))
+        boxes = {b: self._scene.own_boxes(b) for b in near}
+        poses = self._scene.relative(turn, place, near)
+        return Approach(dict(zip(near, inside[near], strict=True)), turn, place, poses, boxes)
 
     def step(self, approach: Approach, i: int) -> SkinStep:
-        """Solve sample `i` of the chunk.
-
-        Raises:
-            DermisError: an object nearby has scale 0.
-        """
-        if not approach.close(i):
+        """Solve sample `i` of the chunk."""
+        bodies = self.around(approach, i)
+        if all(body.away for body in bodies):
             return self.idle()
-        return _skin_step(self.bone.step(self.around(approach, i), float(self._scene.chunk.frames[i])))
+        frame = float(self._scene.chunk.frames[i])
+        return self._taken(self.bone.step(bodies, frame, lambda: self._before(i)), frame)
 
     def idle(self, count: int = 1) -> SkinStep:
         """Take samples in which nothing is near; history ends there."""
         self.bone.idle(count)
+        if self._coarse is not None:
+            self._coarse.end()
         return SkinStep(np.zeros((self.skin.pad_count, 3)))
 
-    def around(self, approach: Approach, i: int) -> list[ContactBody]:
-        """Return the bodies that the finger has ever been near at a sample, in an order that never changes."""
-        close, turn, place = approach.close(i), approach.turn[i], approach.place[i]
-        return [self._scene.seen_from(turn, place, b, i) if b in close else AWAY for b in self._order]
+    def around(self, approach: Approach, i: int, *, untouched: bool = False) -> list[ContactBody]:
+        """Return the bodies that the finger has ever been near at a sample, in an order that never changes.
+
+        Those that it cannot touch are away: without load the undeformed skin is the skin, and nothing is felt before
+        its gap is closed; else by how far skin may bulge out. A smooth skin may be touched between the nodes that are
+        asked.
+
+        Args:
+            untouched: return these too.
+        """
+        close, loaded = approach.close(i), self.bone.solver.loaded_bodies
+        known = close if untouched else {self._order[k] for k in loaded if k >= 0} & close
+        reach = within = None
+        if len(known) < len(close):
+            reach = self._proximity.grouped(self.bone.solver.bulge) if loaded else np.zeros(1)
+            if self.on_points:
+                reach = np.maximum(reach, self._between)
+            within = self._proximity.within(approach.poses, approach.boxes, i, reach) & close
+        return [
+            self._body(approach, i, b, None if b in known else reach) if b in known or within and b in within else AWAY
+            for b in self._order
+        ]
+
+    def _body(self, approach: Approach, i: int, b: int, reach: Array | None) -> ContactBody:
+        """Return a body at a sample; away where no group of nodes has it within reach [m], shape (g,) or (1,)."""
+        if reach is None:
+            return self._scene.seen_from(approach.turn[i], approach.place[i], b, i)
+        mesh = self._scene.mesh_at(b, i)
+        if (self._proximity.gaps(b, i, approach.poses, mesh) > reach).all():
+            return AWAY
+        body = self._scene.seen_from(approach.turn[i], approach.place[i], b, i)
+        return AWAY if (self._proximity.measure(b, i, approach.poses, mesh, body) > reach).all() else body
+
+    def _before(self, i: int) -> list[ContactBody] | None:
+        """Return the same bodies at the sample before, wherever they were; None where that is not known."""
+        pose = self._scene.finger_before(self.index, i)
+        seen = [] if pose is None else [self._scene.seen_before(*pose, b, i) for b in self._order]
+        known = [body for body in seen if body is not None]
+        return known if known and len(known) == len(seen) else None
 
     def place_of(self, b: int) -> int:
         """Return which of the bodies `around` the finger is body `b`."""
@@ -98,23 +153,55 @@ class SkinStepper:
         Args:
             held: the answer, in which this finger is number `k`. retraction: of its bone [m].
         """
-        return _skin_step(
-            self.bone.adopt(held.forces[k], held.slips[k], held.gaps[k], held.residual, retraction, scene_frame)
+        bone = self.bone.adopt(held.forces[k], held.slips[k], held.gaps[k], held.residual, retraction, scene_frame)
+        return self._taken(bone, scene_frame)
+
+    @property
+    def on_points(self) -> bool:
+        """Whether contact is solved on points of the smooth skin."""
+        return self._surface is not None
+
+    def _taken(self, bone: BoneStep, frame: float) -> SkinStep:
+        """Sum up a sample that was solved."""
+        solution, solver = bone.step.solution, self.bone.solver
+        if self._coarse is not None:
+            self._coarse.take(solution, frame)
+        if self._surface is None or not isinstance(solver, PointSolver) or not solution.force.any():
+            return _skin_step(bone)
+        loaded = np.flatnonzero(solution.force.any(axis=1))
+        return _skin_step(bone, PointForces(self._surface, solver.cells[loaded], solution.force[loaded]))
+
+    def stay_on_nodes(self) -> None:
+        """Solve contact at the mesh's nodes, from rest: what fingers hold together is balanced there."""
+        self._surface, self._coarse = None, CoarseTouches(self.skin.mesh, self.name)
+        self._told = (
+            Finding(
+                "info",
+                "contact-on-nodes",
+                "the finger holds something, which is balanced at the nodes of the skin's mesh",
+                self.name,
+                remedy="Keep what it touches to shapes that are flat or gently curved, or let the object not be held",
+            ),
         )
+        self.bone = CompliantBone.of(self.skin, self._finger.parameters, self.name, self._tolerance)
 
     def save(self) -> Mapping[str, Any]:
         """Return the state between two samples, for `restore`: a sample may then be solved anew."""
-        return {"bone": self.bone.save(), "far": self.far}
+        coarse = None if self._coarse is None else self._coarse.save()
+        return {"bone": self.bone.save(), "far": self.far, "coarse": coarse}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go back to a saved state."""
         self.bone.restore(state["bone"])
         self.far = state["far"]
+        if self._coarse is not None:
+            self._coarse.restore(state["coarse"])
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What did not converge, what went too deep, and where a force limit was not kept."""
-        return self.bone.solver.findings + self.bone.findings
+        """What did not converge or went too deep, where a force limit was not kept, and how fine contact is solved."""
+        coarse = () if self._coarse is None else self._coarse.findings
+        return self._told + self.bone.solver.findings + self.bone.findings + coarse
 
     @property
     def counters(self) -> Mapping[str, int]:
@@ -122,15 +209,15 @@ class SkinStepper:
         return self.bone.solver.counters
 
 
-def _skin_step(bone: BoneStep) -> SkinStep:
+def _skin_step(bone: BoneStep, points: PointForces | None = None) -> SkinStep:
     """Sum up a sample of the solver."""
     solution, work = bone.step.solution, bone.step.work
     if not solution.force.any():
-        return SkinStep(solution.force, lift=bone.lift, work=work, converged=solution.converged)
+        return SkinStep(bone.step.nodal, lift=bone.lift, work=work, converged=solution.converged)
     normal = solution.normal_force
     across = (solution.force - normal[:, None] * solution.normals).sum(axis=0)
     return SkinStep(
-        solution.force,
+        bone.step.nodal,
         float(normal.sum()),
         float(np.linalg.norm(across)),
         bone.depth,
@@ -139,4 +226,5 @@ def _skin_step(bone: BoneStep) -> SkinStep:
         int((solution.status == SLIP).sum()),
         work,
         bool(solution.converged),
+        points,
     )

@@ -2,7 +2,9 @@
 
 The disc's material moves with it, so what sticks is sheared when the disc tilts, shifts or turns. What friction
 remembers is a `FrictionState`: for every node near the disc the point of the disc's material that it sticks to. It is
-fixed while poses are tried and renewed by `DiscContact.settle` once a pose is chosen (staggering).
+fixed while poses are tried and renewed by `DiscContact.settle` once a pose is chosen (staggering). How far the rim
+falls away under a node is asked where the skin is, not where it would be untouched: at the anchor of a node that
+sticks, else where the last step left the node, as in `contact.solver.history`.
 
 A pose is tried by solving the frictional contact on the condensed compliance with a semi-smooth Newton method. With a
 rigid flat disc all nodes share one normal, Coulomb's projection is homogeneous of degree one, and the Newton system
@@ -61,7 +63,7 @@ class DiscContact:
         self._stiffness = 1.0 / float(np.median(np.diag(compliance)))
         self.nodes: NDArray[np.intp] = np.zeros(0, np.intp)
         self._matrix = np.zeros((0, 0))
-        self._rest_positions = np.zeros((0, 3))
+        self._rest_positions = self._places = np.zeros((0, 3))
         self._block: tuple[bytes, Array] | None = None
         self.choice = 0  # counts how often the candidates were chosen, for those who keep tables by them
         self.solved = self.fallbacks = 0
@@ -79,8 +81,12 @@ class DiscContact:
     def gap(self, pose: DiscPose) -> Array:
         """Return the gap of every undeformed node [m], shape (m,)."""
         local = (self.positions - pose.centre) @ pose.rotation
-        over = np.maximum(np.sqrt(local[:, 0] ** 2 + local[:, 1] ** 2) - self.disc.radius, 0.0)
-        return over * over * (0.5 / self.disc.rounding) - local[:, 2]
+        return self._fallen(local[:, :2]) - local[:, 2]
+
+    def _fallen(self, across: Array) -> Array:
+        """Return how far the disc's rim has fallen away at places in its plane [m], shape (m,)."""
+        over = np.maximum(np.sqrt(across[:, 0] ** 2 + across[:, 1] ** 2) - self.disc.radius, 0.0)
+        return over * over * (0.5 / self.disc.rounding)
 
     def solve(self, pose: DiscPose) -> DiscSolution:
         """Return the contact at a pose, from the friction state that is held."""
@@ -125,15 +131,18 @@ class DiscContact:
         local = (self.positions - pose.centre) @ pose.rotation
         anchor = local[:, :2].copy()
         force = solution.spread(self.count)
+        moved = np.zeros((self.count, 3))
         loaded = np.flatnonzero(solution.status != OPEN)
         if len(loaded):
             columns = solution.nodes[loaded]
             rows = (3 * columns[:, None] + np.arange(3)).ravel()
-            moved = self.compliance[rows].T @ solution.force[loaded].ravel()
-            anchor += (moved.reshape(-1, 3) @ pose.rotation)[:, :2]
-        sticking = solution.nodes[(solution.status == STICK) & self.state.anchored[solution.nodes]]
-        anchor[sticking] = self.state.anchor[sticking]
-        return FrictionState(np.ones(self.count, bool), anchor, force)
+            moved = (self.compliance[rows].T @ solution.force[loaded].ravel()).reshape(-1, 3)
+            anchor += (moved @ pose.rotation)[:, :2]
+        kept = solution.nodes[(solution.status == STICK) & self.state.anchored[solution.nodes]]
+        anchor[kept] = self.state.anchor[kept]
+        sticking = np.zeros(self.count, bool)
+        sticking[solution.nodes[solution.status == STICK]] = True
+        return FrictionState(np.ones(self.count, bool), anchor, force, sticking, moved)
 
     # -- parts -------------------------------------------------------------------------------------------------------
 
@@ -215,24 +224,23 @@ class DiscContact:
 
     def _offsets(self, pose: DiscPose) -> tuple[Array, Array]:
         """Relative displacement without force, (s, 3), and its derivative as the disc sees it, (s, 3, 3)."""
-        arm = self._rest_positions - pose.centre
-        local = arm @ pose.rotation
+        local = (self._rest_positions - pose.centre) @ pose.rotation
         out = np.zeros_like(local)
         out[:, :2] = np.where(self._anchored[:, None], local[:, :2] - self._anchor, 0.0)
         out[:, 2] = local[:, 2]
-        move = np.empty((len(arm), 3, 3))
-        move[:, :, 0] = -arm @ _crossing(pose.spin[0])
-        move[:, :, 1] = -arm @ _crossing(pose.spin[1])
-        move[:, :, 2] = 0.0
-        move -= pose.shift
-        move = pose.rotation.T @ move
-        reach = np.sqrt(local[:, 0] ** 2 + local[:, 1] ** 2)
+        move = _past(pose, self._rest_positions)
+        at = (self._places - pose.centre) @ pose.rotation
+        at[self._sticking, :2] = self._anchor[self._sticking]
+        reach = np.sqrt(at[:, 0] ** 2 + at[:, 1] ** 2)
         rim = np.flatnonzero(reach > self.disc.radius)
         if len(rim):
             over = (reach[rim] - self.disc.radius) / self.disc.rounding
             out[rim, 2] -= 0.5 * over * over * self.disc.rounding
-            outwards = np.einsum("ij,ijk->ik", local[rim, :2], move[rim, :2]) / reach[rim, None]
-            move[rim, 2] -= over[:, None] * outwards
+            slides = rim[~self._sticking[rim]]  # what sticks stays where it is on the disc
+            over = (reach[slides] - self.disc.radius) / self.disc.rounding
+            past = _past(pose, self._places[slides])
+            outwards = np.einsum("ij,ijk->ik", at[slides, :2], past[:, :2]) / reach[slides, None]
+            move[slides, 2] -= over[:, None] * outwards
         move[~self._anchored, :2] = 0.0
         return out @ pose.rotation.T, pose.rotation @ move
 
@@ -246,7 +254,10 @@ class DiscContact:
         return np.linalg.lstsq(basis, wanted, rcond=None)[0]
 
     def _choose(self, pose: DiscPose) -> None:
-        gap = self.gap(pose)
+        local = (self.positions - pose.centre) @ pose.rotation
+        at = ((self.positions + self.state.moved - pose.centre) @ pose.rotation)[:, :2]
+        at[self.state.sticking] = self.state.anchor[self.state.sticking]
+        gap = self._fallen(at) - local[:, 2]
         near = gap < MARGIN
         if near[self.nodes].sum() == near.sum() and len(self.nodes):
             return
@@ -261,6 +272,8 @@ class DiscContact:
     def _restrict(self) -> None:
         self._block = None
         self._anchored, self._anchor = self.state.anchored[self.nodes], self.state.anchor[self.nodes]
+        self._sticking = self.state.sticking[self.nodes]
+        self._places = self.positions[self.nodes] + self.state.moved[self.nodes]
         self._held_force = self.state.force[self.nodes]
 
     def _active_block(self, active: NDArray[np.intp]) -> Array:
@@ -269,6 +282,17 @@ class DiscContact:
             rows = (3 * active[:, None] + np.arange(3)).ravel()
             self._block = (key, self._matrix[rows[:, None], rows])
         return self._block[1]
+
+
+def _past(pose: DiscPose, points: Array) -> Array:
+    """Return how points of the finger move in the disc's frame with its configuration, shape (k, 3, 3)."""
+    arm = points - pose.centre
+    move = np.empty((len(arm), 3, 3))
+    move[:, :, 0] = -arm @ _crossing(pose.spin[0])
+    move[:, :, 1] = -arm @ _crossing(pose.spin[1])
+    move[:, :, 2] = 0.0
+    move -= pose.shift
+    return pose.rotation.T @ move
 
 
 def _crossing(spin: Array) -> Array:

@@ -87,16 +87,21 @@ class FrictionState:
         anchored: nodes with an anchor, shape (m,).
         anchor: the point of the disc that each sticks to, x and y in the disc's frame [m], shape (m, 2).
         force: on the skin at the end of the last step [N], shape (m, 3).
+        sticking: nodes that the disc carries along, shape (m,).
+        moved: how far the nodes were from rest then [m], shape (m, 3).
     """
 
     anchored: NDArray[np.bool_]
     anchor: Array
     force: Array
+    sticking: NDArray[np.bool_]
+    moved: Array
 
     @classmethod
     def rest(cls, count: int) -> FrictionState:
         """Return the state of skin that touched nothing yet."""
-        return cls(np.zeros(count, bool), np.zeros((count, 2)), np.zeros((count, 3)))
+        nothing = np.zeros((count, 3))
+        return cls(np.zeros(count, bool), np.zeros((count, 2)), nothing, np.zeros(count, bool), nothing)
 
 
 @dataclass(frozen=True, eq=False)

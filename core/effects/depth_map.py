@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import images
-from ..errors import DermisError, Finding, Severity
-from .repair import FEWEST_LEVELS, MAX_LEVELS, filled, holes_in, smoothed, staircase
+from ..errors import DermisError, Finding
+from .map_repair import MapRepair, Meaning, Steps, number_of
 
-Meaning = Literal["height", "depth"]
-Steps = Literal["smooth", "keep"]
-MEANINGS: tuple[Meaning, ...] = ("height", "depth")
-STEPS: tuple[Steps, ...] = ("smooth", "keep")
+FINEST_WHITE = 1 << 16  # levels of the finest format whose largest number is white
+SMALLEST_UNIT, LARGEST_UNIT = 1e-12, 1e3  # [m] of one stored number, atoms to hills
+LEAST_OF_RANGE = 256  # numbers below this part of their type's range are not scaled to it
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,10 +26,12 @@ class DepthMap:
     Attributes:
         heights: row 0 at the bottom, float32, shape (rows, columns), or (k, rows, columns) for a sequence.
         findings: what was repaired or noticed.
+        height_unit: metres that one unit of the heights stands for, as `Screen.height_unit`; 0 where nobody said.
     """
 
     heights: NDArray[np.float32]
     findings: tuple[Finding, ...] = ()
+    height_unit: float = 0.0
 
 
 def read(
@@ -39,33 +40,52 @@ def read(
     meaning: Meaning = "height",
     hole: float | None = None,
     steps: Steps = "smooth",
+    unit: float | None = None,
 ) -> DepthMap:
     """Read an image file, or several as a sequence in the order given.
 
-    Whole-number formats run from 0 (black) to 1 (white); PFM and floating NPY are taken as stored.
+    Whole-number formats run from 0 (black) to 1 (white); PFM and floating NPY are taken as stored. Whole numbers of 32
+    or 64 bits that use next to nothing of their range are measures, with no white: they need a unit.
 
     Args:
         source: a path, or paths (`core.images.sequence` finds the numbered ones that follow one).
         meaning: 'height' towards the viewer, or 'depth' away from the viewer, which is negated.
-        hole: a stored value that stands for 'nothing measured' (depth cameras write 0).
+        hole: a value that stands for 'nothing measured' (depth cameras write 0): with a unit the stored number, else
+            one as above, 0 to 1 in whole-number formats.
         steps: what to do with the staircases of 8-bit images; finer formats are exact and stay as they are.
+        unit: metres that one stored number stands for, 1e-12 to 1e3: 1e-3 of a depth camera's millimetres. It gives
+            `height_unit`.
 
     Raises:
-        DermisError: no image, one that cannot be read, images of differing size, nothing but holes.
+        DermisError: no image, one that cannot be read, images of differing size or kind, nothing but holes, measures
+            without a unit, a unit that is out of range, a hole that is no number.
     """
     paths = [source] if isinstance(source, str | Path) else list(source)
     if not paths:
         raise DermisError("no image", where="depth map", remedy="Choose an image for the touch screen")
     first = f"image '{Path(paths[0]).name}'"
     where = first if len(paths) == 1 else f"{first} and {len(paths) - 1} more"
+    if unit is not None and not SMALLEST_UNIT <= number_of(unit, "unit", where) <= LARGEST_UNIT:
+        limit = f"{SMALLEST_UNIT:g} to {LARGEST_UNIT:g} m"
+        raise DermisError("the unit is no length that a number may stand for", where=where, value=unit, limit=limit)
     noticed: list[Finding] = []
-    work = _Repair(meaning, hole, steps, where)
+    work = MapRepair(meaning, hole, steps, where)
     heights: NDArray[np.float32] | None = None
+    largest = 1  # the stored number that became 1
     for index, path in enumerate(paths):  # one image in memory at a time: a sequence has hundreds
         raster = images.read(path)
         shape = raster.values.shape
         if heights is None:
-            heights = np.empty((len(paths), *shape), np.float32)
+            heights, largest = np.empty((len(paths), *shape), np.float32), _largest(raster)
+        if unit is None:
+            _check_white(raster, path)
+        elif _largest(raster) != largest:
+            raise DermisError(
+                "the images of a sequence differ in their numbers' type",
+                where=f"image '{Path(path).name}'",
+                value=f"up to {_largest(raster)}",
+                limit=f"up to {largest}, as the first",
+            )
         if heights.shape[1:] != shape:
             raise DermisError(
                 "the images of a sequence differ in size",
@@ -73,10 +93,12 @@ def read(
                 value=f"{shape[1]} x {shape[0]}",
                 limit=f"{heights.shape[2]} x {heights.shape[1]}, as the first",
             )
-        heights[index] = work.repaired(raster.values, raster.holes, raster.levels, f"image '{Path(path).name}'")
+        white = 1 if unit is None else largest
+        heights[index] = work.repaired(raster.values, raster.holes, raster.levels, f"image '{Path(path).name}'", white)
         noticed += raster.findings
     assert heights is not None
-    return DepthMap(heights if len(paths) > 1 else heights[0], _merged(noticed) + work.findings())
+    shown = heights if len(paths) > 1 else heights[0]
+    return DepthMap(shown, _merged(noticed) + work.findings(), (unit or 0.0) * largest)
 
 
 def from_array(
@@ -95,10 +117,11 @@ def from_array(
     Args:
         values: shape (rows, columns) or (k, rows, columns).
         first_row: which edge of the screen row 0 lies at (Blender's images: 'bottom').
-        declared: pixels known to be empty, same shape as `values`.
+        declared: pixels known to be empty, booleans, same shape as `values`.
         levels: how many values the numbers' source can tell apart, 0 for floating point and for measures of a mesh;
             left out, that of the array's type. Only 256 or fewer can be staircases.
-        meaning, hole, steps: as for `read`.
+        hole: the one of the values that stands for 'nothing measured'.
+        meaning, steps: as for `read`.
 
     Raises:
         DermisError: not numbers, no pixels, another shape, nothing but holes.
@@ -116,13 +139,12 @@ def from_array(
         )
     if first_row not in ("bottom", "top"):
         raise DermisError("unknown first row", where=where, value=first_row, limit="bottom, top")
-    if declared is not None and declared.shape != array.shape:
-        raise DermisError("the holes do not fit the map", where=where, value=declared.shape, limit=str(array.shape))
-    work = _Repair(meaning, hole, steps, where)
+    empty = None if declared is None else _declared(declared, array.shape, where)
+    work = MapRepair(meaning, hole, steps, where)
     known = levels if levels is not None else (1 << 8 if array.dtype.itemsize == 1 else 0)
     single = array.ndim == 2
     stack = array[None] if single else array
-    gaps = [None] * len(stack) if declared is None else list(declared[None] if single else declared)
+    gaps = [None] * len(stack) if empty is None else list(empty[None] if single else empty)
     heights = np.empty(stack.shape, np.float32)
     for index, (values_, gap) in enumerate(zip(stack, gaps, strict=True)):
         place = where if single else f"{where}, map {index + 1} of {len(stack)}"
@@ -131,97 +153,34 @@ def from_array(
     return DepthMap(heights[0] if single else heights, work.findings())
 
 
-class _Repair:
-    """Repairs map after map, and counts."""
+def _declared(declared: Any, shape: tuple[int, ...], where: str) -> NDArray[np.bool_]:
+    try:
+        empty = np.asarray(declared)
+    except ValueError:  # rows of differing length
+        empty = np.zeros(0)
+    if empty.shape != shape or empty.dtype.kind != "b":
+        found = f"{empty.dtype} {empty.shape}"
+        raise DermisError("the holes do not fit the map", where=where, value=found, limit=f"bool {shape}")
+    return empty
 
-    def __init__(self, meaning: Meaning, hole: float | None, steps: Steps, where: str) -> None:
-        if meaning not in MEANINGS or steps not in STEPS:
-            raise DermisError(
-                "unknown way to read a map",
-                where=where,
-                value=f"{meaning}, {steps}",
-                limit="height or depth; smooth or keep",
-            )
-        self._sign = -1.0 if meaning == "depth" else 1.0
-        self._hole, self._smooth, self._where = hole, steps == "smooth", where
-        self._pixels = self._holes = self._smoothed = self._kept = self._flat = self._few = self._levels = 0
 
-    def repaired(
-        self, values: NDArray[Any], declared: NDArray[np.bool_] | None, levels: int, where: str
-    ) -> NDArray[np.float64]:
-        """Return one map's heights towards the viewer without holes and staircases, shape (rows, columns)."""
-        heights = values.astype(np.float64)
-        gaps = holes_in(heights, declared)
-        if self._hole is not None:
-            # As the file's own precision would store it: 0.1 is another number in float32.
-            gaps |= values == np.asarray(self._hole).astype(values.dtype)
-        known = ~gaps
-        if not known.any():
-            raise DermisError(
-                "the map has no height anywhere: every pixel is a hole",
-                where=where,
-                remedy="Check that the surface lies in view",
-            )
-        self._pixels += gaps.size
-        self._holes += int(np.count_nonzero(gaps))
-        heights = np.where(known, self._sign * np.where(known, heights, 0.0), 0.0)
-        # Looked for before holes are filled, because the filling adds levels of its own; and only where the format
-        # has few levels: what floating point or a mesh climbs in steps was meant so.
-        coarse = 0 < levels <= MAX_LEVELS
-        found = staircase(np.where(known, heights, heights[known].min())) if coarse else None
-        heights = filled(heights, gaps)
-        if found is not None and found.found:
-            self._levels = max(self._levels, found.levels)
-            self._smoothed += self._smooth
-            self._kept += not self._smooth
-            heights = smoothed(heights, found.step) if self._smooth else heights
-        self._few += found is not None and 2 <= found.levels < FEWEST_LEVELS
-        self._flat += bool(heights.max() == heights.min())
-        return heights
+def _largest(raster: images.Raster) -> int:
+    """Return the stored number that a raster's 1 stands for."""
+    return max(raster.levels - 1, 1)
 
-    def findings(self) -> tuple[Finding, ...]:
-        """Return what was repaired and noticed, one finding a kind."""
-        levels = f"{self._levels} levels"
-        share = f"{100.0 * self._holes / max(self._pixels, 1):.3g} %"
-        rows: tuple[tuple[int, Severity, str, str, str | None, str], ...] = (
-            (
-                self._holes,
-                "warning",
-                "holes-filled",
-                "pixels without a height were filled smoothly from their rims",
-                share,
-                "",
-            ),
-            (
-                self._smoothed,
-                "warning",
-                "staircase-smoothed",
-                "the heights are stored in few levels and were smoothed by up to half a level",
-                levels,
-                "A 16-bit image keeps small slopes",
-            ),
-            (
-                self._kept,
-                "warning",
-                "staircase-kept",
-                "the heights are stored in few levels: each step will be felt",
-                levels,
-                "A 16-bit image keeps small slopes",
-            ),
-            (self._flat, "warning", "flat-map", "the map is flat", None, "Check that the right image was chosen"),
-            (
-                self._few,
-                "info",
-                "few-levels",
-                f"the map has fewer than {FEWEST_LEVELS} heights, which are kept",
-                None,
-                "",
-            ),
-        )
-        return tuple(
-            Finding(severity, code, what, self._where, value=value, remedy=remedy, count=count)
-            for count, severity, code, what, value, remedy in rows
-            if count
+
+def _check_white(raster: images.Raster, path: str | Path) -> None:
+    """Refuse measures without a unit."""
+    if raster.levels <= FINEST_WHITE:
+        return
+    found = np.array([raster.values.min(), raster.values.max()], np.float64) * _largest(raster)
+    if np.abs(found).max() * LEAST_OF_RANGE < raster.levels:
+        raise DermisError(
+            "the map's whole numbers are measures, and nobody says in what unit",
+            where=f"image '{Path(path).name}'",
+            value=f"{found[0]:.7g} to {found[1]:.7g} of {raster.levels - 1}",
+            remedy="Say what one stands for: Values Are in the Dermis tab under Screen, or unit=1e-3 (mm) in a script",
+            code="no-unit",
         )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,9 @@ from ..arrays import Array
 # A background at infinity is written as 1e10 by Blender's depth pass; no height or depth in use is as large.
 FAR = 1e9
 FEWEST_LEVELS, MAX_LEVELS = 16, 256
+# Zeros are likely holes of a depth map where they are this share of it or more, and nothing else is nearer to 0 than
+# this part of the farthest: a camera cannot measure so near, a rendered depth comes down to 0 in small steps.
+ZEROS, NEAREST = 1e-3, 0.05
 _RELAXATIONS = 12
 _RADII = (64, 32, 16, 8, 4, 2, 1)
 _PASSES = 2
@@ -37,6 +41,23 @@ def holes_in(values: NDArray[np.floating], declared: NDArray[np.bool_] | None = 
     with np.errstate(invalid="ignore"):
         holes = ~(np.abs(values) < FAR)
     return holes if declared is None else holes | declared
+
+
+def holds(values: NDArray[Any], number: float) -> NDArray[np.bool_]:
+    """Return where a map holds a number, as its own precision would store it: 0.1 is another one in float32."""
+    if values.dtype.kind != "f":
+        return np.asarray(values.astype(np.float64) == number)
+    with np.errstate(over="ignore"):
+        return np.asarray(values == np.asarray(number).astype(values.dtype))
+
+
+def likely_holes(depths: Array) -> int:
+    """Return how many zeros of a depth map, shape (n,), stand for 'nothing measured'; 0 where they are depths."""
+    zeros = int(np.count_nonzero(depths == 0.0))
+    others = depths[depths != 0.0]
+    if zeros < max(ZEROS * len(depths), 1) or not len(others) or others.min() <= NEAREST * others.max():
+        return 0
+    return zeros if len(np.unique(_few(others))) >= FEWEST_LEVELS else 0  # fewer are a mask or terraces, meant so
 
 
 def filled(values: Array, holes: NDArray[np.bool_]) -> Array:

@@ -75,7 +75,8 @@ def grey_of(pixels: NDArray[Any], where: str, largest: float = 1.0) -> tuple[NDA
             other = (plain != part[..., 1]) | (part[..., 1] != part[..., 2])
             coloured += int(np.count_nonzero(other))
             plain = np.where(other, part @ np.array(LUMINANCE), plain)  # greys stay exactly what was stored
-        grey[at : at + rows] = plain
+        with np.errstate(over="ignore"):  # what single precision cannot hold is infinite, a hole of a map
+            grey[at : at + rows] = plain
     if not coloured:
         return grey, ()
     finding = Finding(

@@ -63,11 +63,13 @@ def _of_children(
             remedy="Parent a touchable object to it, or choose another content",
         )
         return np.zeros((len(times), 3)), (nothing,)
-    masses = np.array([_constant(pad_contact, scene, c, "mass", times) for c in children])
-    if not masses.sum() > 0.0:
-        masses = np.ones(len(children))
-    paths = [pad_contact.centre(c, scene.bodies[c].mesh).at(times) for c in children]
-    middle = sum((m * p for m, p in zip(masses / masses.sum(), paths, strict=True)), np.zeros((1, 3)))
+    row, bodies = BODY["mass"], scene.bodies
+    given = (pad_contact.series(f"body/{c}", row, bodies[c].parameters, times) for c in children)
+    masses = np.array([np.broadcast_to(mass, times.shape) for mass in given])
+    masses[:, masses.sum(axis=0) <= 0.0] = 1.0
+    paths = [pad_contact.centre(c, bodies[c].mesh).at(times) for c in children]
+    shares = (masses / masses.sum(axis=0))[:, :, None]
+    middle = sum((share * path for share, path in zip(shares, paths, strict=True)), np.zeros((1, 3)))
     return middle - pad_contact.centre(b, body.mesh).at(times), ()
 
 

@@ -121,6 +121,7 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
             )
         )
     findings += _flat_findings(maps, scene)
+    findings += _unit_findings(maps, scene, absolute=scale is not None or len(maps) > 1)
     findings += _short_findings(maps, scene, settings.times)
     findings += driven
     track = CommandTrack(spec, settings.times, values, _meta(maps, scene, device))
@@ -200,6 +201,22 @@ def _flat_findings(maps: Mapping[int, ScreenMap], scene: TactileScene) -> list[F
         )
         for i, m in maps.items()
         if m.highest == m.lowest
+    ]
+
+
+def _unit_findings(maps: Mapping[int, ScreenMap], scene: TactileScene, *, absolute: bool) -> list[Finding]:
+    """Find maps without a unit where commands depend on how high they are: the automatic scale of one does not."""
+    return [
+        Finding(
+            "warning",
+            "no-unit",
+            "its map has no unit of height, so 1 was taken as the screen's width",
+            where=f"screen '{scene.screens[i].name}'",
+            value=f"{1e3 * m.metres:.3g} mm",
+            remedy="Give the screen's height_unit, metres that 1 stands for, or let the scale be automatic",
+        )
+        for i, m in maps.items()
+        if m.height_unit == 0.0 and m.profile != "rectangle" and absolute
     ]
 
 

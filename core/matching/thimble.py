@@ -1,4 +1,9 @@
-"""Thimble: from what a finger's skin shall feel to servo angles, by any of the methods, over a whole sequence."""
+"""Thimble: from what a finger's skin shall feel to servo angles, by any of the methods, over a whole sequence.
+
+Target and device are compared by one operator, from forces on the nodes of the finger's mesh to descriptors of stress:
+its error is then the same on both sides. Forces of a touch that was solved on points come as forces on nodes with the
+same sum and moment. The disc is flat and wide, so that contact at nodes is right for it.
+"""
 
 from __future__ import annotations
 

@@ -6,14 +6,17 @@ normalised where it is read. Both are twice continuously differentiable and exac
 acceleration and angular velocity are the exact derivatives of what is interpolated, not differences.
 """
 
+from .kinks import RoundedPath
 from .motion import Motion, MotionSamples
-from .rotation import continuous, matrices, quaternions, rotations, singular
+from .rotation import accumulated, continuous, matrices, quaternions, rotations, singular
 from .spline import Spline, second_derivatives, solve_tridiagonal
 
 __all__ = [
     "Motion",
     "MotionSamples",
+    "RoundedPath",
     "Spline",
+    "accumulated",
     "continuous",
     "matrices",
     "quaternions",

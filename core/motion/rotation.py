@@ -87,3 +87,18 @@ def matrices(quaternion: Array) -> Array:
         np.subtract(a, b, out=out[i, j])
         np.add(a, b, out=out[j, i])
     return np.moveaxis(out, -1, 0)
+
+
+def accumulated(quaternion: Array) -> Array:
+    """Return a path whose velocity is the angular velocity in world axes: the sum of the turns so far [rad], (n, 3).
+
+    Args:
+        quaternion: unit, of each sample, signs continuous, shape (n, 4).
+    """
+    before, after = quaternion[:-1], quaternion[1:]
+    w, v = before[:, 0], before[:, 1:]
+    turn = scaled(after[:, 1:], w) - scaled(v, after[:, 0]) + cross(v, after[:, 1:])
+    sine = np.sqrt(dot(turn, turn))
+    angle = 2.0 * np.arctan2(sine, dot(before, after))
+    turn = scaled(turn, np.where(sine > 1e-15, angle / np.maximum(sine, 1e-15), 2.0))
+    return np.concatenate([np.zeros((1, 3)), np.cumsum(turn, axis=0)])

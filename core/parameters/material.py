@@ -77,13 +77,14 @@ MATERIAL = table(
         name="mass",
         unit="kg",
         label="Mass",
-        text="Mass of the object, for weight and inertia",
+        text="Mass of the object, for weight and inertia; 0 is held without any load",
         default=0.05,
         absent=1.0,
         low=0.0,
         high=1e6,
         soft=(None, 2.0),
         digits=3,
+        keyed=True,
         note="contents that say no mass weigh alike; an object that says none is not held by simulated skin",
     ),
     Parameter(
@@ -294,4 +295,28 @@ BODY = table(
         default=False,
         keyed=True,
     ),
+    Parameter(
+        name="kink_time",
+        unit="s",
+        label="Rounding",
+        text="Time that a held object takes to change its velocity where its keys have a kink, as straight lines "
+        "between keys do; its place is not changed. 0 leaves kinks as they are",
+        default=0.1,
+        low=0.0,
+        high=10.0,
+        soft=(None, 0.5),
+        digits=3,
+        note="about as fast as a hand turns back; of use to simulated skin",
+    ),
+)
+# Decides on an object's surface while a scene is sampled; the engine gets it curved already, in `Body.mesh`.
+CURVED = Parameter(
+    name="curved",
+    unit=SWITCH,
+    label="Curved Surface",
+    text="Feel the curved surface that smooth shading shows in place of its flat faces: through the same corners, "
+    "sharp and flat where the shading is",
+    source="Vlachos et al. 2001, curved PN triangles",
+    default=False,
+    note="scripts call `curved_mesh`",
 )

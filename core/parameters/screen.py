@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .parameter import Parameter, table
+from .parameter import TEXT, Parameter, table
 
 SCREEN = table(
     Parameter(
@@ -55,4 +55,19 @@ HEIGHT = Parameter(
     window_unit="mm",
     soft=(None, 20e-3),
     digits=3,
+)
+UNITS_OF_MAPS = {"white": None, "m": 1.0, "mm": 1e-3, "um": 1e-6}  # metres that one stored number stands for
+MAP_UNIT = Parameter(
+    name="map_unit",
+    unit=TEXT,
+    label="Values Are",
+    text="What the numbers of the map stand for",
+    default="white",
+    choices=(
+        ("white", "Brightness", "From black to white; Height says how high white stands"),
+        ("m", "Metres", "Each stored number is a length in metres"),
+        ("mm", "Millimetres", "Each stored number is a length in millimetres, as most depth cameras write them"),
+        ("um", "Micrometres", "Each stored number is a length in micrometres"),
+    ),
+    note="scripts give `depth_map.read` a unit, and `Screen` its `height_unit`",
 )

@@ -5,6 +5,8 @@ from __future__ import annotations
 from .parameter import SWITCH, TEXT, Parameter, table
 
 DEFAULT_SKIN = "index_medium"  # preset of a finger that says nothing of its skin
+# Where contact is solved for fingers that do not say: at the mesh's 'nodes', or on 'points' of the smooth skin.
+CONTACT = "nodes"
 TETRAHEDRA = {"draft": "1.6k", "standard": "6.4k", "fine": "26k"}
 
 
@@ -124,6 +126,28 @@ SKIN_CONTACT = table(
         ),
         besides=("reference",),
         note="'reference', 88k tetrahedra, is for scripts: no window should wait for it",
+    ),
+    Parameter(
+        name="contact",
+        unit=TEXT,
+        label="Contact",
+        text="Where the skin meets what it touches",
+        default=CONTACT,
+        choices=(
+            (
+                "points",
+                "As Fine as the Touch",
+                "On points of the smooth skin, 0.8 mm apart on what is flat and down to 0.1 mm where an edge, a rib or "
+                "a small ball presses; what fingers hold together stays on the mesh's nodes",
+            ),
+            (
+                "nodes",
+                "Nodes of the Mesh",
+                "Where the tissue's mesh has nodes, a millimetre or two apart: for what is flat or gently curved",
+            ),
+        ),
+        note="a fingertip of lengths or of a Poisson's ratio that no preset has needs a table, made once in some "
+        "20 s; until then, and on a mesh of one's own, contact is solved at the nodes and a finding says so",
     ),
     Parameter(
         name="depth_mode",

@@ -69,7 +69,8 @@ def render(scene: TactileScene, library: Library, *, cache: Cache | None = None)
         findings += contact.findings
         skipped.update(contact.skipped)
 
-    content_hash = _full_hash(content, [spec for _, _, spec in uses])
+    on_points = [scene.fingers[f].name for f, contact in skin_contacts.items() if contact.points is not None]
+    content_hash = _full_hash(content, [spec for _, _, spec in uses], on_points)
     outputs = []
     for step, (finger, use, spec) in enumerate(uses):
         yield Progress("devices", step, len(uses))
@@ -236,9 +237,12 @@ def _finish(rendered: Rendered, scene: TactileScene, finger: int, use: DeviceUse
     return Output(name, use.preset, track, rendered.signals, findings)
 
 
-def _full_hash(content: ContentHash, specs: list[DeviceSpec]) -> str:
-    """Hash of the scene's content, the presets it uses and the version that rendered it."""
-    parts = [content.hexdigest(), version(), *(spec.hash for spec in specs)]
+def _full_hash(content: ContentHash, specs: list[DeviceSpec], on_points: list[str]) -> str:
+    """Hash of the scene's content, the presets it uses, the version that rendered it and the fingers on points.
+
+    The last since the table of a smooth pad may be there or not: whoever asked for points then gets something else.
+    """
+    parts = [content.hexdigest(), version(), *(spec.hash for spec in specs), *on_points]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:32]
 
 

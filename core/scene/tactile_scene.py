@@ -262,6 +262,8 @@ def validate(scene: TactileScene) -> None:
             limit="an end frame after the start frame",
             remedy="Set the range in the Output properties",
         )
+    if np.shape(scene.gravity) != (3,) or not np.isfinite(scene.gravity).all():
+        raise DermisError("gravity is no acceleration", where=where, value=scene.gravity, limit="3 finite numbers")
     if not (np.isfinite(scene.rate) and scene.rate > 0):
         raise DermisError("the sampling rate must be positive", where=where, value=scene.rate, limit="> 0 Hz")
     groups: tuple[tuple[str, Any, Table], ...] = (
@@ -281,16 +283,17 @@ def validate(scene: TactileScene) -> None:
                 )
     for body in scene.bodies:
         if body.mesh is not None:
-            check_mesh(body.mesh, body.name)
+            check_mesh(body.mesh, f"object '{body.name}'")
 
 
-def check_mesh(mesh: Mesh, name: str) -> None:
-    """Refuse a surface that is empty, not finite, or has indices outside its vertices."""
-    where = f"object '{name}'"
+def check_mesh(mesh: Mesh, where: str) -> None:
+    """Refuse a surface that is empty, not finite, or has indices that are none of its vertices."""
     if len(mesh.vertices) == 0 or len(mesh.triangles) == 0:
         raise DermisError("the mesh has no faces", where=where, remedy="Give it faces, or stop it being touchable")
     if not np.isfinite(mesh.vertices).all():
         raise DermisError("the mesh has vertices that are not finite numbers", where=where)
+    if mesh.triangles.dtype.kind not in "iu":
+        raise DermisError("triangles are whole numbers of vertices", where=where, value=str(mesh.triangles.dtype))
     if mesh.triangles.min() < 0 or mesh.triangles.max() >= len(mesh.vertices):
         raise DermisError(
             "a face uses a vertex that does not exist",

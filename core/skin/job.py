@@ -1,4 +1,4 @@
-"""Making a skin in a child process: nothing comes back but the files it leaves in the cache."""
+"""Making a skin, or its smooth pad, in a child process: nothing comes back but the files it leaves in the cache."""
 
 from __future__ import annotations
 
@@ -10,7 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cache import Cache
-from .model import skin_from_parameters
+from ..errors import DermisError
+from ..steps import drain
+from .model import shape_and_material, skin_from_parameters
+from .remainder import STEPS
+from .surface_store import QUICK, make_remainder
 
 STAGES = 2
 
@@ -34,3 +38,25 @@ def make(
     assert model.unit_response.size  # computed, and with that stored
     report(STAGES, STAGES)
     return {"tetrahedra": np.array(len(model.mesh.tetrahedra)), "pad": np.array(model.pad_count)}
+
+
+def make_surface(
+    arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Callable[[int, int], None]
+) -> dict[str, NDArray[Any]]:
+    """Put the remainder of a fingertip's smooth pad into a cache; return how many functions it has.
+
+    Args:
+        arrays: not used.
+        parameters: 'skin' (as in a skin preset, SI), 'folder' and 'limit' [bytes] of the cache, perhaps 'level'.
+
+    Raises:
+        DermisError: a mesh of one's own, which has no smooth pad, or a folder that cannot be written.
+    """
+    cache = Cache(Path(str(parameters["folder"])), int(parameters["limit"]))
+    shape, material = shape_and_material(parameters["skin"])
+    if shape is None:
+        raise DermisError("a mesh of one's own has no smooth pad", where="skin", code="no-smooth-pad")
+    level = str(parameters.get("level", QUICK))
+    made = drain(make_remainder(shape, material.poisson, level, cache=cache), lambda step: report(*step))
+    report(STEPS, STEPS)
+    return {"rank": np.array(made.rank)}

@@ -62,15 +62,20 @@ class TetraMesh:
         feed(sha, self.nodes, self.tetrahedra, self.fixed, self.pad, self.surface)
         return sha.hexdigest()
 
+    @property
+    def pad_vectors(self) -> Array:
+        """A third of the skin around each pad node as vectors out of it [m^2], shape (m, 3)."""
+        return np.asarray(self._node_vectors[self.pad])
+
     @cached_property
     def pad_areas(self) -> Array:
         """A third of the skin around each pad node [m^2], shape (m,)."""
-        return np.linalg.norm(self._node_vectors[self.pad], axis=1)
+        return np.linalg.norm(self.pad_vectors, axis=1)
 
     @cached_property
     def pad_normals(self) -> Array:
         """Outward unit normal at each pad node, area-weighted, shape (m, 3)."""
-        vectors = self._node_vectors[self.pad]
+        vectors = self.pad_vectors
         return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
     @cached_property

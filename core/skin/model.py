@@ -21,7 +21,7 @@ from .fingertip import LEVELS, fingertip_mesh
 from .material import Elastic
 from .mesh import TetraMesh
 from .own_mesh import own_mesh
-from .quality import check_mesh
+from .quality import check_mesh, unsolvable
 from .shape import FingertipShape, shape_from_parameters
 from .store import MESH_ARRAYS, read_model, read_table, write_model, write_table
 from .stress import Probes, StressOperator, receptor_probes
@@ -48,6 +48,7 @@ class SkinModel:
             shape (3 m, 3 m).
         key: what the model depends on besides E and alpha, 64 hexadecimal digits.
         cache: where larger tables go, or None.
+        shape: the fingertip that was meshed, whose skin is smooth; None for any other mesh.
     """
 
     mesh: TetraMesh
@@ -56,6 +57,7 @@ class SkinModel:
     unit_compliance: Array
     key: str
     cache: Cache | None = None
+    shape: FingertipShape | None = None
 
     def __repr__(self) -> str:
         size = f"{len(self.mesh.nodes)} nodes, {self.pad_count} on the pad"
@@ -166,7 +168,7 @@ class SkinModel:
             table = None if path is None else read_table(path, (3 * self.pad_count, 3 * len(self.mesh.free)))
             if table is not None:
                 return table
-        full = _condensed(self.mesh, self.material, self.element, response=True).response
+        full = condensed_pad(self.mesh, self.material, self.element, response=True).response
         assert full is not None
         if self.cache is not None:
             self.cache.put(key, lambda part: write_table(part, full))
@@ -255,7 +257,8 @@ def fingertip_skin(
     if level not in LEVELS:
         raise DermisError("unknown accuracy", where="skin", value=level, limit=", ".join(LEVELS))
     what = json.dumps({"shape": asdict(shape), "level": asdict(LEVELS[level])}, sort_keys=True)
-    return _cached(what, "fingertip", lambda: fingertip_mesh(shape, level), material, element, cache)
+    made = _cached(what, "fingertip", lambda: fingertip_mesh(shape, level), material, element, cache)
+    return replace(made, shape=shape)
 
 
 def mesh_skin(
@@ -278,6 +281,21 @@ def skin_from_parameters(
     Raises:
         DermisError: an unknown parameter, values out of range, or a mesh that cannot be used (see `own_mesh`).
     """
+    shape, material = shape_and_material(parameters, where)
+    if shape is None:
+        try:
+            return mesh_skin(own_mesh(parameters, where), material, cache=cache)
+        except DermisError as error:
+            raise error if where in error.where else error.changed(where=f"{where}, {error.where}") from error
+    return fingertip_skin(shape, material, level=level, cache=cache)
+
+
+def shape_and_material(parameters: Mapping[str, Any], where: str = "skin") -> tuple[FingertipShape | None, Elastic]:
+    """Return the fingertip that a skin's parameters describe, None where they name a mesh, and its tissue.
+
+    Raises:
+        DermisError: an unknown parameter, or values out of range.
+    """
     if not isinstance(parameters, Mapping):
         raise DermisError("the skin's parameters are no object", where=where, value=type(parameters).__name__)
     own = "mesh" in parameters
@@ -288,9 +306,8 @@ def skin_from_parameters(
         known[name].check(value, where)
     material = Elastic(**{n: float(v) for n, v in parameters.items() if n in TISSUE})
     if own:
-        return mesh_skin(own_mesh(parameters, where), material, cache=cache)
-    shape = shape_from_parameters({n: v for n, v in parameters.items() if n in LENGTHS}, where=where)
-    return fingertip_skin(shape, material, level=level, cache=cache)
+        return None, material
+    return shape_from_parameters({n: v for n, v in parameters.items() if n in LENGTHS}, where=where), material
 
 
 def _cached(
@@ -304,13 +321,17 @@ def _cached(
             mesh = TetraMesh(**{n: arrays[n] for n in MESH_ARRAYS}, name=name)
             return SkinModel(mesh, material, element, arrays["compliance"], key, cache)
     mesh = build()
-    compliance = _condensed(mesh, material, element).compliance
+    compliance = condensed_pad(mesh, material, element).compliance
     if cache is not None:
         cache.put(key, lambda part: write_model(part, mesh, compliance))
     return SkinModel(mesh, material, element, compliance, key, cache)
 
 
-def _condensed(mesh: TetraMesh, material: Elastic, element: Element, *, response: bool = False) -> Condensed:
+def condensed_pad(mesh: TetraMesh, material: Elastic, element: Element, *, response: bool = False) -> Condensed:
+    """Return what forces on the pad of a mesh do at E = 1, and with `response` what they do to all free nodes."""
     free = degrees(mesh.free)
     matrix = stiffness(mesh, material.unit, element)[free][:, free]
-    return condense(matrix, np.searchsorted(mesh.free, mesh.pad), response=response)
+    try:
+        return condense(matrix, np.searchsorted(mesh.free, mesh.pad), response=response)
+    except DermisError as error:  # the mesh is held, or `check_mesh` had refused it: numbers are too far apart
+        raise unsolvable(mesh, material.poisson) from error

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..errors import DermisError
+from .held import check_held
 from .mesh import FACES, TetraMesh, tetra_volumes
 
 MIN_RELATIVE_VOLUME = 1e-6  # of the cube of an element's longest edge; flatter ones ruin the stiffness matrix
@@ -18,7 +19,8 @@ def check_mesh(mesh: TetraMesh) -> None:
 
     Raises:
         DermisError: not finite, an index outside, an inverted or flat element, a node that no element uses, faces
-            shared by three elements, a part without fixed nodes, pad nodes that are fixed or inside, no pad.
+            shared by three elements, a part that bone does not hold (see `check_held`), pad nodes that are fixed,
+            inside or without a side, no pad.
     """
     where = f"skin mesh '{mesh.name}'"
     nodes, tetrahedra = mesh.nodes, mesh.tetrahedra
@@ -59,6 +61,23 @@ def check_mesh(mesh: TetraMesh) -> None:
         )
     _check_hanging(nodes, faces[count == 1], where)
     _check_sets(mesh, where)
+
+
+def unsolvable(mesh: TetraMesh, poisson: float) -> DermisError:
+    """Return the refusal of a mesh whose equations cannot be solved, in the words of its elements."""
+    corners = mesh.nodes[mesh.tetrahedra]
+    longest = np.max([np.linalg.norm(corners[:, j] - corners[:, i], axis=1) for i, j in _PAIRS], axis=0)
+    shapes = 6.0 * np.sqrt(2.0) * mesh.volumes / longest**3
+    worst = int(shapes.argmin())
+    x, y, z = 1e3 * corners[worst].mean(axis=0)
+    return DermisError(
+        "the tissue cannot be solved: its elements are too uneven for double precision",
+        where=f"skin mesh '{mesh.name}'",
+        value=f"element {worst} at ({x:.2f}, {y:.2f}, {z:.2f}) mm has {shapes[worst]:.1g} of a regular one's volume, "
+        f"sizes differ by a factor of {longest.max() / longest.min():.3g}, Poisson's ratio is {poisson:g}",
+        limit="no slivers, like sizes, Poisson's ratio up to 0.499",
+        remedy="Mesh the volume again with elements of like size and shape",
+    )
 
 
 def _check_elements(nodes: Array, tetrahedra: NDArray[np.integer], where: str) -> None:
@@ -117,9 +136,6 @@ def _check_hanging(nodes: Array, border: NDArray[np.integer], where: str) -> Non
 
 
 def _check_sets(mesh: TetraMesh, where: str) -> None:
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     if len(mesh.fixed) < 3:
         raise DermisError(
             "too few fixed nodes: the tissue would float",
@@ -139,18 +155,13 @@ def _check_sets(mesh: TetraMesh, where: str) -> None:
     missing = np.setdiff1d(mesh.pad, mesh.surface)
     if len(missing):
         raise DermisError("a pad node is not on the surface", where=where, value=int(missing[0]))
-    first, others = np.repeat(mesh.tetrahedra[:, 0], 3), mesh.tetrahedra[:, 1:].ravel()
-    joined = coo_array((np.ones(len(first), bool), (first, others)), shape=(len(mesh.nodes),) * 2)
-    parts, part_of = connected_components(joined, directed=False)
-    held = np.bincount(part_of[mesh.fixed], minlength=parts)
-    if (held < 3).any():
+    skin = np.linalg.norm(mesh.pad_vectors, axis=1)
+    lost = mesh.pad[skin <= 1e-9 * skin.max()]
+    if len(lost):
         raise DermisError(
-            "a part of the mesh is not held",
+            "the skin at a pad node faces both ways: what touches it could push nowhere",
             where=where,
-            value=f"{np.count_nonzero(held < 3)} of {len(held)} parts",
-            limit="three fixed nodes in each part",
+            value=f"node {int(lost[0])}, {len(lost)} in all",
+            remedy="Take it out of 'pad', or give the mesh a thickness there",
         )
-    corners = mesh.nodes[mesh.fixed]
-    spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
-    if spread[1] < 1e-9 * max(spread[0], 1e-300):
-        raise DermisError("the fixed nodes lie on one line: the tissue could turn about it", where=where)
+    check_held(mesh, where)

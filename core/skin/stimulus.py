@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Array
+from .point_forces import PointForces
 from .stress import COMPONENTS, nodal_average, von_mises
 
 if TYPE_CHECKING:
@@ -28,10 +29,12 @@ class Stimulus:
     Attributes:
         skin: the model.
         force: on the skin at each pad node [N], shape (m, 3).
+        points: the same forces where they act, on points of the smooth skin; None where they act on nodes.
     """
 
     skin: SkinModel
     force: Array
+    points: PointForces | None = None
 
     def __repr__(self) -> str:
         return f"Stimulus(force ({', '.join(f'{f:.3g}' for f in self.resultant)}) N)"
@@ -53,12 +56,21 @@ class Stimulus:
 
     @cached_property
     def stress(self) -> Array:
-        """Stress of each element [Pa], xx, yy, zz, yz, xz, xy, shape (e, 6)."""
+        """Stress of each element [Pa], xx, yy, zz, yz, xz, xy, shape (e, 6).
+
+        It is that of forces on nodes, smeared over an element: near the skin read `probe_stress`.
+        """
         return self.skin.operator.stress(self.displacement)
 
     @cached_property
     def probe_stress(self) -> Array:
-        """Stress at `skin.probes`, at receptor depth under the pad nodes [Pa], shape (k, 6)."""
+        """Stress at `skin.probes`, at receptor depth under the pad nodes [Pa], shape (k, 6).
+
+        Of forces on points it is that of the smooth skin, as deep under it.
+        """
+        if self.points is not None:
+            probes = self.skin.probes
+            return self.points.stress_below(self.skin.positions[probes.pad], probes.depth)
         return self.skin.probes.read(self.skin.mesh, self.stress)
 
     @cached_property

@@ -116,20 +116,25 @@ class StressOperator:
         return self.volumetric_matrix @ u
 
     @cached_property
-    def weighted_matrix(self) -> csr_array:
-        """From displacement (3 n) to stress (6 e) scaled so that its 2-norm is the volume-weighted L2 norm, sparse.
+    def matrix(self) -> csr_array:
+        """From displacement (3 n) to stress (6 e), sparse.
 
         Only its products with few columns are ever needed; the full operator on forces is never formed.
         """
         from scipy.sparse import csr_array as csr
-        from scipy.sparse import diags_array
 
         first, shear = self.material.lame
         count = len(self.mesh.tetrahedra)
         rows = (6 * np.arange(count)[:, None] + np.arange(3)).ravel()
         spread = csr((np.ones(3 * count), (rows, np.repeat(np.arange(count), 3))), (6 * count, count))
-        full = 2.0 * shear * self.strain_matrix + first * (spread @ self.volumetric_matrix)
-        return (diags_array(self.weights.ravel()) @ full).tocsr()
+        return (2.0 * shear * self.strain_matrix + first * (spread @ self.volumetric_matrix)).tocsr()
+
+    @cached_property
+    def weighted_matrix(self) -> csr_array:
+        """`matrix`, scaled so that the 2-norm of what it gives is the volume-weighted L2 norm of the stress."""
+        from scipy.sparse import diags_array
+
+        return (diags_array(self.weights.ravel()) @ self.matrix).tocsr()
 
     @cached_property
     def weights(self) -> Array:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Array
-from ..scene.tactile_scene import Mesh
+from ..scene.tactile_scene import ABSENT, Mesh
 
 # A mesh whose faces' area vectors add up to less than this fraction of its area encloses a volume.
 CLOSED = 1e-6
@@ -26,3 +29,21 @@ def centre_of(mesh: Mesh) -> Array:
     if abs(total) <= CLOSED * np.abs(volume).sum():
         return mean
     return mean + (volume[:, None] * (a + b + c)).sum(axis=0) / (4.0 * total)
+
+
+def centres_of(meshes: Sequence[Mesh]) -> Array:
+    """Return the centres of the meshes of consecutive samples [m], shape (n, 3); NaN where the object is not there."""
+    nowhere = np.full(3, np.nan)
+    return np.array([nowhere if np.array_equal(m.vertices, ABSENT.vertices) else centre_of(m) for m in meshes])
+
+
+def held_centres(centres: Array) -> Array:
+    """Return centres, shape (n, 3), with the last one kept while the object is not there, at first the first one.
+
+    What is not there must not move: it would come back with the speed and acceleration of the way.
+    """
+    there: NDArray[np.bool_] = np.isfinite(centres[:, 0])
+    if there.all() or not there.any():
+        return np.nan_to_num(centres)
+    last = np.maximum.accumulate(np.where(there, np.arange(len(there)), np.argmax(there)))
+    return np.asarray(centres[last])

@@ -24,11 +24,11 @@ from ..arrays import Array, Indices
 from ..errors import DermisError, Finding
 from ..scene.tactile_scene import Mesh
 from . import shapes
-from .cells import CellLists
 from .gap_query import GapQuery
-from .nearest import CentroidTree, Nearest, nearest
+from .nearest import Nearest, nearest
 from .normals import SurfaceNormals
 from .topology import BOUNDARY, IRREGULAR, REGULAR, Topology, topology_of
+from .tree import TriangleTree
 from .triangles import TriangleTable
 from .winding import winding
 
@@ -38,6 +38,11 @@ __all__ = ["GapQuery", "Surface"]
 ON_FEATURE = 1e-9
 # A point is straight above a rim if it is off by less than this fraction of its distance.
 STRAIGHT = 1e-6
+# Nearer than this to a surface the way to its closest point has no direction to speak of [m].
+ON_SURFACE = 1e-9
+# Towards the faces, edges and corners of a cube, and not their opposites; unit length, shape (13, 3).
+DIRECTIONS = np.array(list(np.ndindex(3, 3, 3)), dtype=np.float64)[14:] - 1.0
+DIRECTIONS /= np.sqrt((DIRECTIONS * DIRECTIONS).sum(axis=1))[:, None]
 
 
 class Surface:
@@ -57,8 +62,6 @@ class Surface:
         self.triangles = triangles
         self.topology = topology
         self.table = TriangleTable.build(vertices, triangles)
-        self._queries = 0
-        self._cells: CellLists | None = None
 
     @classmethod
     def build(cls, vertices: NDArray[np.floating], triangles: NDArray[np.integer]) -> Surface:
@@ -216,16 +219,15 @@ class Surface:
             raise DermisError("points must have the shape (n, 3)", value=points.shape)
         if not np.isfinite(points).all():
             raise DermisError("points to measure from are not finite numbers")
-        return self._within(search_radius, self._signed(points, self._nearest(points, search_radius)))
+        return self._signed(points, self._search(points, search_radius))
 
     def side_of(self, point: Array) -> int:
         """Return +1 where a point [m], shape (3,), is in front of the closest faces, -1 where it is behind.
 
         For open surfaces this decides from which side a finger touches: ask for its bone.
         """
-        found = nearest(self.table, np.atleast_2d(point), np.array([np.inf]), self._tree_if_large(1))
-        t = int(found.triangle[0])
-        if t < 0:
+        found = nearest(self.table, self._tree, np.atleast_2d(point), np.inf)
+        if found.which.size == 0:
             return 1
         _, _, normal = self._features(found.triangle, found.u, found.w)
         offset = np.asarray(point) - self.table.point(found.triangle, found.u, found.w)[0]
@@ -245,47 +247,39 @@ class Surface:
 
     # -- distance ------------------------------------------------------------------------------------------------
 
-    def _tree_if_large(self, n: int) -> CentroidTree | None:
-        return self._tree if n * self.triangles.shape[0] > 20_000_000 else None
+    @cached_property
+    def _tree(self) -> TriangleTree | None:
+        return TriangleTree(self.table, self.topology) if self.table.usable.any() else None
 
     @cached_property
-    def _tree(self) -> CentroidTree:
-        return CentroidTree(self.table)
-
-    def _nearest(self, points: Array, search_radius: float) -> Nearest:
-        """Search afresh the first time; keep cells from the second on, when the surface has proved to be rigid."""
-        self._queries += 1
-        if self._queries == 1 or points.shape[0] == 0:
-            return self._search(points, search_radius)
-        if self._cells is None or self._cells.search_radius != search_radius:
-            if self._cells is not None and self._queries < 8:
-                return self._search(points, search_radius)
-            self._cells = CellLists(self.table, self._search, search_radius)
-            self._queries = 2
-        return self._cells.nearest(points)
+    def _slabs(self) -> tuple[Array, Array]:
+        """How far the surface extends along the `DIRECTIONS`, down and up [m], shape (13, 1) each."""
+        along = DIRECTIONS @ self.vertices.T
+        return along.min(axis=1, keepdims=True), along.max(axis=1, keepdims=True)
 
     def _search(self, points: Array, search_radius: float) -> Nearest:
-        n = points.shape[0]
-        found = nearest(self.table, points, np.full(n, search_radius), self._tree_if_large(n))
-        if self.closed and np.isfinite(search_radius):
-            low, high = self.box
-            lost = np.flatnonzero((found.triangle < 0) & ((points >= low) & (points <= high)).all(axis=1))
-            if lost.size:
-                deep = nearest(self.table, points[lost], np.full(lost.size, np.inf), self._tree_if_large(lost.size))
-                inside = self._signed(points[lost], deep).gap < 0.0
-                for target, source in zip(found, deep, strict=True):
-                    target[lost[inside]] = source[inside]
-        return found
-
-    def _within(self, search_radius: float, answer: GapQuery) -> GapQuery:
-        """Forget points beyond reach that the cells knew all the same."""
-        gap = answer.gap
-        beyond = (gap if self.closed else np.abs(gap)) > search_radius
-        beyond &= answer.triangle >= 0
-        if beyond.any():
-            gap[beyond], answer.normal[beyond], answer.point[beyond] = np.inf, 0.0, np.nan
-            answer.triangle[beyond], answer.weights[beyond], answer.beside[beyond] = -1, 0.0, False
-        return answer
+        if not np.isfinite(search_radius):
+            return nearest(self.table, self._tree, points, search_radius)
+        along = DIRECTIONS @ points.T
+        low, high = self._slabs
+        outside = np.maximum((along - high).max(axis=0), (low - along).max(axis=0))
+        close = (outside <= search_radius).nonzero()[0]
+        found = nearest(self.table, self._tree, points.take(close, axis=0), search_radius)
+        found = found._replace(which=close.take(found.which))
+        if not self.closed or found.which.size == close.size:
+            return found
+        # where the way out of the slabs is shorter than the one to the surface, it leads outside
+        lost = outside <= -search_radius
+        lost[found.which] = False
+        if not lost.any():
+            return found
+        lost = lost.nonzero()[0]
+        deep = nearest(self.table, self._tree, points[lost], np.inf)
+        inside = (self._signed(points[lost], deep).gap < 0.0).nonzero()[0]
+        which = np.concatenate([found.which, lost[inside]])
+        order = which.argsort()
+        rest = (np.concatenate([a, b[inside]])[order] for a, b in zip(found[1:], deep[1:], strict=True))
+        return Nearest(which[order], *rest)
 
     # -- sign and normal -----------------------------------------------------------------------------------------
 
@@ -326,22 +320,21 @@ class Surface:
         return kind, weights, normal
 
     def _signed(self, points: Array, found: Nearest) -> GapQuery:
-        near = (found.triangle >= 0).nonzero()[0]
-        if near.size == found.triangle.size:
+        n, near = len(points), found.which
+        if near.size == n:
             return GapQuery(*self._sides(points, found.triangle, found.u, found.w))
-        n = points.shape[0]
         answer = GapQuery(
             np.full(n, np.inf),
             np.zeros((n, 3)),
             np.full((n, 3), np.nan),
-            found.triangle,
+            np.full(n, -1),
             np.zeros((n, 3)),
             np.zeros(n, dtype=bool),
         )
         if near.size:
-            sides = self._sides(points[near], found.triangle[near], found.u[near], found.w[near])
-            answer.gap[near], answer.normal[near], answer.point[near] = sides[:3]
-            answer.weights[near], answer.beside[near] = sides[4:]
+            sides = self._sides(points.take(near, axis=0), found.triangle, found.u, found.w)
+            for name, values in zip(("gap", "normal", "point", "triangle", "weights", "beside"), sides, strict=True):
+                getattr(answer, name)[near] = values
         return answer
 
     def _sides(
@@ -383,8 +376,8 @@ class Surface:
         return rim
 
     def _directions(self, offset: Array, distance: Array, sign: Array, pseudo: Array, triangle: Indices) -> Array:
-        """Gradient of the gap; on the surface itself, where it is not defined, the pseudonormal."""
-        tiny = distance <= 1e-12
+        """Gradient of the gap; so near the surface that rounding would turn it, the pseudonormal."""
+        tiny = distance <= ON_SURFACE
         if not tiny.any():
             return offset * (sign / distance)[:, None]
         normal = offset * (sign / np.where(tiny, 1.0, distance))[:, None]

@@ -1,186 +1,85 @@
 """Which triangle is closest to each point: an exact search without any state.
 
-Every candidate list is complete: a triangle is left out only where a lower bound of its distance exceeds an
-upper bound of the closest one, so the answer is the same as trying all of them.
+A triangle is left out only where a lower bound of its distance exceeds an upper bound of the closest one, so the
+answer is the same as trying all of them.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Array, Indices
+from .tree import TriangleTree
 from .triangles import TriangleTable
 
-# Bounds are compared with this relative slack, far above rounding and far below any distance that matters.
-SLACK = 1e-9
-# Of squared bounds [m^2]: those of a triangle that a point lies on are rounding, and must not rule it out.
-ON_IT = 1e-24
 # Triangles within this relative squared distance of the best are equally close; the lowest index wins.
 TIE = 1e-12
-DENSE_PAIRS = 1_500_000
-PAIRS_AT_ONCE = 2_000_000
+PAIRS_AT_ONCE = 1_500_000
 
 
 class Nearest(NamedTuple):
-    """The closest triangle of each point (-1: none within the limit), squared distance, weights of b and c."""
+    """The closest triangles of points.
 
+    Attributes:
+        which: the points that have one within the limit, rising, shape (k,).
+        triangle: the closest of each, shape (k,). u, w: weights of its second and third corner, shape (k,) each.
+    """
+
+    which: Indices
     triangle: Indices
-    square: Array
     u: Array
     w: Array
 
 
-def nearest(table: TriangleTable, points: Array, limit: Array, tree: CentroidTree | None = None) -> Nearest:
-    """Return the closest triangle to each point within its limit.
+def nearest(table: TriangleTable, tree: TriangleTree | None, points: Array, limit: float) -> Nearest:
+    """Return the closest triangle to each point.
 
     Args:
+        tree: of the triangles; None where none of them is usable.
         points: [m], shape (n, 3).
-        limit: largest distance of interest of each point [m], may be inf, shape (n,).
-        tree: a search tree over the centroids, made here where the problem is large and none is given.
+        limit: largest distance of interest [m], may be inf.
     """
-    n, x = points.shape[0], np.ascontiguousarray(points.T)
-    found = Nearest(np.full(n, -1), np.full(n, np.inf), np.zeros(n), np.zeros(n))
-    if n == 0:
-        return found
-    kept = _within_box(table, points, limit)
-    if kept.size == 0:
-        return found
-    if n * kept.size <= DENSE_PAIRS or (tree is None and kept.size < 64):
-        step = max(1, DENSE_PAIRS // kept.size)
-        for start in range(0, n, step):
-            part = slice(start, min(start + step, n))
-            owner, triangle = _dense_candidates(table, points[part], limit[part], kept)
-            choose(table, x, owner + start, triangle, limit, found)
-        return found
-    tree = tree or CentroidTree(table)
-    pending: list[tuple[Indices, Indices]] = []
-    total = 0
-    for owner, triangle in tree.candidates(points, limit):
-        pending.append((owner, triangle))
-        total += owner.size
-        if total > PAIRS_AT_ONCE:
-            _choose_all(table, x, pending, limit, found)
-            pending, total = [], 0
-    _choose_all(table, x, pending, limit, found)
-    return found
+    n = len(points)
+    if tree is None or n == 0:
+        return Nearest(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0))
+    pairs = tree.candidates(points, limit, PAIRS_AT_ONCE if n > 1 else np.iinfo(np.int64).max)
+    if pairs is not None:
+        return _closest(table, np.ascontiguousarray(points.T), *pairs, limit)
+    # too many of them are equally near, as about the middle of a ball
+    one, other = (nearest(table, tree, half, limit) for half in (points[: n // 2], points[n // 2 :]))
+    joined = [np.concatenate(columns) for columns in zip(one, other, strict=True)]
+    joined[0][one.which.size :] += n // 2
+    return Nearest(*joined)
 
 
-def choose(table: TriangleTable, x: Array, owner: Indices, triangle: Indices, limit: Array, found: Nearest) -> None:
-    """Measure candidate pairs exactly and write the closest of each point into `found`.
+def _closest(table: TriangleTable, x: Array, owner: Indices, triangle: Indices, limit: float) -> Nearest:
+    """Measure candidate pairs exactly and return the closest of each point.
 
     Args:
-        owner: the point of each pair, non-decreasing; triangle: its candidate, increasing for each point.
+        owner: the point of each pair, non-decreasing. triangle: its candidate.
     """
     if owner.size == 0:
-        return
-    position = x.take(owner, axis=1)
-    if owner.size > 2 * found.triangle.size:
-        bound = table.disc_bound(position, triangle)
-        first = np.flatnonzero(np.diff(owner, prepend=-1))
-        of = owner[first]
-        lowest = _first_at(bound, np.minimum.reduceat(bound, first), owner, first)
-        upper = np.full(found.triangle.size, np.inf)
-        upper[of] = table.closest(position[:, lowest], triangle[lowest])[0]
-        np.minimum(upper, limit * limit, out=upper)
-        keep = np.flatnonzero(bound <= upper[owner] * (1.0 + SLACK) + ON_IT)
-        if keep.size == 0:
-            return
-        owner, triangle, position = owner[keep], triangle[keep], position[:, keep]
-    square, u, w = table.closest(position, triangle)
-    first = np.flatnonzero(np.diff(owner, prepend=-1))
-    best = _first_at(square, np.minimum.reduceat(square, first) * (1.0 + TIE), owner, first)
-    of = owner[best]
-    better = (square[best] < found.square[of]) & (square[best] <= (limit[of] ** 2) * (1.0 + SLACK))
-    best, of = best[better], of[better]
-    found.triangle[of], found.square[of] = triangle[best], square[best]
-    found.u[of], found.w[of] = u[best], w[best]
+        return Nearest(owner, triangle, np.zeros(0), np.zeros(0))
+    square, u, w = table.closest(x.take(owner, axis=1), triangle)
+    begins = _begins(owner)
+    least = np.minimum.reduceat(square, begins.nonzero()[0])
+    least[least > limit * limit] = -1.0
+    least *= 1.0 + TIE
+    best = (square <= least.take(begins.cumsum() - 1)).nonzero()[0]
+    which = owner.take(best)
+    begins = _begins(which)
+    if not begins.all():
+        best = best[np.lexsort((triangle.take(best), which))][begins]
+        which = owner.take(best)
+    return Nearest(which, triangle.take(best), u.take(best), w.take(best))
 
 
-def _first_at(value: Array, threshold: Array, owner: Indices, first: Indices) -> Indices:
-    """Index of the first pair of each owner whose value is at or below the owner's threshold."""
-    counts = np.diff(first, append=owner.size)
-    hits = np.flatnonzero(value <= np.repeat(threshold, counts))
-    of = owner[hits]
-    return hits[np.flatnonzero(np.diff(of, prepend=-1))]
-
-
-def _choose_all(table: TriangleTable, x: Array, pending: Any, limit: Array, found: Nearest) -> None:
-    if not pending:
-        return
-    owner = np.concatenate([p[0] for p in pending])
-    triangle = np.concatenate([p[1] for p in pending])
-    order = np.lexsort((triangle, owner))
-    choose(table, x, owner[order], triangle[order], limit, found)
-
-
-def _within_box(table: TriangleTable, points: Array, limit: Array) -> Indices:
-    """Usable triangles whose bounding sphere comes within the limits of the points' bounding box."""
-    usable = table.usable
-    search_radius = float(limit.max())
-    if np.isfinite(search_radius):
-        centre, radius = table.bounds[0:3], table.bounds[6] + search_radius * (1.0 + SLACK)
-        for axis in range(3):
-            low, high = points[:, axis].min(), points[:, axis].max()
-            usable = usable & (centre[axis] >= low - radius) & (centre[axis] <= high + radius)
-    return np.flatnonzero(usable)
-
-
-def _dense_candidates(table: TriangleTable, points: Array, limit: Array, kept: Indices) -> tuple[Indices, Indices]:
-    """All pairs by bounding spheres, by one matrix product."""
-    origin = points.mean(axis=0)
-    p = points - origin
-    c = table.bounds[0:3, kept].T - origin
-    pp, cc = (p * p).sum(axis=1), (c * c).sum(axis=1)
-    distance = p @ c.T
-    distance *= -2.0
-    distance += pp[:, None]
-    distance += cc
-    np.maximum(distance, 0.0, out=distance)
-    np.sqrt(distance, out=distance)
-    # the product cancels: sqrt(eps) of the largest length is its worst error
-    slack = 4e-8 * np.sqrt(pp + cc.max())
-    upper = np.minimum(distance.min(axis=1), limit) + 2.0 * slack
-    distance -= table.bounds[6, kept]
-    owner, column = np.nonzero(distance <= upper[:, None])
-    return owner, kept[column]
-
-
-class CentroidTree:
-    """Search trees over triangle centroids, one for each octave of triangle size, so that a few large
-    triangles do not widen the search among many small ones."""
-
-    def __init__(self, table: TriangleTable) -> None:
-        from scipy.spatial import cKDTree
-
-        self._table = table
-        usable = np.flatnonzero(table.usable)
-        radius = table.bounds[6, usable]
-        octave = np.ceil(np.log2(np.maximum(radius, radius.max() * 1e-6))).astype(int)
-        self._classes = []
-        for value in np.unique(octave):
-            members = usable[octave == value]
-            centres = np.ascontiguousarray(table.bounds[0:3, members].T)
-            largest = float(table.bounds[6, members].max())
-            self._classes.append((members, cKDTree(centres, balanced_tree=False), largest))
-
-    def candidates(self, points: Array, limit: Array) -> Any:
-        """Yield (owner, triangle) arrays that hold every possible closest triangle within the limits."""
-        x = np.ascontiguousarray(points.T)
-        upper = limit.copy()
-        for members, tree, _ in self._classes:
-            distance, index = tree.query(points)
-            near = np.flatnonzero(distance * 0.0 == 0.0)
-            exact = np.sqrt(self._table.closest(x[:, near], members[index[near]])[0])
-            upper[near] = np.minimum(upper[near], exact)
-        upper = upper * (1.0 + SLACK)
-        step = 4096
-        for start in range(0, points.shape[0], step):
-            part = slice(start, start + step)
-            for members, tree, radius in self._classes:
-                lists = tree.query_ball_point(points[part], upper[part] + radius * (1.0 + SLACK), return_sorted=True)
-                counts = np.fromiter(map(len, lists), dtype=np.int64, count=len(lists))
-                if counts.any():
-                    flat = np.concatenate([np.asarray(item, dtype=np.int64) for item in lists if item])
-                    yield np.repeat(np.arange(start, start + counts.size), counts), members[flat]
+def _begins(owner: Indices) -> NDArray[np.bool_]:
+    """Return whether each is the first of a run of equal values."""
+    new = np.empty(owner.size, dtype=bool)
+    new[:1] = True
+    np.not_equal(owner[1:], owner[:-1], out=new[1:])
+    return new

@@ -92,22 +92,6 @@ class TriangleTable:
         square += v[2]
         return square, u, w
 
-    def disc_bound(self, x: Array, triangle: Indices) -> Array:
-        """Return a lower bound of the squared distance: that to the disc about each triangle, in its plane."""
-        cx, cy, cz, nx, ny, nz, radius = self.bounds.take(triangle, axis=1)
-        cx, cy, cz = x[0] - cx, x[1] - cy, x[2] - cz
-        height = cx * nx + cy * ny + cz * nz
-        height *= height
-        across = cx * cx + cy * cy + cz * cz
-        across -= height
-        np.maximum(across, 0.0, out=across)
-        np.sqrt(across, out=across)
-        across -= radius
-        np.maximum(across, 0.0, out=across)
-        across *= across
-        across += height
-        return across
-
     def point(self, triangle: Indices, u: Array, w: Array) -> Array:
         """Return the points with the given weights [m], shape (n, 3)."""
         rows = self.rows[:9].take(triangle, axis=1)

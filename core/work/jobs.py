@@ -19,7 +19,12 @@ Report = Callable[[int, int], None]  # how far a job is: done, total
 Table = Mapping[str, str]
 
 # name -> module:function, which is called with (arrays, parameters, report) and returns arrays
-JOBS: Table = {"skin": ".skin.job:make", "collect": ".design.collect:work", "adapt": ".matching.adapt:adapt_job"}
+JOBS: Table = {
+    "skin": ".skin.job:make",
+    "pad": ".skin.job:make_surface",
+    "collect": ".design.collect:work",
+    "adapt": ".matching.adapt:adapt_job",
+}
 _CORE = __package__.rpartition(".")[0]
 
 

@@ -10,7 +10,6 @@ sideways by itself.
 from __future__ import annotations
 
 import functools
-import itertools
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
@@ -104,15 +103,14 @@ def _worst(name: str, figure: Callable[[Judged], tuple[float, float]], kinds: tu
 @functools.cache
 def _judged() -> list[Judged]:
     """Return every case that has a reference, and print a line each."""
-    from .references.cases import FAMILIES, PROBE_DEPTHS, case_name
+    from .references.cases import FAMILIES, PROBE_DEPTHS
     from .references.results import difference, load
 
     known = load()["cases"]
     out = []
     with one_blas_thread():
         for family in FAMILIES.values():
-            for (name, shape), depth in itertools.product(family.shapes, family.depths):
-                title = case_name(name, depth)
+            for shape, depth, title in family.cases():
                 if "error" not in known.get(title, {}):
                     continue
                 exact = known[title]

@@ -42,9 +42,10 @@ def cube(name: str = "Cube", size: float = 1.0, location: Sequence[float] = (0.0
 
 
 def finger(name: str = "Finger", location: Sequence[float] = (0.0, 0.0, 5.0)) -> bpy.types.Object:
-    """Add a finger without a device."""
+    """Add a finger without a device, whose contact is solved at nodes whatever the default is."""
     obj = empty(name, location)
     obj.dermis.role = "FINGER"
+    obj.dermis.finger.skin.contact = "nodes"
     return obj
 
 

@@ -64,6 +64,8 @@ def test_every_setting_of_a_material_can_be_reached() -> None:
         "friction",
         "surface_stiffness_mpa_m",
         "held_mode",
+        "mass",
+        "kink_time",
         "content_kind",
         "content_amplitude",
         "content_length_mm",

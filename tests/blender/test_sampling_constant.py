@@ -19,7 +19,7 @@ DEVICE = "finger.devices[0]."
 CONSTANT = {
     object_properties.DermisDevice: ("auto_range", "direction_window"),
     object_properties.DermisFinger: ("pattern_repeat",),
-    object_properties.DermisMaterial: ("mass", "content_length_mm", "content_size_mm", "content_damping"),
+    object_properties.DermisMaterial: ("content_length_mm", "content_size_mm", "content_damping", "kink_time"),
     object_properties.DermisScreen: ("height_mm", "invert"),
 }
 KEYED = {
@@ -57,6 +57,7 @@ KEYED = {
         "weight_acceleration",
         "weight_gravity",
         "content_on",
+        "mass",
         "content_amplitude",
         "held",
     },
@@ -89,8 +90,9 @@ def test_keys_that_an_older_file_has_for_a_constant_are_told_and_do_nothing() ->
     thing, pane, tip = cube(), screen(), finger()
     tip.dermis.finger.devices.add().preset = "haptip"
     compat.set_keys(thing, "dermis.material.content_length_mm", 0, [1, 25], [30.0, 200.0])
-    compat.set_keys(thing, "dermis.material.mass", 0, [1, 25], [1.0, 2.0])
+    compat.set_keys(thing, "dermis.material.kink_time", 0, [1, 25], [0.1, 0.2])
     compat.set_keys(thing, "dermis.material.friction", 0, [1, 25], [0.0, 1.0])
+    compat.set_keys(thing, "dermis.material.mass", 0, [1, 25], [0.0, 0.4])
     compat.set_keys(pane, "dermis.screen.invert", 0, [1, 25], [0, 1])
     compat.set_keys(tip, f"dermis.{DEVICE}auto_range", 0, [1, 25], [0, 1])
     compat.set_keys(tip, "dermis.finger.devices[7].auto_range", 0, [1, 25], [0, 1])  # of a device that is no more
@@ -98,12 +100,14 @@ def test_keys_that_an_older_file_has_for_a_constant_are_told_and_do_nothing() ->
     told = [(f.severity, f.where, f.value) for f in tactile.findings if f.code == "keyed-constant"]
     assert sorted(told) == [
         ("warning", "object 'Cube'", "Length"),
-        ("warning", "object 'Cube'", "Mass [kg]"),
+        ("warning", "object 'Cube'", "Rounding"),
         ("warning", "object 'Finger'", "Auto Range"),
         ("warning", "object 'Screen'", "Depth Map"),
     ]
     chunks = list(tactile.chunks)
-    assert all(set(c.animated) == {"body/0/friction"} for c in chunks)
+    assert all(set(c.animated) == {"body/0/friction", "body/0/mass"} for c in chunks)
+    assert chunks[0].animated["body/0/mass"][0] == 0.0
+    assert chunks[-1].animated["body/0/mass"][-1] == pytest.approx(0.4)
     assert tactile.bodies[0].parameters["content_length"] == pytest.approx(0.03)
 
 

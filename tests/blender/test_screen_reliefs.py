@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from blender_addon import baking
-from blender_addon.sampling import scene_sweep
+from blender_addon.sampling import height_maps, scene_sweep
 from core.presets import Library
 from core.steps import drain
 from tests.blender import build
@@ -137,6 +137,68 @@ def test_zero_is_a_hole_where_the_artist_says_so(tmp_path):
         heights, _, findings = relief()
         np.testing.assert_allclose(heights, -0.5, rtol=1e-6)
         assert findings["holes-filled"].count == 6
+
+
+def camera(tmp_path, kind=np.uint16, zeros=True):
+    """Write a depth camera's picture in millimetres, 0.9 to 1.1 m away."""
+    x, y = np.meshgrid(np.linspace(0, 1, 40), np.linspace(0, 1, 30))
+    depth = np.rint(900 + 120 * x + 80 * y).astype(kind)
+    if zeros:
+        depth[5:10, 8:20] = 0
+    np.save(tmp_path / "camera.npy", depth[::-1])
+    return depth.astype(np.float64)
+
+
+def test_a_depth_cameras_map_is_opened_with_the_question_what_its_numbers_are(tmp_path):
+    build.span(1, 3)
+    build.finger()
+    obj, depth = build.screen(), camera(tmp_path)
+    bpy.context.view_layer.objects.active = obj
+    path = str(tmp_path / "camera.npy")
+    assert bpy.ops.dermis.open_map(filepath=path, map_unit="mm", invert=True) == {"FINISHED"}
+    settings = obj.dermis.screen
+    assert (settings.source, settings.filepath, settings.map_unit, settings.invert) == ("FILE", path, "mm", True)
+    assert [f.code for f in height_maps.offered(obj)] == ["zeros-like-holes"]
+    heights, unit, findings = relief()
+    np.testing.assert_allclose(heights * unit, -1e-3 * depth, atol=1e-6)
+    assert findings["zeros-like-holes"].count == 60 and "no-unit" not in findings
+    settings.zero_is_hole = True  # what the panel offers
+    assert not height_maps.offered(obj)
+    heights, unit, findings = relief()
+    assert (heights * unit).max() < -0.89 and findings["holes-filled"].count == 60
+
+
+@pytest.mark.parametrize("kind", [np.int32, np.uint16, np.float32])
+def test_a_map_of_measures_asks_for_its_unit(tmp_path, kind):
+    build.span(1, 3)
+    build.finger()
+    build.cube()
+    obj, depth = build.screen(), camera(tmp_path, kind, zeros=False)
+    settings = obj.dermis.screen
+    settings.source, settings.filepath = "FILE", str(tmp_path / "camera.npy")
+    if kind is np.int32:  # as brightness there would be nothing left of it
+        assert not scene_sweep.sample().screens
+    else:
+        assert relief()[2]["no-unit"].severity == "warning"
+    assert [f.code for f in height_maps.offered(obj)] == ["no-unit"]
+    settings.map_unit = "mm"
+    assert not height_maps.offered(obj)
+    heights, unit, findings = relief()
+    np.testing.assert_allclose(heights * unit, 1e-3 * depth, rtol=1e-6)
+    assert "no-unit" not in findings
+
+
+def test_an_image_of_lengths_needs_no_height():
+    build.span(1, 3)
+    build.finger()
+    settings = build.screen().dermis.screen
+    ramp = np.tile(np.linspace(0, 0.003, 16, dtype=np.float32), (8, 1))
+    settings.image = image("Lengths", ramp)
+    assert relief()[2]["no-unit"].value == "0 to 0.003"
+    settings.map_unit, settings.height_mm = "m", 0.0
+    heights, unit, findings = relief()
+    np.testing.assert_allclose(heights * unit, ramp, rtol=1e-6)
+    assert not {"no-unit", "no-height"} & set(findings)
 
 
 def test_a_sequence_begins_at_the_chosen_file_and_tells_of_gaps_and_of_its_end(tmp_path):

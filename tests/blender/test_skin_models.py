@@ -63,3 +63,18 @@ def test_forgetting_ends_the_process() -> None:
         assert time.monotonic() < end
         gc.collect()
         time.sleep(0.02)
+
+
+def test_a_smooth_pad_is_made_where_points_are_asked_for_and_no_preset_has_one() -> None:
+    other = {**SKIN, "width": 15.4e-3}
+    wants = skin_models.wants_pad
+    assert not wants({"skin": SKIN, "contact": "points"}) and not wants({"skin": other, "contact": "nodes"})
+    assert not wants({"skin": {"mesh": "mine.npz"}, "contact": "points"})
+    assert wants({"skin": other, "contact": "points"}) and wants(
+        {"skin": {**SKIN, "poisson": 0.4}, "contact": "points"}
+    )
+    assert not wants({"skin": {**SKIN, "young": 3e4, "alpha": 0.7}, "contact": "points"})
+    assert skin_models.make_pad(other) == 0.0 == skin_models.progress(other, skin_models.PAD)
+    (job,) = skin_models._making.values()
+    skin_models.forget()
+    assert job.cancelled() and skin_models.progress(other, skin_models.PAD) is None

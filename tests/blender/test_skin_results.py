@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from blender_addon import preferences
+from blender_addon.preview import skin_preview
 from blender_addon.properties import skin_properties
 from blender_addon.results import store, stored_skins
 from blender_addon.viewport import shown as views
+from blender_addon.viewport import skin_field
 from core.skin.model import skin_from_parameters
 
 from .build import cube, finger, keys, span
@@ -70,6 +72,44 @@ def test_export_writes_resultants_that_sum_the_nodes(baked: bpy.types.Scene, tmp
     lowest = touch.model.positions[:, 2].min()
     assert float(rows[-1]["depth[m]"]) == pytest.approx(DEPTH - lowest, rel=1e-4)
     assert float(rows[-1]["force_z[N]"]) > 0.0 > float(rows[-1]["force_y[N]"])  # it slides towards its tip
+
+
+def test_forces_on_points_are_stored_beside_those_on_nodes(baked: bpy.types.Scene) -> None:
+    on_nodes = store.current(baked).bake
+    baked.objects["Finger"].dermis.finger.skin.contact = "points"
+    assert store.state(baked) == "stale" and bpy.ops.dermis.bake() == {"FINISHED"}
+    bake = store.current(baked).bake
+    touch, rough = bake.skins["Finger"], on_nodes.skins["Finger"]
+    assert rough.points is None and touch.points is not None and len(touch.points.starts) == len(touch.contact) + 1
+    assert touch.normal_force[-1] == pytest.approx(rough.normal_force[-1], rel=0.15)  # a draft mesh is stiff
+    again = bpy.ops.dermis.bake()
+    assert again == {"FINISHED"} and store.current(baked).bake.skins["Finger"].force.tobytes() == touch.force.tobytes()
+    store.forget()
+    assert bpy.ops.dermis.load_result() == {"FINISHED"}
+    loaded = store.current(baked).bake.skins["Finger"].points
+    for name in stored_skins.POINTS:
+        assert np.array_equal(getattr(loaded, name), getattr(touch.points, name)), name
+    baked.frame_set(6)
+    (state,) = views.skins(baked)
+    shown, nodes = (skin_field.draw_of(one, "von_mises") for one in (state, replace(state, points=None)))
+    assert state.points is not None and not np.array_equal(shown.values, nodes.values)
+    assert np.array_equal(shown.positions, nodes.positions)
+
+
+def test_a_preview_on_points_feels_what_the_bake_feels(baked: bpy.types.Scene) -> None:
+    skin = baked.objects["Finger"].dermis.finger.skin
+    skin.contact = "points"
+    assert bpy.ops.dermis.bake() == {"FINISHED"}
+    touch = store.current(baked).bake.skins["Finger"]
+    store.forget()
+    skin_preview.reset()
+    for frame in range(1, 10):
+        baked.frame_set(frame)
+        (state,) = skin_preview.step(bpy.context)
+    assert state.points is not None and state.normal_force == pytest.approx(touch.normal_force[-1], rel=1e-3)
+    skin.contact = "nodes"
+    (state,) = skin_preview.step(bpy.context)
+    assert state.points is None
 
 
 def test_no_two_skins_share_a_file(baked: bpy.types.Scene, tmp_path: Path) -> None:

@@ -181,7 +181,7 @@ def test_one_blas_thread_does_it(skin: SkinModel, monkeypatch: pytest.MonkeyPatc
 
     step = PathSolver.step
     monkeypatch.setattr(PathSolver, "step", asked)
-    press(skin, Surface.block(), 0.1e-3)
+    press(skin, Surface.block(), 0.1e-3, contact="nodes")
     assert counts and set(counts) == {1}
 
 

@@ -15,7 +15,7 @@ ADDON = ROOT / "blender_addon"
 
 GROUND = set(
     "arrays errors units version foreign files npz number_rows cache interpolate recent following steps "
-    "parameters".split()
+    "parameters shipped".split()
 )
 # Files of devices/ that need no more than a device's description: presets are judged by them.
 MECHANISMS = {kind.mechanism.partition(".")[0] for kind in KINDS.values()} | set(
@@ -35,6 +35,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "errors": set(),
     "version": set(),
     "recent": set(),
+    "shipped": set(),
     "following": {"arrays"},
     "steps": set(),
     "units": {"errors"},
@@ -58,7 +59,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "scene": GROUND,
     "surface": SCENE,
     "skin": SCENE,
-    "contact.solver": GROUND | {"surface"},
+    "contact.solver": GROUND | {"motion", "surface", "skin"},
     "contact": CONTACT,
     # what a device does about it
     "devices": DEVICE | {"surface", "contact.solver"},

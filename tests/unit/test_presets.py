@@ -11,7 +11,8 @@ import pytest
 
 from core.errors import DermisError
 from core.parameters import material
-from core.presets import BUILT_IN, SCHEMAS, Library
+from core.presets import SCHEMAS, Library
+from core.shipped import BUILT_IN
 from core.units import UNITS
 
 MATERIAL = {

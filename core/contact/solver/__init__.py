@@ -9,6 +9,8 @@ candidates       the nodes that may touch, and their inverse
 history          what friction remembers
 notes            findings, each kind once
 path, path_step  frame after frame along a path
+point_path       the same on free points of a smooth pad, with
+point_tree       where they are, point_matrix, their compliance, and point_history, which come in whose place
 grip             what fingers bring to what they hold
 balance          forces that also carry it
 grip_solver      what is held, frame after frame

@@ -33,7 +33,7 @@ class Sweep(NamedTuple):
 
 def iterate(
     inverse: NDArray[np.floating],
-    rho: float,
+    rho: float | Array,
     offset: Array,
     normals: Array,
     friction: Array,
@@ -47,7 +47,7 @@ def iterate(
 
     Args:
         inverse: (C + rho I)^-1 [N/m], float32 or float64, shape (3 k, 3 k).
-        rho: compliance that the steps are weighed with [m/N].
+        rho: compliance that the steps are weighed with [m/N], or that of each row, shape (3 k,).
         offset: b [m], shape (3 k,).
         normals: unit normals, shape (k, 3); friction: coefficients, shape (k,).
         start: where to start from.

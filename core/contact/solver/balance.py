@@ -1,4 +1,9 @@
-"""Balance: the forces of several grips that obey friction and together supply a required force and torque."""
+"""Balance: the forces of several grips that obey friction and together supply a required force and torque.
+
+The object gives way until they do, but in one frame by no more than `REACH`: where friction cannot supply what is
+required, the object is drawn that far past the skin, and the forces are the nearest that friction can carry. Both are
+one problem: minimise the skin's energy plus REACH |G f - h| over forces that Coulomb's law admits, an exact penalty.
+"""
 
 from __future__ import annotations
 
@@ -12,19 +17,24 @@ from .cone import natural_residual, project
 from .grip import Grip
 
 TOLERANCE = 1e-8
+SLIDING_TOLERANCE = 1e-5
 MAX_ITERATIONS = 6000
-RELAXATION = 1.6
-# A displacement beyond these in one frame is no grip any more [m], [rad].
-LOST, TURNED = 0.01, 0.5
+RELAXATION = 1.8
+# An object that holds moves in a frame by no more than this where the skin holds it [m]: what is drawn so far past a
+# pad slips on all of it.
+REACH = 3e-3
 
 
 class Balance(NamedTuple):
-    """Forces that hold.
+    """Forces that hold, or all that friction can do.
 
     Attributes:
         forces: of each grip's near nodes [N], one (k, 3) a grip. scaled: -w / rho there [N], likewise.
         shifts: what the object's displacement adds to b there [m], likewise.
-        move: the object's displacement: translation [m], rotation vector [rad], shape (6,).
+        move: the object's displacement: translation of its middle [m], rotation vector [rad], shape (6,).
+        size: of the displacement where the skin holds the object [m].
+        centre: of the grip, from the object's middle [m], shape (3,).
+        holds: the forces supply what is required.
         residual: of the contact laws. iterations: of the method.
     """
 
@@ -32,14 +42,17 @@ class Balance(NamedTuple):
     scaled: list[Array]
     shifts: list[Array]
     move: Array
+    size: float
+    centre: Array
+    holds: bool
     residual: float
     iterations: int
 
 
 def balance(
     grips: Sequence[Grip], forces: Sequence[Array], scaled: Sequence[Array], required: Array, rho: float
-) -> Balance | None:
-    """Return forces in their cones with G f = h, or None where friction cannot supply it.
+) -> Balance:
+    """Return forces in their cones with G f = h, or as near to it as friction allows.
 
     By the alternating method with the object eliminated. The skin feels f, the object -f, so h on the skin is minus
     what is required on the object.
@@ -55,20 +68,24 @@ def balance(
     mu = np.concatenate([g.friction for g in grips])
     b = np.concatenate([g.offset.reshape(-1) for g in grips])
     wrench = np.concatenate([g.wrench for g in grips], axis=1)
-    # torques are measured in the lever of the contacts, so that both halves of the wrench weigh alike
-    lever = max(float(np.sqrt((wrench[3:] ** 2).mean() / (wrench[:3] ** 2).mean())), 1e-6)
-    scale = np.concatenate([np.ones(3), np.full(3, 1.0 / lever)])
-    g_rows, target = wrench * scale[:, None], -required * scale
+    # torques are taken about the grip's centre and measured in its lever, so that both halves of the wrench weigh alike
+    arms = np.concatenate([g.arms for g in grips])
+    centre = arms.mean(axis=0)
+    lever = max(float(np.sqrt(((arms - centre) ** 2).sum(axis=1).mean())), 1e-6)
+    frame = np.eye(6)
+    frame[3:, :3] = -cross_matrix(centre)
+    frame[3:] /= lever
+    g_rows, target = frame @ wrench, frame @ -required
     image = np.concatenate([grip.inverse @ g_rows[:, p].T for grip, p in zip(grips, parts, strict=True)])
-    schur = np.linalg.pinv(g_rows @ image, rcond=1e-10)
+    give = _Give(g_rows @ image)
     z, _ = project(np.concatenate(forces), normals, mu)
     y = np.concatenate(scaled)
-    size = max(float(np.linalg.norm(target)), 1e-12)
-    move = np.zeros(6)
+    load = float(np.linalg.norm(target))
+    move, short = np.zeros(6), np.inf
     for iteration in range(1, MAX_ITERATIONS + 1):
         rhs = rho * (z - y).reshape(-1) - b
         free = np.concatenate([grip.inverse @ rhs[p] for grip, p in zip(grips, parts, strict=True)])
-        move = schur @ (target - g_rows @ free)
+        move = give(target - g_rows @ free)
         force = (free + image @ move).reshape(-1, 3)
         v = RELAXATION * force + (1.0 - RELAXATION) * z + y
         new, _ = project(v, normals, mu)
@@ -77,18 +94,55 @@ def balance(
         z = new
         if iteration % 10:
             continue
-        shift, turn = float(np.linalg.norm(move[:3])), float(np.linalg.norm(move[3:])) / lever
-        if iteration > 200 and (shift > LOST or turn > TURNED):
-            return None
-        short = float(np.linalg.norm(g_rows @ z.reshape(-1) - target)) / size
-        if short <= TOLERANCE and change <= TOLERANCE * max(float(np.abs(z).max()), 1e-300):
+        # a load of nothing is met as well as the grip is known
+        whole = max(load + float(np.abs(z).sum()), 1e-300)
+        short = float(np.linalg.norm(g_rows @ z.reshape(-1) - target)) / whole
+        settled = change / max(float(np.abs(z).max()), 1e-300)
+        if settled <= TOLERANCE and short <= TOLERANCE or give.slides and settled <= SLIDING_TOLERANCE:
             break
-    shift, turn = float(np.linalg.norm(move[:3])), float(np.linalg.norm(move[3:])) / lever
-    short = float(np.linalg.norm(g_rows @ z.reshape(-1) - target)) / size
-    if short > 100.0 * TOLERANCE or shift > LOST or turn > TURNED:
-        return None
     moved = -g_rows.T @ move
     w = np.concatenate([g.matrix @ z.reshape(-1)[p] for g, p in zip(grips, parts, strict=True)])
     residual = natural_residual(z, (w + b + moved).reshape(-1, 3), normals, mu, 1.0 / rho)
-    held, scaled_w, shifts = ([whole.reshape(-1)[p].reshape(-1, 3) for p in parts] for whole in (z, y, moved))
-    return Balance(held, scaled_w, shifts, move * scale, residual, iteration)
+    held, scaled_w, shifts = ([x.reshape(-1)[p].reshape(-1, 3) for p in parts] for x in (z, y, moved))
+    holds = not give.slides and short <= 100.0 * TOLERANCE
+    size = float(np.linalg.norm(move))
+    return Balance(held, scaled_w, shifts, frame.T @ move, size, centre, holds, residual, iteration)
+
+
+class _Give:
+    """How far an object gives way to a wrench: by its grip's compliance, but no farther than `REACH`.
+
+    Args:
+        stiffness: of the grip with the weight of the steps, in its lever [N/m], shape (6, 6).
+    """
+
+    def __init__(self, stiffness: Array) -> None:
+        values, vectors = np.linalg.eigh(stiffness)
+        kept = values > 1e-10 * max(float(values[-1]), 1e-300)  # what nothing holds does not move either
+        self._values, self._vectors = values[kept], vectors[:, kept]
+        self._more = 0.0
+        self.slides = False
+
+    def __call__(self, wrench: Array) -> Array:
+        """Return the displacement d [m], shape (6,): (S + l I) d = wrench with the least l >= 0 that keeps it short."""
+        part = self._vectors.T @ wrench
+        move = part / self._values
+        self.slides = float(move @ move) > REACH * REACH
+        if self.slides:
+            more = max(self._more, 0.0)
+            for _ in range(30):  # Newton on 1 / |d|, which is nearly straight
+                stiff = self._values + more
+                move = part / stiff
+                length = float(np.sqrt(move @ move))
+                if abs(length - REACH) <= 1e-9 * REACH:
+                    break
+                slope = float((move * move / stiff).sum()) / (length * length)
+                more = max(more + (length / REACH - 1.0) / slope, 0.0)
+            self._more = more
+        out: Array = self._vectors @ move
+        return out
+
+
+def cross_matrix(v: Array) -> Array:
+    """Return the matrix of the cross product with a vector, shape (3, 3)."""
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

@@ -12,12 +12,18 @@ from numpy.typing import NDArray
 from ...arrays import Array, Indices
 from ...errors import DermisError
 from ...parameters.material import FRICTION
-from ...surface.gap import Surface
+from ...surface.crossing import first_crossing
+from ...surface.gap import GapQuery, Surface
 from ...surface.plane import Plane
 from .cone import along
 
 # A point inside a finger [m]: on the side where it lies, the finger is outside an open surface.
 BONE = np.array([0.0, 0.0, 0.006])
+
+# Normals that turned in a frame by more than this cosine says may belong to the other side of something thin.
+SAME_SIDE = 0.5
+# Ways through a surface start this far above where a node lay on it [m].
+ABOVE = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +75,9 @@ class NodeGaps:
 
     Attributes:
         bodies: what there is to touch.
-        gap: of the undeformed nodes [m], inf beyond reach, shape (m,).
+        gap: of the undeformed nodes, linear about where the deformed ones are expected [m], inf beyond reach,
+            shape (m,).
+        clearance: of the nodes where they are expected [m], inf beyond reach, shape (m,).
         normal: out of the body, into the finger, shape (m, 3).
         body: index of the closest body, -1 beyond reach, shape (m,).
         triangle: the closest triangle of that body, shape (m,).
@@ -79,11 +87,18 @@ class NodeGaps:
 
     bodies: tuple[ContactBody, ...]
     gap: Array
+    clearance: Array
     normal: Array
     body: Indices
     triangle: Indices
     friction: Array
     softness: Array
+
+    @classmethod
+    def nothing(cls, bodies: tuple[ContactBody, ...], count: int) -> NodeGaps:
+        """Return the gaps of so many nodes that nothing is near."""
+        far, none, zero = np.full(count, np.inf), np.full(count, -1), np.zeros(count)
+        return cls(bodies, far, far.copy(), np.zeros((count, 3)), none, none.copy(), zero, zero.copy())
 
     def compliance(self, areas: Array | None, where: str) -> Array:
         """Return the compliance of the bodies' own surfaces at the nodes [m/N], shape (m,).
@@ -100,11 +115,23 @@ class NodeGaps:
             raise DermisError("a soft object needs the areas of the skin's nodes", where=where)
         return self.softness / areas
 
-    def opened(self, gap: Array) -> Array:
-        """Return by how much deformation opened these gaps, given the deformed ones [m]; 0 where nothing is near."""
-        out = np.zeros_like(gap)
-        np.subtract(gap, self.gap, out=out, where=self.body >= 0)
-        return out
+
+@dataclass(frozen=True, eq=False)
+class Expected:
+    """Where a finger's nodes are looked for in a frame: as the last one left them, moved with what they stick to.
+
+    Attributes:
+        places: of the nodes [m], shape (m, 3).
+        origins: where they would be had all of them moved with their bodies: none of these is behind a surface [m],
+            NaN without a body, shape (m, 3).
+        normal: of the surface that they were above, turned with its body, shape (m, 3).
+        body: that body's index, -1 without, shape (m,).
+    """
+
+    places: Array
+    origins: Array
+    normal: Array
+    body: Indices
 
 
 def same_places(one: Sequence[ContactBody], other: Sequence[ContactBody]) -> bool:
@@ -112,59 +139,101 @@ def same_places(one: Sequence[ContactBody], other: Sequence[ContactBody]) -> boo
     return len(one) == len(other) and all(a.same_place(b) for a, b in zip(one, other, strict=True))
 
 
-def node_gaps(points: Array, bodies: Sequence[ContactBody], search_radius: float, bone: Array) -> NodeGaps:
+def travel(a: ContactBody, b: ContactBody, points: Array) -> float:
+    """Return how far a body's matter at points [m], shape (n, 3), moves from one pose to another [m]."""
+    if a.away or b.away:
+        return 0.0
+    way = moved(a, b, points)
+    return float(np.sqrt((way * way).sum(axis=1)).max())
+
+
+def moved(a: ContactBody, b: ContactBody, points: Array) -> Array:
+    """Return how a body's matter at points [m], shape (n, 3), moves from one pose to another [m], shape (n, 3)."""
+    return np.asarray(((points - a.translation) @ a.rotation) @ b.rotation.T + b.translation - points)
+
+
+def node_gaps(
+    points: Array, bodies: Sequence[ContactBody], search_radius: float, bone: Array, expected: Expected | None = None
+) -> NodeGaps:
     """Measure each node against every body and keep the closest.
 
-    The gap is linear about the undeformed node, so that it depends on the pose alone and not on what came before.
+    Asked about is the deformed skin, which lies on what it touches and not behind it: so a sheet thinner than the
+    finger is pressed is felt as a block is, and the gap is exact to first order where the skin really is. A node
+    whose way from the last frame leads through a surface stays on the side that it came from.
 
     Args:
         points: undeformed nodes in the finger's frame [m], shape (m, 3).
         search_radius: gaps beyond this are of no interest [m].
         bone: a point inside the finger [m], shape (3,): an open surface is touched on the side where it lies.
+        expected: where the deformed nodes are; the undeformed ones where None.
     """
-    m = points.shape[0]
-    gaps = NodeGaps(
-        tuple(bodies), np.full(m, np.inf), np.zeros((m, 3)), np.full(m, -1), np.full(m, -1), np.zeros(m), np.zeros(m)
-    )
+    places = points if expected is None else expected.places
+    found: tuple[Array, Array, Indices, Indices, Array, Array] | None = None
     for index, body in enumerate(bodies):
         if body.away:
             continue
-        local = (points - body.translation) @ body.rotation
+        local = (places - body.translation) @ body.rotation
         if isinstance(body.surface, Surface) and not _boxes_meet(local, body.surface.box, search_radius):
             continue
-        answer = body.surface.query(local, search_radius)
-        if isinstance(body.surface, Surface) and not body.surface.closed:
-            if body.surface.side_of((bone - body.translation) @ body.rotation) < 0:
-                answer = answer.flipped()
-        closer = np.flatnonzero((answer.triangle >= 0) & (answer.gap < gaps.gap))
-        if closer.size == m:
-            everything = np.full(m, index)
-            gaps = NodeGaps(
-                gaps.bodies,
-                answer.gap,
-                answer.normal @ body.rotation.T,
-                everything,
-                answer.triangle,
-                np.full(m, body.friction),
-                np.full(m, body.softness),
-            )
-        elif closer.size:
-            gaps.gap[closer] = answer.gap[closer]
-            gaps.normal[closer] = answer.normal[closer] @ body.rotation.T
-            gaps.body[closer], gaps.triangle[closer] = index, answer.triangle[closer]
-            gaps.friction[closer], gaps.softness[closer] = body.friction, body.softness
-    return gaps
+        answer, side = body.surface.query(local, search_radius), 1
+        if isinstance(body.surface, Surface):
+            if not body.surface.closed and body.surface.side_of((bone - body.translation) @ body.rotation) < 0:
+                answer, side = answer.flipped(), -1
+            if expected is not None:
+                _keep_sides(answer, body, index, side, local, expected)
+        own = _of_body(answer, body, index)
+        if found is None:
+            found = own
+            continue
+        closer = ((answer.triangle >= 0) & (answer.gap < found[0])).nonzero()[0]
+        for ours, others in zip(found, own, strict=True):
+            ours[closer] = others[closer]
+    m = len(points)
+    nothing = np.full(m, np.inf), np.zeros((m, 3)), np.full(m, -1), np.full(m, -1), np.zeros(m), np.zeros(m)
+    clearance, normal, *rest = found or nothing
+    # beyond reach the normal is zero
+    gap = clearance.copy() if expected is None else clearance - _dot(places - points, normal)
+    return NodeGaps(tuple(bodies), gap, clearance, normal, *rest)
 
 
-def to_material(gaps: NodeGaps, nodes: Indices, positions: Array) -> tuple[Array, Indices]:
-    """Return the material coordinates on their bodies of positions [m], shape (n, 3), near the given nodes.
+def _of_body(answer: GapQuery, body: ContactBody, index: int) -> tuple[Array, Array, Indices, Indices, Array, Array]:
+    """Return clearance, normal, body, triangle, friction and softness of the nodes above one body."""
+    near = answer.triangle >= 0
+    owner: Indices = np.where(near, index, -1)
+    friction, softness = (np.where(near, value, 0.0) for value in (body.friction, body.softness))
+    return answer.gap, answer.normal @ body.rotation.T, owner, answer.triangle, friction, softness
+
+
+def _keep_sides(answer: GapQuery, body: ContactBody, index: int, side: int, local: Array, expected: Expected) -> None:
+    """Give nodes that went through a surface the face that they went through first, in place."""
+    assert isinstance(body.surface, Surface)
+    # a node without a body has no normal, and one beyond reach has none now
+    cosine = _dot(expected.normal @ body.rotation, answer.normal)
+    turned = ((cosine < SAME_SIDE) & (expected.body == index) & (answer.triangle >= 0)).nonzero()[0]
+    if turned.size == 0:
+        return
+    above = expected.origins[turned] + ABOVE * expected.normal[turned]
+    start = (above - body.translation) @ body.rotation
+    triangle, share = first_crossing(body.surface.table, start, local[turned], side)
+    through = triangle >= 0
+    turned, triangle, start, share = turned[through], triangle[through], start[through], share[through]
+    normal = side * body.surface.table.bounds[3:6].take(triangle, axis=1).T
+    way = local[turned] - start
+    answer.gap[turned] = (1.0 - share) * _dot(way, normal)
+    answer.normal[turned], answer.triangle[turned] = normal, triangle
+    answer.point[turned] = start + share[:, None] * way
+    answer.beside[turned] = False
+
+
+def to_material(bodies: Sequence[ContactBody], owner: Indices, triangle: Indices, positions: Array) -> Array:
+    """Return the material coordinates of positions [m], shape (n, 3), on the bodies and triangles they are near.
 
     On a rigid body they are its local coordinates; where its scale changed, those at its first scale; on one that
-    deforms, two affine weights in the plane of a triangle and the height above it. Also returned: that triangle.
+    deforms, two affine weights in the plane of a triangle and the height above it.
     """
     out = np.empty_like(positions)
-    triangle = gaps.triangle[nodes]
-    for body, which in _owned(gaps.bodies, gaps.body[nodes]):
+    for index, which in owned(owner):
+        body = bodies[index]
         local = (positions[which] - body.translation) @ body.rotation
         if body.deforms and isinstance(body.surface, Surface):
             a, ab, ac, normal = _plane_of(body.surface, triangle[which])
@@ -176,7 +245,7 @@ def to_material(gaps: NodeGaps, nodes: Indices, positions: Array) -> tuple[Array
         elif body.carry is not None:
             local = local @ np.linalg.inv(body.carry).T
         out[which] = local
-    return out, triangle
+    return out
 
 
 def from_material(
@@ -184,7 +253,8 @@ def from_material(
 ) -> Array:
     """Return where material points are now, in the finger's frame [m], shape (n, 3); the inverse of `to_material`."""
     out = np.full_like(material, np.nan)
-    for body, which in _owned(bodies, owner):
+    for index, which in owned(owner):
+        body = bodies[index]
         if body.deforms and isinstance(body.surface, Surface):
             a, ab, ac, normal = _plane_of(body.surface, triangle[which])
             u, w, height = material[which].T[:, :, None]
@@ -195,15 +265,17 @@ def from_material(
     return out
 
 
-def _owned(
-    bodies: Sequence[ContactBody], owner: NDArray[np.integer]
-) -> Iterator[tuple[ContactBody, NDArray[np.bool_] | slice]]:
-    """Yield each body that owns any, with which are its own; a slice, which copies nothing, where it owns all."""
-    for index, body in enumerate(bodies):
-        own = owner == index
-        count = np.count_nonzero(own)
-        if count:
-            yield body, slice(None) if count == owner.size else own
+def owned(owner: NDArray[np.integer]) -> Iterator[tuple[int, Indices | slice]]:
+    """Yield the index of each body that owns any, with which those are; a slice, which copies nothing, where all."""
+    if owner.size == 0:
+        return
+    first = int(owner[0])
+    if (owner == first).all():
+        if first >= 0:
+            yield first, slice(None)
+        return
+    for index in set(owner.tolist()) - {-1}:
+        yield index, (owner == index).nonzero()[0]
 
 
 def _plane_of(surface: Surface, triangle: Indices) -> tuple[Array, Array, Array, Array]:
@@ -211,8 +283,16 @@ def _plane_of(surface: Surface, triangle: Indices) -> tuple[Array, Array, Array,
     return rows[:, 0:3], rows[:, 3:6], rows[:, 6:9], surface.table.bounds[3:6].take(triangle, axis=1).T
 
 
-def _boxes_meet(points: Array, box: Array, margin: float) -> bool:
-    return bool((points.max(axis=0) + margin >= box[0]).all() and (points.min(axis=0) - margin <= box[1]).all())
+def _dot(a: Array, b: Array) -> Array:
+    return np.einsum("ij,ij->i", a, b)
+
+
+def _boxes_meet(points: Array, box: Array, search_radius: float) -> bool:
+    if not len(points):
+        return False
+    return bool(
+        (points.max(axis=0) + search_radius >= box[0]).all() and (points.min(axis=0) - search_radius <= box[1]).all()
+    )
 
 
 AWAY = ContactBody(Plane(np.array([0.0, 0.0, 1.0]), np.zeros(3)), friction=0.0, away=True)

@@ -17,6 +17,8 @@ MAX_UPDATES = 400
 # and ahead of time, a few each frame; they leave above the third.
 ENTER, PREFETCH, LEAVE = 0.05, 0.4, 1.2
 BUDGET = 4
+# An inverse that is off by more than this is made again.
+DRIFT = 0.02
 # More nodes than this at once are cheaper by starting over.
 REBUILD = 16
 
@@ -26,14 +28,23 @@ class CandidateInverse:
 
     Args:
         compliance: C of all nodes [m/N], shape (3 m, 3 m).
-        rho: the shift [m/N].
+        rho: the shift of each node [m/N], shape (m,).
+        ahead, leave: gaps, over the spacing of the nodes, below which they join ahead of time and above which they go.
+        most: nodes that are updated at once; where more come or go, it starts over.
     """
 
-    def __init__(self, compliance: Array, rho: float) -> None:
-        self.rho = rho
+    def __init__(
+        self,
+        compliance: NDArray[np.floating],
+        rho: Array,
+        ahead: float = PREFETCH,
+        leave: float = LEAVE,
+        most: int = REBUILD,
+    ) -> None:
+        self.rho, self.ahead, self.leave, self.most = rho, ahead, leave, most
         self.count = compliance.shape[0] // 3
         self._c = compliance
-        self._store = np.zeros((3 * self.count, 3 * self.count), dtype=np.float32)
+        self._store = np.zeros((0, 0), dtype=np.float32)
         self._softness = np.zeros(self.count)
         self.members: Indices = np.zeros(0, dtype=np.int64)
         self.inside = np.zeros(self.count, dtype=bool)
@@ -46,33 +57,58 @@ class CandidateInverse:
         n = 3 * self.members.size
         return self._store[:n, :n]
 
+    def renumber(self, order: Indices, compliance: NDArray[np.floating], rho: Array) -> None:
+        """Go over to other nodes: some of the old ones in a new order, then new ones, which are no members yet."""
+        count = compliance.shape[0] // 3
+        place = np.full(self.count, -1)
+        place[order] = np.arange(len(order))
+        leaving = self.members[place[self.members] < 0]
+        if leaving.size > self.most:
+            self.members = self.members[:0]
+        else:
+            self.remove(leaving)
+        softness = np.zeros(count)
+        softness[: len(order)] = self._softness[order]
+        self.members = place[self.members]
+        self.inside = np.zeros(count, dtype=bool)
+        self.inside[self.members] = True
+        self.rho, self.count, self._c, self._softness = rho, count, compliance, softness
+
     def stale(self, softness: Array) -> bool:
         """Whether the members' softness [m/N], shape (m,), is no longer what was inverted, or drift is due."""
         changed = not np.array_equal(self._softness[self.members], softness[self.members])
         return changed or self.updates > MAX_UPDATES
 
-    def follow(self, gap: Array, loaded: NDArray[np.bool_], spacing: float, softness: Array) -> None:
+    def drifts(self) -> bool:
+        """Return whether updates have made the inverse of the members wrong, by trying it on a vector."""
+        if self.updates == 0 or self.members.size == 0:
+            return False
+        probe = np.random.default_rng(self.updates).choice([-1.0, 1.0], 3 * self.members.size)
+        off = self._shifted(self.members, self._softness) @ (self.matrix @ probe) - probe
+        return not float(np.abs(off).max()) <= DRIFT
+
+    def follow(self, gap: Array, loaded: NDArray[np.bool_], spacing: Array, softness: Array) -> None:
         """Bring the members up to date: at once for nodes that may touch, ahead of time for those that come near.
 
         Args:
             gap: predicted for the deformed skin [m], inf where nothing is near, shape (m,).
             loaded: whether a node carries force, shape (m,).
-            spacing: of the nodes [m].
+            spacing: of the nodes [m], shape (m,).
             softness: of what is below each node [m/N], shape (m,).
         """
         needed = (gap < ENTER * spacing) | loaded
         missing = (needed & ~self.inside).nonzero()[0]
-        if self.members.size == 0 or missing.size > REBUILD or self.stale(softness):
-            self.rebuild(np.flatnonzero(needed | (gap < PREFETCH * spacing)), softness)
+        if self.members.size == 0 or missing.size > self.most or self.stale(softness):
+            self.rebuild(np.flatnonzero(needed | (gap < self.ahead * spacing)), softness)
             return
         if missing.size:
             self.add(missing, softness)
         else:
-            coming = ((gap < PREFETCH * spacing) & ~self.inside).nonzero()[0]
+            coming = ((gap < self.ahead * spacing) & ~self.inside).nonzero()[0]
             if coming.size:
                 self.add(coming[np.argsort(gap[coming])[:BUDGET]], softness)
                 return
-        leaves = (gap > LEAVE * spacing) & ~loaded
+        leaves = (gap > self.leave * spacing) & ~loaded
         leaving = self.members[leaves[self.members]]
         if leaving.size >= BUDGET:
             self.remove(leaving[: 2 * BUDGET])
@@ -80,6 +116,7 @@ class CandidateInverse:
     def rebuild(self, nodes: Indices, softness: Array) -> None:
         """Start over with the given nodes; softness of all nodes [m/N], shape (m,)."""
         n = 3 * nodes.size
+        self._make_room(n)
         self._store[:n, :n] = _inverse(self._shifted(nodes, softness))
         self.members = nodes.copy()
         self.inside[:] = False
@@ -96,10 +133,11 @@ class CandidateInverse:
             self.rebuild(nodes, softness)
             return
         n, new = 3 * self.members.size, 3 * nodes.size
+        self._make_room(n + new)
         old = self._store[:n, :n]
         side = self._c[_rows(self.members)[:, None], _rows(nodes)].astype(np.float32)
         image = old @ side
-        corner = self._shifted(nodes, softness) - side.T.astype(np.float64) @ image
+        corner = self._shifted(nodes, softness).astype(np.float64, copy=False) - side.T.astype(np.float64) @ image
         block = _inverse(corner)
         weighted = image @ block
         old += weighted @ image.T
@@ -135,10 +173,17 @@ class CandidateInverse:
         self.members = self.members[:size].copy()
         self.updates += 1
 
+    def _make_room(self, wanted: int) -> None:
+        if wanted > len(self._store):
+            n = 3 * self.members.size
+            store = np.zeros((min(2 * wanted, 3 * self.count),) * 2, dtype=np.float32)
+            store[:n, :n] = self.matrix
+            self._store = store
+
     def _shifted(self, nodes: Indices, softness: Array) -> Array:
         rows = _rows(nodes)
-        block = self._c[rows[:, None], rows]
-        block[np.diag_indices(rows.size)] += self.rho + np.repeat(softness[nodes], 3)
+        block = self._c[rows[:, None], rows].astype(np.float64)
+        block[np.diag_indices(rows.size)] += np.repeat(self.rho[nodes] + softness[nodes], 3)
         return block
 
 
@@ -149,7 +194,7 @@ def _rows(nodes: Indices) -> Indices:
 def _inverse(matrix: Array) -> Floats32:
     """Inverse of a symmetric positive definite matrix, by its Cholesky factor in single precision."""
     if matrix.shape[0] <= 96:
-        return np.linalg.inv(matrix).astype(np.float32)
+        return np.linalg.inv(matrix.astype(np.float64, copy=False)).astype(np.float32)
     from scipy.linalg.lapack import spotrf, spotri
 
     factor, info = spotrf(matrix.astype(np.float32), lower=1, overwrite_a=1)

@@ -39,14 +39,14 @@ def project(vectors: Array, normals: Array, friction: Array) -> tuple[Array, NDA
 
 
 def assess(
-    force: Array, displacement: Array, normals: Array, friction: Array, stiffness: float
+    force: Array, displacement: Array, normals: Array, friction: Array, stiffness: float | Array
 ) -> tuple[float, NDArray[np.int8]]:
     """Return the distance from the fixed point, |f - P(f - stiffness w)| relative to |f|, and the status found there.
 
     Args:
         force: [N], shape (k, 3).
         displacement: relative displacement w [m], shape (k, 3).
-        stiffness: any positive stiffness to weigh displacement against force with [N/m].
+        stiffness: any positive stiffness to weigh displacement against force with [N/m], or one a node, shape (k, 1).
     """
     projected, status = project(force - stiffness * displacement, normals, friction)
     size = max(float(np.vdot(force, force)), float(np.vdot(projected, projected)))

@@ -57,9 +57,10 @@ class GripStep:
         status: OPEN, STICK or SLIP of each finger's nodes.
         on_object: total force and torque (about the centre of mass) of all contacts on the object, in world space
             [N, N m], shape (6,).
+            Forces act where the deformed skin is.
         required: what gravity and inertia ask for, m (a - g) and the rate of angular momentum, shape (6,).
         displacement: of the object from its animated pose: translation [m], rotation vector [rad], shape (6,).
-        holds: contacts supply what is required.
+        holds: contacts supply what is required; else they supply what friction can.
         residual: of the contact laws, see `cone.natural_residual`; iterations: of the solver.
         gaps: that each finger was solved for.
         slips: relative displacement w of each finger's nodes [m], one (m, 3) a finger.
@@ -85,8 +86,10 @@ class Grip:
         gaps: of its nodes. near: the nodes within reach of anything, shape (k,).
         matrix: their compliance [m/N]; inverse: of it and the weight of the steps [N/m], shape (3 k, 3 k).
         offset: b at them [m], shape (k, 3).
-        wrench: from their forces to force and torque on the skin by the object, shape (6, 3 k).
+        pose: of the finger in the world, shape (4, 4).
         history: where they stick. own: index of the held object among the frame's bodies.
+        wrench: from their forces to force and torque on the skin by the object, shape (6, 3 k).
+        arms: of those that touch the object, from its middle, in world axes [m], shape (n, 3).
     """
 
     gaps: NodeGaps
@@ -94,9 +97,23 @@ class Grip:
     matrix: Array
     inverse: Array
     offset: Array
-    wrench: Array
+    pose: Array
     history: ContactHistory
     own: int
+    wrench: Array = field(init=False)
+    arms: Array = field(init=False)
+
+    def act_at(self, places: Array, middle: Array) -> None:
+        """Let forces act at places in the finger's frame [m], shape (m, 3), about the object's middle in the world."""
+        turn = self.pose[:3, :3]
+        arm = places[self.near] @ turn.T + self.pose[:3, 3] - middle
+        wrench = np.zeros((6, self.near.size, 3))
+        wrench[:3] = turn[:, None, :]
+        for axis in range(3):
+            wrench[3:, :, axis] = np.cross(arm, turn[:, axis]).T
+        mine = self.gaps.body[self.near] == self.own
+        wrench[:, ~mine] = 0.0  # what presses on another body does not carry this one
+        self.wrench, self.arms = wrench.reshape(6, -1), arm[mine]
 
     @property
     def friction(self) -> Array:

@@ -2,8 +2,10 @@
 
 The object follows its animated pose up to a small displacement d (translation and turn) that is found with the contact
 forces: w = C f + b - G' d at the nodes, G f = h on the object, where G sums forces and torques and h is what gravity
-and inertia ask for. Where friction cannot supply h, the object stays on its animated path, the forces are those that
-friction can carry, and a finding says that it slips.
+and inertia ask for. Forces act where the deformed skin is, so a frame is balanced again until that place stands still.
+
+Where friction cannot supply h, the object slips: it stays where it is beside its animated path, its matter is drawn
+past the skin, and the forces are the nearest to h that friction can carry. A finding says so.
 """
 
 from __future__ import annotations
@@ -17,14 +19,24 @@ from ...arrays import Array
 from ...errors import DermisError, Finding
 from ...surface.gap import Surface
 from ...surface.plane import Plane
-from .balance import TOLERANCE, balance
+from .balance import Balance, balance
 from .bodies import ContactBody, node_gaps
 from .cone import STICK, along
 from .grip import Grip, GripStep, HoldContext, HoldingFinger
+from .grip_displacement import NOWHERE, Displacement
 from .notes import Notes
-from .solve import solve, status_of
+from .solve import status_of
 
 SEARCH_RADIUS = 3e-3
+# A frame is balanced again after a displacement above this at the skin [m], or a torque that is off by more [N m].
+STILL, TORQUE = 2e-5, 1e-6
+MAX_ROUNDS, MEASURED = 8, 3
+# The steps are weighed with this many times a node's own compliance, where they are fewest.
+WEIGHT = 1.5
+# A displacement from one frame to the next that nobody expects of an object that is held [m], [rad].
+SUDDEN = 1e-3, 0.05
+# It creeps off its animated path by no more than this [m], [rad].
+FAR = 3e-3, 0.2
 
 
 class GripSolver:
@@ -32,16 +44,16 @@ class GripSolver:
 
     Args:
         surface: of the object, in its own space [m].
-        mass: [kg].
+        mass: [kg]; may be set anew for every frame. 0 is an object without weight and inertia.
         fingers: that may touch it.
         friction: Coulomb coefficient against skin.
         centre: of mass, in its own space [m].
-        inertia: about the centre, in its own space [kg m^2], shape (3, 3).
+        inertia: of a kilogram about the centre, in its own space [m^2], shape (3, 3).
         gravity: in world space [m/s^2].
         name: for findings.
 
     Raises:
-        DermisError: a mass that is not positive, or no finger.
+        DermisError: a mass that is negative or not finite, or no finger.
     """
 
     def __init__(
@@ -56,14 +68,14 @@ class GripSolver:
         gravity: Array,
         name: str,
     ) -> None:
-        if not (np.isfinite(mass) and mass > 0.0):
-            raise DermisError("a held object needs a mass", where=name, value=mass, limit="> 0 kg")
+        if not (np.isfinite(mass) and mass >= 0.0):
+            raise DermisError("a held object needs a mass", where=name, value=mass, limit=">= 0 kg")
         if not fingers:
             raise DermisError("nothing can hold the object", where=name, remedy="Add a finger")
         self.centre, self.inertia, self.gravity = centre, inertia, gravity
         self.surface, self.mass, self.friction, self.name = surface, mass, friction, name
         self.fingers = tuple(fingers)
-        self._rho = float(np.median(np.concatenate([np.diag(f.compliance) for f in fingers])))
+        self._rho = WEIGHT * float(np.median(np.concatenate([np.diag(f.compliance) for f in fingers])))
         self.softness, self.deforms = 0.0, False
         self.carry: Array | None = None  # as in `ContactBody`
         self._inverses: dict[int, tuple[bytes, Array, Array]] = {}
@@ -72,14 +84,16 @@ class GripSolver:
 
     def let_go(self) -> None:
         """Put the object back on its animated path; the fingers keep their friction's history."""
-        self._turn = np.eye(3)
-        self._shift = np.zeros(3)
+        self._displacement = NOWHERE
         self._forces = [np.zeros_like(f.points) for f in self.fingers]
         self._scaled = [np.zeros_like(f.points) for f in self.fingers]
+        self._deformed = [f.points for f in self.fingers]
+        self._loaded = False
+        self._more_torque = np.zeros(3)  # that came of the skin's deforming in the last frame [N m]
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """Frames in which the object slipped or was not touched at all."""
+        """Frames in which the object slipped, gave way far at once, or was not touched at all."""
         return self._notes.findings()
 
     def step_among(
@@ -103,38 +117,52 @@ class GripSolver:
             scene_frame: of the scene, for findings.
             only_if_pressed: return None, and change nothing, where no finger presses the object.
         """
-        rotation, middle = self.placed(pose)
-        required = self._required(rotation, acceleration, angular_velocity, angular_acceleration)
-        grips = [None if r is None else self._grip(i, r, rotation, middle) for i, r in enumerate(contexts)]
-        there = [g for g in grips if g is not None]
-        if only_if_pressed and not any(g.pressing for g in there):
+        rotation, middle = began = self.placed(pose)
+        grips = [None if c is None else self._grip(i, c, began, began) for i, c in enumerate(contexts)]
+        pressing = any(g is not None and g.pressing for g in grips)
+        if only_if_pressed and not pressing:
             return None
-        step = None
-        if any(g.pressing for g in there):
-            step = self._balanced(grips, required)
-            if step is None:
-                self._note("slips", "friction cannot hold the object", scene_frame)
-        else:
-            self._note("dropped", "nothing touches the held object", scene_frame)
-        if step is None:
-            step = self._carried(grips)
-            holds = False
-        else:
-            self._shift = self._shift + step[1][:3]
-            self._turn = _rotation(step[1][3:]) @ self._turn
-            holds = True
-        return self._finish(grips, step, contexts, required, pose, holds)
+        before = self._displacement
+        for again in range(MAX_ROUNDS):
+            required = self._required(rotation, acceleration, angular_velocity, angular_acceleration)
+            asked = required.copy()
+            if not again:
+                asked[3:] -= self._more_torque
+            found = self._balanced(grips, asked, pressing)
+            if found.holds:
+                self._displacement = self._displacement.then(found.move)
+                rotation, middle = self.placed(pose)
+            torque = self._act(grips, middle)
+            if not again:
+                self._more_torque = torque - asked[3:] if found.holds else np.zeros(3)
+            still = found.size <= STILL
+            if not found.holds or ((still or again > MEASURED) and np.abs(torque - required[3:]).max() <= TORQUE):
+                break
+            if not still and again < MEASURED:  # at an edge the closest faces may go round in circles
+                now = rotation, middle
+                grips = [None if c is None else self._grip(i, c, now, began) for i, c in enumerate(contexts)]
+        if not (pressing and found.holds):
+            self._note_failure(pressing, scene_frame)
+        if self._loaded:
+            what = "the held object leaves its animated path far in one sample"
+            self._too_far("gives-way", what, before, found.centre, SUDDEN, scene_frame)
+        self._loaded = pressing
+        what = "the held object creeps off its animated path, and is kept near it"
+        creeps = found.holds and self._too_far("creeps", what, NOWHERE, found.centre, FAR, scene_frame)
+        if creeps:
+            self._displacement = before
+        return self._finish(grips, found, contexts, required, pose, drawn=creeps or not found.holds)
 
     # -- one frame -----------------------------------------------------------------------------------------------
 
     def placed(self, pose: Array) -> tuple[Array, Array]:
         """Return rotation and centre of mass [m] where the object is now: animated, then displaced."""
-        rotation = self._turn @ pose[:3, :3]
-        middle = pose[:3, :3] @ self.centre + pose[:3, 3] + self._shift
+        rotation = self._displacement.turn @ pose[:3, :3]
+        middle = pose[:3, :3] @ self.centre + pose[:3, 3] + self._displacement.shift
         return rotation, middle
 
     def _required(self, rotation: Array, a: Array, omega: Array, alpha: Array) -> Array:
-        inertia = rotation @ self.inertia @ rotation.T
+        inertia = self.mass * (rotation @ self.inertia @ rotation.T)
         return np.concatenate([self.mass * (a - self.gravity), inertia @ alpha + np.cross(omega, inertia @ omega)])
 
     def body(self, finger_pose: Array, rotation: Array, middle: Array) -> ContactBody:
@@ -144,20 +172,20 @@ class GripSolver:
         place = finger_pose[:3, :3].T @ (origin - finger_pose[:3, 3])
         return ContactBody(self.surface, turn, place, self.friction, self.softness, self.deforms, carry=self.carry)
 
-    def _grip(self, index: int, context: HoldContext, rotation: Array, middle: Array) -> Grip:
+    def _grip(self, index: int, context: HoldContext, now: tuple[Array, Array], began: tuple[Array, Array]) -> Grip:
+        """Measure a finger's part, the object displaced as it is `now`, and as it was when the frame `began`."""
         finger, pose = self.fingers[index], context.pose
-        body = self.body(pose, rotation, middle)
+        body = self.body(pose, *now)
         bodies = (*context.bodies[: context.own], body, *context.bodies[context.own + 1 :])
-        gaps = node_gaps(finger.points, bodies, SEARCH_RADIUS, finger.bone)
+        expected = context.history.expected(bodies, self._deformed[index], SEARCH_RADIUS)
+        gaps = node_gaps(finger.points, bodies, SEARCH_RADIUS, finger.bone, expected)
         near = np.flatnonzero(gaps.body >= 0)
         offset = context.history.offset(gaps, finger.points)[near]
-        turn = pose[:3, :3]
-        arm = finger.points[near] @ turn.T + pose[:3, 3] - middle
-        wrench = np.zeros((6, near.size, 3))
-        wrench[:3] = turn[:, None, :]
-        for axis in range(3):
-            wrench[3:, :, axis] = np.cross(arm, turn[:, axis]).T
-        wrench[:, gaps.body[near] != context.own] = 0.0  # what presses on another body does not carry this one
+        new = np.flatnonzero((gaps.body[near] == context.own) & (context.history.body[near] != context.own))
+        if now is not began and new.size:  # what has no anchor yet touched the object where it began
+            points, normal, then = finger.points[near[new]], gaps.normal[near[new]], self.body(pose, *began)
+            went = ((points - then.translation) @ then.rotation) @ body.rotation.T + body.translation - points
+            offset[new] -= went - along(went, normal)[:, None] * normal
         soft = gaps.compliance(finger.areas, finger.name)[near]
         key = near.tobytes() + soft.tobytes()
         kept = self._inverses.get(index)
@@ -166,112 +194,107 @@ class GripSolver:
             matrix = finger.compliance[rows[:, None], rows] + np.diag(np.repeat(soft, 3))
             inverse: Array = np.asarray(np.linalg.inv(matrix + self._rho * np.eye(rows.size)), dtype=np.float64)
             kept = self._inverses[index] = (key, matrix, inverse)
-        return Grip(gaps, near, kept[1], kept[2], offset, wrench.reshape(6, -1), context.history, context.own)
+        grip = Grip(gaps, near, kept[1], kept[2], offset, pose, context.history, context.own)
+        grip.act_at(expected.places, now[1])
+        return grip
 
-    def _balanced(
-        self, everybody: Sequence[Grip | None], required: Array
-    ) -> tuple[list[Array], Array, float, int] | None:
-        """Forces that supply what is required; None if it slips."""
+    def _balanced(self, everybody: Sequence[Grip | None], required: Array, pressing: bool) -> Balance:
+        """Find the forces, and move the nodes' b by what the object gives way; no force where nothing is pressed."""
         index = [i for i, g in enumerate(everybody) if g is not None]
         grips = [g for g in everybody if g is not None]
-        forces, scaled = (
-            [kept[i][g.near] for i, g in zip(index, grips, strict=True)] for kept in (self._forces, self._scaled)
-        )
-        found = balance(grips, forces, scaled, required, self._rho)
-        if found is None:
-            return None
-        for i, grip, ended, shift in zip(index, grips, found.scaled, found.shifts, strict=True):
-            self._scaled[i] = np.zeros_like(self.fingers[i].points)
-            self._scaled[i][grip.near] = ended
+        if pressing:
+            forces, scaled = (
+                [kept[i][g.near] for i, g in zip(index, grips, strict=True)] for kept in (self._forces, self._scaled)
+            )
+            found = balance(grips, forces, scaled, required, self._rho)
+        else:
+            nothing = [np.zeros((g.near.size, 3)) for g in grips]
+            found = Balance(nothing, nothing, nothing, np.zeros(6), 0.0, np.zeros(3), False, 0.0, 0)
+        self._forces, self._scaled = ([np.zeros_like(f.points) for f in self.fingers] for _ in range(2))
+        for i, grip, force, ended, shift in zip(index, grips, found.forces, found.scaled, found.shifts, strict=True):
+            self._forces[i][grip.near], self._scaled[i][grip.near] = force, ended
             grip.offset += shift
-        return found.forces, found.move, found.residual, found.iterations
+        for i, (finger, force) in enumerate(zip(self.fingers, self._forces, strict=True)):
+            self._deformed[i] = finger.points + (finger.compliance @ force.reshape(-1)).reshape(-1, 3)
+        return found
 
-    def _carried(self, grips: Sequence[Grip | None]) -> tuple[list[Array], Array, float, int]:
-        """Forces with the object on its animated path: what friction can carry."""
-        forces, residual, iterations = [], 0.0, 0
-        self._scaled = [np.zeros_like(f.points) for f in self.fingers]
-        for grip in grips:
-            if grip is None:
-                continue
-            normals = grip.gaps.normal[grip.near]
-            s = solve(grip.matrix, grip.offset, grip.friction, normals=normals, tolerance=TOLERANCE)
-            forces.append(s.force)
-            residual, iterations = max(residual, s.residual), iterations + s.iterations
-        return forces, np.zeros(6), residual, iterations
+    def _act(self, grips: Sequence[Grip | None], middle: Array) -> Array:
+        """Let forces act where they deform the skin to; return the torque on the object about its middle [N m]."""
+        torque = np.zeros(3)
+        for i, grip in enumerate(grips):
+            if grip is not None:
+                grip.act_at(self._deformed[i], middle)
+                torque -= grip.wrench[3:] @ self._forces[i][grip.near].reshape(-1)
+        return torque
 
     def _finish(
         self,
         grips: Sequence[Grip | None],
-        step: tuple[list[Array], Array, float, int],
+        found: Balance,
         contexts: Sequence[HoldContext | None],
         required: Array,
         pose: Array,
-        holds: bool,
+        *,
+        drawn: bool,
     ) -> GripStep:
-        """Sum the forces up and move the anchors to where the nodes are now."""
-        forces, _, residual, iterations = step
+        """Sum the forces up and move the anchors to where the nodes are now.
+
+        Args:
+            drawn: the object stays where it was, and its matter was drawn past the skin.
+        """
         on_object = np.zeros(6)
-        status, gaps, slips = [], [], []
+        forces, statuses, gaps, slips = [], [], [], []
         rotation, middle = self.placed(pose)
-        rest = iter(forces)
         for i, (grip, context) in enumerate(zip(grips, contexts, strict=True)):
-            finger = self.fingers[i]
-            whole, w = np.zeros_like(finger.points), np.zeros_like(finger.points)
             if grip is None or context is None:
-                self._forces[i] = whole
                 continue
-            force = next(rest)
-            whole[grip.near] = force
-            self._forces[i] = whole
-            on_object -= grip.wrench @ force.reshape(-1)
-            w[grip.near] = (grip.matrix @ force.reshape(-1)).reshape(-1, 3) + grip.offset
+            finger, whole, w = self.fingers[i], self._forces[i], np.zeros_like(self._forces[i])
+            force = whole[grip.near].reshape(-1)
+            on_object -= grip.wrench @ force
+            w[grip.near] = (grip.matrix @ force).reshape(-1, 3) + grip.offset
             body = self.body(context.pose, rotation, middle)
             bodies = (*grip.gaps.bodies[: grip.own], body, *grip.gaps.bodies[grip.own + 1 :])
             moved = replace(grip.gaps, bodies=bodies)
-            found = status_of(whole, w, grip.gaps.normal, grip.gaps.friction)
+            status = status_of(whole, w, grip.gaps.normal, grip.gaps.friction)
             gap = along(w, grip.gaps.normal)
             # on the body's surface: what is pressed into a soft one lies on it all the same
             soft = grip.gaps.compliance(finger.areas, finger.name)
-            deformed = finger.points + (finger.compliance @ whole.reshape(-1)).reshape(-1, 3)
-            grip.history.keep(moved, found == STICK, deformed + soft[:, None] * whole - gap[:, None] * moved.normal)
-            status.append(found)
+            on_body = self._deformed[i] + soft[:, None] * whole - gap[:, None] * moved.normal
+            # nothing sticks to where matter was that was drawn along
+            sticks = (status == STICK) & ((grip.gaps.body != grip.own) | (not drawn))
+            grip.history.keep(moved, sticks, on_body, gap)
+            forces.append(whole)
+            statuses.append(status)
             gaps.append(moved)
             slips.append(w)
-        displacement = np.concatenate([self._shift, _vector(self._turn)])
-        here = tuple(self._forces[i] for i, g in enumerate(grips) if g is not None)
         return GripStep(
-            here,
-            tuple(status),
+            tuple(forces),
+            tuple(statuses),
             on_object,
             required,
-            displacement,
-            holds,
-            residual,
-            iterations,
+            self._displacement.vector,
+            found.holds,
+            found.residual,
+            found.iterations,
             tuple(gaps),
             tuple(slips),
         )
 
-    def _note(self, code: str, what: str, where: float) -> None:
+    def _note_failure(self, pressing: bool, frame: float) -> None:
+        code, what = "slips", "friction cannot hold the object"
+        if not pressing:
+            code, what = "dropped", "nothing touches the held object"
         remedy = "Press harder, raise the friction, make it lighter, or key when it is held"
-        self._notes.warn(code, what, where, value=f"{self.mass:g} kg", remedy=remedy)
+        self._notes.warn(code, what, frame, value=f"{self.mass:g} kg", remedy=remedy)
 
-
-def _rotation(vector: Array) -> Array:
-    """Rotation matrix of a rotation vector [rad] (Rodrigues)."""
-    angle = float(np.linalg.norm(vector))
-    if angle < 1e-15:
-        return np.eye(3)
-    x, y, z = vector / angle
-    k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * (k @ k)
-
-
-def _vector(rotation: Array) -> Array:
-    """Rotation vector [rad] of a rotation by less than half a turn."""
-    axis = 0.5 * np.array(
-        [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
-    )
-    sine = float(np.linalg.norm(axis))
-    angle = float(np.arctan2(sine, 0.5 * (np.trace(rotation) - 1.0)))
-    return axis * (angle / sine) if sine > 1e-15 else axis
+    def _too_far(
+        self, code: str, what: str, since: Displacement, centre: Array, limits: tuple[float, float], frame: float
+    ) -> bool:
+        """Warn where the object is farther from a displacement than limits [m], [rad]; return whether it is."""
+        far, angle = self._displacement.since(since, centre)
+        beyond = far > limits[0] or angle > limits[1]
+        if beyond:
+            value, limit = (f"{1e3 * m:.2g} mm, {np.degrees(a):.2g} deg" for m, a in ((far, angle), limits))
+            remedy = "Press harder, make it lighter, or round the kinks of its motion over a longer time"
+            self._notes.warn(code, what, frame, value=value, limit=f"<= {limit}", remedy=remedy)
+        return beyond

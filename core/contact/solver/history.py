@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
-from .bodies import NodeGaps, from_material, to_material
+from .bodies import ContactBody, Expected, NodeGaps, from_material, owned, to_material
+
+_ARRAYS = ("body", "_material", "_triangle", "_normal", "_gap", "_sticking")
 
 
 class ContactHistory:
@@ -23,16 +27,62 @@ class ContactHistory:
         self.body: Indices = np.full(count, -1)
         self._material = np.zeros((count, 3))
         self._triangle: Indices = np.full(count, -1)
+        self._normal = np.zeros((count, 3))  # out of the body, in its axes
+        self._gap = np.zeros(count)
+        self._sticking = np.zeros(count, dtype=bool)
 
     def clear(self) -> None:
         """Forget everything: the next frame starts from rest."""
         self.body[:] = -1
+        self._sticking[:] = False
 
     def copy(self) -> ContactHistory:
         """Return a copy that shares nothing with this one."""
         other = ContactHistory(len(self.body))
-        other.body, other._material, other._triangle = self.body.copy(), self._material.copy(), self._triangle.copy()
+        for name in _ARRAYS:
+            setattr(other, name, getattr(self, name).copy())
         return other
+
+    def rearranged(self, order: Indices, count: int) -> ContactHistory:
+        """Return the history of other points: some of these in a new order, then so many without any."""
+        other = ContactHistory(len(order) + count)
+        for name in _ARRAYS:
+            getattr(other, name)[: len(order)] = getattr(self, name)[order]
+        return other
+
+    def inherit(
+        self, nodes: Indices, source: ContactHistory, sources: Indices, bodies: Sequence[ContactBody], positions: Array
+    ) -> None:
+        """Give points the history of others in whose place they come, anchored where they are now.
+
+        Args:
+            source: of the others. sources: which of them, for each of the points.
+            bodies: where they were in the last frame. positions: of the points there [m], shape (n, 3).
+        """
+        for name in _ARRAYS:
+            getattr(self, name)[nodes] = getattr(source, name)[sources]
+        self._put(bodies, nodes, self.body[nodes], self._triangle[nodes], positions)
+
+    def expected(self, bodies: Sequence[ContactBody], deformed: Array, search_radius: float) -> Expected:
+        """Return where nodes are to be looked for in the next frame.
+
+        Args:
+            bodies: posed as they are then. deformed: nodes as the last frame left them [m], shape (m, 3).
+            search_radius: a body that moved farther than this takes nothing along [m].
+        """
+        anchors = from_material(bodies, self.body, self._material, self._triangle)
+        normal = self.normals(bodies)
+        moved = anchors - deformed
+        carried = self._sticking & (np.einsum("ij,ij->i", moved, moved) <= search_radius * search_radius)
+        places = np.where(carried[:, None], anchors, deformed)
+        return Expected(places, anchors + self._gap[:, None] * normal, normal, self.body)
+
+    def normals(self, bodies: Sequence[ContactBody]) -> Array:
+        """Return the normals of the surfaces that points were above, turned with their bodies, shape (m, 3)."""
+        normal = np.zeros_like(self._normal)
+        for index, own in owned(self.body):
+            normal[own] = self._normal[own] @ bodies[index].rotation.T
+        return normal
 
     def offset(self, gaps: NodeGaps, points: Array) -> Array:
         """Return b of the contact problem: the gap along the normal, the slip since the anchor across it.
@@ -59,11 +109,25 @@ class ContactHistory:
         moved += gap[:, None] * normal
         return moved
 
-    def keep(self, gaps: NodeGaps, sticking: NDArray[np.bool_], positions: Array) -> None:
-        """Move the anchors of all nodes that do not stick to where they are now, [m], shape (m, 3)."""
+    def keep(self, gaps: NodeGaps, sticking: NDArray[np.bool_], positions: Array, gap: Array) -> None:
+        """Move the anchors of all nodes that do not stick to where they are now.
+
+        Args:
+            positions: of the nodes on the bodies' surfaces [m], shape (m, 3). gap: above them [m], shape (m,).
+        """
         near = gaps.body >= 0
         renewed = near & ~(sticking & (self.body == gaps.body))
         nodes = np.flatnonzero(renewed)
         if nodes.size:
-            self._material[nodes], self._triangle[nodes] = to_material(gaps, nodes, positions[nodes])
+            self._put(gaps.bodies, nodes, gaps.body[nodes], gaps.triangle[nodes], positions[nodes])
         self.body = np.where(near, gaps.body, -1)
+        self._sticking = near & sticking
+        self._gap = np.maximum(gap, 0.0)
+        for index, own in owned(self.body):
+            self._normal[own] = gaps.normal[own] @ gaps.bodies[index].rotation
+
+    def _put(
+        self, bodies: Sequence[ContactBody], nodes: Indices, body: Indices, triangle: Indices, positions: Array
+    ) -> None:
+        self._material[nodes] = to_material(bodies, body, triangle, positions)
+        self._triangle[nodes] = triangle

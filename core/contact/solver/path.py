@@ -11,8 +11,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...arrays import Array
+from ...arrays import Array, Indices
 from ...errors import DermisError, Finding
 from .admm import State, iterate
 from .bodies import BONE, ContactBody, NodeGaps, node_gaps, same_places
@@ -32,14 +33,18 @@ CHECK = 10.0
 # The last forces serve again while their residual is below this multiple of it.
 UNCHANGED = 1.0
 MAX_ITERATIONS = 300
+# An iteration that stands still at once, while the check fails, so many times in a frame gets no further.
+MAX_ROUNDS = 30
 # Iterations up to which a frame counts as easy: the next may need none.
 EASY = 3
 # Slip in a frame below this [m] is rest: the same pose then needs no new solve.
 AT_REST = 1e-9
 # Depth that linear skin is still trusted at [m]: against a neo-Hookean one its stress is then off by a third.
 DEPTH_LIMIT = 2e-3
+# In a frame skin comes out by no more than this multiple of its displacement in the last, and a margin [m].
+BULGE, MARGIN = 1.5, 0.3e-3
 # What a frame changes, besides the history; each is replaced, never written into.
-_STATE = ("_force", "_y", "_last", "_image", "_shift", "_step", "_bodies", "_at_rest", "_frames")
+_STATE = ("_force", "_y", "_last", "_image", "_step", "_bodies", "_at_rest", "frames")
 
 
 class PathSolver:
@@ -56,7 +61,9 @@ class PathSolver:
 
     Attributes:
         counters: how many frames were 'solved', 'unchanged', 'same', 'idle' and 'held' (see `adopt`); 'fallback',
-            'unconverged' and 'deep' ones; 'rebuilds' and 'updates' of the candidate inverse.
+            'unconverged' and 'deep' ones; 'rebuilds' and 'updates' of the candidate inverse; 'parts' of frames that
+            `SubStepper` divided.
+        frames: how many there were.
 
     Raises:
         DermisError: shapes that do not fit, or a compliance that is not positive definite.
@@ -73,13 +80,10 @@ class PathSolver:
         name: str = "finger",
         depth_limit: float = DEPTH_LIMIT,
     ) -> None:
+        self._begin(tolerance, bone, name, depth_limit)
         self.operator: Compliance = Linear(compliance) if isinstance(compliance, np.ndarray) else compliance
         self.points = np.asarray(points, dtype=np.float64)
         self.areas = areas
-        self.tolerance = tolerance
-        self.bone = np.asarray(bone, dtype=np.float64)
-        self.name = name
-        self.depth_limit = depth_limit
         c = np.ascontiguousarray(self.operator.compliance, dtype=np.float64)
         m = self.points.shape[0]
         if c.shape != (3 * m, 3 * m):
@@ -88,21 +92,41 @@ class PathSolver:
             )
         self._c = c
         low, high = ends(c, name)
-        self._rho = float(np.sqrt(low * high))
+        self._rho = np.full((m, 1), np.sqrt(low * high))
         extent = np.sort(np.ptp(self.points, axis=0))
-        self._spacing = float(np.sqrt(max(extent[-1] * extent[-2], 1e-12) / m))
+        spacing = float(np.sqrt(max(extent[-1] * extent[-2], 1e-12) / m))
+        self._spacing = np.full(m, spacing)
         # skin cannot bulge out of what presses into it by more than it is pressed: nodes farther off stay open
-        self.search_radius = max(2.5 * self._spacing, 2.5e-3)
-        self._candidates = CandidateInverse(c, self._rho)
+        self.search_radius = max(2.5 * spacing, 2.5e-3)
+        self._candidates = CandidateInverse(c, self._rho[:, 0])
         self.history = ContactHistory(m)
         self._zero = np.zeros((m, 3))
         self._status = np.zeros(m, dtype=np.int8)
-        self.counters = dict.fromkeys(
-            ("solved", "unchanged", "same", "idle", "fallback", "unconverged", "rebuilds", "updates", "deep", "held"), 0
-        )
-        self._notes = Notes(name)
-        self._frames = 0
         self.reset()
+
+    def _begin(self, tolerance: float, bone: Array, name: str, depth_limit: float) -> None:
+        self.tolerance = tolerance
+        self.bone = np.asarray(bone, dtype=np.float64)
+        self.name = name
+        self.depth_limit = depth_limit
+        self.counters = dict.fromkeys(
+            (
+                "solved",
+                "unchanged",
+                "same",
+                "idle",
+                "fallback",
+                "unconverged",
+                "rebuilds",
+                "updates",
+                "deep",
+                "held",
+                "parts",
+            ),
+            0,
+        )
+        self.notes = Notes(name)
+        self.frames = 0
 
     def reset(self) -> None:
         """Forget the history: the next frame is solved from rest."""
@@ -111,7 +135,6 @@ class PathSolver:
         self._y = self._zero
         self._last: tuple[Array, Array] | None = None
         self._image = self._zero
-        self._shift: Array | float = 0.0  # what deformation added to the gap of each node
         self._step: PathStep | None = None
         self._bodies: tuple[ContactBody, ...] = ()
         self._at_rest = False
@@ -119,7 +142,7 @@ class PathSolver:
     def save(self) -> dict[str, Any]:
         """Return the state between two frames, for `restore`: a step may then be tried and taken back."""
         state = {name: getattr(self, name) for name in _STATE}
-        state.update(history=self.history.copy(), counters=dict(self.counters), _notes=self._notes.copy())
+        state.update(history=self.history.copy(), counters=dict(self.counters), _notes=self.notes.copy())
         return state
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -127,58 +150,122 @@ class PathSolver:
         for name in _STATE:
             setattr(self, name, state[name])
         self.history = state["history"].copy()
-        self.counters, self._notes = dict(state["counters"]), state["_notes"].copy()
+        self.counters, self.notes = dict(state["counters"]), state["_notes"].copy()
 
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What did not converge and what went too deep, with the first frame and how often."""
-        return self._notes.findings()
+        return self.notes.findings()
 
     def idle(self, count: int = 1) -> PathStep:
         """Take frames in which the broad phase found nothing near: no work, and no history afterwards."""
         self.counters["idle"] += count
-        self._frames += count
+        self.frames += count
         if self._step is not None and self._step.work == "idle":
             return self._step
         self.reset()
-        none = np.zeros(self.points.shape[0])
+        none = np.zeros(len(self._zero))
         nothing = Solution(self._zero, self._zero, self._zero, none, self._status, 0, 0.0, self.tolerance, "none")
-        self._step = PathStep(nothing, self._zero, None, "idle", False)
+        self._step = PathStep(nothing, self._zero, None, "idle", False, self.nodal(self._zero))
         return self._step
 
-    def step(self, bodies: Sequence[ContactBody], *, scene_frame: float | None = None) -> PathStep:
+    @property
+    def fresh(self) -> bool:
+        """Whether there is no history: the next frame is the first that touches or is near something."""
+        return not (self.history.body >= 0).any()
+
+    @property
+    def bodies(self) -> tuple[ContactBody, ...]:
+        """What was near in the last frame."""
+        return self._bodies
+
+    @property
+    def pad(self) -> Array:
+        """Points of the undeformed skin that tell where anything first touches [m], shape (n, 3)."""
+        return self.points
+
+    @property
+    def gaps(self) -> NodeGaps | None:
+        """The gaps of the last frame; None where nothing was near."""
+        return None if self._step is None or self.fresh else self._step.gaps
+
+    @property
+    def loaded(self) -> NDArray[np.bool_]:
+        """Which nodes carried force in the last frame, shape (m,)."""
+        return np.asarray(self._force.any(axis=1), dtype=np.bool_)
+
+    @property
+    def bulge(self) -> Array:
+        """How far skin may come out in the next frame to what it does not touch [m], shape (m,), or (1,) for all."""
+        moved = np.sqrt(np.einsum("ij,ij->i", self._image, self._image))
+        return np.minimum(BULGE * moved + MARGIN, self.search_radius)
+
+    @property
+    def loaded_bodies(self) -> frozenset[int]:
+        """Indices of the bodies that pressed in the last frame."""
+        return frozenset(self.history.body[self.loaded].tolist())
+
+    def step(
+        self,
+        bodies: Sequence[ContactBody],
+        *,
+        scene_frame: float | None = None,
+        gaps: NodeGaps | None = None,
+        part: bool = False,
+    ) -> PathStep:
         """Solve the next frame.
 
         Args:
             bodies: what is near, posed in the finger's frame; the same order every frame.
             scene_frame: of the scene, for findings.
+            gaps: what `look` said of it.
+            part: it is a part of the way to a frame: nothing is noted and no frame is counted.
         """
         bodies = tuple(bodies)
-        if self._at_rest and self._step is not None and same_places(bodies, self._bodies):
+        if not part and self.unmoved(bodies):
+            assert self._step is not None
             self.counters["same"] += 1
-            self._frames += 1
+            self.frames += 1
             return replace(self._step, work="same", from_rest=False)
-        gaps = node_gaps(self.points, bodies, self.search_radius, self.bone)
+        gaps = self.look(bodies) if gaps is None else gaps
         if not (gaps.body >= 0).any():
             self._bodies = bodies
-            return self.idle()
-        return self.step_gaps(gaps, scene_frame=scene_frame)
+            return self.idle(0 if part else 1)
+        return self.step_gaps(gaps, scene_frame=scene_frame, part=part)
 
-    def step_gaps(self, gaps: NodeGaps, *, scene_frame: float | None = None) -> PathStep:
+    def unmoved(self, bodies: Sequence[ContactBody]) -> bool:
+        """Return whether the next frame is the last one again: everything rests where it was."""
+        return self._at_rest and self._step is not None and same_places(bodies, self._bodies)
+
+    def look(self, bodies: Sequence[ContactBody]) -> NodeGaps:
+        """Measure the next frame's gaps, without taking it."""
+        expected = self.history.expected(bodies, self.points + self._image, self.search_radius)
+        return node_gaps(self.points, bodies, self.search_radius, self.bone, expected)
+
+    def pressing(self, start: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices) -> float:
+        """Return how far surfaces press on at nodes, from where bodies were [m]."""
+        last = self.gaps
+        assert last is not None
+        return float(np.abs(gaps.gap[nodes] - last.gap[nodes]).max())
+
+    def step_gaps(self, gaps: NodeGaps, *, scene_frame: float | None = None, part: bool = False) -> PathStep:
         """Solve the next frame from gaps that were measured elsewhere."""
-        from_rest = not (self.history.body >= 0).any()
+        from_rest = self.fresh
         b = self.history.offset(gaps, self.points)
         b += self.operator.offset(self._force)
         soft = gaps.compliance(self.areas, self.name)
         solution, y, image, work = self._solve(b, gaps, soft)
-        where = self._frames if scene_frame is None else scene_frame
-        self._report(solution, gaps, where)
         self._remember(solution, y, image, gaps, soft)
-        self.counters[work] += 1
-        self._frames += 1
+        step = PathStep(solution, image, gaps, work, from_rest, self.nodal(solution.force))
+        if part:
+            self.counters["parts"] += 1
+        else:
+            self._report(step, self.frames if scene_frame is None else scene_frame)
+            self.counters[work] += 1
+            self.frames += 1
         self.counters["rebuilds"], self.counters["updates"] = self._candidates.rebuilds, self._candidates.updates
-        self._step = PathStep(solution, image, gaps, work, from_rest)
-        return self._step
+        self._step = step
+        return step
 
     def adopt(
         self, force: Array, displacement: Array, gaps: NodeGaps, residual: float, *, scene_frame: float | None = None
@@ -194,13 +281,12 @@ class PathSolver:
         solution = Solution(
             force, displacement, gaps.normal, gaps.friction, status, EASY + 1, residual, CHECK * self.tolerance, "admm"
         )
-        self._report(solution, gaps, self._frames if scene_frame is None else scene_frame)
         self._last, self._force, self._y, self._image = None, force, displacement / -self._rho, self._apply(force)
-        self._shift = gaps.opened(along(displacement, gaps.normal))
         self._bodies, self._at_rest = gaps.bodies, False
         self.counters["held"] += 1
-        self._frames += 1
-        self._step = PathStep(solution, self._image, gaps, "solved", from_rest)
+        self._step = PathStep(solution, self._image, gaps, "solved", from_rest, self.nodal(force))
+        self._report(self._step, self.frames if scene_frame is None else scene_frame)
+        self.frames += 1
         return self._step
 
     # -- one frame -----------------------------------------------------------------------------------------------
@@ -220,18 +306,17 @@ class PathSolver:
         if residual <= UNCHANGED * self.tolerance:
             method = "admm" if start.any() else "none"
             return Solution(start, w, normal, mu, status, 0, residual, goal, method), w / -rho, image, "unchanged"
-        loaded = np.asarray(self._force.any(axis=1), dtype=np.bool_)
-        self._candidates.follow(gaps.gap + self._shift, loaded, self._spacing, soft)
+        self._candidates.follow(gaps.clearance, self.loaded, self._spacing, soft)
         reference = start
         force, y = self._extrapolated(start, w)
-        iterations = 0
+        iterations = rounds = 0
         while True:
             members = self._candidates.members
             z = reference[members]
             exact = (image[members] + soft[members, None] * z).reshape(-1)
             iteration = iterate(
                 self._candidates.matrix,
-                rho,
+                np.repeat(rho[members, 0], 3),
                 b[members].reshape(-1),
                 normal[members],
                 mu[members],
@@ -242,6 +327,7 @@ class PathSolver:
                 MAX_ITERATIONS,
             )
             iterations += iteration.iterations
+            rounds += 1
             force = np.zeros_like(self._zero)
             force[members] = iteration.state.z
             image = self._apply(force)
@@ -255,8 +341,12 @@ class PathSolver:
             missed = np.flatnonzero(np.logical_not(self._candidates.inside) & (along(w, normal) < 0.0))
             if missed.size:
                 self._candidates.add(missed, soft)
-            elif iterations >= MAX_ITERATIONS:
-                return self._fall_back(force, b, gaps, soft, iterations)
+            elif iterations >= MAX_ITERATIONS or rounds >= MAX_ROUNDS:
+                if not self._candidates.drifts():
+                    return self._fall_back(force, b, gaps, soft, iterations)
+                # many small updates in single precision can go wrong: begin again, from the last frame
+                self._candidates.rebuild(members, soft)
+                force, y, iterations, rounds = start, self._y, 0, 0
 
     def _fall_back(
         self, force: Array, b: Array, gaps: NodeGaps, soft: Array, iterations: int
@@ -264,33 +354,30 @@ class PathSolver:
         """Solve the frame in float64 with every method there is."""
         self.counters["fallback"] += 1
         near = np.flatnonzero(gaps.body >= 0)
-        rows = (3 * near[:, None] + np.arange(3)).reshape(-1)
-        solution = solve(
-            self._c[rows[:, None], rows],
-            b[near],
-            gaps.friction[near],
-            normals=gaps.normal[near],
-            softness=soft[near],
-            start=force[near],
-            tolerance=self.tolerance,
-        )
+        exact, more, method = self._exactly(near, b[near], gaps, soft[near], force[near])
         force = np.zeros_like(self._zero)
-        force[near] = solution.force
+        force[near] = exact
         image = self._apply(force)
         w = image + soft[:, None] * force + b
         residual, status = assess(force, w, gaps.normal, gaps.friction, 1.0 / self._rho)
         found = Solution(
-            force,
-            w,
-            gaps.normal,
-            gaps.friction,
-            status,
-            iterations + solution.iterations,
-            residual,
-            CHECK * self.tolerance,
-            solution.method,
+            force, w, gaps.normal, gaps.friction, status, iterations + more, residual, CHECK * self.tolerance, method
         )
         return found, w / -self._rho, image, "solved"
+
+    def _exactly(self, near: Indices, b: Array, gaps: NodeGaps, soft: Array, start: Array) -> tuple[Array, int, str]:
+        """Return forces on some nodes [N], the iterations they took and the method."""
+        rows = (3 * near[:, None] + np.arange(3)).reshape(-1)
+        found = solve(
+            self._c[rows[:, None], rows],
+            b,
+            gaps.friction[near],
+            normals=gaps.normal[near],
+            softness=soft,
+            start=start,
+            tolerance=self.tolerance,
+        )
+        return found.force, found.iterations, found.method
 
     def _extrapolated(self, force: Array, w: Array) -> tuple[Array, Array]:
         """Start where the last two frames point to; paths are smoother than their frames are long."""
@@ -305,13 +392,12 @@ class PathSolver:
         sticking = solution.status == STICK
         # on the body's surface; the tangential part is w itself, the very slip that the solver saw
         positions = self.points + image + soft[:, None] * solution.force - gap[:, None] * normal
-        self.history.keep(gaps, sticking, positions)
+        self.history.keep(gaps, sticking, positions, gap)
         slip = w - gap[:, None] * normal
         touching = solution.status != OPEN
         self._at_rest = bool((np.abs(slip[touching & ~sticking]) <= AT_REST).all())
         self._last = (self._force, self._y) if self._force.any() else None
         self._force, self._y, self._image = solution.force, y, image
-        self._shift = gaps.opened(gap)
         self._bodies = gaps.bodies
 
     # -- small parts ---------------------------------------------------------------------------------------------
@@ -319,10 +405,15 @@ class PathSolver:
     def _apply(self, force: Array) -> Array:
         return (self._c @ force.reshape(-1)).reshape(-1, 3)
 
-    def _report(self, solution: Solution, gaps: NodeGaps, where: float) -> None:
+    def nodal(self, force: Array) -> Array:
+        """Return forces on the points [N] as forces on the nodes of the skin's mesh, which here are the same."""
+        return force
+
+    def _report(self, step: PathStep, where: float) -> None:
+        solution = step.solution
         if not solution.converged:
             self.counters["unconverged"] += 1
-            self._notes.warn(
+            self.notes.warn(
                 "not-converged",
                 "contact did not converge",
                 where,
@@ -330,10 +421,10 @@ class PathSolver:
                 limit=f"<= {solution.tolerance:g}",
                 remedy="Use smaller steps, or less friction",
             )
-        depth = -float(gaps.gap.min())
+        depth = step.depth(self.points, self.bone)
         if depth > self.depth_limit:
             self.counters["deep"] += 1
-            self._notes.warn(
+            self.notes.warn(
                 "too-deep",
                 "the finger sinks deeper than linear skin is trusted",
                 where,

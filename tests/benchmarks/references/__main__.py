@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from core.skin.blas import one_thread
 
 from .bisection import base_mesh, refined
-from .cases import FAMILIES, FINGER, PROBE_DEPTHS, Family, case_name, first_contact
+from .cases import FAMILIES, FINGER, PROBE_DEPTHS, Family, first_contact
 from .contact import Pressed, press
 from .results import errors, load, missing, rounded, save
 from .shapes import Shape
@@ -98,7 +98,7 @@ def refine(known: dict[str, Any], found: dict[str, Any]) -> dict[str, Any]:
 def main(names: list[str]) -> None:
     """Make what is missing of the families named, or of all."""
     for family in [FAMILIES[name] for name in names] if names else FAMILIES.values():
-        titles = [case_name(name, depth) for name, _ in family.shapes for depth in family.depths]
+        titles = [title for _, _, title in family.cases()]
         for number, size in enumerate(family.sizes):
             cases = load()["cases"]
             if all(len(cases.get(title, {}).get("sizes", [])) > number for title in titles):

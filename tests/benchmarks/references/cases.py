@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -63,6 +64,12 @@ class Family:
         """Whether half a mesh is enough; skin does not stay on an edge."""
         return not self.apex
 
+    def cases(self) -> Iterator[tuple[Shape, float, str]]:
+        """Yield every shape at every depth [mm], and what the case is called."""
+        for name, shape in self.shapes:
+            for depth in self.depths:
+                yield shape, depth, f"{name}, {depth:g} mm deep"
+
     def size(self, points: Array, step: float) -> Array:
         """Return the greatest length of edges along x, y and z about points [mm], for a size of `step`."""
         scale = step / COARSE
@@ -100,11 +107,6 @@ class Family:
         inward = -np.cross(places(FINGER, chart + step, 1.0) - skin, places(FINGER, chart + 1j * step, 1.0) - skin)
         inward /= np.linalg.norm(inward, axis=1, keepdims=True)
         return np.concatenate([skin + depth * inward for depth in PROBE_DEPTHS])
-
-
-def case_name(shape: str, depth: float) -> str:
-    """Return what a shape pressed in by a depth [mm] is called."""
-    return f"{shape}, {depth:g} mm deep"
 
 
 def skin_height(points: Array) -> Array:

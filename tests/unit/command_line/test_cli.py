@@ -17,7 +17,10 @@ import core
 from core.devices.spec import Channel, DeviceSpec
 from core.errors import SEVERITIES
 from core.presets import Library
+from core.scene.scene_file import load as load_scene
+from core.scene.scene_file import save as save_scene
 from core.scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene, sample_frames
+from core.surface.shapes import sphere
 from core.track.command_track import CommandTrack
 
 ROOT = Path(core.__file__).parents[1]
@@ -144,6 +147,23 @@ def test_render_writes_tracks_and_plots_and_twice_the_same_bytes(tmp_path: Path)
     assert track.meta["finger"] == "Index" and track.meta["fps"] == "24/1" and track.meta["scene"] == "Tap"
     assert track.times[-1] == 0.5 and track.spec.hash == core.Library().device("electrovibration").hash
     assert "sampling: " in first.stderr and "sampling: " not in second.stderr
+
+
+def test_curve_rounds_a_ball_and_says_by_how_much(tmp_path: Path) -> None:
+    points, triangles = sphere(6e-3, 320)
+    scene = tap((Finger("Index"),))
+    ball = Body("Ball", Mesh(points, triangles.astype(np.int32)))
+    save_scene(replace(scene, bodies=(ball,)), tmp_path / "flat.npz")
+    done = run("curve", tmp_path / "flat.npz", "--out", tmp_path / "round.npz", "--object", "Ball")
+    assert done.returncode == 0 and "0.101 mm" in done.stderr, done.stderr
+    mesh = load_scene(tmp_path / "round.npz").bodies[0].mesh
+    assert mesh is not None and len(mesh.triangles) > 4000
+    done = run("curve", tmp_path / "flat.npz", "--out", tmp_path / "flat.npz")
+    assert done.returncode == 2 and "replace itself" in done.stderr
+    done = run("curve", tmp_path / "flat.npz", "--out", tmp_path / "o.txt")
+    assert done.returncode == 2 and "NAME.npz" in done.stderr and not (tmp_path / "o.txt").exists()
+    done = run("curve", tmp_path / "flat.npz", "--out", tmp_path / "x.npz", "--sharp", "200")
+    assert done.returncode == 2 and "0 to 180 degrees" in done.stderr
 
 
 @pytest.mark.parametrize("verb", ["render", "compare", "design", "stream", "thimble"])

@@ -122,6 +122,18 @@ def test_chunk_length_does_not_matter() -> None:
         assert np.array_equal(getattr(one.pairs[0, 0], name), getattr(many.pairs[0, 0], name))
 
 
+def test_a_chunk_of_one_sample_has_the_bytes_of_any_other() -> None:
+    t = times()[:40]
+    q = np.stack([np.cos(t), 0.3 * np.sin(t), 0.4 * np.sin(t), np.sin(t)], axis=1)
+    turned = poses(np.zeros((len(t), 3)))
+    turned[:, :3, :3] = matrices(q / np.linalg.norm(q, axis=1)[:, None]) * np.array([1.3, 0.7, 1.1])
+    finger = poses(np.stack([0.3 * t - 0.02, 0 * t, 0.05 + 0 * t], axis=1))
+    surfaces = {0: (cuboid(0.05, 0.05, 0.04),) * len(t)}
+    many, each = (sampled([finger], [(Body("b", None), turned)], size=s, surfaces=surfaces) for s in (7, 1))
+    for name in ("gap", "normal", "point"):
+        assert np.array_equal(getattr(many.pairs[0, 0], name), getattr(each.pairs[0, 0], name))
+
+
 def test_far_objects_cost_no_query_and_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     t = times()
     asked: list[int] = []
@@ -249,7 +261,10 @@ def test_scale_zero_is_reported_and_the_rest_is_kept() -> None:
     assert finding.count == 20 and finding.frame == pytest.approx(11.0) and finding.severity == "error"
     known = np.isfinite(touch.gap[0, 0])
     assert not known[100:120].any() and known[:100].all() and known[120:].all()
-    with pytest.raises(DermisError, match="finger 'f0'"):
+    with pytest.raises(DermisError, match="object 'b', frame 1: the scale is too large .*1e\\+200"):
+        huge = poses(np.zeros((3, 3)), np.tile(1e200 * np.eye(3), (3, 1, 1)))
+        sampled([poses(np.zeros((3, 3)))], [(Body("b", cuboid(1, 1, 1)), huge)])
+    with pytest.raises(DermisError, match="finger 'f0', frame 1:"):
         sampled([poses(np.zeros((3, 3)), np.zeros((3, 3, 3)))], [(Body("b", cuboid(1, 1, 1)), poses(np.zeros((3, 3))))])
 
 

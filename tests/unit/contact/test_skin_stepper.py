@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from core.contact.posed_scene import PosedScene
+from core.contact.proximity import Proximity
 from core.contact.skin_sampler import SkinSampler
 from core.contact.skin_stepper import SkinStepper
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
@@ -19,6 +20,7 @@ COUNT, RATE = 40, 240.0
 PLATE = Mesh(*block(0.06, 0.06, 0.01))
 BALL = Mesh(PLATE.vertices * 0.2, PLATE.triangles)
 SIZE = float(PLATE.vertices[:, 2].max())
+NODES = {"contact": "nodes"}
 SPRING = {"depth_mode": "compliant", "bone_stiffness": 1e5, "force_limit": 0.4}
 
 
@@ -62,7 +64,7 @@ HEADERS = (Body("plate", PLATE, {}), Body("ball", BALL, {"friction": 0.3, "surfa
 
 
 def baked(skin, whole, parameters, headers=HEADERS):
-    scene = TactileScene("s", Fraction(24), (1, 2), RATE, (Finger("f", (), parameters),), headers, (), ())
+    scene = TactileScene("s", Fraction(24), (1, 2), RATE, (Finger("f", (), NODES | parameters),), headers, (), ())
     sampler = SkinSampler(scene, {0: skin})
     sampler.add(whole)
     return sampler.finish()[0]
@@ -70,7 +72,7 @@ def baked(skin, whole, parameters, headers=HEADERS):
 
 def stepper_of(skin, parameters=None, deforms=(False, False)):
     posed = PosedScene(HEADERS, deforms)
-    return posed, SkinStepper(skin, 0, Finger("f", (), parameters or {}), posed)
+    return posed, SkinStepper(skin, 0, Finger("f", (), NODES | (parameters or {})), posed)
 
 
 def step(posed, stepper, given):
@@ -130,7 +132,60 @@ def test_edited_headers_hold_from_the_next_sample_on(skin):
     whole = chunk()
     posed, stepper = stepper_of(skin)
     hard = step(posed, stepper, sample(whole, 20, (PLATE, BALL)))
-    again = SkinStepper(skin, 0, Finger("f"), posed)
+    again = SkinStepper(skin, 0, Finger("f", (), NODES), posed)
     soft = (replace(HEADERS[0], parameters={"surface_stiffness": 2e7}), HEADERS[1])
     posed.take(sample(whole, 20, (PLATE, BALL)), soft)
     assert 0.2 * hard.normal_force < again.step(again.approach(), 0).normal_force < 0.9 * hard.normal_force
+
+
+def test_what_is_near_and_untouched_is_not_asked(skin, monkeypatch):
+    """What is beside the path changes nothing and is asked now and then; by its box, not at all. So does a hover."""
+    whole = chunk()
+    beside = np.tile(np.eye(4), (2, COUNT, 1, 1))
+    beside[0, :, :3, 3] = [0.0, 0.02, SIZE + 6e-3]
+    beside[1, :, :3, 3] = [0.0, 0.0, SIZE]  # the finger is in its box, and not near its two balls
+    near = replace(whole, bodies=np.concatenate([whole.bodies, beside]))
+    far = [[0.0, 0.018, 4e-3], [0.0, -0.018, 4e-3]]
+    count = len(BALL.vertices)
+    apart = Mesh(
+        np.concatenate([0.5 * BALL.vertices + place for place in far]),
+        np.concatenate([BALL.triangles, BALL.triangles + count]),
+    )
+    asked = []
+    measure = Proximity.measure
+    monkeypatch.setattr(Proximity, "measure", lambda self, b, *a: asked.append(b) or measure(self, b, *a))
+    headers = (*HEADERS, Body("ball", BALL, {}), Body("two balls", apart, {}))
+    alone, both = baked(skin, whole, {}), baked(skin, near, {}, headers)
+    np.testing.assert_array_equal(both.force, alone.force)
+    assert asked.count(2) == 0 and 1 <= asked.count(3) <= 5
+    asked.clear()
+    fingers = whole.fingers.copy()
+    fingers[0, :, 2, 3] = SIZE + 1.5e-3 - skin.positions[:, 2].min()
+    hover = baked(skin, replace(whole, fingers=fingers, bodies=whole.bodies[:1]), {}, HEADERS[:1])
+    assert not hover.normal_force.any() and hover.skipped["skin_frames_idle"] == COUNT and len(asked) <= 6
+
+
+def test_a_touch_that_begins_between_samples_comes_along_the_way(skin):
+    """A fast press over a few samples ends like the slow one, wherever the samples are cut into chunks."""
+    slow = chunk()
+    slow.fingers[0, :, :3, 3] = np.linspace([0.0, 0, SIZE + 6e-3], [2e-3, 0, SIZE - 1e-3], COUNT)
+    slow = replace(slow, bodies=np.tile(np.eye(4), (1, COUNT, 1, 1)), animated={})
+    every = np.arange(0, COUNT, 13)
+
+    def taken(which):
+        return replace(
+            slow, frames=slow.frames[which], times=slow.times[which], fingers=slow.fingers[:, which],
+            bodies=slow.bodies[:, which], screens=slow.screens[:, which],
+        )  # fmt: skip
+
+    body = (Body("plate", PLATE, {"friction": 0.6}),)
+    reference = baked(skin, slow, {}, body).force_at(COUNT - 1)
+    fast = baked(skin, taken(every), {}, body)
+    assert np.abs(reference[:, 0]).max() > 0.01 * np.abs(reference).max()
+    np.testing.assert_allclose(fast.force_at(3), reference, atol=0.03 * np.abs(reference).max())
+    posed, sampler = PosedScene(body), None
+    sampler = SkinStepper(skin, 0, Finger("f", (), NODES), posed)
+    for k in range(len(every)):
+        posed.take(taken(every[k : k + 1]))
+        one = sampler.step(sampler.approach(), 0)
+    np.testing.assert_array_equal(one.force.astype(np.float32), fast.force_at(3))

@@ -16,8 +16,9 @@ from core.devices.mechanism import mechanism_of
 from core.devices.spec import DeviceSpec
 from core.errors import DermisError
 from core.pipeline import render
-from core.presets import BUILT_IN, Library, check
+from core.presets import Library, check
 from core.scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene, sample_frames
+from core.shipped import BUILT_IN
 from core.units import UNITS
 
 PRESETS = {p["kind"]: p for p in (json.loads(f.read_text("utf-8")) for f in (BUILT_IN / "devices").glob("*.json"))}

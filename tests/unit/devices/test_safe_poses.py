@@ -17,7 +17,8 @@ from core.devices.retraction import CLEAR, FITTED, THICKEST, clearance
 from core.devices.spec import DeviceSpec, from_preset
 from core.devices.thimble import MIN_MARGIN, mechanism
 from core.errors import DermisError
-from core.presets import BUILT_IN, Library
+from core.presets import Library
+from core.shipped import BUILT_IN
 from core.stream.protocols.packets import FULL, Reach
 from core.stream.protocols.wire import Wire
 from tests.unit.devices.safe_ways import Platforms, Thimbles, deepened, depth, each, follow, pad, shapes, together

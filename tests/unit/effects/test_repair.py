@@ -177,3 +177,118 @@ def test_floating_point_is_exact_and_never_smoothed(tmp_path):
 def test_refuses_arrays_that_are_no_map(values, options, message):
     with pytest.raises(DermisError, match=message):
         from_array(values, **options)
+
+
+def camera(rows=40, columns=60):
+    """Return a depth camera's picture in millimetres, 0 where it measured nothing."""
+    depths = np.rint(600 + 200 * waves(rows, columns)).astype(np.uint16)
+    depths[5:12, 20:30] = 0
+    return depths
+
+
+def test_zeros_of_a_depth_camera_are_offered_as_holes():
+    (offered,) = from_array(camera(), meaning="depth").findings
+    assert offered.code == "zeros-like-holes" and offered.severity == "warning" and offered.count == 70
+    assert "hole=0" in offered.remedy and offered.value == "2.92 %"
+    taken = from_array(camera(), meaning="depth", hole=0)
+    assert [f.code for f in taken.findings] == ["holes-filled"] and taken.heights.max() < -500
+
+
+@pytest.mark.parametrize(
+    ("depths", "meaning"),
+    [
+        (camera(), "height"),  # ground that a relief stands on
+        (np.rint(255 * waves() / waves().max()).astype(np.uint16), "depth"),  # comes down to 0 in small steps
+        (np.kron(np.eye(6), np.full((8, 8), 255)).astype(np.uint8), "depth"),  # a mask, engraved
+        (np.zeros((9, 9)), "depth"),
+    ],
+)
+def test_zeros_that_are_meant_are_not_offered(depths, meaning):
+    assert "zeros-like-holes" not in {f.code for f in from_array(depths, meaning=meaning).findings}
+
+
+@pytest.mark.parametrize(("kind", "unit"), [(np.uint16, 1e-3), (np.int32, 1e-3), (np.int64, 1e-6), (np.uint8, 1.0)])
+def test_whole_numbers_with_a_unit_are_lengths(tmp_path, kind, unit):
+    heights = (waves() * 200).astype(kind)
+    np.save(tmp_path / "map.npy", heights[::-1])
+    made = read(tmp_path / "map.npy", unit=unit, steps="keep")
+    np.testing.assert_allclose(made.heights * made.height_unit, heights * unit, rtol=1e-6)
+
+
+def test_floats_with_a_unit_are_lengths_and_without_one_have_none(tmp_path):
+    np.save(tmp_path / "map.npy", waves())
+    assert read(tmp_path / "map.npy").height_unit == 0.0
+    assert read(tmp_path / "map.npy", unit=1e-3).height_unit == 1e-3
+
+
+def test_measures_without_a_unit_are_asked_for_one(tmp_path):
+    np.save(tmp_path / "map.npy", (waves() * 3000).astype(np.int32))
+    with pytest.raises(
+        DermisError, match=r"in what unit \(found '.* of 2147483647'\). Say what one stands for"
+    ) as caught:
+        read(tmp_path / "map.npy")
+    assert caught.value.code == "no-unit" and "unit=1e-3" in caught.value.remedy
+    np.save(tmp_path / "map.npy", (waves() * 2**31).astype(np.int32))  # scaled to its type: white is there
+    assert read(tmp_path / "map.npy").heights.max() == pytest.approx(waves().max())
+
+
+@pytest.mark.parametrize("unit", [0.0, -1.0, np.nan, 1e300, 10**400, "mm"])
+def test_a_unit_is_a_length(tmp_path, unit):
+    np.save(tmp_path / "map.npy", waves())
+    with pytest.raises(DermisError, match=r"image 'map.npy': the unit (is no length|must be a number)"):
+        read(tmp_path / "map.npy", unit=unit)
+
+
+@pytest.mark.parametrize(("kind", "hole"), [(np.uint8, 255), (np.uint16, 65535), (np.int32, -7)])
+def test_a_hole_is_the_stored_number_where_a_unit_says_so(tmp_path, kind, hole):
+    stored = (waves() * 200).astype(kind)
+    stored[20:24, 30:37] = hole
+    np.save(tmp_path / "map.npy", stored)
+    made = read(tmp_path / "map.npy", hole=hole, unit=1e-3, steps="keep")
+    (found,) = [f for f in made.findings if f.code == "holes-filled"]
+    assert found.count == 28 and made.heights.max() * made.height_unit < 0.2
+
+
+def test_a_hole_that_no_pixel_has_is_told(tmp_path):
+    stored = (waves() * 200).astype(np.uint16) + 1
+    stored[20:24, 30:37] = 65535
+    np.save(tmp_path / "map.npy", stored)
+    (found,) = [f for f in read(tmp_path / "map.npy", hole=65535).findings if f.code == "no-such-hole"]
+    assert found.severity == "warning" and found.value == "65535" and "unit" in found.remedy
+    (found,) = [f for f in read(tmp_path / "map.npy", hole=0).findings if f.code == "no-such-hole"]
+    assert found.severity == "info"  # a camera that missed nothing
+    for absent in (0.5, -1, 256 + int(stored[0, 0])):  # none of them is rounded or wrapped to one that is there
+        assert "no-such-hole" in {f.code for f in from_array(stored.astype(np.uint8), hole=absent).findings}
+    assert "no-such-hole" not in {f.code for f in from_array(waves(), hole=np.nan).findings}
+
+
+@pytest.mark.parametrize("hole", ["a", [0], 1j])
+def test_a_hole_is_a_number(hole):
+    with pytest.raises(DermisError, match="the hole must be a number"):
+        from_array(waves(), hole=hole)
+
+
+def test_declared_holes_may_be_a_list_of_booleans():
+    declared = np.zeros(waves().shape, bool)
+    declared[3, 4] = True
+    assert from_array(waves(), declared=declared.tolist()).findings[0].count == 1
+    for wrong in ([[True], [True, False]], declared.tolist()[1:], waves(), "all"):
+        with pytest.raises(DermisError, match="holes do not fit"):
+            from_array(waves(), declared=wrong)
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_single_precision_cannot_hold_is_a_hole(tmp_path):
+    values = waves()
+    values[5, 5] = 1e300
+    np.save(tmp_path / "map.npy", values)
+    made = read(tmp_path / "map.npy", hole=1e300)
+    assert [f.code for f in made.findings] == ["holes-filled"] and made.findings[0].count == 1
+    assert from_array(values, hole=-1e300).heights.max() < 1
+
+
+def test_a_sequence_has_one_type_of_numbers(tmp_path):
+    np.save(tmp_path / "map_1.npy", np.full((4, 4), 3, np.uint16))
+    np.save(tmp_path / "map_2.npy", np.full((4, 4), 3, np.int32))
+    with pytest.raises(DermisError, match="numbers' type"):
+        read([tmp_path / "map_1.npy", tmp_path / "map_2.npy"], unit=1e-3)

@@ -42,6 +42,7 @@ def test_a_wheel_holds_the_engine_the_presets_and_the_licence(wheel: Path) -> No
     core, presets = ROOT / "core", ROOT / "presets"
     wanted = {f"dermis/{p.relative_to(core).as_posix()}" for p in core.rglob("*.py")} | {"dermis/py.typed"}
     wanted |= {f"dermis/built_in/{p.relative_to(presets).as_posix()}" for p in presets.glob("*/*.json")}
+    wanted |= {f"dermis/built_in/{p.relative_to(presets).as_posix()}" for p in presets.glob("skins/*.npz")}
     with zipfile.ZipFile(wheel) as archive:
         names = archive.namelist()
         about = archive.read(next(n for n in names if n.endswith(".dist-info/METADATA"))).decode()

@@ -83,6 +83,7 @@ def things(tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
         shown = [repr(executor), repr(core.Cache(folder, 1_000_000))]
     step = next(core.render(scene, library))
     return [
+        core.curved_mesh(mesh),
         *(skin, skin.mesh, skin.material, touch, core.match(touch), core.match(touch).rendered, block),
         *(scene, *scene.chunks, core.load_scene(folder / "scene.npz"), core.load_scene(folder / "scene.npz").chunks),
         *(mesh, pins, pins.devices[0], volts, screen, table, bake, *bake.outputs, *bake.skins.values()),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -135,7 +137,7 @@ def test_a_model_is_folded_anew_for_every_friction_state():
     model = LearnedModel(random_ridge(rng, 8, 4), friction, stiffness=0.7)
     x = np.array([0.1, 0.2, 0.018])
     for force in (np.zeros((skin.pad_count, 3)), rng.normal(size=(skin.pad_count, 3))):
-        model.hold(FrictionState(np.ones(skin.pad_count, bool), np.zeros((skin.pad_count, 2)), force))
+        model.hold(replace(FrictionState.rest(skin.pad_count), force=force))
         u = np.concatenate([x, friction.project(force.ravel() / 0.7)])
         value, slope = model.fit.evaluate(u)
         np.testing.assert_allclose(model.evaluate(x)[0], 0.7 * value, rtol=1e-9)

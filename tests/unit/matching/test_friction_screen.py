@@ -455,3 +455,22 @@ def test_export_gives_the_same_bytes_and_refuses_what_it_does_not_know(tmp_path)
         ScreenMap.load(tmp_path / "none.npz")
     with pytest.raises(DermisError, match="cannot be written"):
         made.save(tmp_path / "a.npz" / "inside.npz")
+
+
+@pytest.mark.parametrize(
+    ("unit", "device", "screens", "told"),
+    [
+        (0.0, {"scale_mode": "manual", "scale": 5.0}, 1, 1),
+        (0.0, {}, 2, 2),  # one scale for two screens
+        (0.0, {}, 1, 0),  # the steepest slope is friction 100, however high the map
+        (0.0, {"scale_mode": "manual", "scale": 5.0, "profile": "rectangle"}, 1, 0),
+        (1e-3, {"scale_mode": "manual", "scale": 5.0}, 1, 0),
+    ],
+)
+def test_a_map_without_a_unit_is_told_where_commands_depend_on_it(unit, device, screens, told):
+    path = stroke((-0.04, 0.0), (0.04, 0.0))
+    heights = np.tile(np.linspace(0, 1, 12, dtype=np.float32), (8, 1))
+    scene = scene_of(path, heights=heights, unit=unit, device=device, screens=screens, use_screen="")
+    found = [f for f in rendered(scene).findings if f.code == "no-unit"]
+    assert len(found) == told
+    assert all(f.severity == "warning" and f.value == f"{1e3 * SIZE[0]:.3g} mm" for f in found)

@@ -82,7 +82,7 @@ def test_a_reachable_target_of_another_mesh_is_recovered(device):
     found = match_stimuli(StressMatcher(device, contact_of(device, skin, 0.6), coarse), targets)
     pressed = forces[:, :, 2].sum(axis=1) > 0.15
     assert pressed.sum() >= 14
-    assert np.abs(np.degrees(found.x - path)[pressed, :2]).max() < 1.5
+    assert np.abs(np.degrees(found.x - path)[pressed, :2]).max() < 2.0
     assert np.abs(found.x - path)[pressed, 2].max() < 0.1e-3
 
 

@@ -14,7 +14,7 @@ from core.errors import DermisError
 from core.scene.tactile_scene import Mesh
 from core.surface import shapes
 from core.surface.gap import Surface
-from core.surface.nearest import CentroidTree
+from core.surface.nearest import TIE
 
 CUBE_VERTICES = np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * 0.01
 CUBE_TRIANGLES = np.array([
@@ -112,15 +112,6 @@ def test_random_soup_equals_brute_force(seed):
     surface = Surface.build(vertices, triangles)
     exact = brute_force(vertices, triangles, points)
     np.testing.assert_allclose(np.abs(surface.query(points).gap), exact, atol=1e-14)
-    tree = CentroidTree(surface.table)
-    surface._tree_if_large = lambda n: tree  # type: ignore[method-assign]
-    import core.surface.nearest as module
-
-    dense, module.DENSE_PAIRS = module.DENSE_PAIRS, 0
-    try:
-        np.testing.assert_allclose(np.abs(surface.query(points).gap), exact, atol=1e-14)
-    finally:
-        module.DENSE_PAIRS = dense
 
 
 def test_reach_cuts_outside_but_never_inside():
@@ -299,27 +290,69 @@ def test_surface_of_is_kept_by_identity_and_let_go():
     assert gone() is None
 
 
-@pytest.mark.parametrize("search_radius", [0.002, np.inf])
-@pytest.mark.parametrize("kind", ["sphere", "bowl", "sheet", "soup"])
-def test_cells_answer_as_a_fresh_search_does(kind, search_radius):
-    """From the second query on a surface remembers; what it remembers must change nothing, bit for bit."""
+def meshes(kind):
     rng = np.random.default_rng(12)
     vertices, triangles = sphere(20, 24)
+    if kind == "fine":
+        return sphere(60, 70)
+    if kind == "far":  # from the origin, where single precision resolves a micrometre
+        return vertices + [20.0, -30.0, 10.0], triangles
+    if kind == "needles":  # a rod of 300 faces, 20 mm long and a hundredth of a millimetre wide
+        angle = np.arange(150) * 2 * np.pi / 150
+        ring = 0.005 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+        k, after = np.arange(150), (np.arange(150) + 1) % 150
+        sides = np.concatenate([np.stack([k, after, 150 + k], 1), np.stack([after, 150 + after, 150 + k], 1)])
+        return np.concatenate([ring - [0, 0, 0.01], ring + [0, 0, 0.01]]), sides
     if kind == "bowl":
-        triangles = np.concatenate([triangles, triangles[:, ::-1] + len(vertices)])
-        vertices = np.concatenate([vertices, vertices * 0.97])
-    elif kind == "sheet":
-        triangles = triangles[vertices[triangles].mean(axis=1)[:, 2] < 0.003]
-    elif kind == "soup":
-        vertices = (rng.uniform(-0.01, 0.01, (200, 1, 3)) + rng.normal(size=(200, 3, 3)) * 0.002).reshape(-1, 3)
-        triangles = np.arange(600).reshape(-1, 3)
+        both = np.concatenate([triangles, triangles[:, ::-1] + len(vertices)])
+        return np.concatenate([vertices, vertices * 0.97]), both
+    if kind == "sheet":
+        return vertices, triangles[vertices[triangles].mean(axis=1)[:, 2] < 0.003]
+    if kind == "soup":
+        size = 10.0 ** rng.uniform(-4, -1.5, (300, 1, 1))
+        corners = rng.uniform(-0.01, 0.01, (300, 1, 3)) + rng.normal(size=(300, 3, 3)) * size
+        return corners.reshape(-1, 3), np.arange(900).reshape(-1, 3)
+    return vertices, triangles
+
+
+@pytest.mark.parametrize("search_radius", [0.002, np.inf])
+@pytest.mark.parametrize("kind", ["sphere", "fine", "far", "needles", "bowl", "sheet", "soup"])
+def test_the_closest_is_that_of_all_triangles_bit_for_bit(kind, search_radius):
+    rng = np.random.default_rng(3)
+    vertices, triangles = meshes(kind)
     surface = Surface.build(vertices, triangles)
-    surface.query(vertices[:1], search_radius)
-    place = np.zeros(3)
-    for _ in range(12):
-        place = place + rng.normal(size=3) * 0.001
-        direction = rng.normal(size=(80, 3))
-        points = place + direction / np.linalg.norm(direction, axis=1)[:, None] * rng.uniform(0.006, 0.013, 80)[:, None]
+    middle = vertices.mean(axis=0)
+    direction = rng.normal(size=(150, 3))
+    away = direction / np.linalg.norm(direction, axis=1)[:, None] * rng.uniform(0.006, 0.013, 150)[:, None]
+    on = vertices[triangles[:: max(len(triangles) // 50, 1)]]
+    points = np.concatenate([middle + away, on.mean(axis=1), on[:, 0], on[:, :2].mean(axis=1), [middle]])
+    found = surface.query(points, search_radius)
+    everything = np.arange(len(triangles))
+    for point, triangle, weights, gap in zip(points, found.triangle, found.weights, found.gap, strict=True):
+        square, u, w = surface.table.closest(np.tile(point[:, None], len(triangles)), everything)
+        best = int(np.flatnonzero(square <= square.min() * (1.0 + TIE))[0])
+        if square.min() > search_radius * search_radius and not (
+            surface.closed and surface.winding(point[None])[0] > 0.5
+        ):
+            assert triangle == -1 and gap == np.inf
+            continue
+        assert triangle == best
+        np.testing.assert_array_equal(weights[1:], np.maximum([u[best], w[best]], 0.0))
+        assert abs(gap) == pytest.approx(np.sqrt(square[best]), rel=1e-9, abs=1e-14)
+
+
+@pytest.mark.parametrize("search_radius", [0.002, np.inf])
+@pytest.mark.parametrize("kind", ["sphere", "fine", "far", "needles", "bowl", "sheet", "soup"])
+def test_what_is_remembered_of_a_place_changes_nothing(kind, search_radius):
+    """Groups of triangles about the points are kept; a fresh surface answers the same, bit for bit."""
+    rng = np.random.default_rng(5)
+    vertices, triangles = meshes(kind)
+    surface, place = Surface.build(vertices, triangles), vertices.mean(axis=0)
+    for k in range(16):
+        place = place + rng.normal(size=3) * (0.02 if k % 5 == 4 else 2e-4)
+        direction = rng.normal(size=([80, 300][k % 2], 3))
+        far = rng.uniform(0.006, 0.013, len(direction))
+        points = place + direction / np.linalg.norm(direction, axis=1)[:, None] * far[:, None]
         kept, fresh = (
             surface.query(points, search_radius),
             Surface.build(vertices, triangles).query(points, search_radius),
@@ -327,7 +360,17 @@ def test_cells_answer_as_a_fresh_search_does(kind, search_radius):
         np.testing.assert_array_equal(kept.gap, fresh.gap)
         np.testing.assert_array_equal(kept.triangle, fresh.triangle)
         np.testing.assert_array_equal(kept.normal, fresh.normal)
-    assert surface._cells is not None and surface._cells._count > 0
+
+
+def test_another_shape_of_the_same_triangles_is_searched_as_well():
+    """Groups of triangles are kept with the topology, also where other triangles have lost their area."""
+    vertices, triangles = sphere(30, 40)
+    points = np.random.default_rng(4).normal(size=(60, 3)) * 0.01
+    Surface.build(vertices, triangles).query(points)
+    bent = vertices * [1.0, 0.3, 1.0] + np.array([0.004, 0.0, 0.0]) * np.sin(600 * vertices[:, 2:])
+    bent[triangles[7]] = bent[triangles[7, 0]]
+    exact = np.abs(Surface.build(bent, triangles.copy()).query(points).gap)
+    np.testing.assert_array_equal(np.abs(Surface.build(bent, triangles).query(points).gap), exact)
 
 
 @pytest.mark.parametrize(

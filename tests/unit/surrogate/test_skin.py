@@ -107,9 +107,7 @@ def test_stiffness_scales_stress_and_forces(skin, device, small):
     observation_matrix = made.descriptors.observation_matrix
     for state in (
         FrictionState.rest(skin.pad_count),
-        FrictionState(
-            np.zeros(skin.pad_count, bool), np.zeros((skin.pad_count, 2)), np.full((skin.pad_count, 3), 0.01)
-        ),
+        replace(FrictionState.rest(skin.pad_count), force=np.full((skin.pad_count, 3), 0.01)),
     ):
         doubled = replace(state, force=2 * state.force)
         soft, hard = made.model(skin, "ridge"), made.model(stiff, "ridge")

@@ -24,7 +24,7 @@ def frame(nodes, gap, friction, shift=(0.0, 0.0)):
     m = len(nodes)
     body = ContactBody(PLANE, translation=np.array([*shift, 0.0]), friction=friction)
     return NodeGaps(
-        (body,), gap, np.tile(UP, (m, 1)), np.zeros(m, int), np.zeros(m, int), np.full(m, friction), np.zeros(m)
+        (body,), gap, gap, np.tile(UP, (m, 1)), np.zeros(m, int), np.zeros(m, int), np.full(m, friction), np.zeros(m)
     )
 
 

@@ -381,7 +381,7 @@ def test_state_dependent_offset_is_honoured(skin):
 def test_candidate_inverse_follows_its_members(skin):
     c, rho = skin.compliance, 0.02
     soft = np.linspace(0, 1e-3, skin.pad_count)
-    kept = CandidateInverse(c, rho)
+    kept = CandidateInverse(c, np.full(skin.pad_count, rho))
     rng = np.random.default_rng(0)
     kept.rebuild(np.arange(5, 25), soft)
     for _ in range(30):

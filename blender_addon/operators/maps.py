@@ -1,0 +1,65 @@
+# mypy: disable-error-code="valid-type"
+"""Maps of touch screens from disk, opened with the question what their numbers are."""
+
+from typing import Any
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
+
+from .. import changes
+from .._core import core
+from ..layouts import properties
+from ..polls import needs
+from ..sampling import height_maps
+from .work import File
+
+_screen = core.parameters.screen
+SETTINGS = ("map_unit", "height_mm", "invert", "zero_is_hole")
+
+
+@needs(lambda context: context.object is not None and context.object.dermis.role == "SCREEN", "Select a touch screen")
+class DERMIS_OT_open_map(File, bpy.types.Operator):
+    """Choose a height or depth map from disk, and say what its numbers are"""
+
+    bl_idname = "dermis.open_map"
+    bl_label = "Open Map"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filter_glob: StringProperty(default="*.png;*.tif;*.tiff;*.npy;*.pgm;*.ppm;*.pfm", options={"HIDDEN"})
+    map_unit: EnumProperty(
+        name=_screen.MAP_UNIT.label, description=_screen.MAP_UNIT.text, items=_screen.MAP_UNIT.choices
+    )
+    height_mm: FloatProperty(name="Height", description=_screen.HEIGHT.text, default=2.0, min=0.0, unit="CAMERA")
+    invert: BoolProperty(name="Depth Map", description="Depth, not height: larger is farther away")
+    zero_is_hole: BoolProperty(name="Zero Is a Hole", description="A stored 0 means that nothing was measured there")
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Begin with what the screen has, and ask for the file."""
+        for name in SETTINGS:
+            setattr(self, name, getattr(context.object.dermis.screen, name))
+        return super().invoke(context, event)
+
+    def draw(self, _context: Any) -> None:
+        """Draw the questions beside the file browser."""
+        column = properties(self.layout, self, "map_unit")
+        if self.map_unit == "white":
+            column.prop(self, "height_mm")
+        column.prop(self, "invert")
+        column.prop(self, "zero_is_hole")
+
+    def work(self, context: bpy.types.Context) -> str | None:
+        """Set file and answers, and look at the map: what is left to decide is drawn under Screen."""
+        screen, path = context.object.dermis.screen, self.path()
+        screen.filepath = str(path)
+        screen.source = "SEQUENCE" if screen.source == "SEQUENCE" else "FILE"
+        for name in SETTINGS:
+            setattr(screen, name, getattr(self, name))
+        changes.mark_dirty(context.object.name)
+        height_maps.look(context.object)
+        offered = height_maps.offered(context.object)
+        for finding in offered:
+            self.report({"WARNING"}, f"{finding}")
+        return None if offered else f"Opened {path.name}"
+
+
+CLASSES: tuple[type, ...] = (DERMIS_OT_open_map,)

@@ -1,0 +1,65 @@
+"""NearSurface: a deforming surface on its way between two shapes, of which only what is near a finger is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...arrays import Array, Indices
+from ...surface.gap import Surface
+from ...surface.topology import Topology
+from ...surface.triangles import TriangleTable
+
+
+@dataclass(frozen=True, eq=False)
+class NearTriangles:
+    """The triangles that come near a finger between two shapes.
+
+    Attributes:
+        start, end: the surface's shapes, of the same triangles.
+        chosen: which triangles are near, shape (n,).
+        topology: of all; an own copy, since groups of triangles to search in are kept with it.
+    """
+
+    start: Surface
+    end: Surface
+    chosen: Indices
+    topology: Topology
+
+    @classmethod
+    def about(cls, start: Surface, end: Surface, box: Array) -> NearTriangles | None:
+        """Return the triangles whose way meets a box [m], shape (2, 3); None where none does."""
+        kept = start.table.usable | end.table.usable
+        for axis in range(3):
+            centre, radius = (np.stack([s.table.bounds[k] for s in (start, end)]) for k in (axis, 6))
+            kept &= ((centre + radius).max(axis=0) >= box[0, axis]) & ((centre - radius).min(axis=0) <= box[1, axis])
+        chosen = np.flatnonzero(kept)
+        return cls(start, end, chosen, replace(end.topology)) if chosen.size else None
+
+    def at(self, share: float) -> NearSurface:
+        """Return the shape after a share of the way."""
+        return NearSurface(self, share)
+
+
+class NearSurface(Surface):
+    """A shape between two, with the numbers of all its triangles and the places of those that are near.
+
+    Args:
+        near: which those are. share: of the way from one shape to the other, 0 to 1.
+    """
+
+    def __init__(self, near: NearTriangles, share: float) -> None:
+        start, end = near.start, near.end
+        self.vertices = (1.0 - share) * start.vertices + share * end.vertices
+        self.triangles, self.topology = end.triangles, near.topology
+        some = TriangleTable.build(self.vertices, self.triangles[near.chosen])
+        count = len(self.triangles)
+        self.table = TriangleTable(np.zeros((14, count)), np.zeros((7, count)), np.zeros(count, dtype=np.bool_))
+        self.table.rows[:, near.chosen] = some.rows
+        self.table.bounds[:, near.chosen] = some.bounds
+        self.table.usable[near.chosen] = some.usable
+        # what holds both shapes holds all between them, in the same shares
+        self.box = (1.0 - share) * start.box + share * end.box
+        low, high = ((1.0 - share) * a + share * b for a, b in zip(start._slabs, end._slabs, strict=True))
+        self._slabs = low, high

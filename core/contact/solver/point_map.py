@@ -1,0 +1,77 @@
+"""PointMap: which point of a contact lies where on the pad, on a grid as fine as the finest cells."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...arrays import Indices
+from ...skin.pad_chart import PadChart
+
+NONE = -1
+_SIGNS = np.array([[0.0, 0.0], [-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])  # centre, corners
+
+
+class PointMap:
+    """The points over the finest squares of a chart.
+
+    Args:
+        chart: that points are cells of.
+        reach: of corners from their cell's centre, in sides of it.
+    """
+
+    def __init__(self, chart: PadChart, reach: float) -> None:
+        self.chart, self.tiles = chart, chart.tiles
+        self.side = 1 << (self.tiles.levels - 1)  # finest squares along a root
+        self._size = self.side >> self.tiles.halved
+        rows, columns = (
+            (self.tiles.place * self._size)[:, k, None] + self._size[:, k, None] * [1, 3] // 4 for k in (0, 1)
+        )
+        self._quarters = (rows[:, :, None] * self.side + columns[:, None]).reshape(-1, 4)
+        self._offsets = 0.5 + reach * _SIGNS
+        self._owner = np.full((chart.starts[1] + 1, self.side * self.side), NONE)  # the last is beside the pad
+        self._marked: Indices = np.zeros(0, dtype=np.int64)
+        self._beside = _beside(chart)
+
+    def mark(self, cells: Indices) -> None:
+        """Set which cells are points."""
+        tiles = self.tiles
+        self._owner[self._marked] = NONE
+        self._marked = np.unique(tiles.root[cells])
+        size = self._size[cells]
+        kind = size[:, 0] * (2 * self.side) + size[:, 1]
+        for one in np.unique(kind).tolist():
+            part = np.flatnonzero(kind == one)
+            a, b = divmod(one, 2 * self.side)
+            place = tiles.place[cells[part]]
+            rows, columns = place[:, :1] * a + np.arange(a), place[:, 1:] * b + np.arange(b)
+            number = (rows[:, :, None] * self.side + columns[:, None]).reshape(len(part), -1)
+            self._owner[tiles.root[cells[part], None], number] = part[:, None]
+
+    def under(self, cells: Indices) -> Indices:
+        """Return up to four points under each cell, or beside it in its root, `NONE` where there is none, (n, 4)."""
+        root = self.tiles.root[cells]
+        found = self._owner[root[:, None], self._quarters[cells]]
+        none = np.flatnonzero((found == NONE).all(axis=1))
+        if len(none):
+            found[none, 0] = self._owner[root[none]].max(axis=1)
+        return found
+
+    def around(self, cells: Indices) -> Indices:
+        """Return the points under the centre and the corners of cells, `NONE` where there is none, shape (n, 5)."""
+        tiles, size = self.tiles, self._size[cells][:, None]
+        at = np.floor((tiles.place[cells][:, None] + self._offsets) * size + 1e-9).astype(np.int64)
+        root = self._beside[tiles.root[cells, None], (at[:, :, 0] // self.side) + 1, (at[:, :, 1] // self.side) + 1]
+        at %= self.side
+        return np.asarray(self._owner[root, at[:, :, 0] * self.side + at[:, :, 1]])
+
+
+def _beside(chart: PadChart) -> Indices:
+    """Return the root at and around each root, the number of roots where there is none, shape (n, 3, 3)."""
+    from scipy.spatial import cKDTree
+
+    places, halves = chart.places[chart.base], chart.halves[chart.base]
+    steps = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1], indexing="ij"), axis=2)
+    wanted = (places[:, None, None] + 2.0 * steps * halves[:, None, None]).reshape(-1, 2)
+    found = cKDTree(places).query(wanted)[1]
+    inside = (np.abs(wanted - places[found]) <= 1.01 * halves[found]).all(axis=1)
+    return np.where(inside, found, len(places)).reshape(-1, 3, 3)

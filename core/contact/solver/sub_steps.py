@@ -1,0 +1,315 @@
+"""SubStepper: the way between two frames, walked in steps that contact can follow.
+
+Friction remembers the way, and a surface is only known where the skin is. So a frame that presses or turns much is
+walked in parts; a finger that is first seen inside an object is led there from outside; an object that went all the
+way through a finger lets it go, and says so; and one that slid under it from the side, with the skin hanging on its
+rim, is pressed anew from beneath.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...arrays import Array, Indices
+from ...motion import matrices, quaternions
+from ...surface.crossing import first_crossing
+from ...surface.gap import Surface
+from .bodies import AWAY, ContactBody, NodeGaps, node_gaps, travel
+from .near_surface import NearTriangles
+from .path import PathSolver
+from .path_step import PathStep
+
+# A part of a frame presses by no more than this [m]; where the surface turns, it moves by no more than TURNING.
+PRESSING, TURNING = 0.1e-3, 0.1e-3
+# Beyond the depth that linear skin is trusted at, a frame has no more parts than this.
+DEEP_PARTS = 4
+# The surface turns where normals of loaded nodes differ by more than this cosine says.
+STRAIGHT = 0.95
+MAX_PARTS = 60
+# A finger counts as outside an object when no node is deeper in it than this [m].
+OUTSIDE = 1e-7
+SEARCHES = 40
+# An object that went through a finger is above the pad for as long as some of so many ways meet it within this [m].
+WAYS, ABOVE = 16, 0.1
+
+
+class SubStepper:
+    """Steps a solver from frame to frame.
+
+    Args:
+        solver: of one finger.
+        deepest: depth at which an object that the bone has left again went through the finger [m].
+    """
+
+    def __init__(self, solver: PathSolver, deepest: float) -> None:
+        self.solver, self.deepest = solver, deepest
+        self._left: frozenset[int] = frozenset()  # bodies that are not felt until the finger is outside of them
+        self._number = 0.0  # of the frame, for findings
+
+    def idle(self, count: int = 1) -> PathStep:
+        """Take frames in which nothing is near."""
+        self._left = frozenset()
+        return self.solver.idle(count)
+
+    def save(self) -> dict[str, Any]:
+        """Return the state between two frames, for `restore`."""
+        return {"solver": self.solver.save(), "left": self._left}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go back to a saved state."""
+        self.solver.restore(state["solver"])
+        self._left = state["left"]
+
+    def step(
+        self,
+        bodies: Sequence[ContactBody],
+        before: Callable[[], Sequence[ContactBody] | None] = lambda: None,
+        *,
+        scene_frame: float | None = None,
+    ) -> PathStep:
+        """Solve the next frame.
+
+        Args:
+            bodies: as in `PathSolver.step`.
+            before: asked for the same bodies in the frame before, where the solver did not see that one: a finger
+                that is now inside came from there; along its own normal where that gives None.
+        """
+        self._number = float(self.solver.frames) if scene_frame is None else scene_frame
+        bodies = self._felt(bodies)
+        if self.solver.unmoved(bodies):
+            return self.solver.step(bodies, scene_frame=scene_frame)
+        gaps = self.solver.look(bodies)
+        start: Sequence[ContactBody] = (*self.solver.bodies, *bodies[len(self.solver.bodies) :])  # others came since
+        if self.solver.fresh:
+            start = self._start(bodies, before, gaps)
+        ways = self._ways(start, bodies, gaps)
+        for way in ways:
+            self.solver.step(way, part=True)
+        step = self.solver.step(bodies, scene_frame=scene_frame, gaps=None if ways else gaps)
+        return self._through(step, bodies)
+
+    # -- the way -------------------------------------------------------------------------------------------------
+
+    def _ways(
+        self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], gaps: NodeGaps
+    ) -> list[list[ContactBody]]:
+        """Return the bodies at each part of the way but the last."""
+        parts = self._parts(start, bodies, gaps)
+        if parts > MAX_PARTS:
+            self.solver.notes.warn(
+                "too-fast",
+                "contact moves so much in a frame that its way is walked in coarser steps",
+                self._number,
+                value=f"{parts} steps",
+                limit=f"<= {MAX_PARTS}",
+                remedy="Sample more often, or move slower",
+            )
+            parts = MAX_PARTS
+        last = self.solver.gaps
+        if last is not None and -min(float(gaps.gap.min()), float(last.gap.min())) > self.solver.depth_limit:
+            parts = min(parts, DEEP_PARTS)
+        if parts == 1:
+            return []
+        near = [self._near(a, b, gaps) for a, b in zip(start, bodies, strict=True)]
+        return [
+            [between(a, b, k / parts, n) for a, b, n in zip(start, bodies, near, strict=True)] for k in range(1, parts)
+        ]
+
+    def _near(self, a: ContactBody, b: ContactBody, gaps: NodeGaps) -> NearTriangles | None:
+        """Return the triangles of a deforming surface that the finger may meet on the way; None for all."""
+        if not _deforms(a, b):
+            return None
+        pad, seen = self.solver.points, (gaps, self.solver.gaps or gaps)
+        # loaded skin lies on the surface, pressed in towards the bone; other skin about where it is undeformed
+        pressed, inside = (max(-min(float(getattr(g, name).min()) for g in seen), 0.0) for name in ("gap", "clearance"))
+        skin = np.concatenate([pad, pad + self.solver.bone * (pressed / np.linalg.norm(self.solver.bone))])
+        reach = self.solver.search_radius + min(inside, self.deepest) + travel(a, b, pad)
+        places = np.concatenate([(skin - c.translation) @ c.rotation for c in (a, b)])
+        box = np.stack([places.min(axis=0) - reach, places.max(axis=0) + reach])
+        assert isinstance(a.surface, Surface) and isinstance(b.surface, Surface)
+        return NearTriangles.about(a.surface, b.surface, box)
+
+    def _parts(self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], gaps: NodeGaps) -> int:
+        last = self.solver.gaps
+        if last is None:
+            far = max(travel(a, b, self.solver.pad) for a, b in zip(start, bodies, strict=True))
+            return max(int(np.ceil(far / PRESSING)), 1)
+        pressed = np.flatnonzero((gaps.body >= 0) & ((gaps.clearance < 0.0) | self.solver.loaded))
+        if pressed.size == 0:
+            return 1
+        same = pressed[last.body[pressed] == gaps.body[pressed]]
+        if same.size == 0:
+            return int(np.ceil(self._travel(start, bodies, gaps, pressed) / PRESSING))
+        parts = np.ceil(self.solver.pressing(start, gaps, same) / PRESSING)
+        if np.einsum("ij,ij->i", gaps.normal[same], last.normal[same]).min() < STRAIGHT:
+            parts = max(parts, np.ceil(self._travel(start, bodies, gaps, same) / TURNING))
+        return max(int(parts), 1)
+
+    def _travel(
+        self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices
+    ) -> float:
+        """Return how far the bodies' matter moves at the nodes that it is closest to [m]."""
+        which = gaps.body[nodes]
+        return max(
+            travel(start[i], bodies[i], self.solver.points[nodes[which == i]]) for i in np.unique(which).tolist()
+        )
+
+    # -- the first touch -----------------------------------------------------------------------------------------
+
+    def _start(
+        self, bodies: list[ContactBody], before: Callable[[], Sequence[ContactBody] | None], gaps: NodeGaps
+    ) -> Sequence[ContactBody]:
+        """Return the bodies where they first touch on their way to where they are."""
+        if not (gaps.body >= 0).any():
+            return bodies
+        came = before()
+        if came is not None and len(came) == len(bodies) and self._gap(came) >= -OUTSIDE:
+            return self._first_touch(came, bodies)
+        start: list[ContactBody] = list(bodies)
+        for index in sorted(set(gaps.body[gaps.body >= 0].tolist())):
+            far = self._retreat(bodies[index])
+            if far is not None:
+                start[index] = lowered(bodies[index], far)
+            else:
+                self.solver.notes.warn(
+                    "starts-inside",
+                    "the finger starts inside an object, and how it came there is not known",
+                    self._number,
+                    remedy="Begin where the finger is outside",
+                )
+        return start
+
+    def _retreat(self, body: ContactBody) -> float | None:
+        """Return how far a body must go down for the finger to be outside of it [m]; None beyond the bone."""
+        far = self._above(body, self.solver.pad, self.deepest)
+        for _ in range(SEARCHES):
+            inside = -self._gap([lowered(body, far)])
+            if inside <= OUTSIDE:
+                return far
+            far += inside
+            if far > self.deepest:
+                return None
+        return None
+
+    def _above(self, body: ContactBody, points: Array, height: float) -> float:
+        """Return the highest that a body's upper faces lie above points of the pad, of those below a height [m]."""
+        if not isinstance(body.surface, Surface) or not body.surface.closed:
+            return 0.0
+        up = self.solver.bone * (height / np.linalg.norm(self.solver.bone))
+        high, low = ((p - body.translation) @ body.rotation for p in (points + up, points))
+        triangle, share = first_crossing(body.surface.table, high, low)
+        return float(((1.0 - share) * (triangle >= 0)).max()) * height
+
+    def _first_touch(self, before: Sequence[ContactBody], bodies: Sequence[ContactBody]) -> list[ContactBody]:
+        """Advance from where nothing touches by what the smallest gap allows, until that is nothing."""
+        share = 0.0
+        for _ in range(SEARCHES):
+            here = [between(a, b, share) for a, b in zip(before, bodies, strict=True)]
+            gap = self._gap(here)
+            if gap <= OUTSIDE:
+                break
+            far = max(travel(a, b, self.solver.pad) for a, b in zip(before, bodies, strict=True))
+            share = min(share + gap / max(far, 1e-12), 1.0)
+        return here
+
+    def _gap(self, bodies: Sequence[ContactBody]) -> float:
+        """Return the smallest gap of the undeformed skin [m]."""
+        return float(node_gaps(self.solver.pad, bodies, np.inf, self.solver.bone).gap.min())
+
+    # -- all the way through -------------------------------------------------------------------------------------
+
+    def _felt(self, bodies: Sequence[ContactBody]) -> list[ContactBody]:
+        """Return the bodies, those away that went through the finger and are not out of it yet."""
+        for index in self._left:
+            if index >= len(bodies) or bodies[index].away or not self._in_or_above(bodies[index]):
+                self._left -= {index}
+        return [AWAY if index in self._left else body for index, body in enumerate(bodies)]
+
+    def _in_or_above(self, body: ContactBody) -> bool:
+        some = self.solver.pad[:: max(len(self.solver.pad) // WAYS, 1)]
+        return self._gap([body]) < -OUTSIDE or self._above(body, some, ABOVE) > 0.0
+
+    def _through(self, step: PathStep, bodies: Sequence[ContactBody]) -> PathStep:
+        gaps = step.gaps
+        if gaps is None or not -gaps.gap.min() > self.deepest:
+            return step
+        deep = np.unique(gaps.body[-gaps.gap > self.deepest])
+        gone = {int(i) for i in deep if _outside_bone(bodies[i], self.solver.bone)}
+        if not gone:
+            return step
+        ways = {i: self._retreat(bodies[i]) for i in gone}
+        over = {i: far for i, far in ways.items() if far is not None and not self._in_or_above(lowered(bodies[i], far))}
+        self._left |= gone - over.keys()
+        if self._left & gone:
+            what, remedy = "an object went through the finger, and is not felt until it is outside", "Raise the finger"
+            self.solver.notes.warn("passed-through", what, self._number, remedy=remedy)
+        return self._over(over, self._felt(bodies)) if over else self._last(self._felt(bodies))
+
+    def _over(self, far: dict[int, float], bodies: list[ContactBody]) -> PathStep:
+        """Press bodies anew whose rims the skin hung on: they lie under the finger, not beyond it.
+
+        Args:
+            far: how far each must go down for the finger to be outside of it [m].
+        """
+        what = "the skin hung on the rim of an object that slid under the finger, and is pressed onto it anew"
+        self.solver.notes.warn("over-a-rim", what, self._number, remedy="Raise the finger, or come from above")
+        self.solver.step([AWAY if i in far else body for i, body in enumerate(bodies)], part=True)
+        parts = max(int(np.ceil(min(max(far.values()), self.solver.depth_limit) / PRESSING)), 1)
+        for k in range(parts - 1, 0, -1):
+            part = [lowered(b, far[i] * k / parts) if i in far else b for i, b in enumerate(bodies)]
+            self.solver.step(part, part=True)
+        return self._last(bodies)
+
+    def _last(self, bodies: list[ContactBody]) -> PathStep:
+        return self.solver.step(bodies, scene_frame=self._number)
+
+
+def between(a: ContactBody, b: ContactBody, share: float, near: NearTriangles | None = None) -> ContactBody:
+    """Return a body on its way from one pose and shape to another, with the second's friction.
+
+    Args:
+        share: of the way. near: the triangles that are wanted of a shape between; all where None.
+    """
+    if a.away or b.away or share == 1.0:
+        return b
+    if np.array_equal(a.rotation, b.rotation):
+        rotation: Array = b.rotation
+    else:
+        ends = quaternions(np.stack([a.rotation, b.rotation]))
+        last = ends[1] if ends[0] @ ends[1] >= 0.0 else -ends[1]
+        rotation = matrices(((1.0 - share) * ends[0] + share * last)[None])[0]
+    translation = (1.0 - share) * a.translation + share * b.translation
+    surface, carry = b.surface, b.carry
+    if near is not None or _deforms(a, b):
+        assert isinstance(a.surface, Surface) and isinstance(surface, Surface)
+        if near is not None:
+            surface = near.at(share)
+        else:
+            vertices = (1.0 - share) * a.surface.vertices + share * surface.vertices
+            surface = Surface.build(vertices, surface.triangles)
+        if a.carry is not None or carry is not None:
+            one, other = (np.eye(3) if c is None else c for c in (a.carry, carry))
+            carry = (1.0 - share) * one + share * other
+    return replace(b, surface=surface, rotation=rotation, translation=translation, carry=carry)
+
+
+def _deforms(a: ContactBody, b: ContactBody) -> bool:
+    """Return whether a body has another shape of the same triangles."""
+    one, other = a.surface, b.surface
+    if a.away or b.away or one is other or not isinstance(one, Surface) or not isinstance(other, Surface):
+        return False
+    return len(one.vertices) == len(other.vertices) and np.array_equal(one.triangles, other.triangles)
+
+
+def lowered(body: ContactBody, far: float) -> ContactBody:
+    """Return a body moved away from the pad, down the finger's Z [m]."""
+    return replace(body, translation=body.translation - np.array([0.0, 0.0, far]))
+
+
+def _outside_bone(body: ContactBody, bone: Array) -> bool:
+    local = ((bone - body.translation) @ body.rotation)[None]
+    return isinstance(body.surface, Surface) and float(body.surface.query(local).gap[0]) > 0.0

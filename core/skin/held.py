@@ -1,0 +1,103 @@
+"""Whether bone holds a mesh: what could move without being deformed would yield to any force without end.
+
+Elements that share faces move as one where nothing is deformed; those that share only an edge or a node can turn about
+it. So the motions without deformation are those of such parts as rigid bodies, and they are none where fixed nodes and
+nodes shared by parts leave no motion: exactly where the stiffness matrix can be inverted.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Array
+from ..errors import DermisError
+from .mesh import FACES, TetraMesh
+
+MOST_PARTS = 300  # that are looked into; a mesh of more is none
+LOOSE = 1e-12  # of the stiffest motion's hold, squared lever arms
+
+
+def check_held(mesh: TetraMesh, where: str) -> None:
+    """Refuse a mesh of which a part can move without being deformed.
+
+    Raises:
+        DermisError: names the part, its fixed nodes and where it hangs on the rest.
+    """
+    part = parts_by_face(mesh)
+    count = int(part.max()) + 1
+    if count > MOST_PARTS:
+        raise DermisError(
+            "the mesh falls into parts that share no face",
+            where=where,
+            value=f"{count} parts",
+            limit=f"{MOST_PARTS}",
+            remedy="Merge nodes at the same place, and mesh the volume again",
+        )
+    node, on = np.unique(np.stack([mesh.tetrahedra.ravel(), np.repeat(part, 4)], axis=1), axis=0).T
+    fixed = np.isin(node, mesh.fixed)
+    _, first, times = np.unique(node, return_index=True, return_counts=True)
+    shared = np.repeat(times > 1, times) & ~fixed
+    levers = _levers(mesh.nodes, node, on, count)
+    hold = np.zeros((count, 6, count, 6))
+    for p in range(count):
+        own = levers[fixed & (on == p)]
+        hold[p, :, p] += np.einsum("nki,nkj->ij", own, own)
+    main = np.repeat(first, times)  # the first part that a node belongs to, which its others must follow
+    for i in np.flatnonzero(shared & (np.arange(len(node)) != main)).tolist():
+        joint = ((on[i], levers[i]), (on[main[i]], -levers[main[i]]))
+        for p, a in joint:
+            for q, b in joint:
+                hold[p, :, q] += a.T @ b
+    values, vectors = np.linalg.eigh(hold.reshape(6 * count, 6 * count))
+    free = values <= LOOSE * max(float(values[-1]), 1.0)
+    if free.any():
+        loosest = int((vectors[:, free] ** 2).reshape(count, 6, -1).sum(axis=(1, 2)).argmax())
+        raise _refusal(mesh, part == loosest, node[fixed & (on == loosest)], node[shared & (on == loosest)], where)
+
+
+def parts_by_face(mesh: TetraMesh) -> NDArray[np.int64]:
+    """Return the part that each element belongs to, hanging together by faces, shape (e,)."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    faces = np.sort(mesh.tetrahedra[:, FACES].reshape(-1, 3), axis=1)
+    order = np.lexsort(faces.T)
+    same = (faces[order[1:]] == faces[order[:-1]]).all(axis=1)
+    one, other = order[:-1][same] // 4, order[1:][same] // 4
+    size = len(mesh.tetrahedra)
+    joined = coo_array((np.ones(len(one), bool), (one, other)), shape=(size, size))
+    return np.asarray(connected_components(joined, directed=False)[1], np.int64)
+
+
+def _levers(nodes: Array, node: NDArray[np.integer], on: NDArray[np.integer], count: int) -> Array:
+    """Return how nodes move with the shift and turn of their part about its middle, per its size, shape (n, 3, 6)."""
+    sizes = np.bincount(on, minlength=count)
+    middle = np.stack([np.bincount(on, nodes[node, k], count) for k in range(3)], axis=1) / sizes[:, None]
+    way = nodes[node] - middle[on]
+    extent = np.sqrt(np.bincount(on, (way * way).sum(axis=1), count) / sizes)
+    x, y, z = (way / extent[on, None]).T
+    out = np.zeros((len(node), 3, 6))
+    out[:, range(3), range(3)] = 1.0
+    for row, column, value in ((0, 1, z), (0, 2, -y), (1, 0, -z), (1, 2, x), (2, 0, y), (2, 1, -x)):
+        out[:, row, 3 + column] = value
+    return out
+
+
+def _refusal(
+    mesh: TetraMesh, mine: NDArray[np.bool_], fixed: NDArray[np.integer], shared: NDArray[np.integer], where: str
+) -> DermisError:
+    """Say which part is loose, and why."""
+    x, y, z = 1e3 * mesh.nodes[mesh.tetrahedra[mine]].mean(axis=(0, 1))
+    bone = f"{len(fixed)} of its nodes are fixed"
+    if len(fixed) > 1:
+        line = np.linalg.svd(mesh.nodes[fixed] - mesh.nodes[fixed].mean(axis=0), compute_uv=False)
+        bone += ", on one line" if line[1] < 1e-6 * max(float(line[0]), 1e-300) else ""
+    joint = f", it hangs on the rest by {len(shared)} nodes ({', '.join(map(str, shared[:3]))})" if len(shared) else ""
+    return DermisError(
+        "a part of the tissue is not held: it can move without being deformed",
+        where=where,
+        value=f"{np.count_nonzero(mine)} elements about ({x:.2f}, {y:.2f}, {z:.2f}) mm: {bone}{joint}",
+        limit="three fixed nodes, not on one line, or a face shared with what is held",
+        remedy="Name the nodes on bone and nail as fixed, or join the part to the rest by whole faces",
+    )

@@ -1,0 +1,110 @@
+"""NodalForces: forces on the smooth skin as forces on the nodes of a mesh, with the same sum and the same moment."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Array, Indices
+from ..errors import DermisError
+from .mesh import TetraMesh
+from .pad_chart import PadChart
+
+NEAREST = 12  # triangles of the pad, by their centres, of which one is taken for a cell
+
+Floats = NDArray[np.floating[Any]]
+
+
+class NodalForces:
+    """Takes forces on cells of a smooth pad to the pad nodes of a mesh, and displacement of the nodes to the cells.
+
+    A cell's force goes to the three nodes of the triangle that it lies over. It does not lie in the triangle's plane:
+    forces on the same nodes that have no sum make up for the moment. Both ways are each other's transpose, so that
+    work is the same on both sides.
+
+    Args:
+        mesh: of the same fingertip. chart: its smooth pad.
+
+    Raises:
+        DermisError: the mesh has no triangle whose corners are all on the pad.
+    """
+
+    def __init__(self, mesh: TetraMesh, chart: PadChart) -> None:
+        self.mesh, self.chart = mesh, chart
+        place = np.full(len(mesh.nodes), -1)
+        place[mesh.pad] = np.arange(len(mesh.pad))
+        triangles = place[mesh.surface]
+        self._triangles = triangles[(triangles >= 0).all(axis=1)]
+        if not len(self._triangles):
+            raise DermisError("no triangle of the skin is on the pad", where=f"skin mesh '{mesh.name}'")
+        self._corners = mesh.nodes[mesh.pad][self._triangles]
+
+    def spread(self, cells: Indices, force: Floats) -> Array:
+        """Return the forces on the pad nodes [N], shape (m, 3), for forces on cells, shape (n, 3)."""
+        nodes, weights = self._weights(cells)
+        out = np.zeros((len(self.mesh.pad), 3))
+        np.add.at(out, nodes, np.einsum("nkab,nb->nka", weights, np.asarray(force, np.float64)))
+        return out
+
+    def gather(self, cells: Indices, displacement: Floats) -> Array:
+        """Return the displacement of cells [m], shape (n, 3), for that of the pad nodes, shape (m, 3)."""
+        nodes, weights = self._weights(cells)
+        return np.einsum("nkab,nka->nb", weights, np.asarray(displacement, np.float64)[nodes])
+
+    def _weights(self, cells: Indices) -> tuple[Indices, Array]:
+        """Return the three nodes of each cell, shape (n, 3), and what of its force goes to each, (n, 3, 3, 3)."""
+        nodes, weights, known = self._tables
+        missing = np.unique(np.asarray(cells)[~known[cells]])
+        if len(missing):
+            nodes[missing], weights[missing] = self._locate(self.chart.cells.positions[missing])
+            known[missing] = True
+        return nodes[cells], weights[cells]
+
+    def _locate(self, points: Array) -> tuple[Indices, Array]:
+        near = self._tree.query(points, k=min(NEAREST, len(self._triangles)))[1].reshape(len(points), -1)
+        shares = _barycentric(self._corners[near], points[:, None])
+        best = shares.min(axis=2).argmax(axis=1)
+        rows = np.arange(len(points))
+        share = np.maximum(shares[rows, best], 0.0)
+        share /= share.sum(axis=1, keepdims=True)
+        triangle = near[rows, best]
+        corners = self._corners[triangle]
+        arms = corners - corners.mean(axis=1, keepdims=True)
+        off = points - np.einsum("nk,nka->na", share, corners)
+        squares = np.einsum("nka,nka->n", arms, arms)[:, None, None] * np.eye(3)
+        turn = np.linalg.solve(squares - np.einsum("nka,nkb->nab", arms, arms), _cross(off))
+        return self._triangles[triangle], share[:, :, None, None] * np.eye(3) - _cross(arms) @ turn[:, None]
+
+    @cached_property
+    def _tree(self) -> Any:
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self._corners.mean(axis=1))
+
+    @cached_property
+    def _tables(self) -> tuple[Indices, Array, NDArray[np.bool_]]:
+        count = len(self.chart.places)  # memory is taken by those cells only that are ever asked for
+        return np.empty((count, 3), np.int64), np.empty((count, 3, 3, 3)), np.zeros(count, bool)
+
+
+def _barycentric(corners: Array, points: Array) -> Array:
+    """Return barycentric coordinates of the feet of points on triangles' planes, shape (..., 3)."""
+    a, b = corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :]
+    normal = np.cross(a, b)
+    to = points - corners[..., 0, :]
+    scale = (normal * normal).sum(axis=-1)
+    second = (np.cross(to, b) * normal).sum(axis=-1) / scale
+    third = (np.cross(a, to) * normal).sum(axis=-1) / scale
+    return np.stack([1.0 - second - third, second, third], axis=-1)
+
+
+def _cross(vectors: Array) -> Array:
+    """Return the matrices that take w to v x w, shape (..., 3, 3)."""
+    out = np.zeros((*vectors.shape, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        out[..., k, j] = vectors[..., i]
+        out[..., j, k] = -vectors[..., i]
+    return out

@@ -1,0 +1,255 @@
+"""PadChart: the smooth skin that may touch, and a tree of cells over it.
+
+The mesh of a fingertip has corners and its nodes lie a millimetre apart; what touches an edge or a coin's rim must be
+finer, and the smooth skin that the mesh was made from has points wherever they are wanted. The chart unrolls that skin
+along the finger (`FingertipShape.skin` of the exponential of a complex number), where cells are nearly square.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Array, Indices
+from ..errors import DermisError
+from .mesh import PAD_TILT
+from .shape import FingertipShape
+from .tiles import Tiles
+
+CELL_SIDES = (0.8e-3, 0.4e-3, 0.2e-3, 0.1e-3)  # [m] of the tree's levels, about: each halves the one above
+ROOTS = 8  # times the side of level 0, of the squares that level 0 is split from: the chart narrows towards the tip
+LARGEST = 1.2  # times its nominal side that a cell of level 0 may have
+CUT_MARGIN = 2.0e-3  # [m] next to the cut end, where skin is no pad: meshes keep as far from it
+_STEP = 1e-5  # of the chart, for derivatives: both errors are near 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class Patches:
+    """Pieces of skin: the cells of a tree, or any of them.
+
+    Attributes:
+        positions: centres on the smooth skin [m], shape (n, 3).
+        normals: outward unit normals there, shape (n, 3).
+        sides: the two sides of each piece as vectors in its tangent plane [m], shape (n, 2, 3).
+        areas: [m^2], shape (n,).
+    """
+
+    positions: Array
+    normals: Array
+    sides: Array
+    areas: Array
+
+    def __len__(self) -> int:
+        return len(self.areas)
+
+    def take(self, index: NDArray[np.integer] | slice) -> Patches:
+        """Return some of the pieces."""
+        return Patches(self.positions[index], self.normals[index], self.sides[index], self.areas[index])
+
+
+@dataclass(frozen=True, eq=False)
+class PadChart:
+    """A fingertip's pad as a smooth surface with a tree of cells.
+
+    Cells of level 0 come first, then the four children of each in the same order, and so on: cell i of a level has its
+    children at 4 i, 4 i + 1, ... of the next. After all levels come bars, see `Tiles`.
+
+    Attributes:
+        shape: the fingertip.
+        places: centres in the chart, shape (n, 2): logarithm of the distance along the finger (0 at the pad's centre,
+            rising to the cut end), angle round it (0 at the pad's centre, rising to -X).
+        halves: half the sides in the chart, shape (n, 2).
+        starts: where each level begins, and the bars, shape (levels + 1,).
+    """
+
+    shape: FingertipShape
+    places: Array
+    halves: Array
+    starts: tuple[int, ...]
+
+    @classmethod
+    def of(cls, shape: FingertipShape, levels: int = len(CELL_SIDES)) -> PadChart:
+        """Build the tree of a shape's pad: the same cells for the same shape.
+
+        Args:
+            levels: of the tree, 1 to 4.
+
+        Raises:
+            DermisError: no such number of levels.
+        """
+        if not 1 <= levels <= len(CELL_SIDES):
+            raise DermisError("no such number of levels", where="pad", value=levels, limit=f"1 to {len(CELL_SIDES)}")
+        side = CELL_SIDES[0]
+        # steps that are squares beside the pad's centre, where the skin's metric is the tip and the mean half section
+        around = 0.25 * shape.width + 0.5 * shape.height_palm
+        half = 0.5 * ROOTS * side / np.array([shape.tip, around])
+        rows = 1 + np.arange(int(np.ceil((shape.reach + 4.0) / (2 * half[0]))))  # to where e^-4 is left of the tip
+        columns = 1 + np.arange(int(np.ceil(0.5 * np.pi / (2 * half[1]))))
+        columns = np.concatenate([-columns[::-1], columns - 1])
+        a, b = np.meshgrid(shape.reach - (2 * rows - 1) * half[0], (2 * columns + 1) * half[1], indexing="ij")
+        places, halves = np.stack([a.ravel(), b.ravel()], axis=1), np.tile(half, (a.size, 1))
+        done = []
+        while len(places):
+            size = np.sqrt(_patches(shape, places, halves).areas)
+            small = size <= LARGEST * side
+            done.append((places[small], halves[small]))
+            places, halves = _split(places[~small], halves[~small])
+        places, halves = (np.concatenate(parts) for parts in zip(*done, strict=True))
+        found = _patches(shape, places, halves)
+        pad = (found.normals[:, 2] < PAD_TILT) & (found.positions[:, 1] > shape.tip - shape.length + CUT_MARGIN)
+        order = np.lexsort((places[pad, 1], -places[pad, 0]))
+        tree = [(places[pad][order], halves[pad][order])]
+        for _ in range(levels - 1):
+            tree.append(_split(*tree[-1]))
+        starts = np.cumsum([0] + [len(level[0]) for level in tree])
+        places, halves = (np.concatenate(parts) for parts in zip(*tree, strict=True))
+        return cls(shape, *_with_bars(places, halves, starts.tolist()), tuple(starts.tolist()))
+
+    def __repr__(self) -> str:
+        return f"PadChart({self.starts[1]} cells, {len(self.starts) - 1} levels)"
+
+    @cached_property
+    def cells(self) -> Patches:
+        """All cells of the tree, and all bars."""
+        return _patches(self.shape, self.places, self.halves)
+
+    @cached_property
+    def tiles(self) -> Tiles:
+        """How cells and bars lie in each other."""
+        return Tiles(self.starts)
+
+    @cached_property
+    def levels(self) -> NDArray[np.int8]:
+        """The level of each cell, 0 the coarsest; -1 for bars, shape (n,)."""
+        levels = np.repeat(np.arange(len(self.starts) - 1, dtype=np.int8), np.diff(self.starts))
+        return np.concatenate([levels, np.full(len(self.places) - len(levels), -1, np.int8)])
+
+    @property
+    def base(self) -> Indices:
+        """The cells of level 0, which cover the pad."""
+        return np.arange(self.starts[1])
+
+    def children(self, cells: Indices) -> Indices:
+        """Return the four children of each cell, shape (n, 4).
+
+        Raises:
+            DermisError: a cell of the finest level, or a bar.
+        """
+        level = self.levels[cells]
+        if len(level) and (level.max() + 2 >= len(self.starts) or level.min() < 0):
+            raise DermisError(
+                "bars and cells of the finest level have no children", where="pad", value=int(level.max())
+            )
+        starts = np.array(self.starts)
+        first = starts[level + 1] + 4 * (cells - starts[level])
+        return first[:, None] + np.arange(4)
+
+    def parent(self, cells: Indices) -> Indices:
+        """Return the parent of each cell, -1 for those of level 0, shape (n,)."""
+        level = self.levels[cells]
+        starts = np.array(self.starts)
+        return np.where(level > 0, starts[level - 1] + (cells - starts[level]) // 4, -1)
+
+    def descendants(self, cells: Indices, level: int) -> tuple[Indices, Indices]:
+        """Return the cells that cover some cells down to a level, and which of them each one lies in.
+
+        Cells of that level or finer stand for themselves.
+        """
+        found, owner = np.asarray(cells), np.arange(len(cells))
+        while (coarse := self.levels[found] < level).any():
+            split = self.children(found[coarse]).ravel()
+            found = np.concatenate([found[~coarse], split])
+            owner = np.concatenate([owner[~coarse], np.repeat(owner[coarse], 4)])
+        order = np.argsort(owner, kind="stable")
+        return found[order], owner[order]
+
+    def corners(self, cells: Indices, reach: float = 0.75) -> tuple[Array, Array]:
+        """Return points and normals at four corners of each cell, each shape (n, 4, 3).
+
+        Args:
+            reach: from the centre, in sides of the cell. Beyond 0.5 the corners of neighbours overlap, so that
+                nothing slips through between them.
+        """
+        signs = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
+        places = self.places[cells][:, None] + 2 * reach * signs * self.halves[cells][:, None]
+        points, along, around = _frame(self.shape, places)
+        vectors = np.cross(along, around)
+        return points, vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+    def surface(self, places: Array) -> Patches:
+        """Return the smooth skin at places of the chart, shape (n, 2); sides and areas per unit of the chart."""
+        return _patches(self.shape, places, np.full_like(places, 0.5))
+
+    def project(self, points: Array) -> tuple[Array, Array]:
+        """Return the place of the chart that each point lies under, shape (n, 2), and its depth below the skin [m].
+
+        Raises:
+            DermisError: a point that lies under no single place: too deep, or far from the pad.
+        """
+        from scipy.spatial import cKDTree
+
+        points = np.asarray(points, np.float64)
+        places = self.places[cKDTree(self.cells.positions[self.base]).query(points)[1]]
+        for _ in range(60):
+            foot, along, around = _frame(self.shape, places)
+            metric = np.stack([along, around], axis=1)
+            gram = metric @ metric.transpose(0, 2, 1)
+            step = np.linalg.solve(gram, metric @ (points - foot)[:, :, None])[:, :, 0]
+            places = places + np.clip(step, -0.2, 0.2)
+            if not len(step) or np.abs(step).max() < 1e-10:
+                normals = self.surface(places).normals
+                return places, np.einsum("ij,ij->i", self.surface(places).positions - points, normals)
+        lost = int(np.abs(step).max(axis=1).argmax())
+        raise DermisError(
+            "a point lies under no single place of the skin",
+            where="pad",
+            value=f"{np.round(points[lost] * 1e3, 3).tolist()} mm",
+            remedy="Ask nearer to the skin of the pad",
+        )
+
+    def with_levels(self, levels: int) -> PadChart:
+        """Return the same tree without its finest levels."""
+        count, starts = self.starts[levels], self.starts[: levels + 1]
+        places, halves = _with_bars(self.places[:count], self.halves[:count], starts)
+        return replace(self, places=places, halves=halves, starts=starts)
+
+
+def _frame(shape: FingertipShape, places: Array) -> tuple[Array, Array, Array]:
+    """Return points of the skin and its derivatives along and around the finger, each shape (..., 3)."""
+    p = np.exp(-shape.reach)
+
+    def skin(along: float, around: float) -> Array:
+        plane = np.exp(places[..., 0] + along + 1j * (places[..., 1] + around))
+        return shape.skin(p * (plane - 1.0) / (1.0 - p * p * plane))
+
+    def slope(along: float, around: float) -> Array:
+        return (skin(along, around) - skin(-along, -around)) / (2 * _STEP)
+
+    return skin(0.0, 0.0), slope(_STEP, 0.0), slope(0.0, _STEP)
+
+
+def _patches(shape: FingertipShape, places: Array, halves: Array) -> Patches:
+    points, along, around = _frame(shape, places)
+    sides = 2 * halves[:, :, None] * np.stack([along, around], axis=1)
+    vectors = np.cross(sides[:, 0], sides[:, 1])
+    areas = np.linalg.norm(vectors, axis=1)
+    return Patches(points, vectors / areas[:, None], sides, areas)
+
+
+def _with_bars(places: Array, halves: Array, starts: Sequence[int]) -> tuple[Array, Array]:
+    tiles = Tiles(starts)
+    bars = slice(starts[-1], tiles.count)
+    root, parts = tiles.root[bars], 1 << tiles.halved[bars]
+    own = halves[root] / parts
+    middle = places[root] - halves[root] + (2 * tiles.place[bars] + 1) * own
+    return np.concatenate([places, middle]), np.concatenate([halves, own])
+
+
+def _split(places: Array, halves: Array) -> tuple[Array, Array]:
+    signs = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
+    children = places[:, None] + 0.5 * signs * halves[:, None]
+    return children.reshape(-1, 2), np.repeat(0.5 * halves, 4, axis=0)

@@ -1,0 +1,189 @@
+"""SurfaceCompliance: how a fingertip gives way between free points of its smooth skin, and what is felt beneath.
+
+Displacement for force is that of a half-space, in closed form, plus a smooth remainder of low rank, fitted once to a
+fine mesh. Points are cells of the pad's tree, as fine as a touch wants them and no finer: nothing here has a mesh.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Array, Floats32, Indices
+from .half_space import Beneath, surface_kernel
+from .material import Elastic
+from .pad_chart import PadChart, Patches
+from .remainder import Remainder
+
+SPREAD = 0.7  # times a probe's depth that pieces above it may measure; larger ones pass their force to their children
+ABOVE = 2.0  # sides of a piece (and depths) within which it is above a probe
+_PAIRS_AT_ONCE = 200_000
+_ROWS_AT_ONCE = 40  # whose tables stay in a processor's cache
+
+Floats = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceCompliance:
+    """The compliance between cells of a pad, symmetric positive definite among those that do not overlap.
+
+    Forces [N] and displacements [m] are in the finger's frame. E and alpha only scale.
+
+    Attributes:
+        chart: the pad's tree of cells; all indices are of it.
+        material: E, Poisson's ratio and alpha.
+        remainder: what a half-space lacks, at E = 1.
+        spring: displacement of the whole bone for the total force [m/N], symmetric, shape (3, 3); zero where held.
+    """
+
+    chart: PadChart
+    material: Elastic
+    remainder: Remainder
+    spring: Array = field(default_factory=lambda: np.zeros((3, 3)))
+
+    def __repr__(self) -> str:
+        return f"SurfaceCompliance({self.chart!r}, E {1e-3 * self.material.modulus:.3g} kPa)"
+
+    @property
+    def cells(self) -> Patches:
+        """Positions, normals, sides and areas of all cells."""
+        return self.chart.cells
+
+    def with_material(self, *, young: float | None = None, alpha: float | None = None) -> SurfaceCompliance:
+        """Return the same pad of another stiffness: no work, tables are shared."""
+        young = self.material.young if young is None else young
+        alpha = self.material.alpha if alpha is None else alpha
+        return self._sharing(replace(self, material=replace(self.material, young=young, alpha=alpha)))
+
+    def with_spring(self, direction: Array, stiffness: float) -> SurfaceCompliance:
+        """Return the same pad on a bone that gives way along a unit vector, by the total force over [N/m]."""
+        axis = np.asarray(direction, np.float64)
+        return self._sharing(replace(self, spring=self.spring + np.outer(axis, axis) / stiffness))
+
+    def rows(self, new: Indices, members: Indices) -> Floats32:
+        """Return the displacement of some cells for forces on others [m/N], shape (3 new, 3 members).
+
+        What a contact needs when cells enter: in single precision, 1e-6 off.
+        """
+        rank, others, phi = self.remainder.rank, self.cells.take(members), self.functions(members).T
+        out = np.empty((len(new), 3, len(members), 3), np.float32)
+        scale = np.float32(1.0 / self.material.modulus)
+        for start in range(0, len(new), _ROWS_AT_ONCE):
+            few = new[start : start + _ROWS_AT_ONCE]
+            part = surface_kernel(self.cells.take(few), others, self.material.poisson, np.float32)
+            smooth = (self.functions(few) @ self._surface).reshape(-1, rank) @ phi
+            part += smooth.reshape(len(few), 3, 3, -1).transpose(0, 1, 3, 2)
+            np.multiply(part, scale, out=out[start : start + len(few)])
+        if self.spring.any():
+            out += self.spring.astype(np.float32)[None, :, None, :]
+        return out.reshape(3 * len(new), 3 * len(members))
+
+    def block(self, i: Indices, j: Indices) -> Array:
+        """Return the displacement of cells i for forces on cells j [m/N] in double precision, shape (i, 3, j, 3)."""
+        out = surface_kernel(self.cells.take(i), self.cells.take(j), self.material.poisson)
+        half = np.tensordot(self.functions(i).astype(np.float64), self.remainder.surface, axes=1)
+        out += np.tensordot(half, self.functions(j).astype(np.float64), axes=(2, 1)).transpose(0, 1, 3, 2)
+        return out / self.material.modulus + self.spring[None, :, None, :]
+
+    def apply(self, cells: Indices, force: Floats, at: Indices | None = None) -> Array:
+        """Return the displacement for forces on cells.
+
+        Args:
+            cells: those that carry force, shape (j,). force: [N], shape (j, 3).
+            at: where displacement is wanted, the same cells where None, shape (i,).
+
+        Returns:
+            [m], shape (i, 3).
+        """
+        at = cells if at is None else at
+        force = np.asarray(force, np.float64).reshape(-1, 3)
+        step = max(1, _PAIRS_AT_ONCE // max(1, len(cells)))
+        parts = [self.block(at[s : s + step], cells) for s in range(0, len(at), step)]
+        return np.concatenate([np.tensordot(part, force, axes=2) for part in parts] or [np.zeros((0, 3))])
+
+    def functions(self, cells: Indices) -> Floats32:
+        """Return the remainder's functions at cells, shape (n, rank); computed once for each cell that is asked for."""
+        table, known = self._functions
+        cells = np.asarray(cells)
+        if not known[cells].all():
+            missing = np.unique(cells[~known[cells]])
+            table[missing] = self.remainder.functions(self.cells.positions[missing])
+            known[missing] = True
+        return table[cells]
+
+    def probes(self, places: Array, depths: Floats | float) -> Probes:
+        """Return points below the skin at places of the chart, shape (k, 2), and depths [m] above zero, shape (k,)."""
+        skin = self.chart.surface(places)
+        depths = np.broadcast_to(np.asarray(depths, np.float64), len(places)).copy()
+        plane = Beneath(skin.positions, skin.normals, depths, self.material.poisson)
+        return Probes(plane, skin.positions - depths[:, None] * skin.normals, self.remainder.functions(skin.positions))
+
+    def beneath(self, probes: Probes, cells: Indices, force: Floats) -> tuple[Array, Array]:
+        """Return displacement [m] and stress xx, yy, zz, yz, xz, xy [Pa] below the skin.
+
+        The force of a cell that is large against a probe's depth is spread evenly over its descendants.
+
+        Args:
+            probes: from `probes`. cells: those that carry force, none within another, shape (j,). force: [N], (j, 3).
+
+        Returns:
+            shapes (k, 3) and (k, 6).
+        """
+        force = np.asarray(force, np.float64).reshape(-1, 3)
+        moments = self.functions(cells).astype(np.float64).T @ force
+        out = self.remainder.below(probes.functions, probes.plane.depths, moments)
+        cells, owner = self.chart.tiles.squares(cells)
+        carried_by = np.bincount(owner, self.cells.areas[cells], minlength=len(force))
+        force_on = (self.cells.areas[cells] / carried_by[owner])[:, None] * force[owner]
+        step = max(1, _PAIRS_AT_ONCE // max(1, len(cells)))
+        for start in range(0, len(out), step):
+            part = np.arange(start, min(start + step, len(out)))
+            probe, source = np.repeat(part, len(cells)), np.tile(cells, len(part))
+            carried = np.tile(force_on, (len(part), 1))
+            while len(source):
+                side, depth = np.sqrt(self.cells.areas[source]), probes.plane.depths[probe]
+                apart = np.linalg.norm(probes.plane.feet[probe] - self.cells.positions[source], axis=1)
+                split = (side > SPREAD * depth) & (apart < ABOVE * (side + depth))
+                split &= self.chart.levels[source] + 2 < len(self.chart.starts)
+                done = ~split
+                out += probes.plane.sum(probe[done], self.cells.positions[source[done]], carried[done])
+                children = self.chart.children(source[split])
+                share = self.cells.areas[children] / self.cells.areas[children].sum(axis=1, keepdims=True)
+                probe, source = np.repeat(probe[split], 4), children.ravel()
+                carried = (share[:, :, None] * carried[split][:, None]).reshape(-1, 3)
+        return out[:, :3] / self.material.modulus + force.sum(axis=0) @ self.spring, out[:, 3:]
+
+    @cached_property
+    def _functions(self) -> tuple[Floats32, NDArray[np.bool_]]:
+        count = len(self.chart.places)
+        return np.empty((count, self.remainder.rank), np.float32), np.zeros(count, bool)
+
+    @cached_property
+    def _surface(self) -> Floats32:
+        """D in the order that makes one product of a row: function at i, component at i and j, function at j."""
+        rank = self.remainder.rank
+        return np.ascontiguousarray(self.remainder.surface.transpose(0, 1, 3, 2).reshape(rank, 9 * rank), np.float32)
+
+    def _sharing(self, other: SurfaceCompliance) -> SurfaceCompliance:
+        other.__dict__.update(_functions=self._functions, _surface=self._surface)
+        return other
+
+
+@dataclass(frozen=True, eq=False)
+class Probes:
+    """Points below the skin of a pad.
+
+    Attributes:
+        plane: their feet, normals and depths. points: [m], shape (k, 3). functions: of the remainder at the feet.
+    """
+
+    plane: Beneath
+    points: Array
+    functions: Floats32
+
+    def __len__(self) -> int:
+        return len(self.points)

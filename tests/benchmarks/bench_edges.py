@@ -1,0 +1,102 @@
+"""Frictional contact on free points of the smooth pad: planes, balls, edges and ribs that slide.
+
+Timed is a whole frame of a finger as a scene has it: `SubStepper` over `PointSolver`, forces brought to the mesh's
+nodes, surfaces of triangles. Each is pressed 1 mm deep at 2 mm/s, then drawn to and fro by 1.5 mm at 240 frames a
+second, with friction 0.6; the pressing is not timed. The node solver's frame on a block is timed in the same run: this
+says more than a time does where other work shares the processor.
+"""
+
+from __future__ import annotations
+
+import functools
+import time
+from typing import Any
+
+import numpy as np
+
+from core.shipped import BUILT_IN
+
+from . import Result, benchmark, one_blas_thread, timing
+
+MU, DEPTH, RATE, STROKE, PRESS = 0.6, 1e-3, 240.0, 1.5e-3, 2e-3
+RIB, PERIOD, RIBS, GROOVE = 0.75e-3, 1.5e-3, 21, 1.5e-3
+
+
+@benchmark("contact_edge_ms", limit=1.3)
+def contact_edge() -> Result:
+    """An edge of 90 degrees, rounded by 0.2 mm, that slides at 20 mm/s."""
+    return _result("contact_edge_ms", "edge", 20e-3)
+
+
+@benchmark("contact_edge_fast_ms", limit=5.0)
+def contact_edge_fast() -> Result:
+    """The same edge at 100 mm/s: every frame is walked in parts."""
+    return _result("contact_edge_fast_ms", "edge", 100e-3)
+
+
+@benchmark("contact_ribs_ms", limit=3.0)
+def contact_ribs() -> Result:
+    """Ribs 0.75 mm wide, 1.5 mm apart, at 20 mm/s."""
+    return _result("contact_ribs_ms", "ribs", 20e-3, strokes=1)
+
+
+@benchmark("contact_points_plane_ratio", limit=1.2)
+def contact_points_plane() -> Result:
+    """A block at 20 mm/s, over what the node solver takes for it; a ball of 5 mm beside it."""
+    nodes, ball = (timing(_times(*case)).median for case in (("block", 20e-3, 2, True), ("ball", 20e-3, 2, False)))
+    plane = timing(_times("block", 20e-3, 2, False)).median
+    return Result("contact_points_plane_ratio", plane / nodes, "1", None, {"ball": ball / nodes, "nodes, ms": nodes})
+
+
+def _result(name: str, shape: str, speed: float, strokes: int = 2) -> Result:
+    found = timing(_times(shape, speed, strokes, False))
+    plane = timing(_times("block", 20e-3, 2, True)).median
+    return Result(name, found.median, "ms", found.p95, {"node solver on a block": plane})
+
+
+@functools.cache
+def _times(shape: str, speed: float, strokes: int, at_nodes: bool) -> tuple[float, ...]:
+    """Return the times of the frames that slide [ms]."""
+    from core.contact.compliant_bone import CompliantBone
+    from core.contact.solver.bodies import ContactBody
+    from core.presets import Library
+    from core.skin.model import skin_from_parameters
+    from core.skin.surface_store import surface_compliance
+
+    parameters = Library().skin("index_medium")
+    pad = None if at_nodes else surface_compliance(parameters, shipped=BUILT_IN / "skins")
+    bone = CompliantBone.of(skin_from_parameters(parameters), {}, "finger", surface=pad)
+    surface, pressing = _surface(shape), int(DEPTH / PRESS * RATE)
+    step = speed / RATE
+    there = np.arange(1, int(STROKE / step) + 1) * step
+    stroke = np.concatenate([there, there[-2::-1], -there, -there[-2::-1]])
+    along = np.concatenate([np.zeros(pressing + 1), np.tile(stroke, strokes)])
+    depth = np.minimum(np.arange(len(along)) / pressing, 1.0) * DEPTH
+    times = []
+    with one_blas_thread():
+        for frame in range(len(along)):
+            body = ContactBody(surface, translation=np.array([along[frame], 0.0, depth[frame]]), friction=MU)
+            started = time.perf_counter()
+            bone.step([body], float(frame))
+            times.append((time.perf_counter() - started) * 1e3)
+    return tuple(times[pressing + 1 :])
+
+
+def _surface(shape: str) -> Any:
+    from core.surface.gap import Surface
+
+    if shape == "ribs":
+        return Surface.build(*_ribs())
+    return {"block": Surface.block, "edge": Surface.edge, "ball": lambda: Surface.sphere(5e-3, 5000)}[shape]()
+
+
+def _ribs() -> tuple[Any, Any]:
+    """Return vertices [m] and triangles of ribs along Y on a block; the middle of one's top is the origin."""
+    from core.surface import shapes
+
+    rib, triangles = shapes.block(RIB, 0.05, 1.2 * GROOVE)
+    below, _ = shapes.block(RIBS * PERIOD, 0.05, 0.02)
+    middles = (np.arange(RIBS) - RIBS // 2) * PERIOD
+    parts = [below - [0.0, 0.0, GROOVE], *(rib + [x, 0.0, 0.0] for x in middles)]
+    count = len(rib)
+    return np.concatenate(parts), np.concatenate([triangles + k * count for k in range(len(parts))])

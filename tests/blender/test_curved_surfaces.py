@@ -1,0 +1,136 @@
+"""Objects felt as they are shaded: smooth ones round, sharp edges sharp, flat ones as they are; off unless asked."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon.sampling import scene_sweep
+from core.scene.scene_file import load, save
+from core.surface.curved import TOLERANCE
+from tests.blender import build
+
+R = 6e-3
+
+
+def shaded(obj: bpy.types.Object, smooth: bool = True) -> bpy.types.Object:
+    obj.data.polygons.foreach_set("use_smooth", [smooth] * len(obj.data.polygons))
+    obj.data.update()
+    obj.dermis.role = "TOUCHABLE"
+    return obj
+
+
+def ball(scale: float = 1.0) -> bpy.types.Object:
+    """An ico sphere of 320 triangles that shades smooth, R in the world."""
+    bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=3, radius=R / scale)
+    obj = bpy.context.object
+    obj.scale = [scale] * 3
+    return shaded(obj)
+
+
+def sampled() -> tuple:
+    build.finger()
+    tactile = scene_sweep.sample(build.span(1, 5))
+    return tactile, {f.code: f for f in tactile.findings}
+
+
+def off(mesh, scale: float = 1.0) -> float:
+    share = np.random.default_rng(0).dirichlet(np.ones(3), size=20)
+    points = np.einsum("wc,tci->twi", share, mesh.vertices[mesh.triangles]).reshape(-1, 3)
+    return float(np.abs(scale * np.linalg.norm(points, axis=1) - R).max())
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.01])
+def test_a_smooth_ball_is_round_in_the_world(scale):
+    obj = ball(scale)
+    obj.dermis.material.curved = True
+    tactile, findings = sampled()
+    mesh = tactile.bodies[0].mesh
+    assert off(mesh, scale) < 1.5 * TOLERANCE and len(mesh.triangles) < 10_000
+    assert findings["curved"].value == "0.101 mm"
+    assert findings["curved"].severity == "info" and "facets" not in findings
+
+
+def test_off_it_is_flat_as_ever_and_says_what_that_costs():
+    ball()
+    tactile, findings = sampled()
+    assert len(tactile.bodies[0].mesh.triangles) == 320
+    assert "0.1" in findings["facets"].value and "Curved Surface" in findings["facets"].remedy
+
+
+def test_a_flat_ball_stays_flat_and_quiet():
+    shaded(ball(), smooth=False).dermis.material.curved = True
+    tactile, findings = sampled()
+    assert len(tactile.bodies[0].mesh.triangles) == 320
+    assert not {"curved", "facets"} & set(findings)
+
+
+def test_sharp_edges_of_the_shading_stay_sharp():
+    bpy.ops.mesh.primitive_cylinder_add(vertices=16, radius=R, depth=0.02)
+    obj = shaded(bpy.context.object)
+    for edge in obj.data.edges:
+        ends = [obj.data.vertices[i].co.z for i in edge.vertices]
+        edge.use_edge_sharp = ends[0] * ends[1] > 0
+    obj.dermis.material.curved = True
+    tactile, _ = sampled()
+    points = tactile.bodies[0].mesh.vertices
+    assert len(points) > 100 and np.abs(points[:, 2]).max() == pytest.approx(0.01, rel=1e-6)
+    assert np.linalg.norm(points[:, :2], axis=1).max() == pytest.approx(R, rel=1e-5)
+
+
+def test_a_mirrored_object_is_curved_outwards():
+    obj = ball()
+    obj.scale.x = -1.0
+    obj.dermis.material.curved = True
+    tactile, _ = sampled()
+    mesh = tactile.bodies[0].mesh
+    a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
+    assert np.einsum("ij,ij->", np.cross(a, b), c) / 6 == pytest.approx(4 / 3 * np.pi * R**3, rel=3e-3)
+    assert off(mesh) < 1.5 * TOLERANCE
+
+
+def test_what_deforms_keeps_its_triangles_and_its_curve():
+    obj = ball()
+    obj.dermis.material.curved = True
+    obj.shape_key_add(name="Basis")
+    key = obj.shape_key_add(name="Wide")
+    for i, v in enumerate(obj.data.vertices):
+        key.data[i].co = v.co * 1.2
+    build.keys(obj.data.shape_keys, f'key_blocks["{key.name}"].value', [1, 5], [0.0, 1.0])
+    tactile, _ = sampled()
+    meshes = build.joined(tactile)["surfaces"][0]
+    assert len({id(m.triangles) for m in meshes}) == 1 and len(meshes[0].triangles) > 320
+    assert off(meshes[-1], 1 / 1.2) < 1.5 * TOLERANCE
+
+
+def test_a_scene_file_keeps_the_curved_surface_and_what_is_told(tmp_path):
+    ball().dermis.material.curved = True
+    tactile, findings = sampled()
+    save(tactile, tmp_path / "ball.npz")
+    again = load(tmp_path / "ball.npz")
+    np.testing.assert_array_equal(again.bodies[0].mesh.vertices, tactile.bodies[0].mesh.vertices)
+    assert findings["curved"] in again.findings
+
+
+def test_the_live_preview_follows_the_switch_and_keeps_the_surface_while_nothing_changes():
+    obj = ball()
+    build.finger()
+    scene = build.span(1, 5)
+
+    def now():
+        (chunk,) = scene_sweep.sample_now(scene, bpy.context.evaluated_depsgraph_get()).chunks
+        return chunk.surfaces[0][0]
+
+    scene_sweep.forget()
+    assert len(now().triangles) == 320
+    obj.dermis.material.curved = True
+    made = now()
+    assert len(made.triangles) > 4000 and now() is made
+    obj.data.polygons.foreach_set("use_smooth", [False] * 320)
+    obj.data.update()
+    bpy.context.view_layer.update()
+    flat = now()
+    assert np.linalg.norm(flat.vertices, axis=1).min() < 0.99 * R
+    obj.dermis.material.curved = False
+    assert len(now().triangles) == 320

@@ -1,0 +1,149 @@
+"""What contact on free points must keep to: the laws of friction, and whatever does not depend on how it is solved."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("scipy")
+
+from core.contact.solver.bodies import ContactBody
+from core.contact.solver.point_path import PointSolver
+from core.contact.solver.sub_steps import SubStepper
+from core.presets import BUILT_IN, Library
+from core.skin.surface_store import surface_compliance
+from core.surface.gap import Surface
+from tests.contact_laws import cone_residual
+
+EDGE, BALL = Surface.edge(np.pi / 2), Surface.sphere(5e-3, 5000)
+
+
+@pytest.fixture(scope="module")
+def pad():
+    found = surface_compliance(Library().skin("index_medium"), shipped=Path(BUILT_IN) / "skins")
+    assert found is not None
+    return found
+
+
+def at(surface, x, depth, friction=0.6, **more):
+    return ContactBody(surface, translation=np.array([x, 0.0, depth]), friction=friction, **more)
+
+
+def stepper(pad, **more):
+    return SubStepper(PointSolver(pad, **more), 0.006)
+
+
+def walk(steps, surface, places, friction=0.6):
+    return [steps.step([at(surface, x, depth, friction)]) for x, depth in places]
+
+
+def way(frames, depth=0.6e-3, far=0.6e-3):
+    """Return places of a surface that is pressed, then drawn aside."""
+    s = np.linspace(0.0, 2.0, frames + 1)
+    return np.stack([far * np.maximum(s - 1.0, 0.0), depth * np.minimum(s, 1.0)], axis=1)
+
+
+def total(step):
+    return step.solution.force.sum(axis=0)
+
+
+@pytest.mark.parametrize("surface", [EDGE, BALL], ids=["edge", "ball"])
+def test_coulomb_holds_at_every_point_and_friction_only_takes(pad, surface):
+    steps = stepper(pad)
+    places = [*way(40), *((0.6e-3 - 0.02e-3 * k, 0.6e-3) for k in range(1, 30))]
+    last = None
+    for x, depth in places:
+        step = steps.step([at(surface, x, depth)])
+        done = step.solution
+        assert done.converged
+        assert cone_residual(done) <= 1e-9
+        assert (done.normal_force >= 0.0).all()
+        slip = done.displacement - (done.displacement * done.normals).sum(axis=1)[:, None] * done.normals
+        assert (done.force * slip).sum() <= 1e-3 * np.abs(done.force).sum() * 0.02e-3
+        last = done
+    assert last.force[:, 0].sum() < 0.0  # it was drawn back
+
+
+def test_the_frame_rate_does_not_matter(pad):
+    slow, fast = (total(walk(stepper(pad), BALL, way(frames))[-1]) for frames in (30, 240))
+    assert np.linalg.norm(fast - slow) < 0.01 * np.linalg.norm(slow)
+
+
+def test_what_rests_does_not_creep(pad):
+    """Where an edge has just come, surfaces are seen ever more exactly for some frames; then nothing changes."""
+    steps = stepper(pad)
+    walk(steps, EDGE, way(20))
+    settled, *_, later = (total(steps.step([at(EDGE, 0.6e-3 + 1e-12 * k, 0.6e-3)])) for k in range(12, 40))
+    np.testing.assert_allclose(later, settled, atol=0.01 * np.linalg.norm(settled))
+    *_, before, last = (total(steps.step([at(EDGE, 0.6e-3 + 1e-12 * k, 0.6e-3)])) for k in range(40, 60))
+    np.testing.assert_allclose(last, before, atol=1e-4 * np.linalg.norm(settled))
+
+
+def test_the_same_way_gives_the_same_bytes(pad):
+    one, other = (walk(stepper(pad), EDGE, way(15)) for _ in range(2))
+    for a, b in zip(one, other, strict=True):
+        assert a.solution.force.tobytes() == b.solution.force.tobytes()
+
+
+def test_a_thin_card_is_felt_as_a_block(pad):
+    """A card thinner than half of what it is pressed: its back is nearer than its front."""
+    forces = []
+    for height in (20e-3, 0.8e-3):
+        steps, card = stepper(pad), Surface.block(0.05, 0.05, height)
+        forces.append(total(walk(steps, card, [(0.0, 0.05e-3 * k) for k in range(31)])[-1]))
+    np.testing.assert_allclose(forces[1], forces[0], rtol=0.01, atol=1e-3)
+
+
+def test_an_edge_feels_the_same_wherever_it_lies(pad):
+    """Across two cells' borders: the pad itself changes by some per cent."""
+    forces = [
+        total(walk(stepper(pad), EDGE, [(x, 0.05e-3 * k) for k in range(21)], 0.0)[-1])[2]
+        for x in np.linspace(-0.35e-3, 0.35e-3, 7)
+    ]
+    assert np.ptp(forces) < 0.1 * np.mean(forces)
+
+
+def test_soft_bodies_press_less_and_two_share(pad):
+    hard = total(walk(stepper(pad), BALL, [(0.0, 0.05e-3 * k) for k in range(11)])[-1])[2]
+    steps = stepper(pad)
+    for k in range(11):
+        soft = total(steps.step([at(BALL, 0.0, 0.05e-3 * k, softness=2e-8)]))[2]
+    assert 0.2 * hard < soft < 0.9 * hard
+    steps = stepper(pad)
+    for k in range(11):
+        both = steps.step([at(BALL, -3e-3, 0.05e-3 * k), at(Surface.sphere(2e-3, 3000), 3e-3, 0.05e-3 * k)])
+    assert set(both.gaps.body[both.solution.normal_force > 0.0]) == {0, 1}
+    assert both.solution.converged
+
+
+def test_a_body_that_deforms_is_followed(pad):
+    """A ball that swells is a larger ball."""
+    steps, first = stepper(pad), Surface.sphere(5e-3, 5000)
+    for k in range(13):
+        scale = 1.0 + 0.02 * min(k, 5)
+        swollen = Surface.build(first.vertices * scale, first.triangles)
+        last = steps.step([at(swollen, 0.0, 0.05e-3 * min(k, 10), 0.0, deforms=True)])
+    large = total(walk(stepper(pad), Surface.sphere(5.5e-3, 5000), [(0.0, 0.05e-3 * k) for k in range(11)], 0.0)[-1])
+    assert total(last)[2] == pytest.approx(large[2], rel=0.02)
+
+
+def test_stiffness_and_alpha_only_scale(pad):
+    soft = walk(stepper(pad), EDGE, way(15))[-1]
+    young = pad.material.young
+    hard = walk(stepper(pad.with_material(young=4.0 * young)), EDGE, way(15))[-1]
+    np.testing.assert_allclose(total(hard), 4.0 * total(soft), rtol=1e-3, atol=1e-4)
+
+
+def test_a_ball_that_rolls_needs_little_friction(pad):
+    """Rolling, unlike sliding, pulls far less than friction could."""
+    steps, radius, last = stepper(pad), 5e-3, None
+    for k in range(40):
+        angle = 0.005 * max(k - 10, 0)
+        turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+        centre = np.array([-radius * angle, 0.0, 0.05e-3 * min(k, 10) - radius])
+        last = steps.step([ContactBody(BALL, turn, centre - turn @ [0.0, 0.0, -radius], 0.6)])
+    pull, press = total(last)[0], total(last)[2]
+    assert press > 0.02
+    assert abs(pull) < 0.3 * press

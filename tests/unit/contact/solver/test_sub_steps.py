@@ -1,0 +1,189 @@
+"""Thin things, fast things and starts inside: what a slow path over thick things says, all of them say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.contact.solver.bodies import ContactBody, travel
+from core.contact.solver.path import PathSolver
+from core.contact.solver.sub_steps import DEEP_PARTS, PRESSING, SubStepper, between
+from core.surface.gap import Surface
+
+FRICTION = 0.6
+BONE = 0.006
+
+
+def stepper(skin):
+    return SubStepper(PathSolver(skin.compliance, skin.positions, areas=skin.areas, name="finger"), BONE)
+
+
+def below(skin, surface, depth, shift=(0.0, 0.0), **more):
+    """A surface whose top has risen a depth beyond the pad's lowest node."""
+    lowest = skin.positions[:, 2].min()
+    return ContactBody(surface, translation=np.array([*shift, lowest + depth]), friction=FRICTION, **more)
+
+
+def card(thickness):
+    return Surface.block(0.05, 0.05, thickness)
+
+
+def pressed(skin, surface, depths):
+    steps = stepper(skin)
+    return np.array([steps.step([below(skin, surface, d)]).solution.force for d in depths])
+
+
+@pytest.mark.parametrize("thickness", [3e-3, 1e-3, 0.1e-3])
+def test_a_card_is_felt_like_a_block(skin, thickness):
+    """The same top, at depths many times the card's thickness: the same forces, to rounding."""
+    depths = np.linspace(0.0, 3e-3, 31)
+    block, thin = (pressed(skin, card(t), depths) for t in (0.02, thickness))
+    assert block[-1, :, 2].sum() > 2.0
+    np.testing.assert_allclose(thin, block, atol=1e-7 * block.max())
+
+
+@pytest.mark.parametrize("thickness", [2e-3, 0.1e-3])
+def test_a_card_is_felt_like_a_block_while_it_slides_and_turns(skin, thickness):
+    def run(surface):
+        steps, out = stepper(skin), []
+        for k in range(40):
+            angle = 0.004 * max(k - 20, 0)
+            turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+            body = below(skin, surface, 1.2e-3 * min(k / 20, 1), (4e-5 * k, -6e-5 * k))
+            out.append(steps.step([replace(body, rotation=turn)]).solution.force)
+        return np.array(out)
+
+    block, thin = run(card(0.02)), run(card(thickness))
+    np.testing.assert_allclose(thin, block, atol=1e-6 * np.abs(block).max())
+
+
+def test_a_small_ball_never_pulls(skin):
+    """Deeper than it is wide, a ball that meets a node still pushes the more the deeper it is pressed."""
+    node = skin.positions[np.argmin(np.linalg.norm(skin.positions[:, :2], axis=1))]
+    steps, forces = stepper(skin), []
+    for depth in np.linspace(0.0, 3e-3, 31):
+        body = ContactBody(Surface.sphere(0.96e-3, 2000), translation=node + [0, 0, depth], friction=FRICTION)
+        forces.append(steps.step([body]).solution.force[:, 2].sum())
+    assert (np.diff(forces) > 0.0).all()
+
+
+def test_a_start_in_contact_equals_the_path(skin):
+    ball = Surface.sphere(6e-3, 5000)
+    slow = pressed(skin, ball, np.linspace(0.0, 1.5e-3, 61))[-1]
+    at_once = stepper(skin).step([below(skin, ball, 1.5e-3)])
+    assert at_once.from_rest is False  # it came from outside, in steps
+    assert at_once.solution.force[:, 2].sum() == pytest.approx(slow[:, 2].sum(), rel=2e-3)
+    np.testing.assert_allclose(at_once.solution.force, slow, atol=0.02 * np.abs(slow).max())
+
+
+def test_a_jump_through_a_sheet_equals_the_path(skin):
+    """One frame from above the sheet to 2.5 mm below its top: it is felt as on the slow way."""
+    sheet = card(0.2e-3)
+    depths = np.linspace(-5e-3, 2.5e-3, 200)
+    slow = pressed(skin, sheet, depths)[-1]
+    steps = stepper(skin)
+    away = below(skin, sheet, -5e-3)
+    assert not steps.step([away]).solution.force.any()
+    fast = steps.step([below(skin, sheet, 2.5e-3)], lambda: [away]).solution.force
+    np.testing.assert_allclose(fast, slow, atol=0.02 * np.abs(slow).max())
+
+
+def test_an_oblique_jump_comes_from_where_it_was(skin):
+    """A plate that comes from the side presses as it does on the slow way along the same line."""
+    plate, start = card(1e-3), np.array([-4e-3, 2e-3, -3e-3])
+    end = np.array([0.0, 0.0, 0.8e-3])
+
+    def at(share):
+        body = below(skin, plate, 0.0)
+        return replace(body, translation=body.translation + (1 - share) * start + share * end)
+
+    steps = stepper(skin)
+    for share in np.linspace(0.0, 1.0, 400):
+        slow = steps.step([at(share)]).solution.force
+    fast = stepper(skin).step([at(1.0)], lambda: [at(0.0)]).solution.force
+    straight = stepper(skin).step([at(1.0)]).solution.force
+    scale = np.abs(slow).max()
+    np.testing.assert_allclose(fast, slow, atol=0.05 * scale)
+    assert np.abs(straight - slow).max() > 0.2 * scale  # what it would be had the way not been known
+
+
+def test_what_went_through_the_finger_is_let_go_and_said(skin):
+    """A plate at 2 m/s: it pushes until the bone has left it behind, then nothing, and a finding has the frame."""
+    steps, plate, forces, last = stepper(skin), card(2e-3), [], None
+    for k, depth in enumerate(np.arange(-0.02, 0.04, 2.0 / 240)):
+        body = [below(skin, plate, depth)]
+        forces.append(steps.step(body, lambda b=last: b, scene_frame=float(k)).solution.force[:, 2].sum())
+        last = body
+    assert min(forces) >= 0.0 and max(forces) > 1.0 and forces[-1] == 0.0
+    told = {f.code: f for f in steps.solver.findings}
+    assert told["passed-through"].frame == np.argmax(forces) + 1
+    # back where it came from, it is felt again
+    again = [steps.step([below(skin, plate, d)]).solution.force[:, 2].sum() for d in (-2e-3, 0.0, 0.5e-3)]
+    assert again[0] == 0.0 and again[-1] > 0.01
+
+
+@pytest.mark.parametrize("thickness", [0.02, 1e-3])
+def test_what_slid_under_the_finger_is_pressed_as_from_above(skin, thickness):
+    """Its wall met the skin from the side; the skin must not hang on the rim until the object counts as gone."""
+    surface, steps = Surface.block(0.02, 0.05, thickness), stepper(skin)
+    for k in range(81):
+        step = steps.step([below(skin, surface, 1e-3, (-0.03 + 0.03 * k / 80, 0.0))])
+    force = step.solution.force[:, 2].sum()
+    assert force == pytest.approx(pressed(skin, surface, np.linspace(0.0, 1e-3, 21))[-1, :, 2].sum(), rel=0.05)
+    told = {finding.code for finding in steps.solver.findings}
+    assert "over-a-rim" in told and "passed-through" not in told
+
+
+def test_depth_is_measured_along_the_way_in(skin):
+    """4 mm through a card of 1 mm is 4 mm deep, not 1 mm from its back."""
+    steps = stepper(skin)
+    for depth in np.linspace(0.0, 4e-3, 9):
+        step = steps.step([below(skin, card(1e-3), depth)])
+    assert -step.gaps.gap.min() == pytest.approx(4e-3, rel=1e-3)
+    assert {f.code for f in steps.solver.findings} >= {"too-deep"}
+
+
+def test_a_start_that_no_way_leads_to_is_said(skin):
+    """A finger in the middle of a block ten times its size: the answer is what it was, and a finding says so."""
+    steps = stepper(skin)
+    steps.step([below(skin, Surface.block(0.2, 0.2, 0.2), 0.1)], scene_frame=7.0)
+    told = {f.code: f for f in steps.solver.findings}
+    assert told["starts-inside"].frame == 7.0
+
+
+def test_small_steps_are_not_divided(skin):
+    steps = stepper(skin)
+    for depth in np.arange(0.0, 1e-3, 0.8 * PRESSING):
+        steps.step([below(skin, card(0.02), depth)])
+    for shift in np.arange(0.0, 4e-3, 1e-3):  # however far it slides on a plane
+        steps.step([below(skin, card(0.02), 0.9e-3, (shift, 0.0))])
+    assert steps.solver.counters["parts"] == 0
+    steps.step([below(skin, card(0.02), 0.9e-3 + 2.5 * PRESSING, (shift, 0.0))])
+    assert steps.solver.counters["parts"] == 2
+
+
+def test_deeper_than_skin_is_trusted_a_frame_has_few_parts(skin):
+    ways = {}
+    for name, depths in {"few": [1.9e-3, 3.1e-3], "many": [1.9e-3, *np.arange(1.95e-3, 3.1001e-3, 0.05e-3)]}.items():
+        steps = stepper(skin)
+        steps.step([below(skin, card(0.02), 0.0)])
+        steps.step([below(skin, card(0.02), depths[0])])
+        steps.solver.counters["parts"] = 0
+        for depth in depths[1:]:
+            force = steps.step([below(skin, card(0.02), depth)]).solution.force
+        ways[name] = force, steps.solver.counters["parts"]
+    assert ways["few"][1] == DEEP_PARTS - 1
+    np.testing.assert_allclose(ways["few"][0], ways["many"][0], atol=0.02 * np.abs(force).max())
+
+
+def test_between_is_rigid_and_ends_where_it_ends():
+    quarter = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    a = ContactBody(card(1e-3))
+    b = ContactBody(a.surface, quarter, np.array([2e-3, 0, 0]))
+    half = between(a, b, 0.5)
+    np.testing.assert_allclose(half.rotation @ half.rotation.T, np.eye(3), atol=1e-14)
+    assert np.arccos((np.trace(half.rotation) - 1) / 2) == pytest.approx(np.pi / 4)
+    assert between(a, b, 1.0) is b
+    assert travel(a, b, np.array([[0.0, 0, 0], [1e-3, 0, 0]])) == pytest.approx(2e-3)

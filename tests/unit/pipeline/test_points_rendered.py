@@ -1,0 +1,59 @@
+"""A scene rendered with contact on points and at nodes: what reads contact goes on from forces on nodes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.contact import resultants
+from core.pipeline.bake import Bake
+from core.pipeline.outputs import export
+from core.pipeline.render import run
+from core.presets import Library
+from core.scene.from_poses import scene_from_poses
+from core.scene.tactile_scene import Body, DeviceUse, Finger
+from core.surface.gap import Surface
+
+RATE, COUNT = 60.0, 16
+
+
+def rendered(device: str, surface: Surface, **given: object) -> Bake:
+    """What a finger's device does while a thing rises into its pad and is drawn along it."""
+    t = np.linspace(0.0, 1.0, COUNT)
+    way = np.stack([1e-3 * np.maximum(2 * t - 1.0, 0.0), 0.0 * t, -0.3e-3 + 1.1e-3 * np.minimum(2 * t, 1.0)], axis=1)
+    finger = Finger("Index", (DeviceUse(device, {"thimble_method": "force"} if "thimble" in device else {}),), given)
+    body = Body("Thing", surface.mesh, {"friction": 0.5})
+    return run(scene_from_poses(RATE, [(finger, (0.0, 0.0, 0.0))], [(body, way)]), Library())
+
+
+@pytest.mark.parametrize("device", ["pin_array_128", "thimble_3rrs"])
+def test_devices_follow_points_as_they_follow_nodes(device: str) -> None:
+    ball = Surface.sphere(12e-3)
+    on_points, on_nodes = (rendered(device, ball, contact=contact) for contact in ("points", "nodes"))
+    one, other = on_points.outputs[0], on_nodes.outputs[0]
+    assert on_points.skins["Index"].points is not None and on_nodes.skins["Index"].points is None
+    if "normal_force" in one.signals:  # small tilts of the thimble are free where only its force is asked for
+        mine, theirs = (o.signals["normal_force"] for o in (one, other))
+    else:
+        mine, theirs = (np.stack([o.track.column(c.name) for c in o.track.channels]) for o in (one, other))
+    assert np.linalg.norm(theirs) > 0.0 and np.linalg.norm(mine - theirs) <= 0.2 * np.linalg.norm(theirs)
+    assert on_points.content_hash != on_nodes.content_hash
+
+
+def test_points_give_the_same_bytes_twice(tmp_path: Path) -> None:
+    first, again = (rendered("pin_array_128", Surface.sphere(8e-3), contact="points") for _ in range(2))
+    assert first.content_hash == again.content_hash
+    files = [export(bake, tmp_path / name)[0].read_bytes() for bake, name in ((first, "a"), (again, "b"))]
+    assert files[0] == files[1]
+    touch, same = first.skins["Index"], again.skins["Index"]
+    assert touch.points is not None and same.points is not None
+    assert touch.points.force.tobytes() == same.points.force.tobytes()
+    assert resultants.dumps(touch) == resultants.dumps(same)
+    # what a table of resultants sums are the forces on points
+    last = int(touch.contact[-1])
+    points = touch.points_at(last)
+    assert points is not None
+    np.testing.assert_allclose(touch.force_at(last).sum(axis=0), points.force.sum(axis=0), atol=1e-6)
+    assert touch.normal_force[last] == pytest.approx(np.linalg.norm(points.force.sum(axis=0)), rel=0.3)

@@ -1,0 +1,61 @@
+"""Forces from the smooth skin to the nodes of a mesh and displacement back: nothing is lost on the way."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("scipy")
+
+from core.errors import DermisError
+from core.skin.fingertip import fingertip_mesh
+from core.skin.mesh import TetraMesh
+from core.skin.nodal_forces import NodalForces
+from core.skin.pad_chart import PadChart
+from core.skin.shape import FingertipShape
+
+
+@pytest.fixture(scope="module")
+def chart() -> PadChart:
+    return PadChart.of(FingertipShape())
+
+
+@pytest.mark.parametrize("level", ["draft", "standard", "fine"])
+def test_total_force_moment_and_work_are_kept(chart: PadChart, level: str) -> None:
+    mesh = fingertip_mesh(level=level)
+    nodal, random = NodalForces(mesh, chart), np.random.default_rng(1)
+    cells = random.choice(len(chart.places), 500, replace=False)
+    force = random.normal(size=(500, 3))
+    out = nodal.spread(cells, force)
+    nodes, points = mesh.nodes[mesh.pad], chart.cells.positions[cells]
+    assert out.sum(axis=0) == pytest.approx(force.sum(axis=0), abs=1e-12)
+    moments = np.cross(points, force)
+    assert np.cross(nodes, out).sum(axis=0) == pytest.approx(moments.sum(axis=0), abs=1e-12 * np.abs(moments).sum())
+    moved = random.normal(size=nodes.shape)
+    assert (nodal.gather(cells, moved) * force).sum() == pytest.approx((moved * out).sum(), rel=1e-10)
+
+
+def test_rigid_motion_stays_rigid(chart: PadChart) -> None:
+    mesh = fingertip_mesh()
+    nodal = NodalForces(mesh, chart)
+    turn = np.array([0.02, -0.01, 0.03])
+    cells = chart.base
+    found = nodal.gather(cells, 1e-3 + np.cross(turn, mesh.nodes[mesh.pad]))
+    assert found == pytest.approx(1e-3 + np.cross(turn, chart.cells.positions[cells]), abs=1e-15)
+
+
+def test_a_force_stays_where_it_is(chart: PadChart) -> None:
+    mesh = fingertip_mesh()
+    nodal, cell = NodalForces(mesh, chart), int(np.linalg.norm(chart.cells.positions, axis=1).argmin())
+    out = nodal.spread(np.array([cell]), np.array([[0.0, 0.0, 1.0]]))
+    loaded = np.flatnonzero(np.abs(out).sum(axis=1))
+    assert len(loaded) == 3 and (out[loaded, 2] > -0.05).all()
+    apart = np.linalg.norm(mesh.nodes[mesh.pad][loaded] - chart.cells.positions[cell], axis=1)
+    assert apart.max() < 3e-3
+
+
+def test_a_pad_without_triangles_is_refused(chart: PadChart) -> None:
+    mesh = fingertip_mesh(level="draft")
+    bare = TetraMesh(mesh.nodes, mesh.tetrahedra, mesh.fixed, mesh.pad[:1], mesh.surface)
+    with pytest.raises(DermisError, match="no triangle"):
+        NodalForces(bare, chart)

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from core.skin.blas import one_thread
 
 from .bisection import base_mesh, refined
-from .cases import FAMILIES, FINGER, PROBE_DEPTHS, Family, first_contact
+from .cases import FAMILIES, FINGER, PROBE_DEPTHS, SIZES, Family, first_contact
 from .contact import Pressed, press
+from .quadratic import bent
 from .results import errors, load, missing, rounded, save
 from .shapes import Shape
 from .tissue import Tissue
@@ -25,7 +26,7 @@ class Meshed:
     """A family on one mesh.
 
     Args:
-        family: what is pressed in. size: of elements where sharp shapes touch [mm].
+        family: what is pressed in. size: of the mesh [mm], one of `SIZES`.
     """
 
     def __init__(self, family: Family, size: float) -> None:
@@ -33,7 +34,7 @@ class Meshed:
         self.family, self.size = family, size * family.coarseness
         whole = base_mesh(FINGER)
         smooth = refined(whole.right_half() if family.symmetric else whole, lambda points: family.size(points, size))
-        mesh = smooth.tetra_mesh()
+        mesh = bent(smooth)
         self.touched = mesh.pad[family.may_touch(mesh.nodes[mesh.pad])]
         print(f"{family.name}: {mesh}, {len(self.touched)} may touch", flush=True)
         self.tissue = Tissue(mesh, self.touched, family.symmetric)
@@ -48,18 +49,18 @@ class Meshed:
         out = []
         for depth, state in zip(self.family.depths, found, strict=True):
             place = at + [0.0, 0.0, depth]
-            moved, residual = self.tissue.displacement(state.displacement)
+            moved, pressure, residual = self.tissue.deformed(state.displacement)
             figures = {
                 "size": rounded(self.size),
                 "nodes": len(mesh.nodes),
-                "tetrahedra": len(mesh.tetrahedra),
+                "tetrahedra": len(mesh.elements),
                 "loaded": int(state.force.any(axis=1).sum()),
                 "change": rounded(state.change, 2),
                 "rounds": state.rounds,
                 "penetration": rounded(max(state.penetration, self._missed(shape, place, moved)), 2),
                 "residual": rounded(residual, 2),
             }
-            stress = self.tissue.stress(moved, self.family.probes)
+            stress = self.tissue.stress(moved, pressure, self.family.probes)
             case = {"force": self._total(state), "place": place, "stress": stress}
             out.append({**{key: rounded(value, 6) for key, value in case.items()}, "mesh": figures})
         return out
@@ -90,28 +91,34 @@ def refine(known: dict[str, Any], found: dict[str, Any]) -> dict[str, Any]:
         }
         new["limit"] = rounded(along[-1][0] + rest, 4)
     new.update(forces=forces, sizes=sizes, mesh=found["mesh"], stress=rounded(found["stress"]))
-    if len(sizes) < len(FAMILIES[known["family"]].sizes):
-        new["stresses"] = stresses
+    if len(sizes) < len(SIZES):
+        new["stresses"] = stresses[-2:]
     return new
 
 
 def main(names: list[str]) -> None:
-    """Make what is missing of the families named, or of all."""
-    for family in [FAMILIES[name] for name in names] if names else FAMILIES.values():
-        titles = [title for _, _, title in family.cases()]
-        for number, size in enumerate(family.sizes):
-            cases = load()["cases"]
-            if all(len(cases.get(title, {}).get("sizes", [])) > number for title in titles):
-                continue
-            meshed = Meshed(family, size)
-            found = [entry for _, shape in family.shapes for entry in meshed.cases(shape)]
-            results = load()  # another run may have written meanwhile
-            results["probes"][family.name] = rounded(family.probes, 6)
-            for title, entry in zip(titles, found, strict=True):
-                case = refine(results["cases"].get(title, {"family": family.name}), entry)
-                results["cases"][title] = case
-                print(f"  {title}: {case['force']}, {case.get('error')}, {entry['mesh']}", flush=True)
-            save(results)
+    """Make what is missing of the families named, or of all, coarse meshes first."""
+    families = [FAMILIES[name] for name in names] if names else list(FAMILIES.values())
+    for number in range(len(SIZES)):
+        for family in families:
+            _make(family, number)
+
+
+def _make(family: Family, number: int) -> None:
+    """Press a family's shapes on one of its meshes, unless that was done, and write what was found."""
+    titles = [title for _, _, title in family.cases()]
+    cases = load()["cases"]
+    if all(len(cases.get(title, {}).get("sizes", [])) > number for title in titles):
+        return
+    meshed = Meshed(family, SIZES[number])
+    found = [entry for _, shape in family.shapes for entry in meshed.cases(shape)]
+    results = load()  # another run may have written meanwhile
+    results["probes"][family.name] = rounded(family.probes, 6)
+    for title, entry in zip(titles, found, strict=True):
+        case = refine(results["cases"].get(title, {"family": family.name}), entry)
+        results["cases"][title] = case
+        print(f"  {title}: {case['force']}, {case.get('error')}, {entry['mesh']}", flush=True)
+    save(results)
 
 
 if __name__ == "__main__":

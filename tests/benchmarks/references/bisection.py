@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from core.skin.disk import disk_quads
 from core.skin.fingertip import LEVELS, fingertip_mesh
-from core.skin.mesh import TetraMesh, tetra_volumes
+from core.skin.mesh import tetra_volumes
 from core.skin.shape import FingertipShape
 
 Array = NDArray[np.float64]
@@ -50,17 +50,6 @@ class SmoothMesh:
         nodes[cut, 0], chart[cut] = 0.0, chart[cut].real
         return SmoothMesh(self.shape, nodes, number.reshape(-1, 4), chart, self.share[kept])
 
-    def tetra_mesh(self) -> TetraMesh:
-        """Return the mesh with what bone and nail hold [mm]; its pad is all of the skin that is free."""
-        nodes = self.nodes
-        on_skin = self.share == 1.0
-        held = (self.share == 0.0) | (on_skin & self.shape.under_nail(nodes * 1e-3))
-        none = np.zeros((0, 3), np.int32)
-        pad = np.flatnonzero(on_skin & ~held)
-        return TetraMesh(
-            nodes, self.tetrahedra.astype(np.int32), np.flatnonzero(held).astype(np.int32), pad.astype(np.int32), none
-        )
-
 
 def places(shape: FingertipShape, chart: Chart, share: Array | float) -> Array:
     """Return places in the tissue [mm], shape (n, 3)."""
@@ -68,7 +57,7 @@ def places(shape: FingertipShape, chart: Chart, share: Array | float) -> Array:
     return 1e3 * (bone + np.asarray(share)[..., None] * (skin - bone))
 
 
-def base_mesh(shape: FingertipShape, level: str = "fine") -> SmoothMesh:
+def base_mesh(shape: FingertipShape, level: str = "standard") -> SmoothMesh:
     """Return the product's mesh of a level, as something to refine."""
     size = LEVELS[level]
     chart = disk_quads(size.across, size.along, size.rings).chart

@@ -20,18 +20,17 @@ FINGER = FingertipShape()
 DEPTHS = (1.0, 2.0)
 PROBE_DEPTHS = (0.3, 1.2, 2.0)
 SIDEWAYS = (0.0, 0.37, 0.81)
-EDGE_GRADING = (0.3, 0.4)  # size at the apex over that of the family, and its growth from there at COARSE
+EDGE_GRADING = (0.22, 0.4)  # size at the apex over that of the family, and its growth from there at COARSE
 COARSE = 0.12
-SIZES = (0.26, 0.13, 0.065)  # of the sharp shapes; the others' are theirs times a factor
+SIZES = (0.36, 0.25, 0.18)  # of ever finer meshes, of sharp shapes [mm]; of others times their coarseness
 GROWTH, FAR = 0.4, 1.45  # of edges, per distance from contact, and where they grow no more, at COARSE
-WHOLE_SIZES = (0.26, 0.13, 0.092)  # where half a mesh is not enough
 STRETCH, LONG = 4.0, 0.6  # length over width of elements where a shape runs along Y, and how long they are at least
 AWAY, THERE = 7.0, 0.25  # beyond this distance from the pad's centre edges may grow by this per distance
 
 
 @dataclass(frozen=True)
 class Family:
-    """Cases that share two meshes.
+    """Cases that share meshes.
 
     Attributes:
         name: of the family. shapes: by name, of the widest contact last. coarseness: of sizes, over those of edges.
@@ -55,14 +54,9 @@ class Family:
     reach: float = 0.25
 
     @property
-    def sizes(self) -> tuple[float, ...]:
-        """Sizes of its meshes over its coarseness, falling [mm]: whole meshes are not made as fine as halves."""
-        return SIZES if self.symmetric else WHOLE_SIZES
-
-    @property
     def symmetric(self) -> bool:
-        """Whether half a mesh is enough; skin does not stay on an edge."""
-        return not self.apex
+        """Whether half a mesh is enough."""
+        return self.sideways == 0.0
 
     def cases(self) -> Iterator[tuple[Shape, float, str]]:
         """Yield every shape at every depth [mm], and what the case is called."""
@@ -71,7 +65,7 @@ class Family:
                 yield shape, depth, f"{name}, {depth:g} mm deep"
 
     def size(self, points: Array, step: float) -> Array:
-        """Return the greatest length of edges along x, y and z about points [mm], for a size of `step`."""
+        """Return the greatest length of elements' edges along x, y and z about points [mm], for a size of `step`."""
         scale = step / COARSE
         x, y = np.abs(points[:, 0] - self.sideways), np.abs(points[:, 1])
         deep = np.maximum(points[:, 2] - skin_height(points), 0.0)

@@ -5,9 +5,9 @@ gap allows is outside the solid, and the least energy under one linearisation af
 (convex-concave procedure; Lipp and Boyd 2016). Between the rounds it is carried ahead (Nesterov 1983, begun again
 where energy rises).
 
-From some depth on (0.7 mm on an edge of 90 degrees) nothing holds skin on top of a sharp edge without friction: it
-slides to one side by a tenth of a millimetre, here to one and there to the other, and of such states, whose forces
-differ by a percent, the path chooses one. It comes a little from the side, as the symmetric state would stay.
+Nodes that may slide off an edge do so, and it comes through between them, unless elements there are far smaller than
+the rounding, over which skin is stretched to many times its width: what is free to slide is then too soft by as much as
+what is held on top is too stiff. With quadratic elements both meet.
 """
 
 from __future__ import annotations
@@ -26,7 +26,6 @@ STEP = 0.05  # the shape comes in such steps [mm]
 TOLERANCE = 3e-6  # of gaps and of changes from one linearisation to the next [mm]
 MAX_SETS, MAX_ROUNDS = 60, 200
 ON_THE_WAY = (1e-3, 4)  # tolerance and rounds of the steps between
-ASIDE = 0.01  # from where it comes [mm]
 NEAR = 0.05  # nodes closer than this may come to touch in a linearisation [mm]
 SLACK = 1e-13  # [mm]
 
@@ -65,7 +64,7 @@ def press(compliance: Array, points: Array, shape: Shape, at: Array, depths: Seq
     for depth in depths:
         count = max(int(np.ceil((depth - reached) / STEP - 1e-9)), 1)
         for part in np.linspace(reached, depth, count + 1)[1:-1]:
-            state = _settled(compliance, points, shape, at + [ASIDE, 0.0, part], state, *ON_THE_WAY)
+            state = _settled(compliance, points, shape, at + [0.0, 0.0, part], state, *ON_THE_WAY)
         state = _settled(compliance, points, shape, at + [0.0, 0.0, depth], state, TOLERANCE, MAX_ROUNDS)
         found.append(state)
         reached = depth

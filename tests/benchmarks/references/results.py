@@ -19,7 +19,7 @@ ORDERS = np.linspace(1.0, 2.0, 101)  # of convergence that are believed
 ABOUT = {
     "rebuild": "python -m tests.benchmarks.references [FAMILY ...], with scipy on the path; what is there is kept",
     "units": "N, Pa, mm; stress xx yy zz yz xz xy; depth beyond first contact of the smooth skin along +Z",
-    "law": "no node of the deformed skin is in the exact shape; no friction",
+    "law": "linear tissue of quadratic elements; no node of the deformed skin is in the exact shape; no friction",
     "error": "of the finest mesh, relative: its change from the one before, over ratio^order - 1, where the order is "
     "that of the last two changes, between 1 and 2; stress by depth of the probes",
     "forces": "on ever finer meshes",

@@ -21,7 +21,7 @@ from core.skin.shape import FingertipShape
 Array = NDArray[np.float64]
 Chart = NDArray[np.complex128]
 EDGES = np.array([(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)])
-MAX_PASSES = 400
+MAX_PASSES = 4000
 ON_CUT = 1e-9  # [mm]
 NAIL = 8.0  # over this height, between bone and nail, which both are held, new nodes stay on the facets that were [mm]
 

@@ -22,10 +22,10 @@ from scipy.linalg import solve
 from .shapes import Shape
 
 Array = NDArray[np.float64]
-STEP = 0.05  # the shape comes in such steps [mm]
+STEP = 0.1  # the shape comes in such steps [mm]
 TOLERANCE = 3e-6  # of gaps and of changes from one linearisation to the next [mm]
 MAX_SETS, MAX_ROUNDS = 60, 200
-ON_THE_WAY = (1e-3, 4)  # tolerance and rounds of the steps between
+ON_THE_WAY = (1e-2, 2)  # tolerance and rounds of the steps between
 NEAR = 0.05  # nodes closer than this may come to touch in a linearisation [mm]
 SLACK = 1e-13  # [mm]
 

@@ -8,10 +8,10 @@ import pytest
 from core.skin.mesh import tetra_volumes
 from tests.benchmarks.references.bisection import base_mesh, places, refined
 from tests.benchmarks.references.cases import FAMILIES, FINGER, PROBE_DEPTHS, first_contact
-from tests.benchmarks.references.contact import press
+from tests.benchmarks.references.contact import Press
 from tests.benchmarks.references.dissection import Dissection
 from tests.benchmarks.references.quadratic import QuadraticMesh, with_middles
-from tests.benchmarks.references.results import PATH, errors, load
+from tests.benchmarks.references.results import PATH, errors, load, table
 from tests.benchmarks.references.shapes import Ball, Edge, Flat, Ribs
 from tests.benchmarks.references.tissue import MATERIAL, Tissue
 
@@ -37,7 +37,7 @@ def quadratic(nodes, tetrahedra):
     ends, elements = with_middles(tetrahedra, len(nodes))
     nodes = np.concatenate([nodes, nodes[ends].mean(axis=1)])
     held = nodes[:, 2] == nodes[:, 2].max()
-    return QuadraticMesh(nodes, elements, held, np.flatnonzero(nodes[:, 2] == nodes[:, 2].min()))
+    return QuadraticMesh(nodes, elements, held, np.flatnonzero(nodes[:, 2] == nodes[:, 2].min()), nodes[:, 0] == 0.0)
 
 
 def test_dissection_condenses_and_solves_like_dense_algebra():
@@ -136,7 +136,7 @@ def test_a_ball_on_a_half_space_presses_like_hertz():
     compliance = np.eye(3 * len(x)) * 1e-6
     compliance[2::3, 2::3] = (1.0 - poisson**2) / (np.pi * young * apart)
     ball = Ball(radius)
-    [found] = press(compliance, points, ball, np.zeros(3), [depth])
+    [found] = Press(compliance, points, ball).depths(lambda x: np.zeros(3), 0.0, [depth])
     hertz = 4.0 / 3.0 * young / (1.0 - poisson**2) * np.sqrt(radius) * depth**1.5
     assert found.force[:, 2].sum() == pytest.approx(hertz, rel=0.01)
     assert found.penetration < 1e-5 and found.change < 1e-5
@@ -157,8 +157,9 @@ def test_gaps_are_those_of_the_triangles(shape):
     np.testing.assert_allclose(slopes[smooth], normal[smooth], atol=1e-5)
 
 
-def test_a_finer_mesh_fits_together_on_the_smooth_skin():
-    mesh = refined(base_mesh(FINGER, "draft"), lambda p: np.full((len(p), 3), 1.5) + np.abs(p[:, 2:]))
+def test_a_finer_mesh_fits_together_on_the_smooth_skin_with_its_middle_line_aside():
+    aside = 0.8
+    mesh = refined(base_mesh(FINGER, aside, "draft"), lambda p: np.full((len(p), 3), 1.5) + np.abs(p[:, 2:]))
     assert (tetra_volumes(mesh.nodes, mesh.tetrahedra) > 0.0).all()
     faces, count = np.unique(
         np.sort(mesh.tetrahedra[:, [(0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)]].reshape(-1, 3)),
@@ -168,6 +169,9 @@ def test_a_finer_mesh_fits_together_on_the_smooth_skin():
     assert set(count) == {1, 2}
     outside = np.unique(faces[count == 1])
     assert np.isin(np.flatnonzero(mesh.share == 1.0), outside).all()
+    line = mesh.nodes[mesh.middle & (np.abs(mesh.nodes[:, 1]) < 5.0)]
+    assert len(line) > 5
+    np.testing.assert_allclose(line[:, 0], aside, atol=1e-6)
     skin = mesh.share == 1.0
     pad = skin & (mesh.nodes[:, 2] < 4.0)
     np.testing.assert_allclose(mesh.nodes[pad], places(mesh.shape, mesh.chart[pad], 1.0), atol=1e-9)
@@ -201,3 +205,11 @@ def test_the_file_holds_probes_and_stress_of_every_case_it_names():
         np.testing.assert_allclose(known["probes"][family.name], family.probes, atol=1e-4)
         assert len(family.probes) % len(PROBE_DEPTHS) == 0
         assert case["force"][2] > 0.0 and case["mesh"]["penetration"] < 0.01, name
+
+
+def test_a_case_is_a_line_of_the_table():
+    known = load()
+    head, *lines = table(known).splitlines()
+    assert head.startswith("case") and len(lines) == len(known["cases"])
+    for line, (name, case) in zip(lines, known["cases"].items(), strict=True):
+        assert line.startswith(name) and f"{case['force'][2]:.4f}" in line

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.benchmarks.references.contact import press
+from tests.benchmarks.references.contact import Press
 from tests.benchmarks.references.shapes import Ball, Edge, Flat, Ribs
 from tests.benchmarks.references.tissue import MATERIAL, Tissue
 from tests.unit.test_references import box
@@ -29,7 +29,7 @@ def ours(shape, depth, count):
     """Force [N] on the whole, and zz of stress at the probes [Pa]."""
     mesh = box(*axes(count))
     tissue = Tissue(mesh, mesh.pad, half=True)
-    [state] = press(tissue.compliance, mesh.nodes[mesh.pad], shape, np.zeros(3), [depth])
+    [state] = Press(tissue.compliance, mesh.nodes[mesh.pad], shape).depths(lambda x: np.zeros(3), 0.0, [depth])
     moved, pressure, _ = tissue.deformed(state.displacement)
     return 2.0 * state.force[:, 2].sum(), tissue.stress(moved, pressure, PROBES)[:, 2]
 

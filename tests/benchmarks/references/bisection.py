@@ -21,9 +21,50 @@ from core.skin.shape import FingertipShape
 Array = NDArray[np.float64]
 Chart = NDArray[np.complex128]
 EDGES = np.array([(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)])
-MAX_PASSES = 4000
+MAX_PASSES = 400
+SLID = (0.35, 0.7)  # in the chart: wholly up to the first, not at all from the second
+SAMPLES = (
+    0.1,
+    0.3,
+    0.5,
+    0.7,
+    0.9,
+)  # along an edge: measured in its middle only, part of it may be longer than the whole
 ON_CUT = 1e-9  # [mm]
 NAIL = 8.0  # over this height, between bone and nail, which both are held, new nodes stay on the facets that were [mm]
+
+
+@dataclass(frozen=True)
+class Slid:
+    """A fingertip whose chart is slid across the pad, so that the middle line of the chart runs at another x.
+
+    Attributes:
+        shape: of the finger. sideways: x of the middle line about the pad [mm].
+    """
+
+    shape: FingertipShape
+    sideways: float
+
+    def skin(self, chart: Chart) -> Array:
+        """Return points of the skin [m], as `FingertipShape.skin` does."""
+        return self.shape.skin(self._slid(chart))
+
+    def bone(self, chart: Chart) -> Array:
+        """Return points of the bone [m], as `FingertipShape.bone` does."""
+        return self.shape.bone(self._slid(chart))
+
+    def under_nail(self, points: Array) -> NDArray[np.bool_]:
+        """Return which points of the skin the nail covers."""
+        return self.shape.under_nail(points)
+
+    def _slid(self, chart: Chart) -> Chart:
+        offset, step = np.zeros(chart.shape), 1e-4
+        for _ in range(3):  # Newton's method
+            x, beside = (1e3 * self.shape.skin(chart.real + 1j * (offset + d))[..., 0] for d in (0.0, step))
+            offset += (self.sideways - x) * step / (beside - x)
+        along = np.clip((SLID[1] - np.abs(chart.real)) / (SLID[1] - SLID[0]), 0.0, 1.0)
+        across = np.maximum(1.0 - (chart.imag / SLID[1]) ** 2, 0.0) ** 2
+        return chart + 1j * offset * along**2 * (3.0 - 2.0 * along) * across
 
 
 @dataclass
@@ -35,7 +76,7 @@ class SmoothMesh:
         chart: of each node, in the unit disk. share: of the way from bone (0) to skin (1).
     """
 
-    shape: FingertipShape
+    shape: FingertipShape | Slid
     nodes: Array
     tetrahedra: NDArray[np.int64]
     chart: Chart
@@ -50,15 +91,20 @@ class SmoothMesh:
         nodes[cut, 0], chart[cut] = 0.0, chart[cut].real
         return SmoothMesh(self.shape, nodes, number.reshape(-1, 4), chart, self.share[kept])
 
+    @property
+    def middle(self) -> NDArray[np.bool_]:
+        """Which nodes of the skin lie on the middle line, shape (n,)."""
+        return (self.share == 1.0) & (self.chart.imag == 0.0) & (self.nodes[:, 2] < NAIL)
 
-def places(shape: FingertipShape, chart: Chart, share: Array | float) -> Array:
+
+def places(shape: FingertipShape | Slid, chart: Chart, share: Array | float) -> Array:
     """Return places in the tissue [mm], shape (n, 3)."""
     skin, bone = shape.skin(chart), shape.bone(chart)
     return 1e3 * (bone + np.asarray(share)[..., None] * (skin - bone))
 
 
-def base_mesh(shape: FingertipShape, level: str = "standard") -> SmoothMesh:
-    """Return the product's mesh of a level, as something to refine."""
+def base_mesh(shape: FingertipShape, sideways: float = 0.0, level: str = "standard") -> SmoothMesh:
+    """Return the product's mesh of a level, as something to refine, its middle line slid across the pad [mm]."""
     size = LEVELS[level]
     chart = disk_quads(size.across, size.along, size.rings).chart
     mesh = fingertip_mesh(shape, level)
@@ -67,7 +113,9 @@ def base_mesh(shape: FingertipShape, level: str = "standard") -> SmoothMesh:
     share = np.linalg.norm(layers - bone, axis=2) / np.linalg.norm(skin - bone, axis=1)
     share[0], share[-1] = 0.0, 1.0
     chart, share = np.tile(chart, len(layers)), share.ravel()
-    return SmoothMesh(shape, places(shape, chart, share), mesh.tetrahedra.astype(np.int64), chart, share)
+    chart = np.where(np.abs(chart.imag) < ON_CUT, chart.real + 0j, chart)
+    slid = Slid(shape, sideways) if sideways else shape
+    return SmoothMesh(slid, places(slid, chart, share), mesh.tetrahedra.astype(np.int64), chart, share)
 
 
 def refined(mesh: SmoothMesh, size: Callable[[Array], Array]) -> SmoothMesh:
@@ -83,8 +131,9 @@ def refined(mesh: SmoothMesh, size: Callable[[Array], Array]) -> SmoothMesh:
         keys, number = np.unique(pairs[..., 0] * count + pairs[..., 1], return_inverse=True)
         number = number.reshape(-1, 6)
         ends = np.stack(np.divmod(keys, count), axis=1)
-        middle = nodes[ends].mean(axis=1)
-        length = np.linalg.norm((nodes[ends[:, 1]] - nodes[ends[:, 0]]) / size(middle), axis=1)
+        start, along = nodes[ends[:, 0]], np.diff(nodes[ends], axis=1)[:, 0]
+        middle = start + 0.5 * along
+        length = np.mean([np.linalg.norm(along / size(start + t * along), axis=1) for t in SAMPLES], axis=0)
         if not (length > 1.0).any():
             if (tetra_volumes(nodes, tetrahedra) <= 0.0).any():
                 raise RuntimeError("the finer mesh has inverted elements")

@@ -31,12 +31,14 @@ class QuadraticMesh:
     Attributes:
         nodes: [mm], shape (n, 3). elements: four corners, then the middles of `EDGES`, shape (e, 10).
         held: which nodes do not move, shape (n,). pad: nodes of the skin that do, rising.
+        middle: which nodes lie on the middle line of the skin, shape (n,).
     """
 
     nodes: Array
     elements: NDArray[np.int64]
     held: NDArray[np.bool_]
     pad: NDArray[np.int64]
+    middle: NDArray[np.bool_]
 
     def __repr__(self) -> str:
         return f"{len(self.nodes)} nodes, {len(self.elements)} quadratic tetrahedra"
@@ -110,7 +112,8 @@ def bent(mesh: SmoothMesh) -> QuadraticMesh:
     share = np.concatenate([mesh.share, share])
     skin = share == 1.0
     held = (share == 0.0) | (skin & mesh.shape.under_nail(nodes * 1e-3))
-    found = QuadraticMesh(nodes, elements, held, np.flatnonzero(skin & ~held))
+    line = np.concatenate([mesh.middle, mesh.middle[a] & mesh.middle[b]])
+    found = QuadraticMesh(nodes, elements, held, np.flatnonzero(skin & ~held), line)
     while True:
         folded = (found.slopes(elements, np.concatenate([RULE, NODES])[None])[1] <= 0.0).any(axis=1)
         straight = np.setdiff1d(elements[folded, 4:], np.flatnonzero((nodes[count:] == middle).all(axis=1)) + count)

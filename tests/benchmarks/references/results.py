@@ -17,7 +17,7 @@ PATH = Path(__file__).with_name("shapes.json")
 TWICE = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # shear components count twice
 ORDERS = np.linspace(1.0, 2.0, 101)  # of convergence that are believed
 ABOUT = {
-    "rebuild": "python -m tests.benchmarks.references [FAMILY ...], with scipy on the path; what is there is kept",
+    "rebuild": "python -m tests.benchmarks.references make [FAMILY ...], with scipy on the path; what is there is kept",
     "units": "N, Pa, mm; stress xx yy zz yz xz xy; depth beyond first contact of the smooth skin along +Z",
     "law": "linear tissue of quadratic elements; no node of the deformed skin is in the exact shape; no friction",
     "error": "of the finest mesh, relative: its change from the one before, over ratio^order - 1, where the order is "
@@ -41,6 +41,17 @@ def save(results: dict[str, Any], path: Path = PATH) -> None:
         rows = ",\n".join(f"{json.dumps(key)}: {json.dumps(value)}" for key, value in entries.items())
         lines.append(f"{json.dumps(part)}: {{\n{rows}\n}}")
     write_bytes(path, ("{\n" + ",\n".join(lines) + "\n}\n").encode())
+
+
+def table(results: dict[str, Any]) -> str:
+    """Return a line a case: force and its own error, stress's own errors by depth, the finest mesh."""
+    lines = [f"{'case':36} {'force [N]':>10} {'own error':>10}   {'stress, by depth':22} {'nodes':>7} meshes"]
+    for name, case in results["cases"].items():
+        error = case.get("error", {"force": np.nan, "stress": []})
+        stress = " ".join(f"{e:6.1%}" for e in error["stress"])
+        nodes, count = case["mesh"]["nodes"], len(case["sizes"])
+        lines.append(f"{name:36} {case['force'][2]:10.4f} {error['force']:10.1%}   {stress:22} {nodes:7} {count}")
+    return "\n".join(lines)
 
 
 def norm(stress: Array, depths: int) -> Array:

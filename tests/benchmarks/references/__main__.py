@@ -1,119 +1,13 @@
-"""Make what is missing of the references, a mesh at a time: `python -m tests.benchmarks.references [FAMILY ...]`."""
+"""Print the references, or make what is missing: `python -m tests.benchmarks.references [make [FAMILY ...]]`."""
 
 from __future__ import annotations
 
 import sys
-import time
-from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
+from .results import load, table
 
-from core.skin.blas import one_thread
+if sys.argv[1:2] == ["make"]:
+    from .making import make
 
-from .bisection import base_mesh, refined
-from .cases import FAMILIES, FINGER, PROBE_DEPTHS, Family, first_contact
-from .contact import Press, Pressed
-from .results import errors, factor, load, rounded, save
-from .shapes import Shape
-from .tissue import Tissue
-
-Array = NDArray[np.float64]
-
-
-class Meshed:
-    """A family on one mesh.
-
-    Args:
-        family: what is pressed in. size: of elements where sharp shapes touch [mm].
-    """
-
-    def __init__(self, family: Family, size: float) -> None:
-        started = time.process_time()
-        self.family, self.size = family, size * family.coarseness
-        whole = base_mesh(FINGER, family.sideways)
-        smooth = refined(whole.right_half() if family.symmetric else whole, lambda points: family.size(points, size))
-        mesh = smooth.tetra_mesh()
-        self.touched = mesh.pad[family.may_touch(mesh.nodes[mesh.pad])]
-        self.line = smooth.middle[self.touched] & (not family.symmetric)
-        print(f"{family.name}: {mesh}, {len(self.touched)} may touch", flush=True)
-        self.tissue = Tissue(mesh, self.touched, family.symmetric)
-        fill = 1e-6 * self.tissue.dissection.fill
-        print(f"  condensed, {fill:.0f} M, {time.process_time() - started:.0f} s", flush=True)
-
-    def cases(self, shape: Shape) -> list[dict[str, Any]]:
-        """Return force, stress and figures at each depth."""
-        mesh = self.tissue.mesh
-        skin = Press(self.tissue.compliance, mesh.nodes[self.touched], shape, self.line)
-        out = []
-        for state in skin.depths(lambda x: first_contact(shape, x), self.family.sideways, self.family.depths):
-            moved, residual = self.tissue.displacement(state.displacement)
-            figures = {
-                "size": rounded(self.size),
-                "nodes": len(mesh.nodes),
-                "tetrahedra": len(mesh.tetrahedra),
-                "loaded": int(state.force.any(axis=1).sum()),
-                "change": rounded(state.change, 2),
-                "rounds": state.rounds,
-                "penetration": rounded(max(state.penetration, self._missed(shape, state.place, moved)), 2),
-                "residual": rounded(residual, 2),
-                "held": rounded(state.held, 2),
-            }
-            stress = self.tissue.stress(moved, self.family.probes)
-            case = {"force": self._total(state), "place": state.place, "stress": stress}
-            out.append({**{key: rounded(value, 6) for key, value in case.items()}, "mesh": figures})
-        return out
-
-    def _total(self, state: Pressed) -> Array:
-        total = state.force.sum(axis=0)
-        return total * [0.0, 2.0, 2.0] if self.family.symmetric else total
-
-    def _missed(self, shape: Shape, place: Array, moved: Array) -> float:
-        """Return how deep nodes are in the shape that were not expected to touch [mm]."""
-        mesh = self.tissue.mesh
-        rest = np.setdiff1d(mesh.pad, self.touched)
-        return -float(shape.gap(mesh.nodes[rest] + moved[rest] - place)[0].min())
-
-
-def refine(known: dict[str, Any], found: dict[str, Any]) -> dict[str, Any]:
-    """Return what is known of a case after one more, finer mesh."""
-    sizes = [*known.get("sizes", []), found["mesh"]["size"]]
-    forces = [*known.get("forces", []), found["force"]]
-    stresses = [*known.get("stresses", []), found["stress"]]
-    new = {"family": known["family"], "place": found["place"], "force": found["force"]}
-    if len(sizes) > 1:
-        missing = factor(forces, sizes)
-        change = np.subtract(forces[-1], forces[-2])
-        new["error"] = {
-            "force": rounded(missing * np.linalg.norm(change) / np.linalg.norm(forces[-1]), 2),
-            "stress": rounded(errors(stresses, sizes, len(PROBE_DEPTHS)), 2),
-        }
-        new["limit"] = rounded(forces[-1] + missing * change, 4)
-    new.update(forces=forces, sizes=sizes, mesh=found["mesh"], stress=rounded(found["stress"]))
-    if len(sizes) < len(FAMILIES[known["family"]].sizes):
-        new["stresses"] = stresses
-    return new
-
-
-def main(names: list[str]) -> None:
-    """Make what is missing of the families named, or of all."""
-    for family in [FAMILIES[name] for name in names] if names else FAMILIES.values():
-        titles = [title for _, _, title in family.cases()]
-        for number, size in enumerate(family.sizes):
-            cases = load()["cases"]
-            if all(len(cases.get(title, {}).get("sizes", [])) > number for title in titles):
-                continue
-            meshed = Meshed(family, size)
-            found = [entry for _, shape in family.shapes for entry in meshed.cases(shape)]
-            results = load()  # another run may have written meanwhile
-            results["probes"][family.name] = rounded(family.probes, 6)
-            for title, entry in zip(titles, found, strict=True):
-                case = refine(results["cases"].get(title, {"family": family.name}), entry)
-                results["cases"][title] = case
-                print(f"  {title}: {case['force']}, {case.get('error')}, {entry['mesh']}", flush=True)
-            save(results)
-
-
-if __name__ == "__main__":
-    with one_thread():
-        main(sys.argv[1:])
+    make(sys.argv[2:])
+print(table(load()))

@@ -15,15 +15,22 @@ from numpy.typing import NDArray
 
 from core.skin.disk import disk_quads
 from core.skin.fingertip import LEVELS, fingertip_mesh
-from core.skin.mesh import TetraMesh, tetra_volumes
+from core.skin.mesh import tetra_volumes
 from core.skin.shape import FingertipShape
 
 Array = NDArray[np.float64]
 Chart = NDArray[np.complex128]
 EDGES = np.array([(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)])
 MAX_PASSES = 400
-ON_CUT = 1e-9  # [mm]
 SLID = (0.35, 0.7)  # in the chart: wholly up to the first, not at all from the second
+SAMPLES = (
+    0.1,
+    0.3,
+    0.5,
+    0.7,
+    0.9,
+)  # along an edge: measured in its middle only, part of it may be longer than the whole
+ON_CUT = 1e-9  # [mm]
 NAIL = 8.0  # over this height, between bone and nail, which both are held, new nodes stay on the facets that were [mm]
 
 
@@ -89,17 +96,6 @@ class SmoothMesh:
         """Which nodes of the skin lie on the middle line, shape (n,)."""
         return (self.share == 1.0) & (self.chart.imag == 0.0) & (self.nodes[:, 2] < NAIL)
 
-    def tetra_mesh(self) -> TetraMesh:
-        """Return the mesh with what bone and nail hold [mm]; its pad is all of the skin that is free."""
-        nodes = self.nodes
-        on_skin = self.share == 1.0
-        held = (self.share == 0.0) | (on_skin & self.shape.under_nail(nodes * 1e-3))
-        none = np.zeros((0, 3), np.int32)
-        pad = np.flatnonzero(on_skin & ~held)
-        return TetraMesh(
-            nodes, self.tetrahedra.astype(np.int32), np.flatnonzero(held).astype(np.int32), pad.astype(np.int32), none
-        )
-
 
 def places(shape: FingertipShape | Slid, chart: Chart, share: Array | float) -> Array:
     """Return places in the tissue [mm], shape (n, 3)."""
@@ -107,7 +103,7 @@ def places(shape: FingertipShape | Slid, chart: Chart, share: Array | float) -> 
     return 1e3 * (bone + np.asarray(share)[..., None] * (skin - bone))
 
 
-def base_mesh(shape: FingertipShape, sideways: float = 0.0, level: str = "fine") -> SmoothMesh:
+def base_mesh(shape: FingertipShape, sideways: float = 0.0, level: str = "standard") -> SmoothMesh:
     """Return the product's mesh of a level, as something to refine, its middle line slid across the pad [mm]."""
     size = LEVELS[level]
     chart = disk_quads(size.across, size.along, size.rings).chart
@@ -135,8 +131,9 @@ def refined(mesh: SmoothMesh, size: Callable[[Array], Array]) -> SmoothMesh:
         keys, number = np.unique(pairs[..., 0] * count + pairs[..., 1], return_inverse=True)
         number = number.reshape(-1, 6)
         ends = np.stack(np.divmod(keys, count), axis=1)
-        middle = nodes[ends].mean(axis=1)
-        length = np.linalg.norm((nodes[ends[:, 1]] - nodes[ends[:, 0]]) / size(middle), axis=1)
+        start, along = nodes[ends[:, 0]], np.diff(nodes[ends], axis=1)[:, 0]
+        middle = start + 0.5 * along
+        length = np.mean([np.linalg.norm(along / size(start + t * along), axis=1) for t in SAMPLES], axis=0)
         if not (length > 1.0).any():
             if (tetra_volumes(nodes, tetrahedra) <= 0.0).any():
                 raise RuntimeError("the finer mesh has inverted elements")

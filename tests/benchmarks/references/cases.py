@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from core.skin.shape import FingertipShape
 
 from .bisection import NAIL, places
-from .shapes import Ball, Edge, Flat, Ribs, Shape
+from .shapes import PERIOD, RIB, RIB_ROUNDING, Ball, Edge, Flat, Ribs, Shape
 
 Array = NDArray[np.float64]
 
@@ -20,22 +20,24 @@ FINGER = FingertipShape()
 DEPTHS = (1.0, 2.0)
 PROBE_DEPTHS = (0.3, 1.2, 2.0)
 SIDEWAYS = (0.0, 0.37, 0.81)
-EDGE_GRADING = (0.3, 0.4)  # size at the apex over that of the family, and its growth from there at COARSE
+EDGE_GRADING, RIB_GRADING = (0.22, 0.4), (0.3, 0.3)  # size where it is sharp, over the family's; growth at COARSE
 COARSE = 0.12
-SIZES = (0.26, 0.13, 0.065)  # of the sharp shapes; the others' are theirs times a factor
+SIZES = (0.36, 0.25, 0.18)  # of ever finer meshes, of sharp shapes [mm]; of others times their coarseness
 GROWTH, FAR = 0.4, 1.45  # of edges, per distance from contact, and where they grow no more, at COARSE
 STRETCH, LONG = 4.0, 0.6  # length over width of elements where a shape runs along Y, and how long they are at least
+CORNER = 0.5 * RIB - 0.5 * RIB_ROUNDING  # of a rib, from its middle [mm]
 AWAY, THERE = 7.0, 0.25  # beyond this distance from the pad's centre edges may grow by this per distance
 
 
 @dataclass(frozen=True)
 class Family:
-    """Cases that share two meshes.
+    """Cases that share meshes.
 
     Attributes:
         name: of the family. shapes: by name, of the widest contact last. coarseness: of sizes, over those of edges.
         x, y: half widths of the region of even size [mm]. sideways: of the shape's origin [mm].
-        along: the shape runs along Y: elements may be long there. apex: they shrink towards x = sideways.
+        sharp: places across, from the shape's origin, towards which elements shrink; it runs along Y there, and they
+            may be long [mm]. grading: how.
         depths: [mm]. reach: nodes deeper in the last shape than this share of the depth may carry force.
         probe_x, probe_y: where stress is read, from the shape's origin [mm].
     """
@@ -48,15 +50,10 @@ class Family:
     probe_x: tuple[float, ...]
     probe_y: tuple[float, ...]
     sideways: float = 0.0
-    along: bool = False
-    apex: bool = False
+    sharp: tuple[float, ...] = ()
+    grading: tuple[float, float] = EDGE_GRADING
     depths: tuple[float, ...] = DEPTHS
     reach: float = 0.25
-
-    @property
-    def sizes(self) -> tuple[float, ...]:
-        """Sizes of its meshes over its coarseness, falling [mm]: whole meshes are not made as fine as halves."""
-        return SIZES if self.symmetric else SIZES[:-1]
 
     @property
     def symmetric(self) -> bool:
@@ -70,22 +67,23 @@ class Family:
                 yield shape, depth, f"{name}, {depth:g} mm deep"
 
     def size(self, points: Array, step: float) -> Array:
-        """Return the greatest length of edges along x, y and z about points [mm], for a size of `step`."""
+        """Return the greatest length of elements' edges along x, y and z about points [mm], for a size of `step`."""
         scale = step / COARSE
-        x, y = np.abs(points[:, 0] - self.sideways), np.abs(points[:, 1])
+        x, y = points[:, 0] - self.sideways, np.abs(points[:, 1])
         deep = np.maximum(points[:, 2] - skin_height(points), 0.0)
         far = FAR * scale + 3.0 * np.maximum(points[:, 2] - NAIL, 0.0)
         far += THERE * np.maximum(np.linalg.norm(points, axis=1) - AWAY, 0.0)
         growth = GROWTH * scale
         even = 1.4 * step * self.coarseness  # edges are halved below a length: on average they are 1.4 times shorter
-        if self.apex:
-            outside = np.maximum(y - self.y, 0.0)
-            fine = even * EDGE_GRADING[0] + EDGE_GRADING[1] * scale * np.hypot(x, deep) + growth * outside
+        if self.sharp:
+            near = np.abs(x[:, None] - np.array(self.sharp)).min(axis=1)
+            share, slope = self.grading
+            fine = even * share + slope * scale * np.hypot(near, deep) + growth * np.maximum(y - self.y, 0.0)
         else:
             radius = np.maximum(np.hypot(x / self.x, y / self.y) - 1.0, 0.0) * min(self.x, self.y)
             fine = even + growth * np.hypot(radius, np.maximum(deep - 2.0 * step * self.coarseness, 0.0))
         fine = np.minimum(fine, far)
-        long = np.minimum(STRETCH * fine, np.maximum(fine, LONG * np.sqrt(scale))) if self.along else fine
+        long = np.minimum(STRETCH * fine, np.maximum(fine, LONG * np.sqrt(scale))) if self.sharp else fine
         return np.stack([fine, np.minimum(long, far), fine], axis=1)
 
     def may_touch(self, points: Array) -> NDArray[np.bool_]:
@@ -173,10 +171,12 @@ def _families() -> tuple[Family, ...]:
         edges = tuple((f"edge {angle} degrees at {x:g} mm", Edge(angle)) for angle in (90, 60, 120))
         probes = (-1.6, -0.8, -0.3, 0.0, 0.3, 0.8, 1.6)
         across = tuple(4.0 * np.array(AROUND))
-        rows.append(Family(f"edge {x:g}", edges, 1.0, 0.0, 5.0, probes, across, x, True, True, reach=0.1))
+        rows.append(Family(f"edge {x:g}", edges, 1.0, 0.0, 5.0, probes, across, x, (0.0,), reach=0.1))
     probes = (-2.25, -1.5, -0.75, 0.0, 0.375, 0.9, 1.5)
     across = tuple(4.0 * np.array(AROUND))
-    rows.append(Family("ribs", (("ribs", Ribs()),), 1.6, 3.9, 5.0, probes, across, along=True, reach=0.1))
+    corners = tuple(rib * PERIOD + side * CORNER for rib in range(-2, 3) for side in (-1, 1))
+    ribs = (("ribs", Ribs()),)
+    rows.append(Family("ribs", ribs, 1.6, 3.9, 5.0, probes, across, sharp=corners, grading=RIB_GRADING, reach=0.1))
     return tuple(rows)
 
 

@@ -5,9 +5,10 @@ gap allows is outside the solid, and the least energy under one linearisation af
 (convex-concave procedure; Lipp and Boyd 2016). Between the rounds it is carried ahead (Nesterov 1983, begun again
 where energy rises).
 
-Nodes slip off a sharp edge to both sides, which then comes through between them: elements would have to be far
-smaller than the rounding, over which skin is stretched to several times its width. A line of nodes is therefore held
-on top of the edge, and the edge is moved sideways until that takes no force. In half a symmetric mesh the cut does so.
+Nodes that are free to slide off a sharp edge do so to both sides, and it comes through between them, unless elements
+there are far smaller than the rounding, over which skin is stretched to many times its width: by a fifth of the force
+on an edge of 60 degrees. A line of nodes is therefore held on top of the edge, and the edge is moved sideways until
+that takes no force. In half a symmetric mesh the cut does so. In two dimensions both go to the same force.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from scipy.linalg import solve
 from .shapes import Shape
 
 Array = NDArray[np.float64]
-STEP = 0.05  # the shape comes in such steps [mm]
+STEP = 0.1  # the shape comes in such steps [mm]
 TOLERANCE = 3e-6  # of gaps and of changes from one linearisation to the next [mm]
 MAX_SETS, MAX_ROUNDS = 60, 200
 ON_THE_WAY = (1e-2, 2)  # tolerance and rounds of the steps between

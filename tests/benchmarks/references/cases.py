@@ -22,9 +22,11 @@ PROBE_DEPTHS = (0.3, 1.2, 2.0)
 SIDEWAYS = (0.0, 0.37, 0.81)
 EDGE_GRADING, RIB_GRADING = (0.22, 0.4), (0.3, 0.3)  # size where it is sharp, over the family's; growth at COARSE
 COARSE = 0.12
-SIZES = (0.36, 0.25, 0.18)  # of ever finer meshes, of sharp shapes [mm]; of others times their coarseness
+# Of ever finer meshes, of sharp shapes [mm]; of others times their coarseness.
+SIZES, WHOLE_SIZES = (0.36, 0.25, 0.18), (0.5, 0.36, 0.25)
 GROWTH, FAR = 0.4, 1.45  # of edges, per distance from contact, and where they grow no more, at COARSE
 STRETCH, LONG = 4.0, 0.6  # length over width of elements where a shape runs along Y, and how long they are at least
+RIB_DOUBT = (0.02, 0.08)  # skin over a rib's corner is stretched to twenty times its width where pressure is 0.7 E
 CORNER = 0.5 * RIB - 0.5 * RIB_ROUNDING  # of a rib, from its middle [mm]
 AWAY, THERE = 7.0, 0.25  # beyond this distance from the pad's centre edges may grow by this per distance
 
@@ -39,6 +41,8 @@ class Family:
         sharp: places across, from the shape's origin, towards which elements shrink; it runs along Y there, and they
             may be long [mm]. grading: how.
         depths: [mm]. reach: nodes deeper in the last shape than this share of the depth may carry force.
+        doubt: relative error of the force at each depth that these meshes do not show, where there is any: what
+            elements of this size are off in plane strain, where they can be small enough.
         probe_x, probe_y: where stress is read, from the shape's origin [mm].
     """
 
@@ -54,6 +58,12 @@ class Family:
     grading: tuple[float, float] = EDGE_GRADING
     depths: tuple[float, ...] = DEPTHS
     reach: float = 0.25
+    doubt: tuple[float, ...] = (0.0, 0.0)
+
+    @property
+    def sizes(self) -> tuple[float, ...]:
+        """Sizes of its meshes over its coarseness, falling [mm]: whole meshes are not made as fine as halves."""
+        return SIZES if self.symmetric else WHOLE_SIZES
 
     @property
     def symmetric(self) -> bool:
@@ -176,7 +186,11 @@ def _families() -> tuple[Family, ...]:
     across = tuple(4.0 * np.array(AROUND))
     corners = tuple(rib * PERIOD + side * CORNER for rib in range(-2, 3) for side in (-1, 1))
     ribs = (("ribs", Ribs()),)
-    rows.append(Family("ribs", ribs, 1.6, 3.9, 5.0, probes, across, sharp=corners, grading=RIB_GRADING, reach=0.1))
+    rows.append(
+        Family(
+            "ribs", ribs, 1.6, 3.9, 5.0, probes, across, sharp=corners, grading=RIB_GRADING, reach=0.1, doubt=RIB_DOUBT
+        )
+    )
     return tuple(rows)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from core.skin.blas import one_thread
 
 from .bisection import base_mesh, refined
-from .cases import FAMILIES, FINGER, PROBE_DEPTHS, SIZES, Family, first_contact
+from .cases import FAMILIES, FINGER, PROBE_DEPTHS, Family, first_contact
 from .contact import Press, Pressed
 from .quadratic import bent
 from .results import errors, load, missing, rounded, save
@@ -25,7 +25,7 @@ class Meshed:
     """A family on one mesh.
 
     Args:
-        family: what is pressed in. size: of the mesh [mm], one of `SIZES`.
+        family: what is pressed in. size: of the mesh [mm], one of the family's over its coarseness.
     """
 
     def __init__(self, family: Family, size: float) -> None:
@@ -75,8 +75,8 @@ class Meshed:
         return -float(shape.gap(mesh.nodes[rest] + moved[rest] - place)[0].min())
 
 
-def refine(known: dict[str, Any], found: dict[str, Any]) -> dict[str, Any]:
-    """Return what is known of a case after one more, finer mesh."""
+def refine(known: dict[str, Any], found: dict[str, Any], doubt: float) -> dict[str, Any]:
+    """Return what is known of a case after one more, finer mesh, where the force's error is no less than a doubt."""
     sizes = [*known.get("sizes", []), found["mesh"]["size"]]
     forces = [*known.get("forces", []), found["force"]]
     stresses = [*known.get("stresses", []), found["stress"]]
@@ -85,12 +85,12 @@ def refine(known: dict[str, Any], found: dict[str, Any]) -> dict[str, Any]:
         along = [[force[2]] for force in forces]
         rest = missing(along, sizes) * (along[-1][0] - along[-2][0])
         new["error"] = {
-            "force": rounded(abs(rest) / along[-1][0], 2),
+            "force": rounded(max(abs(rest) / along[-1][0], doubt), 2),
             "stress": rounded(errors(stresses, sizes, len(PROBE_DEPTHS)), 2),
         }
         new["limit"] = rounded(along[-1][0] + rest, 4)
     new.update(forces=forces, sizes=sizes, mesh=found["mesh"], stress=rounded(found["stress"]))
-    if len(sizes) < len(SIZES):
+    if len(sizes) < len(FAMILIES[known["family"]].sizes):
         new["stresses"] = stresses[-2:]
     return new
 
@@ -99,7 +99,7 @@ def make(names: list[str]) -> None:
     """Make what is missing of the families named, or of all, coarse meshes first."""
     families = [FAMILIES[name] for name in names] if names else list(FAMILIES.values())
     with one_thread():
-        for number in range(len(SIZES)):
+        for number in range(max(len(family.sizes) for family in families)):
             for family in families:
                 _make(family, number)
 
@@ -110,12 +110,12 @@ def _make(family: Family, number: int) -> None:
     cases = load()["cases"]
     if all(len(cases.get(title, {}).get("sizes", [])) > number for title in titles):
         return
-    meshed = Meshed(family, SIZES[number])
+    meshed = Meshed(family, family.sizes[number])
     found = [entry for _, shape in family.shapes for entry in meshed.cases(shape)]
     results = load()  # another run may have written meanwhile
     results["probes"][family.name] = rounded(family.probes, 6)
-    for title, entry in zip(titles, found, strict=True):
-        case = refine(results["cases"].get(title, {"family": family.name}), entry)
+    for title, entry, doubt in zip(titles, found, family.doubt * len(family.shapes), strict=False):
+        case = refine(results["cases"].get(title, {"family": family.name}), entry, doubt)
         results["cases"][title] = case
         print(f"  {title}: {case['force']}, {case.get('error')}, {entry['mesh']}", flush=True)
     save(results)

@@ -16,7 +16,7 @@ from core.surface.gap import Surface
 from core.surface.triangles import TriangleTable
 
 MOVED = 4e-3  # how far a pad moves and turns in a way, about [m]
-SEEDS = range(4)
+SEEDS = range(3)
 THIN = {"card of 0.1 mm": 1e-4, "foil of 1 um": 1e-6}
 KEPT = 1e-3  # of its first distance, which the other judge keeps
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Array, Indices
 from .nearest import PAIRS_AT_ONCE
@@ -10,6 +11,8 @@ from .triangles import TriangleTable
 
 # Ways that pass beside a triangle by less than this share of its size meet it: none slips through between two.
 OVERLAP = 1e-9
+# A margin about triangles' balls, relative to their size and in all [m]: what is nearer to a way is looked at.
+NEAR = 1e-6
 
 
 def first_crossing(table: TriangleTable, start: Array, end: Array, side: int = 1) -> tuple[Indices, Array]:
@@ -33,25 +36,42 @@ def first_crossing(table: TriangleTable, start: Array, end: Array, side: int = 1
     chosen = np.flatnonzero(kept)
     if chosen.size == 0:
         return triangle, share
-    a, ab, ac = (table.rows[k : k + 3, chosen] for k in (0, 3, 6))
-    normal = np.cross(ab, ac, axis=0)
+    middle, radius = table.bounds[0:3, chosen], table.bounds[6, chosen] * (1.0 + NEAR) + NEAR
     size = max(1, PAIRS_AT_ONCE // chosen.size)
     for first in range(0, len(start), size):
         part = slice(first, first + size)
-        origin, way = start[part], end[part] - start[part]
-        along = way @ normal  # below zero where it enters, by the normals
-        offset = origin[:, :, None] - a
+        owner, near = _close(start[part], end[part] - start[part], middle, radius)
+        if owner.size == 0:
+            continue
+        own = first + owner
+        origin, way = start[own].T, (end[own] - start[own]).T
+        a, ab, ac = (table.rows[k : k + 3].take(chosen[near], axis=1) for k in (0, 3, 6))
+        offset = origin - a
+        normal, across = np.cross(ab, ac, axis=0), np.cross(offset, way, axis=0)
+        along = _dot(way, normal)  # below zero where it enters, by the normals
         with np.errstate(divide="ignore", invalid="ignore"):
-            t = -np.einsum("nit,it->nt", offset, normal) / along
-            across = np.cross(offset, way[:, :, None], axis=1)
-            u = -np.einsum("nit,it->nt", across, ac) / along
-            w = np.einsum("nit,it->nt", across, ab) / along
+            t, u, w = -_dot(offset, normal) / along, -_dot(across, ac) / along, _dot(across, ab) / along
             met = (side * along < 0.0) & (t >= 0.0) & (t <= 1.0)
             met &= (u >= -OVERLAP) & (w >= -OVERLAP) & (u + w <= 1.0 + OVERLAP)
-        t = np.where(met, t, np.inf)
-        best = t.argmin(axis=1)
-        earliest = t[np.arange(len(t)), best]
-        hits = np.isfinite(earliest)
-        triangle[part] = np.where(hits, chosen[best], -1)
-        share[part] = np.where(hits, earliest, 1.0)
+        hits = np.flatnonzero(met)
+        order = hits[np.lexsort((near[hits], t[hits], own[hits]))]
+        which, earliest = np.unique(own[order], return_index=True)
+        triangle[which], share[which] = chosen[near[order[earliest]]], t[order[earliest]]
     return triangle, share
+
+
+def _close(start: Array, way: Array, middle: Array, radius: Array) -> tuple[Indices, Indices]:
+    """Return the pairs of a way and a ball that come together, shape (k,) each."""
+    far = np.sqrt(np.einsum("ni,ni->n", way, way))
+    line = way / np.maximum(far, 1e-300)[:, None]
+    origin = start.mean(axis=0)  # nearby, so that nothing cancels
+    start, middle = start - origin, middle - origin[:, None]
+    along = line @ middle - np.einsum("ni,ni->n", line, start)[:, None]
+    square = np.einsum("in,in->n", middle, middle) - 2.0 * (start @ middle)
+    square += np.einsum("ni,ni->n", start, start)[:, None] - along * along
+    close = (square <= radius * radius) & (along >= -radius) & (along <= far[:, None] + radius)
+    return close.nonzero()
+
+
+def _dot(a: NDArray[np.floating], b: NDArray[np.floating]) -> Array:
+    return np.einsum("in,in->n", a, b)

@@ -26,7 +26,7 @@ from ..errors import DermisError, Finding
 from ..scene.tactile_scene import Mesh
 from . import shapes
 from .gap_query import GapQuery
-from .nearest import Nearest, nearest
+from .nearest import Nearest, TriangleSpheres, nearest
 from .normals import SurfaceNormals
 from .topology import BOUNDARY, IRREGULAR, REGULAR, Topology, topology_of
 from .tree import TriangleTree
@@ -39,6 +39,9 @@ __all__ = ["GapQuery", "Surface"]
 ON_FEATURE = 1e-9
 # A point is straight above a rim if it is off by less than this fraction of its distance.
 STRAIGHT = 1e-6
+# So many points are measured to all triangles where these are in no tree yet: one shape of an object that deforms may
+# be asked about a pad's centre only.
+FEW = 4
 # Deeper than this a point is asked twice whether it is inside, if faces are folded over where it is closest [m].
 DEEP = 0.2e-3
 # Nearer than this to a surface the way to its closest point has no direction to speak of [m].
@@ -229,7 +232,7 @@ class Surface:
 
         For open surfaces this decides from which side a finger touches: ask for its bone.
         """
-        found = nearest(self.table, self._tree, np.atleast_2d(point), np.inf)
+        found = nearest(self.table, self._finder(1), np.atleast_2d(point), np.inf)
         if found.which.size == 0:
             return 1
         _, _, normal = self._features(found.triangle, found.u, found.w)
@@ -254,6 +257,11 @@ class Surface:
     def _tree(self) -> TriangleTree | None:
         return TriangleTree(self.table, self.topology) if self.table.usable.any() else None
 
+    def _finder(self, count: int) -> TriangleTree | TriangleSpheres | None:
+        """Return what finds the closest triangles of so many points: a tree is not worth growing for a few."""
+        few = count <= FEW and "_tree" not in self.__dict__ and self.table.usable.any()
+        return TriangleSpheres(self.table) if few else self._tree
+
     @cached_property
     def _slabs(self) -> tuple[Array, Array]:
         """How far the surface extends along the `DIRECTIONS`, down and up [m], shape (13, 1) each."""
@@ -262,12 +270,12 @@ class Surface:
 
     def _search(self, points: Array, search_radius: float) -> Nearest:
         if not np.isfinite(search_radius):
-            return nearest(self.table, self._tree, points, search_radius)
+            return nearest(self.table, self._finder(len(points)), points, search_radius)
         along = DIRECTIONS @ points.T
         low, high = self._slabs
         outside = np.maximum((along - high).max(axis=0), (low - along).max(axis=0))
         close = (outside <= search_radius).nonzero()[0]
-        found = nearest(self.table, self._tree, points.take(close, axis=0), search_radius)
+        found = nearest(self.table, self._finder(close.size), points.take(close, axis=0), search_radius)
         found = found._replace(which=close.take(found.which))
         if not self.closed or found.which.size == close.size:
             return found
@@ -277,7 +285,7 @@ class Surface:
         if not lost.any():
             return found
         lost = lost.nonzero()[0]
-        deep = nearest(self.table, self._tree, points[lost], np.inf)
+        deep = nearest(self.table, self._finder(lost.size), points[lost], np.inf)
         inside = (self._signed(points[lost], deep).gap < 0.0).nonzero()[0]
         which = np.concatenate([found.which, lost[inside]])
         order = which.argsort()

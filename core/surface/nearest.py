@@ -18,6 +18,8 @@ from .triangles import TriangleTable
 # Triangles within this relative squared distance of the best are equally close; the lowest index wins.
 TIE = 1e-12
 PAIRS_AT_ONCE = 1_500_000
+# A margin for rounding, relative to lengths.
+SLACK = 1e-9
 
 
 class Nearest(NamedTuple):
@@ -34,7 +36,29 @@ class Nearest(NamedTuple):
     w: Array
 
 
-def nearest(table: TriangleTable, tree: TriangleTree | None, points: Array, limit: float) -> Nearest:
+class TriangleSpheres:
+    """All triangles of a surface as balls: a search that needs no preparation, for a few points.
+
+    Args:
+        table: the triangles; one must be usable at least.
+    """
+
+    def __init__(self, table: TriangleTable) -> None:
+        self._usable = np.flatnonzero(table.usable)
+        self._bounds = table.bounds if self._usable.size == table.usable.size else table.bounds[:, self._usable]
+
+    def candidates(self, points: Array, limit: float, most: int) -> tuple[Indices, Indices]:
+        """Return pairs as `TriangleTree.candidates` does, however many."""
+        radius, found = self._bounds[6], []
+        for x in points:
+            away = self._bounds[0:3] - x[:, None]
+            distance = np.sqrt(np.einsum("in,in->n", away, away))
+            upper = min(float((distance + radius).min()), limit)
+            found.append(self._usable[distance - radius <= upper * (1.0 + SLACK) + SLACK * float(np.abs(x).max())])
+        return np.repeat(np.arange(len(points)), [some.size for some in found]), np.concatenate(found)
+
+
+def nearest(table: TriangleTable, tree: TriangleTree | TriangleSpheres | None, points: Array, limit: float) -> Nearest:
     """Return the closest triangle to each point.
 
     Args:

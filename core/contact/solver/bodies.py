@@ -12,18 +12,18 @@ from numpy.typing import NDArray
 from ...arrays import Array, Indices
 from ...errors import DermisError
 from ...parameters.material import FRICTION
-from ...surface.crossing import first_crossing
-from ...surface.gap import GapQuery, Surface
+from ...surface.gap import Surface
 from ...surface.plane import Plane
 from .cone import along
+from .sides import dot, keep_sides, let_go
 
+# A node changes to a body that is nearer than its last one by more than this [m], not by rounding where both are level.
+TIE = 1e-6
 # A point inside a finger [m]: on the side where it lies, the finger is outside an open surface.
 BONE = np.array([0.0, 0.0, 0.006])
 
-# Normals that turned in a frame by more than this cosine says may belong to the other side of something thin.
-SAME_SIDE = 0.5
-# Ways through a surface start this far above where a node lay on it [m].
-ABOVE = 1e-7
+# Clearance, normal, body, triangle, friction, softness and whether it hung, of each node, as in `NodeGaps`.
+_PerNode = tuple[Array, Array, Indices, Indices, Array, Array, NDArray[np.bool_]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +58,10 @@ class ContactBody:
         if not isfinite(np.vdot(self.rotation, self.rotation) + np.vdot(self.translation, self.translation)):
             raise DermisError("the pose of a body is not finite", value=self.translation)
 
+    def local(self, *points: Array) -> tuple[Array, ...]:
+        """Return points of the finger's frame [m], shape (..., 3) each, in the surface's space."""
+        return tuple((p - self.translation) @ self.rotation for p in points)
+
     def same_place(self, other: ContactBody) -> bool:
         """Whether another state of this body has the same surface, pose and properties."""
         return (
@@ -83,6 +87,7 @@ class NodeGaps:
         triangle: the closest triangle of that body, shape (m,).
         friction: coefficient at each node, shape (m,).
         softness: of the body closest to each node [m/Pa], shape (m,).
+        hung: which nodes lie where the way from the bone enters, since they hung on something, shape (m,).
     """
 
     bodies: tuple[ContactBody, ...]
@@ -93,12 +98,14 @@ class NodeGaps:
     triangle: Indices
     friction: Array
     softness: Array
+    hung: NDArray[np.bool_]
 
     @classmethod
     def nothing(cls, bodies: tuple[ContactBody, ...], count: int) -> NodeGaps:
         """Return the gaps of so many nodes that nothing is near."""
         far, none, zero = np.full(count, np.inf), np.full(count, -1), np.zeros(count)
-        return cls(bodies, far, far.copy(), np.zeros((count, 3)), none, none.copy(), zero, zero.copy())
+        hung = np.zeros(count, dtype=np.bool_)
+        return cls(bodies, far, far.copy(), np.zeros((count, 3)), none, none.copy(), zero, zero.copy(), hung)
 
     def compliance(self, areas: Array | None, where: str) -> Array:
         """Return the compliance of the bodies' own surfaces at the nodes [m/N], shape (m,).
@@ -126,12 +133,14 @@ class Expected:
             NaN without a body, shape (m, 3).
         normal: of the surface that they were above, turned with its body, shape (m, 3).
         body: that body's index, -1 without, shape (m,).
+        hung: as in `NodeGaps`, of the last frame, shape (m,).
     """
 
     places: Array
     origins: Array
     normal: Array
     body: Indices
+    hung: NDArray[np.bool_]
 
 
 def same_places(one: Sequence[ContactBody], other: Sequence[ContactBody]) -> bool:
@@ -159,7 +168,8 @@ def node_gaps(
 
     Asked about is the deformed skin, which lies on what it touches and not behind it: so a sheet thinner than the
     finger is pressed is felt as a block is, and the gap is exact to first order where the skin really is. A node
-    whose way from the last frame leads through a surface stays on the side that it came from.
+    whose way from the last frame leads through a surface stays on the side that it came from, but for one that would
+    hang there.
 
     Args:
         points: undeformed nodes in the finger's frame [m], shape (m, 3).
@@ -167,62 +177,42 @@ def node_gaps(
         bone: a point inside the finger [m], shape (3,): an open surface is touched on the side where it lies.
         expected: where the deformed nodes are; the undeformed ones where None.
     """
-    places = points if expected is None else expected.places
-    found: tuple[Array, Array, Indices, Indices, Array, Array] | None = None
+    places, m = points if expected is None else expected.places, len(points)
+    found: _PerNode | None = None
     for index, body in enumerate(bodies):
         if body.away:
             continue
         local = (places - body.translation) @ body.rotation
         if isinstance(body.surface, Surface) and not _boxes_meet(local, body.surface.box, search_radius):
             continue
-        answer, side = body.surface.query(local, search_radius), 1
+        answer, side, hung = body.surface.query(local, search_radius), 1, np.zeros(m, dtype=np.bool_)
         if isinstance(body.surface, Surface):
-            if not body.surface.closed and body.surface.side_of((bone - body.translation) @ body.rotation) < 0:
+            table, (inside, undeformed) = body.surface.table, body.local(bone, points)
+            if not body.surface.closed and body.surface.side_of(inside) < 0:
                 answer, side = answer.flipped(), -1
             if expected is not None:
-                _keep_sides(answer, body, index, side, local, expected)
-        own = _of_body(answer, body, index)
+                own = expected.body == index
+                origins = body.local(expected.origins)[0]
+                keep_sides(answer, table, side, local, own.nonzero()[0], origins, expected.normal @ body.rotation)
+                hung = let_go(answer, table, side, local, undeformed, inside, expected.hung & own)
+        near = answer.triangle >= 0
+        owner: Indices = np.where(near, index, -1)
+        friction, softness = (np.where(near, value, 0.0) for value in (body.friction, body.softness))
+        told = answer.gap, answer.normal @ body.rotation.T, owner, answer.triangle, friction, softness, hung
         if found is None:
-            found = own
+            found = told
             continue
-        closer = ((answer.triangle >= 0) & (answer.gap < found[0])).nonzero()[0]
-        for ours, others in zip(found, own, strict=True):
+        lead = 0.0
+        if expected is not None:
+            lead = TIE * np.subtract(expected.body == index, expected.body == found[2], dtype=np.float64)
+        closer = (near & (answer.gap < found[0] + lead)).nonzero()[0]
+        for ours, others in zip(found, told, strict=True):
             ours[closer] = others[closer]
-    m = len(points)
-    nothing = np.full(m, np.inf), np.zeros((m, 3)), np.full(m, -1), np.full(m, -1), np.zeros(m), np.zeros(m)
-    clearance, normal, *rest = found or nothing
-    # beyond reach the normal is zero
-    gap = clearance.copy() if expected is None else clearance - _dot(places - points, normal)
-    return NodeGaps(tuple(bodies), gap, clearance, normal, *rest)
-
-
-def _of_body(answer: GapQuery, body: ContactBody, index: int) -> tuple[Array, Array, Indices, Indices, Array, Array]:
-    """Return clearance, normal, body, triangle, friction and softness of the nodes above one body."""
-    near = answer.triangle >= 0
-    owner: Indices = np.where(near, index, -1)
-    friction, softness = (np.where(near, value, 0.0) for value in (body.friction, body.softness))
-    return answer.gap, answer.normal @ body.rotation.T, owner, answer.triangle, friction, softness
-
-
-def _keep_sides(answer: GapQuery, body: ContactBody, index: int, side: int, local: Array, expected: Expected) -> None:
-    """Give nodes that went through a surface the face that they went through first, in place."""
-    assert isinstance(body.surface, Surface)
-    # a node without a body has no normal, and one beyond reach has none now
-    cosine = _dot(expected.normal @ body.rotation, answer.normal)
-    turned = ((cosine < SAME_SIDE) & (expected.body == index) & (answer.triangle >= 0)).nonzero()[0]
-    if turned.size == 0:
-        return
-    above = expected.origins[turned] + ABOVE * expected.normal[turned]
-    start = (above - body.translation) @ body.rotation
-    triangle, share = first_crossing(body.surface.table, start, local[turned], side)
-    through = triangle >= 0
-    turned, triangle, start, share = turned[through], triangle[through], start[through], share[through]
-    normal = side * body.surface.table.bounds[3:6].take(triangle, axis=1).T
-    way = local[turned] - start
-    answer.gap[turned] = (1.0 - share) * _dot(way, normal)
-    answer.normal[turned], answer.triangle[turned] = normal, triangle
-    answer.point[turned] = start + share[:, None] * way
-    answer.beside[turned] = False
+    if found is None:
+        return NodeGaps.nothing(tuple(bodies), m)
+    clearance, normal = found[:2]  # beyond reach the normal is zero
+    gap = clearance.copy() if expected is None else clearance - dot(places - points, normal)
+    return NodeGaps(tuple(bodies), gap, *found)
 
 
 def to_material(bodies: Sequence[ContactBody], owner: Indices, triangle: Indices, positions: Array) -> Array:
@@ -281,10 +271,6 @@ def owned(owner: NDArray[np.integer]) -> Iterator[tuple[int, Indices | slice]]:
 def _plane_of(surface: Surface, triangle: Indices) -> tuple[Array, Array, Array, Array]:
     rows = surface.table.rows[:9].take(triangle, axis=1).T
     return rows[:, 0:3], rows[:, 3:6], rows[:, 6:9], surface.table.bounds[3:6].take(triangle, axis=1).T
-
-
-def _dot(a: Array, b: Array) -> Array:
-    return np.einsum("ij,ij->i", a, b)
 
 
 def _boxes_meet(points: Array, box: Array, search_radius: float) -> bool:

@@ -10,7 +10,10 @@ from numpy.typing import NDArray
 from ...arrays import Array, Indices
 from .bodies import ContactBody, Expected, NodeGaps, from_material, owned, to_material
 
-_ARRAYS = ("body", "_material", "_triangle", "_normal", "_gap", "_sticking")
+_ARRAYS = ("body", "_material", "_triangle", "_normal", "_gap", "_sticking", "_hung")
+
+# Bodies are level where the normals of one and the other differ by less than this cosine says.
+LEVEL = 0.999
 
 
 class ContactHistory:
@@ -30,6 +33,7 @@ class ContactHistory:
         self._normal = np.zeros((count, 3))  # out of the body, in its axes
         self._gap = np.zeros(count)
         self._sticking = np.zeros(count, dtype=bool)
+        self._hung = np.zeros(count, dtype=bool)
 
     def clear(self) -> None:
         """Forget everything: the next frame starts from rest."""
@@ -75,7 +79,7 @@ class ContactHistory:
         moved = anchors - deformed
         carried = self._sticking & (np.einsum("ij,ij->i", moved, moved) <= search_radius * search_radius)
         places = np.where(carried[:, None], anchors, deformed)
-        return Expected(places, anchors + self._gap[:, None] * normal, normal, self.body)
+        return Expected(places, anchors + self._gap[:, None] * normal, normal, self.body, self._hung)
 
     def normals(self, bodies: Sequence[ContactBody]) -> Array:
         """Return the normals of the surfaces that points were above, turned with their bodies, shape (m, 3)."""
@@ -92,10 +96,15 @@ class ContactHistory:
             points: undeformed nodes [m], shape (m, 3).
 
         Returns:
-            [m], shape (m, 3); the slip is zero where there is no anchor on the closest body.
+            [m], shape (m, 3); the slip is zero where there is no anchor on the closest body, or one level with it.
         """
         normal = gaps.normal
         anchored = (self.body == gaps.body) & (self.body >= 0)
+        other = np.flatnonzero((self.body != gaps.body) & (self.body >= 0) & (gaps.body >= 0))
+        if other.size:  # over a seam to a level body: friction goes on
+            there = np.array([not body.away for body in gaps.bodies])[self.body[other]]
+            level = np.einsum("ij,ij->i", self.normals(gaps.bodies)[other], normal[other]) > LEVEL
+            anchored[other[there & level]] = True
         if anchored.all():
             moved = points - from_material(gaps.bodies, self.body, self._material, self._triangle)
         else:
@@ -121,7 +130,7 @@ class ContactHistory:
         if nodes.size:
             self._put(gaps.bodies, nodes, gaps.body[nodes], gaps.triangle[nodes], positions[nodes])
         self.body = np.where(near, gaps.body, -1)
-        self._sticking = near & sticking
+        self._sticking, self._hung = near & sticking, gaps.hung
         self._gap = np.maximum(gap, 0.0)
         for index, own in owned(self.body):
             self._normal[own] = gaps.normal[own] @ gaps.bodies[index].rotation

@@ -2,8 +2,7 @@
 
 Friction remembers the way, and a surface is only known where the skin is. So a frame that presses or turns much is
 walked in parts; a finger that is first seen inside an object is led there from outside; an object that went all the
-way through a finger lets it go, and says so; and one that slid under it from the side, with the skin hanging on its
-rim, is pressed anew from beneath.
+way through a finger lets it go, and says so.
 """
 
 from __future__ import annotations
@@ -35,6 +34,9 @@ OUTSIDE = 1e-7
 SEARCHES = 40
 # An object that went through a finger is above the pad for as long as some of so many ways meet it within this [m].
 WAYS, ABOVE = 16, 0.1
+# Of an object so many vertices are looked for within the finger, in directions of skin that are this near (a cosine).
+VERTICES, IN_LINE = 64, 0.95
+THROUGH, UNFELT = "an object went through the finger", ", and is not felt until the finger is outside"
 
 
 class SubStepper:
@@ -48,21 +50,21 @@ class SubStepper:
     def __init__(self, solver: PathSolver, deepest: float) -> None:
         self.solver, self.deepest = solver, deepest
         self._left: frozenset[int] = frozenset()  # bodies that are not felt until the finger is outside of them
+        self._facing: dict[int, float] = {}  # above zero where a body's normals point out of it, below where in
         self._number = 0.0  # of the frame, for findings
 
     def idle(self, count: int = 1) -> PathStep:
-        """Take frames in which nothing is near."""
-        self._left = frozenset()
+        """Take frames in which nothing is near; what is small may still lie within the finger, and stays left."""
         return self.solver.idle(count)
 
     def save(self) -> dict[str, Any]:
         """Return the state between two frames, for `restore`."""
-        return {"solver": self.solver.save(), "left": self._left}
+        return {"solver": self.solver.save(), "left": self._left, "facing": dict(self._facing)}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go back to a saved state."""
         self.solver.restore(state["solver"])
-        self._left = state["left"]
+        self._left, self._facing = state["left"], dict(state["facing"])
 
     def step(
         self,
@@ -79,6 +81,8 @@ class SubStepper:
                 that is now inside came from there; along its own normal where that gives None.
         """
         self._number = float(self.solver.frames) if scene_frame is None else scene_frame
+        self._turned_over(bodies)
+        self._crossed(bodies)
         bodies = self._felt(bodies)
         if self.solver.unmoved(bodies):
             return self.solver.step(bodies, scene_frame=scene_frame)
@@ -225,13 +229,47 @@ class SubStepper:
     def _felt(self, bodies: Sequence[ContactBody]) -> list[ContactBody]:
         """Return the bodies, those away that went through the finger and are not out of it yet."""
         for index in self._left:
-            if index >= len(bodies) or bodies[index].away or not self._in_or_above(bodies[index]):
+            if index >= len(bodies) or not (bodies[index].away or self._in_or_above(bodies[index])):
                 self._left -= {index}
         return [AWAY if index in self._left else body for index, body in enumerate(bodies)]
 
+    def _turned_over(self, bodies: Sequence[ContactBody]) -> None:
+        """Leave bodies that were turned inside out: they come from nowhere, and may be all about the skin."""
+        for index, body in enumerate(bodies):
+            if body.away or not isinstance(body.surface, Surface) or not body.surface.closed:
+                continue
+            facing = body.surface.volume if body.carry is None else body.surface.volume * np.linalg.det(body.carry)
+            if facing * self._facing.get(index, facing) < 0.0:
+                self._leave(index, "turned-over", "an object was turned inside out", "Keep its scale on one side of 0")
+            self._facing[index] = facing
+
+    def _crossed(self, bodies: Sequence[ContactBody]) -> None:
+        """Leave open surfaces that the bone went through: it would be touched from their other side at once."""
+        for index in self.solver.loaded_bodies:
+            a, b = self.solver.bodies[index], bodies[index]
+            if a.away or b.away or not isinstance(b.surface, Surface) or b.surface.closed:
+                continue
+            way = [body.local(self.solver.bone[None])[0] for body in (a, b)]
+            if _meets(b.surface, *way):
+                self._leave(index, "passed-through", THROUGH, "Raise the finger")
+
+    def _leave(self, index: int, code: str, what: str, remedy: str) -> None:
+        self._left |= {index}
+        self.solver.notes.warn(code, what + UNFELT, self._number, remedy=remedy)
+
     def _in_or_above(self, body: ContactBody) -> bool:
         some = self.solver.pad[:: max(len(self.solver.pad) // WAYS, 1)]
-        return self._gap([body]) < -OUTSIDE or self._above(body, some, ABOVE) > 0.0
+        if self._gap([body]) < -OUTSIDE or self._above(body, some, ABOVE) > 0.0:
+            return True
+        return isinstance(body.surface, Surface) and self._within(body, body.surface.vertices)
+
+    def _within(self, body: ContactBody, vertices: Array) -> bool:
+        """Return whether some vertices are within the flesh: nearer to the bone than skin that is in line with them."""
+        some = vertices[:: len(vertices) // VERTICES + 1] @ body.rotation.T + body.translation - self.solver.bone
+        skin = self.solver.pad - self.solver.bone
+        far, deep = (np.sqrt(np.einsum("ij,ij->i", v, v)) for v in (some, skin))
+        line = (some @ skin.T) / np.maximum(far[:, None] * deep, 1e-300)
+        return bool((far < deep[line.argmax(axis=1)])[line.max(axis=1) > IN_LINE].any())
 
     def _through(self, step: PathStep, bodies: Sequence[ContactBody]) -> PathStep:
         gaps = step.gaps
@@ -241,31 +279,9 @@ class SubStepper:
         gone = {int(i) for i in deep if _outside_bone(bodies[i], self.solver.bone)}
         if not gone:
             return step
-        ways = {i: self._retreat(bodies[i]) for i in gone}
-        over = {i: far for i, far in ways.items() if far is not None and not self._in_or_above(lowered(bodies[i], far))}
-        self._left |= gone - over.keys()
-        if self._left & gone:
-            what, remedy = "an object went through the finger, and is not felt until it is outside", "Raise the finger"
-            self.solver.notes.warn("passed-through", what, self._number, remedy=remedy)
-        return self._over(over, self._felt(bodies)) if over else self._last(self._felt(bodies))
-
-    def _over(self, far: dict[int, float], bodies: list[ContactBody]) -> PathStep:
-        """Press bodies anew whose rims the skin hung on: they lie under the finger, not beyond it.
-
-        Args:
-            far: how far each must go down for the finger to be outside of it [m].
-        """
-        what = "the skin hung on the rim of an object that slid under the finger, and is pressed onto it anew"
-        self.solver.notes.warn("over-a-rim", what, self._number, remedy="Raise the finger, or come from above")
-        self.solver.step([AWAY if i in far else body for i, body in enumerate(bodies)], part=True)
-        parts = max(int(np.ceil(min(max(far.values()), self.solver.depth_limit) / PRESSING)), 1)
-        for k in range(parts - 1, 0, -1):
-            part = [lowered(b, far[i] * k / parts) if i in far else b for i, b in enumerate(bodies)]
-            self.solver.step(part, part=True)
-        return self._last(bodies)
-
-    def _last(self, bodies: list[ContactBody]) -> PathStep:
-        return self.solver.step(bodies, scene_frame=self._number)
+        for index in gone:
+            self._leave(index, "passed-through", THROUGH, "Raise the finger")
+        return self.solver.step(self._felt(bodies), scene_frame=self._number)
 
 
 def between(a: ContactBody, b: ContactBody, share: float, near: NearTriangles | None = None) -> ContactBody:
@@ -308,6 +324,11 @@ def _deforms(a: ContactBody, b: ContactBody) -> bool:
 def lowered(body: ContactBody, far: float) -> ContactBody:
     """Return a body moved away from the pad, down the finger's Z [m]."""
     return replace(body, translation=body.translation - np.array([0.0, 0.0, far]))
+
+
+def _meets(surface: Surface, start: Array, end: Array) -> bool:
+    """Return whether straight ways [m], shape (n, 3), lead through a surface from either side."""
+    return any((first_crossing(surface.table, start, end, side)[0] >= 0).any() for side in (1, -1))
 
 
 def _outside_bone(body: ContactBody, bone: Array) -> bool:

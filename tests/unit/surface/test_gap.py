@@ -408,3 +408,18 @@ def test_faces_that_are_folded_over_do_not_swallow_what_is_outside():
     gap, outside = surface.query(points).gap, surface.winding(points) < 0.5
     assert surface.closed and outside.sum() > 1000
     assert gap[outside].min() > -0.3e-3
+
+
+def test_a_few_points_need_no_tree():
+    """Measured to all triangles, bit for bit as by the tree."""
+    rng = np.random.default_rng(3)
+    for surface in (Surface.sphere(5e-3, 2000), Surface.edge(), Surface.build(CUBE_VERTICES, CUBE_TRIANGLES[:7])):
+        points = rng.normal(size=(60, 3)) * 8e-3
+        for radius in (np.inf, 3e-3):
+            few = [
+                Surface(surface.vertices, surface.triangles, surface.topology).query(p[None], radius) for p in points
+            ]
+            many = surface.query(points, radius)
+            for name in ("gap", "normal", "point", "triangle", "weights"):
+                one = np.concatenate([getattr(answer, name) for answer in few])
+                np.testing.assert_array_equal(one, getattr(many, name))

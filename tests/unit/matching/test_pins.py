@@ -216,10 +216,13 @@ def test_stiffer_skin_needs_forces_that_much_larger_and_bounds_hold_after_it():
         ready = pins.setup(skin(), spec())
         one = pins.match(PinSolver(ready.matcher, method, force_limit=None), felt())
         other = pins.match(PinSolver(pins.setup(stiff, spec()).matcher, method, force_limit=None), touch)
-        # FM2 has many best answers on a mesh as coarse as this: they do the same to the skin
-        felt_of = ready.distribution.T if method == "FM2" else np.eye(one.forces.shape[1])
+        # bounded, there are many best answers on a mesh as coarse as this: they do the same to the skin
+        felt_of, share = np.eye(one.forces.shape[1]), 2e-5
+        if method.endswith("2"):
+            felt_of, share = ready.distribution.T, 2e-4
+            felt_of = felt_of @ skin().compliance32 if method == "DM2" else felt_of
         wanted = 0.75 * one.forces @ felt_of
-        np.testing.assert_allclose(other.forces @ felt_of, wanted, atol=2e-5 * np.abs(wanted).max())
+        np.testing.assert_allclose(other.forces @ felt_of, wanted, atol=share * np.abs(wanted).max())
     assert rendered(touch).track.values.max() <= 0.4
 
 

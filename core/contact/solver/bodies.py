@@ -15,15 +15,15 @@ from ...parameters.material import FRICTION
 from ...surface.gap import Surface
 from ...surface.plane import Plane
 from .cone import along
-from .sides import dot, keep_sides, let_go
+from .sides import dot, keep_sides
 
 # A node changes to a body that is nearer than its last one by more than this [m], not by rounding where both are level.
 TIE = 1e-6
 # A point inside a finger [m]: on the side where it lies, the finger is outside an open surface.
 BONE = np.array([0.0, 0.0, 0.006])
 
-# Clearance, normal, body, triangle, friction, softness and whether it hung, of each node, as in `NodeGaps`.
-_PerNode = tuple[Array, Array, Indices, Indices, Array, Array, NDArray[np.bool_]]
+# Clearance, normal, body, triangle, friction and softness of each node, as in `NodeGaps`.
+_PerNode = tuple[Array, Array, Indices, Indices, Array, Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,6 @@ class NodeGaps:
         triangle: the closest triangle of that body, shape (m,).
         friction: coefficient at each node, shape (m,).
         softness: of the body closest to each node [m/Pa], shape (m,).
-        hung: which nodes lie where the way from the bone enters, since they hung on something, shape (m,).
     """
 
     bodies: tuple[ContactBody, ...]
@@ -98,14 +97,12 @@ class NodeGaps:
     triangle: Indices
     friction: Array
     softness: Array
-    hung: NDArray[np.bool_]
 
     @classmethod
     def nothing(cls, bodies: tuple[ContactBody, ...], count: int) -> NodeGaps:
         """Return the gaps of so many nodes that nothing is near."""
         far, none, zero = np.full(count, np.inf), np.full(count, -1), np.zeros(count)
-        hung = np.zeros(count, dtype=np.bool_)
-        return cls(bodies, far, far.copy(), np.zeros((count, 3)), none, none.copy(), zero, zero.copy(), hung)
+        return cls(bodies, far, far.copy(), np.zeros((count, 3)), none, none.copy(), zero, zero.copy())
 
     def compliance(self, areas: Array | None, where: str) -> Array:
         """Return the compliance of the bodies' own surfaces at the nodes [m/N], shape (m,).
@@ -133,14 +130,12 @@ class Expected:
             NaN without a body, shape (m, 3).
         normal: of the surface that they were above, turned with its body, shape (m, 3).
         body: that body's index, -1 without, shape (m,).
-        hung: as in `NodeGaps`, of the last frame, shape (m,).
     """
 
     places: Array
     origins: Array
     normal: Array
     body: Indices
-    hung: NDArray[np.bool_]
 
 
 def same_places(one: Sequence[ContactBody], other: Sequence[ContactBody]) -> bool:
@@ -168,8 +163,7 @@ def node_gaps(
 
     Asked about is the deformed skin, which lies on what it touches and not behind it: so a sheet thinner than the
     finger is pressed is felt as a block is, and the gap is exact to first order where the skin really is. A node
-    whose way from the last frame leads through a surface stays on the side that it came from, but for one that would
-    hang there.
+    whose way from the last frame leads through a surface stays on the side that it came from.
 
     Args:
         points: undeformed nodes in the finger's frame [m], shape (m, 3).
@@ -185,20 +179,18 @@ def node_gaps(
         local = (places - body.translation) @ body.rotation
         if isinstance(body.surface, Surface) and not _boxes_meet(local, body.surface.box, search_radius):
             continue
-        answer, side, hung = body.surface.query(local, search_radius), 1, np.zeros(m, dtype=np.bool_)
+        answer, side = body.surface.query(local, search_radius), 1
         if isinstance(body.surface, Surface):
-            table, (inside, undeformed) = body.surface.table, body.local(bone, points)
-            if not body.surface.closed and body.surface.side_of(inside) < 0:
+            if not body.surface.closed and body.surface.side_of(*body.local(bone)) < 0:
                 answer, side = answer.flipped(), -1
             if expected is not None:
-                own = expected.body == index
-                origins = body.local(expected.origins)[0]
-                keep_sides(answer, table, side, local, own.nonzero()[0], origins, expected.normal @ body.rotation)
-                hung = let_go(answer, table, side, local, undeformed, inside, expected.hung & own)
+                own = (expected.body == index).nonzero()[0]
+                origins, before = body.local(expected.origins)[0], expected.normal @ body.rotation
+                keep_sides(answer, body.surface.table, side, local, own, origins, before)
         near = answer.triangle >= 0
         owner: Indices = np.where(near, index, -1)
         friction, softness = (np.where(near, value, 0.0) for value in (body.friction, body.softness))
-        told = answer.gap, answer.normal @ body.rotation.T, owner, answer.triangle, friction, softness, hung
+        told = answer.gap, answer.normal @ body.rotation.T, owner, answer.triangle, friction, softness
         if found is None:
             found = told
             continue

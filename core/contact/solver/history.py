@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...arrays import Array, Indices
 from .bodies import ContactBody, Expected, NodeGaps, from_material, owned, to_material
 
-_ARRAYS = ("body", "_material", "_triangle", "_normal", "_gap", "_sticking", "_hung")
+_ARRAYS = ("body", "_material", "_triangle", "_normal", "_gap", "_sticking")
 
 # Bodies are level where the normals of one and the other differ by less than this cosine says.
 LEVEL = 0.999
@@ -33,7 +33,6 @@ class ContactHistory:
         self._normal = np.zeros((count, 3))  # out of the body, in its axes
         self._gap = np.zeros(count)
         self._sticking = np.zeros(count, dtype=bool)
-        self._hung = np.zeros(count, dtype=bool)
 
     def clear(self) -> None:
         """Forget everything: the next frame starts from rest."""
@@ -79,7 +78,7 @@ class ContactHistory:
         moved = anchors - deformed
         carried = self._sticking & (np.einsum("ij,ij->i", moved, moved) <= search_radius * search_radius)
         places = np.where(carried[:, None], anchors, deformed)
-        return Expected(places, anchors + self._gap[:, None] * normal, normal, self.body, self._hung)
+        return Expected(places, anchors + self._gap[:, None] * normal, normal, self.body)
 
     def normals(self, bodies: Sequence[ContactBody]) -> Array:
         """Return the normals of the surfaces that points were above, turned with their bodies, shape (m, 3)."""
@@ -130,7 +129,7 @@ class ContactHistory:
         if nodes.size:
             self._put(gaps.bodies, nodes, gaps.body[nodes], gaps.triangle[nodes], positions[nodes])
         self.body = np.where(near, gaps.body, -1)
-        self._sticking, self._hung = near & sticking, gaps.hung
+        self._sticking = near & sticking
         self._gap = np.maximum(gap, 0.0)
         for index, own in owned(self.body):
             self._normal[own] = gaps.normal[own] @ gaps.bodies[index].rotation

@@ -8,7 +8,7 @@ from ...arrays import Array, Indices
 from .bodies import ContactBody, Expected, NodeGaps, node_gaps
 from .point_sight import OPPOSITE
 
-_PER_POINT = ("gap", "clearance", "normal", "body", "triangle", "friction", "softness", "hung")
+_PER_POINT = ("gap", "clearance", "normal", "body", "triangle", "friction", "softness")
 
 
 def passed_on(gaps: NodeGaps, count: int, heirs: Indices, sources: Indices) -> NodeGaps:
@@ -41,12 +41,12 @@ def completed(
     new, normal = points[count:], expected.normal[count:]
     places, origins = expected.places[count:], expected.origins[count:]
     # what a larger cell lay on need not be what its parts lie on, but where that is the back of something thin
-    some = Expected(places, origins, normal, np.full(len(new), -1), expected.hung[count:])
+    some = Expected(places, origins, normal, np.full(len(new), -1))
     found = node_gaps(new, bodies, search_radius, bone, some)
     opposite = np.einsum("ij,ij->i", normal, found.normal) < OPPOSITE
     turned = np.flatnonzero(opposite & (expected.body[count:] == found.body))
     if len(turned):
-        some = Expected(places[turned], origins[turned], normal[turned], found.body[turned], found.hung[turned])
+        some = Expected(places[turned], origins[turned], normal[turned], found.body[turned])
         again = node_gaps(new[turned], bodies, search_radius, bone, some)
         for name in _PER_POINT:
             getattr(found, name)[turned] = getattr(again, name)

@@ -81,8 +81,7 @@ class PointSight:
         if not len(other):
             return
         turned, before = own[other], before[other]
-        hung = np.zeros(len(turned), dtype=np.bool_)
-        expected = Expected(places[turned], places[turned] + ABOVE * before, before, gaps.body[turned], hung)
+        expected = Expected(places[turned], places[turned] + ABOVE * before, before, gaps.body[turned])
         again = node_gaps(places[turned], self.bodies, self.tree.search_radius, self.bone, expected)
         gaps.clearance[turned], gaps.normal[turned] = again.clearance, again.normal
         gaps.triangle[turned] = again.triangle

@@ -1,12 +1,8 @@
-"""The sides of things that skin lies on: the ones that it came from, and the ones that it sees from inside the finger.
-
-All is told in the space of one surface.
-"""
+"""The sides of things that skin lies on are the ones that it came from. All is told in the space of one surface."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
 from ...surface.crossing import first_crossing
@@ -17,10 +13,6 @@ from ...surface.triangles import TriangleTable
 SAME_SIDE = 0.5
 # Ways through a surface start this far above where a node lay on it [m].
 ABOVE = 1e-7
-# Skin hangs on what it does not look at where it is dragged by more than this [m].
-HANGS = 0.1e-3
-# Skin farther from what it cannot see than this touches nothing there [m].
-BESIDE = 1e-3
 
 
 def keep_sides(
@@ -42,48 +34,6 @@ def keep_sides(
     through = triangle >= 0
     way = places[turned] - start
     _lay(answer, places, turned[through], table, side, triangle[through], (start + share[:, None] * way)[through])
-
-
-def let_go(
-    answer: GapQuery,
-    table: TriangleTable,
-    side: int,
-    places: Array,
-    undeformed: Array,
-    bone: Array,
-    before: NDArray[np.bool_],
-) -> NDArray[np.bool_]:
-    """Give nodes that hang on something the face between them and the bone, in place; return which hang.
-
-    Single nodes slide around a ball to where they pull at the finger, and are dragged along a wall far beyond the
-    height of it. Skin is held together, and has long come over to what it sees from inside the finger. Once it hangs,
-    a node lies there for as long as anything is in its way.
-
-    Args:
-        places: where nodes are looked for [m], shape (m, 3). undeformed: nodes [m], shape (m, 3).
-        bone: a point inside the finger [m], shape (3,). before: which nodes hung in the last frame, shape (m,).
-        For the others see `keep_sides`.
-    """
-    hung = np.zeros(len(places), dtype=np.bool_)
-    inward = bone - places
-    facing = dot(answer.normal, inward)
-    some = ((before | (facing < 0.0)) & (answer.triangle >= 0)).nonzero()[0]
-    if some.size == 0:
-        return hung
-    gap = answer.gap[some] - dot(places[some] - undeformed[some], answer.normal[some])
-    at_once = before[some] | (answer.gap[some] < BESIDE)
-    dragged = (at_once | (gap < -HANGS)).nonzero()[0]
-    some, gap, at_once = some[dragged], gap[dragged], at_once[dragged]
-    if some.size == 0:
-        return hung
-    start = np.broadcast_to(bone, (some.size, 3))
-    triangle, share = first_crossing(table, start, undeformed[some], side)
-    entry = start + share[:, None] * (undeformed[some] - start)
-    depth = dot(entry - undeformed[some], side * table.bounds[3:6].take(triangle, axis=1).T)
-    goes = (triangle >= 0) & (at_once | (depth < -gap))
-    _lay(answer, places, some[goes], table, side, triangle[goes], entry[goes])
-    hung[some[goes]] = True
-    return hung
 
 
 def _lay(

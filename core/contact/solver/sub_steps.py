@@ -2,7 +2,8 @@
 
 Friction remembers the way, and a surface is only known where the skin is. So a frame that presses or turns much is
 walked in parts; a finger that is first seen inside an object is led there from outside; an object that went all the
-way through a finger lets it go, and says so.
+way through a finger lets it go, and says so; and one that slid under it from the side, with the skin hanging on its
+rim, is pressed anew from beneath.
 """
 
 from __future__ import annotations
@@ -279,9 +280,29 @@ class SubStepper:
         gone = {int(i) for i in deep if _outside_bone(bodies[i], self.solver.bone)}
         if not gone:
             return step
-        for index in gone:
+        ways = {i: self._retreat(bodies[i]) for i in gone}
+        over = {i: far for i, far in ways.items() if far is not None and not self._in_or_above(lowered(bodies[i], far))}
+        for index in gone - over.keys():
             self._leave(index, "passed-through", THROUGH, "Raise the finger")
-        return self.solver.step(self._felt(bodies), scene_frame=self._number)
+        return self._over(over, self._felt(bodies)) if over else self._last(self._felt(bodies))
+
+    def _over(self, far: dict[int, float], bodies: list[ContactBody]) -> PathStep:
+        """Press bodies anew whose rims the skin hung on: they lie under the finger, not beyond it.
+
+        Args:
+            far: how far each must go down for the finger to be outside of it [m].
+        """
+        what = "the skin hung on the rim of an object that slid under the finger, and is pressed onto it anew"
+        self.solver.notes.warn("over-a-rim", what, self._number, remedy="Raise the finger, or come from above")
+        self.solver.step([AWAY if i in far else body for i, body in enumerate(bodies)], part=True)
+        parts = max(int(np.ceil(min(max(far.values()), self.solver.depth_limit) / PRESSING)), 1)
+        for k in range(parts - 1, 0, -1):
+            part = [lowered(b, far[i] * k / parts) if i in far else b for i, b in enumerate(bodies)]
+            self.solver.step(part, part=True)
+        return self._last(bodies)
+
+    def _last(self, bodies: list[ContactBody]) -> PathStep:
+        return self.solver.step(bodies, scene_frame=self._number)
 
 
 def between(a: ContactBody, b: ContactBody, share: float, near: NearTriangles | None = None) -> ContactBody:

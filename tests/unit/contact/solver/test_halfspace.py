@@ -23,8 +23,9 @@ def frame(nodes, gap, friction, shift=(0.0, 0.0)):
     """A rigid body below the half-space, given by its gap and how far it has moved sideways."""
     m = len(nodes)
     body = ContactBody(PLANE, translation=np.array([*shift, 0.0]), friction=friction)
-    per_node = np.zeros(m, int), np.zeros(m, int), np.full(m, friction), np.zeros(m), np.zeros(m, bool)
-    return NodeGaps((body,), gap, gap, np.tile(UP, (m, 1)), *per_node)
+    return NodeGaps(
+        (body,), gap, gap, np.tile(UP, (m, 1)), np.zeros(m, int), np.zeros(m, int), np.full(m, friction), np.zeros(m)
+    )
 
 
 def sphere_gap(nodes, depth, radius=RADIUS):

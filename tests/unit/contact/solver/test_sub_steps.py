@@ -132,7 +132,8 @@ def test_what_slid_under_the_finger_is_pressed_as_from_above(skin, thickness):
         step = steps.step([below(skin, surface, 1e-3, (-0.03 + 0.03 * k / 80, 0.0))])
     force = step.solution.force[:, 2].sum()
     assert force == pytest.approx(pressed(skin, surface, np.linspace(0.0, 1e-3, 21))[-1, :, 2].sum(), rel=0.05)
-    assert {finding.code for finding in steps.solver.findings} <= {"too-deep"}  # while the wall still drags
+    told = {finding.code for finding in steps.solver.findings}
+    assert "over-a-rim" in told and "passed-through" not in told
 
 
 def test_depth_is_measured_along_the_way_in(skin):
@@ -186,37 +187,6 @@ def test_between_is_rigid_and_ends_where_it_ends():
     assert np.arccos((np.trace(half.rotation) - 1) / 2) == pytest.approx(np.pi / 4)
     assert between(a, b, 1.0) is b
     assert travel(a, b, np.array([[0.0, 0, 0], [1e-3, 0, 0]])) == pytest.approx(2e-3)
-
-
-def test_a_wall_lets_the_skin_go_by_its_height(skin):
-    """A step of 0.5 mm drags skin until it looks away from the bone, and ends as its top is pressed."""
-    steps, forces = stepper(skin), []
-    outline = [[-0.03, 0.0], [0.0, 0.0], [0.0, 0.5e-3], [0.03, 0.5e-3]]
-    vertices = np.array([[x, y, z] for x, z in outline for y in (-0.03, 0.03)])
-    faces = np.array([t for k in (0, 2, 4) for t in ((k, k + 2, k + 1), (k + 1, k + 2, k + 3))])
-    surface = Surface.build(vertices, faces)
-    for far in (*np.linspace(15e-3, 15e-3, 20), *np.linspace(15e-3, -15e-3, 70)):
-        body = below(skin, surface, min(0.5e-3, 0.05e-3 * len(forces)), (far, 0.0))
-        forces.append(steps.step([replace(body, friction=0.0)]).solution.force.sum(axis=0))
-    forces = np.array(forces)
-    top = stepper(skin)
-    for depth in np.linspace(0.0, 1e-3, 21):
-        flat = top.step([replace(below(skin, card(0.02), depth), friction=0.0)]).solution.force[:, 2].sum()
-    assert forces[-1, 2] == pytest.approx(flat, rel=1e-3)
-    assert np.diff(forces[:, 2]).min() > -0.1 * flat
-    assert np.abs(forces[:, 0]).max() < flat
-    assert {finding.code for finding in steps.solver.findings} <= {"too-deep"}  # while the wall drags
-
-
-def test_a_ball_without_friction_never_pulls(skin):
-    """Nodes slide around it, and must not pull from beneath; nor may they be lost once they hang."""
-    steps, forces = stepper(skin), []
-    for depth in np.linspace(0.0, 3e-3, 31):
-        body = replace(below(skin, Surface.sphere(2e-3, 2000), depth), friction=0.0)
-        forces.append(steps.step([body]).solution.force[:, 2].sum())
-    assert min(forces) >= 0.0
-    assert np.diff(forces).min() > -0.03 * max(forces)
-    assert forces[-1] > 0.5
 
 
 @pytest.mark.parametrize("overlap", [0.0, 4e-3])

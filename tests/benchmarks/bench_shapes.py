@@ -85,7 +85,7 @@ def thin_card_force_error() -> Result:
 
     def forces(thickness: float, contact: str) -> Array:
         card = Surface.block(0.02, 0.02, thickness)
-        return np.array([s.resultant[2] for s in _pressed(card, np.zeros(3), CARD_DEPTHS, FRICTION, contact)])
+        return np.array([s.resultant[2] for s in felt_at(card, np.zeros(3), CARD_DEPTHS, FRICTION, contact)])
 
     def errors(contact: str) -> dict[str, float]:
         block = forces(0.02, contact)
@@ -108,7 +108,7 @@ def edge_shift_ripple() -> Result:
     places = [1e-3 * first_contact(edge, float(x)) for x in RIPPLE]
     with one_blas_thread():
         own, other = (
-            np.array([_pressed(surface, place, (1e-3,), 0.0, contact)[0].resultant[2] for place in places])
+            np.array([felt_at(surface, place, (1e-3,), 0.0, contact)[0].resultant[2] for place in places])
             for contact in CONTACTS
         )
     value, peer = (float(np.ptp(force) / force.mean()) for force in (own, other))
@@ -163,8 +163,8 @@ def _judged(contact: str) -> list[Judged]:
                     continue
                 exact = known[title]
                 origin = 1e-3 * (np.array(exact["place"]) - [0.0, 0.0, depth])
-                [felt] = _pressed(shape.surface(), origin, (1e-3 * depth,), 0.0, contact)
-                stress = difference(_stress(felt, 1e-3 * family.probes), exact["stress"], len(PROBE_DEPTHS))
+                [felt] = felt_at(shape.surface(), origin, (1e-3 * depth,), 0.0, contact)
+                stress = difference(stress_at(felt, 1e-3 * family.probes), exact["stress"], len(PROBE_DEPTHS))
                 own, pushed = exact["error"], float(felt.resultant[2])
                 # ever finer meshes fall towards it; their own error is how far the finest is from there
                 wrong = pushed / float(np.atleast_1d(exact.get("limit", exact["force"]))[-1]) - 1.0
@@ -180,7 +180,7 @@ def _skin() -> SkinModel:
     return fingertip_skin(level="standard")
 
 
-def _stress(felt: Stimulus, points: Array) -> Array:
+def stress_at(felt: Stimulus, points: Array) -> Array:
     """Return the product's stress [Pa] at points in the tissue [m], shape (k, 6)."""
     from core.skin.stress import locate, nodal_average
 
@@ -191,7 +191,7 @@ def _stress(felt: Stimulus, points: Array) -> Array:
     return np.asarray(np.einsum("kj,kjc->kc", weights, nodal_average(mesh, felt.stress)[mesh.tetrahedra[element]]))
 
 
-def _pressed(surface: Surface, place: Array, depths: Sequence[float], friction: float, contact: str) -> list[Stimulus]:
+def felt_at(surface: Surface, place: Array, depths: Sequence[float], friction: float, contact: str) -> list[Stimulus]:
     """Bake an object that rises along +Z to where it first meets the smooth skin, and on.
 
     Args:

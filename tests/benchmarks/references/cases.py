@@ -108,12 +108,15 @@ class Family:
     def probes(self) -> Array:
         """Points [mm], depth by depth, shape (3 * len(probe_x) * len(probe_y), 3)."""
         x, y = (a.ravel() for a in np.meshgrid(np.array(self.probe_x) + self.sideways, self.probe_y, indexing="ij"))
-        chart = chart_below(x, y)
-        step = 1e-5
-        skin = places(FINGER, chart, 1.0)
-        inward = -np.cross(places(FINGER, chart + step, 1.0) - skin, places(FINGER, chart + 1j * step, 1.0) - skin)
-        inward /= np.linalg.norm(inward, axis=1, keepdims=True)
-        return np.concatenate([skin + depth * inward for depth in PROBE_DEPTHS])
+        return np.concatenate([below_skin(x, y, depth) for depth in PROBE_DEPTHS])
+
+
+def below_skin(x: Array, y: Array, depth: float) -> Array:
+    """Return the points so deep below the smooth skin's points at x and y [mm], shape (n, 3)."""
+    chart, step = chart_below(x, y), 1e-5
+    skin = places(FINGER, chart, 1.0)
+    inward = -np.cross(places(FINGER, chart + step, 1.0) - skin, places(FINGER, chart + 1j * step, 1.0) - skin)
+    return skin + depth * inward / np.linalg.norm(inward, axis=1, keepdims=True)
 
 
 def skin_height(points: Array) -> Array:

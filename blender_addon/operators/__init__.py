@@ -3,6 +3,7 @@
 from ..registration import registration
 from . import (
     add,
+    attach,
     bake,
     calibration,
     demo,
@@ -22,6 +23,7 @@ from . import (
 
 CLASSES: tuple[type, ...] = (
     *add.CLASSES,
+    *attach.CLASSES,
     *demo.CLASSES,
     *roles.CLASSES,
     *material.CLASSES,

@@ -4,7 +4,7 @@ import bpy
 
 from ..layouts import paragraph
 from ..results import store
-from . import summary
+from . import hands, summary
 
 
 class DermisPanel:
@@ -57,6 +57,7 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
         column = layout.column(align=True)
         column.scale_y = 1.2
         column.operator("dermis.add_finger", text="1.  Add a Finger", icon="VIEW_PAN")
+        hands.button(column, context)
         column.operator("dermis.choose_material", text="2.  Make an Object Touchable", icon="MATERIAL")
         last = column.row()
         last.enabled = False
@@ -70,6 +71,7 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
         if not there.fingers:
             paragraph(layout, context, "Next: add the finger that feels.", "RIGHTARROW")
             layout.operator("dermis.add_finger", icon="VIEW_PAN")
+            hands.button(layout, context)
         elif not there.touchables and not there.screens:
             paragraph(
                 layout,

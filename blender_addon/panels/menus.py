@@ -18,6 +18,7 @@ class DERMIS_MT_add(bpy.types.Menu):
         layout = self.layout
         layout.operator_context = "INVOKE_REGION_WIN"
         layout.operator("dermis.add_finger", text="Finger", icon="VIEW_PAN")
+        layout.operator("dermis.attach_fingers", text="Fingers on Hand", icon="BONE_DATA")
         layout.operator("dermis.add_screen", text="Touch Screen", icon="DESKTOP")
         layout.separator()
         layout.operator("dermis.demo_scene", text="Demo Scene", icon="SCENE_DATA")

@@ -9,7 +9,7 @@ from .._core import core
 from ..layouts import paragraph, properties, role
 from ..polls import needs
 from ..sampling import height_maps
-from . import design, thimble
+from . import design, hands, thimble
 from .main import DermisPanel
 
 ICONS = {"FINGER": "VIEW_PAN", "TOUCHABLE": "MATERIAL", "SCREEN": "DESKTOP", "NONE": "OBJECT_DATA"}
@@ -29,6 +29,9 @@ class DERMIS_PT_object(DermisPanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.label(text=obj.name, icon=ICONS[role])
         if role == "NONE":
+            hands.button(layout, context)
+            if obj.type == "ARMATURE":
+                return
             if obj.type != "MESH":
                 paragraph(layout, context, "Only mesh objects can be made touchable.", "INFO")
                 return

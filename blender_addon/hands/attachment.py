@@ -31,6 +31,7 @@ PRESETS: Mapping[str, tuple[str, ...]] = {
     "little": ("little_medium",),
 }
 HUMAN = (0.25, 4.0)  # scale of presets: a hand beyond it is no person's, and units may be wrong
+POINTS = (0.5, 2.0)  # scale of presets at which points of the skin, 0.1 to 0.8 mm apart, are as fine as it wants
 _LENGTHS = core.parameters.skin.LENGTHS
 _Values = Mapping[str, Any]  # of a skin preset, in SI
 
@@ -64,6 +65,8 @@ def attach(
     made = []
     for tip, fitted in zip(tips, fits, strict=True):
         obj = _make(context, f"{tip.finger.title()}.{side}", _scaled(presets[fitted.preset], fitted), fitted.preset)
+        if not POINTS[0] < fitted.scale < POINTS[1]:
+            obj.dermis.finger.skin.contact = "nodes"
         _hang(rig, obj, tip.bone, fitted)
         _collection(context, rig.armature).objects.link(obj)
         made.append(obj)

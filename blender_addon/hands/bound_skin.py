@@ -56,7 +56,8 @@ def bound_skin(armature: bpy.types.Object, context: bpy.types.Context) -> BoundS
             continue
         owner = _owners(evaluated.data, len(points))
         for group, own in _by_owner(corners, owner):
-            found[obj.vertex_groups[group].name].append(points[own])
+            if group < len(obj.vertex_groups):  # vertices may keep groups that were deleted
+                found[obj.vertex_groups[group].name].append(points[own])
     names = {bone.name for bone in armature.data.bones}
     return BoundSkin({name: np.concatenate(parts) for name, parts in found.items() if name in names})
 

@@ -10,7 +10,7 @@ import numpy as np
 from .._core import Array
 
 MIDDLE = 0.54  # of the thickness: how high the widest part, where joints lie, is above the pad
-_SAME = 0.03  # a finger that differs by less from a preset has its lengths
+_SAME = 0.07  # a finger that differs by less from a preset has its lengths: tables of its skin come with it
 _STEPS = 4  # of place and size, each from the other
 _FEWEST = 8  # triangles of a surface
 _TRUSTED = (0.4, 2.5)  # size by a surface over size by the bone: beyond it, the surface is not a finger's
@@ -57,7 +57,6 @@ def fit(
         found = _on_skin((triangles - joint) @ axes * unit, length * unit, presets, key, scale)
         if found is not None and _TRUSTED[0] < found[2] / scale < _TRUSTED[1]:
             (place, key, scale), on_skin = found, True
-    scale = 1.0 if abs(np.log(scale)) < _SAME else scale
     return Fit(joint + axes @ place / unit, axes, key, scale, on_skin)
 
 
@@ -72,13 +71,13 @@ def section(triangles: Array, height: float) -> Array:
 
 
 def _nearest(presets: Mapping[str, Mapping[str, float]], measured: Mapping[str, float]) -> tuple[str, float]:
-    """Return the preset whose lengths have to be scaled least, and the scale: the mean over what was measured."""
+    """Return the preset whose lengths have to be scaled least, and the scale: the mean over what was measured, or 1."""
     scales = {
         key: float(np.exp(np.mean([np.log(value / lengths[name]) for name, value in measured.items()])))
         for key, lengths in presets.items()
     }
     key = min(scales, key=lambda k: abs(np.log(scales[k])))
-    return key, scales[key]
+    return key, 1.0 if abs(np.log(scales[key])) < _SAME else scales[key]
 
 
 def _on_skin(

@@ -124,6 +124,8 @@ def test_a_hand_of_any_size_gets_fingers_of_its_size(scale: float, metres: float
     assert index.dermis.finger.skin.width_mm == pytest.approx(16.0 * factor, rel=0.06)
     drawn = np.array([v.co for v in index.data.vertices]) * metres * 1e3
     assert np.ptp(drawn[:, 0]) == pytest.approx(index.dermis.finger.skin.width_mm, rel=0.01)
+    if factor > 2.0:  # as many points of 0.8 mm as it would take are not worth having
+        assert index.dermis.finger.skin.contact == "nodes"
     assert index.dermis.finger.skin.length_mm / index.dermis.finger.skin.width_mm == pytest.approx(1.5, abs=0.1)
 
 
@@ -224,6 +226,18 @@ def test_given_rows_correct_what_was_found() -> None:
     assert np.array(there["ring"].matrix_world)[:3, 2] @ rig.nails["middle"] > 0.98
     for obj in there.values():
         assert [d.preset for d in obj.dermis.finger.devices] == ["haptip"] and obj.dermis.finger.skin.shown
+
+
+def test_a_device_goes_to_all_fingers_that_are_selected() -> None:
+    made("Unreal")
+    bpy.ops.dermis.attach_fingers()
+    assert set(bpy.context.selected_objects) == set(fingers().values())
+    bpy.ops.dermis.add_device(preset="haptip", finger="Ring.R")
+    assert all([d.preset for d in o.dermis.finger.devices] == ["haptip"] for o in fingers().values())
+    fingers()["thumb"].select_set(False)
+    bpy.context.view_layer.objects.active = fingers()["index"]
+    bpy.ops.dermis.add_device(preset="haptip", finger="Thumb.R")
+    assert {len(o.dermis.finger.devices) for n, o in fingers().items() if n != "thumb"} == {1}
 
 
 def test_a_bone_carries_one_finger_only() -> None:

@@ -129,3 +129,13 @@ def test_a_section_is_where_edges_cross() -> None:
     triangle = np.array([[[0.0, 0.0, 0.0], [0.0, 2.0, 0.0], [4.0, 0.0, 0.0]]])
     assert sorted(section(triangle, 1.0).tolist()) == [[0.0, 1.0, 0.0], [2.0, 1.0, 0.0]]
     assert len(section(triangle, 3.0)) == 0
+
+
+def test_a_finger_near_a_presets_size_has_the_presets_lengths_and_touches_its_tip() -> None:
+    line = np.array([[0.0, -30.0, 0.0], [0.0, 0.0, 0.0], [0.0, 20.0, 0.0]])
+    for size in (0.96, 1.05):
+        skin = size * tube(7.0, 23.0, thick=11.5 / 14.0)
+        found = fit(size * line, np.array([0.0, 0.0, 1.0]), skin, PRESETS, 1e-3)
+        assert (found.preset, found.scale) == ("small", 1.0)
+        assert found.origin[1] == pytest.approx(23.0 * size - 9.6, abs=0.01)
+    assert fit(0.8 * line, np.array([0.0, 0.0, 1.0]), 0.8 * skin, PRESETS, 1e-3).scale != 1.0

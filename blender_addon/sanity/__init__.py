@@ -1,0 +1,1 @@
+"""What is likely not meant: looked for before a bake, and mended with a click."""

@@ -45,7 +45,9 @@ class DERMIS_PT_object(DermisPanel, bpy.types.Panel):
         row.operator("dermis.set_role", text="", icon="X", emboss=False).role = "NONE"
         if role == "FINGER":
             properties(layout, obj.dermis.finger, "touch_distance_mm")
-            layout.operator("dermis.place_on_surface", icon="SNAP_FACE")
+            row = layout.row(align=True)
+            row.operator("dermis.place_on_surface", icon="SNAP_FACE")
+            row.operator("dermis.add_gesture", icon="KEYINGSET")
         elif role == "SCREEN":
             self._screen(context, obj.dermis.screen)
 

@@ -47,22 +47,33 @@ def inside(obj: bpy.types.Object, point: Vector, depsgraph: bpy.types.Depsgraph)
     return True
 
 
+def frame_on(spot: Spot, tip: Vector) -> Matrix:
+    """Return the frame of a finger whose pad lies on a spot, its nail along the normal and its tip where it pointed."""
+    y = tip - tip.dot(spot.normal) * spot.normal
+    if y.length < 1e-6 * max(tip.length, 1e-30):
+        y = spot.normal.orthogonal()
+    y.normalize()
+    frame = Matrix((y.cross(spot.normal), y, spot.normal)).transposed().to_4x4()
+    frame.translation = spot.point
+    return frame
+
+
 def lie(finger: bpy.types.Object, spot: Spot, gap: float) -> None:
     """Put a finger's pad on a spot, its nail along the normal; where it has keys, it gets one at this frame.
 
     Args:
         gap: between pad and surface, below zero where it presses, in scene units.
     """
-    y = finger.matrix_world.to_3x3().col[1]
-    y = y - y.dot(spot.normal) * spot.normal
-    if y.length < 1e-6:
-        y = spot.normal.orthogonal()
-    y.normalize()
-    frame = Matrix((y.cross(spot.normal), y, spot.normal)).transposed().to_4x4()
-    frame.translation = spot.point + gap * spot.normal
+    frame = frame_on(spot, finger.matrix_world.to_3x3().col[1])
+    frame.translation += gap * spot.normal
     finger.matrix_world = frame @ Matrix.Diagonal(finger.matrix_world.to_scale().to_4d())
-    turned = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}
     animated = compat.animated_paths(finger)
-    for path in ("location", turned.get(finger.rotation_mode, "rotation_euler")):
+    for path in ("location", turning(finger)):
         if path in animated:
             finger.keyframe_insert(path)
+
+
+def turning(obj: bpy.types.Object) -> str:
+    """Return the property that turns an object."""
+    own = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}
+    return own.get(obj.rotation_mode, "rotation_euler")

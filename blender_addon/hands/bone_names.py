@@ -127,6 +127,8 @@ def _read(name: str) -> tuple[Label | None, int | None]:
     if finger:
         if place is None and numbers:
             place = int(numbers.pop(0))
+        elif place == END:
+            numbers = []  # index_03_end: of the bone that it ends
         return Label(finger, side, 1 if place is None else place, (*rest, *numbers)), None
     if not counted or not numbers:
         return None, None

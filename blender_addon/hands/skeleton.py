@@ -139,17 +139,21 @@ def _rank(
 
 
 def _chain(places: dict[int, str], weighted: Collection[str]) -> Chain:
-    """Return a finger's chain; a last bone that moves nothing where the one before it does is a marker."""
+    """Return a finger's chain; a bone called an end, and a fourth one, is a marker unless vertices follow it."""
     order = sorted(places)
-    names = [places[place] for place in order]
-    return ended(names, weighted, order[-1] == END or (order[-1] == _PHALANGES + 1 and 1 in order))
+    chain = ended([places[place] for place in order], weighted, order[-1] == END)
+    rest = [places[place] for place in order if places[place] in chain.bones]
+    fourth = order[0] == 1 and len(rest) == _PHALANGES and rest[-1] == places.get(_PHALANGES + 1)
+    if not fourth or rest[-1] in weighted:
+        return chain
+    return Chain(tuple(places[place] for place in order if place <= _PHALANGES), rest[-1])
 
 
 def ended(names: list[str], weighted: Collection[str], marked: bool) -> Chain:
     """Return the chain of bones whose last one may be no more than a marker of the end.
 
     Args:
-        marked: its name or number says that it is one, which counts unless vertices follow it.
+        marked: its name says that it is one, which counts unless vertices follow it.
     """
     moves_none = names[-1] not in weighted
     end = len(names) > 1 and moves_none and (marked or names[-2] in weighted)

@@ -95,6 +95,10 @@ def test_a_fourth_bone_is_an_end_unless_vertices_follow_it() -> None:
     assert (hand.chains["index"].last, hand.chains["index"].end) == (names[2], names[3])
     (hand,) = named_hands(bones, weighted=set(names))
     assert (hand.chains["index"].bones, hand.chains["index"].end) == (tuple(names[1:]), "")
+    bones |= {"LeftHandIndex4_end": bone("LeftHandIndex4_end", at=4.0)}
+    assert named_hands(bones)[0].chains["index"] == Chain(tuple(names[:3]), names[3])
+    three = {n: bones[n] for n in names[:3]} | {"LeftHandIndex3_end": bone("LeftHandIndex3_end", at=3.0)}
+    assert named_hands(three)[0].chains["index"] == Chain(tuple(names[:3]), "LeftHandIndex3_end")
     metacarpal = {n: bone(n, at=float(i)) for i, n in enumerate(f"b_l_index{p}" for p in range(4))}
     assert named_hands(metacarpal)[0].chains["index"] == Chain(("b_l_index1", "b_l_index2", "b_l_index3"))
 

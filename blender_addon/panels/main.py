@@ -4,7 +4,7 @@ import bpy
 
 from ..layouts import paragraph
 from ..results import store
-from . import hands, sanity, summary
+from . import doubtful, hands, summary
 
 
 class DermisPanel:
@@ -38,7 +38,7 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
             self._welcome(context)
             return
         self._steps(context, there)
-        sanity.doubtful(layout, context)
+        doubtful.doubts_of(layout, context)
         ready = bool(there.fingers) and bool(there.touchables or there.screens) and len(there.idle) < len(there.fingers)
         column = layout.column(align=True)
         column.scale_y = 1.35

@@ -83,4 +83,9 @@ def draw_add(self: Any, _context: bpy.types.Context) -> None:
     self.layout.menu("DERMIS_MT_add", icon="VIEW_PAN")
 
 
+def draw_import(self: Any, _context: bpy.types.Context) -> None:
+    """Draw our entry in the File > Import menu."""
+    self.layout.operator("dermis.import_poses", text="Recorded Poses (.csv)", icon="VIEW_PAN")
+
+
 CLASSES: tuple[type, ...] = (DERMIS_MT_add, DERMIS_MT_devices, DERMIS_MT_materials)

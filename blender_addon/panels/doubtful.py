@@ -4,13 +4,13 @@ from typing import Any
 
 import bpy
 
+from .. import doubts
 from ..layouts import paragraph
-from ..sanity import doubts
 
 _MOST = 3  # at once; the others come when these are mended
 
 
-def doubtful(layout: Any, context: bpy.types.Context) -> None:
+def doubts_of(layout: Any, context: bpy.types.Context) -> None:
     """Draw the first doubts about the scene, if there are any."""
     for doubt in doubts.of(context.scene, context.view_layer)[:_MOST]:
         column = layout.box().column(align=True)

@@ -8,11 +8,11 @@ import bpy
 from bpy.props import EnumProperty, FloatProperty, StringProperty
 from mathutils import Vector
 
-from .. import changes
+from .. import changes, doubts
 from .._core import DermisError
+from ..placing import gesture, keyed_poses, surfaces
 from ..polls import active_finger, needs
 from ..quantities import metres_per_unit
-from ..sanity import doubts, gesture, keyed_poses, surfaces
 from .work import Work
 
 FORCE_DEPTH = 3e-3  # [m] that a finger goes down to press with a force: enough for any, the bone gives way

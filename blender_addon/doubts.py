@@ -9,13 +9,13 @@ from statistics import median
 import bpy
 from mathutils import Matrix
 
-from .. import changes, fingertip_mesh
-from .._core import DermisError, core
-from ..preferences import library
-from ..properties import skin_properties
-from ..quantities import metres_per_unit
-from ..sampling import participants
-from . import surfaces
+from . import changes, fingertip_mesh
+from ._core import DermisError, core
+from .placing import surfaces
+from .preferences import library
+from .properties import skin_properties
+from .quantities import metres_per_unit
+from .sampling import participants
 
 HUGE = 3.0  # [m] things that a fingertip touches are smaller, as a rule
 UNLIKE = 4.0  # times as long or as short as its bone that a fingertip is doubted

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mathutils import Vector
 
-from blender_addon.sanity import doubts
+from blender_addon import doubts
 
 from .build import cube, keys, mesh_object
 from .hand_rigs import hand, unreal

@@ -1,1 +1,0 @@
-"""What is likely not meant: looked for before a bake, and mended with a click."""

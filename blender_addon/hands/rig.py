@@ -10,7 +10,7 @@ import numpy as np
 
 from .._core import Array, DermisError
 from . import armatures
-from .bone_names import RIGHT
+from .bone_names import LEFT, RIGHT
 from .bound_skin import BoundSkin, bound_skin
 from .nails import Nails, curl, nails
 from .skeleton import Bone, Chain, Hand, ancestors, joints
@@ -51,7 +51,10 @@ class Rig:
             moves = [self.move(bone) for bone in (*chain.bones, chain.last)]
             posed = [move[:3, :3] @ point + move[:3, 3] for move, point in zip(moves, line, strict=True)]
             bends[finger] = rotation(moves[-1]).T @ curl(np.array(posed), finger)
-        return nails(lines, self.bones[hand.wrist].head if hand.wrist else None, hand.side, bends)
+        side = hand.side
+        if self.armature.matrix_world.determinant() < 0.0:  # a mirrored right hand is a left one
+            side = {LEFT: RIGHT, RIGHT: LEFT}.get(side, side)
+        return nails(lines, self.bones[hand.wrist].head if hand.wrist else None, side, bends)
 
     def move(self, bone: str) -> Array:
         """Return how a bone's pose moves what rests, in the scene's space, shape (4, 4)."""

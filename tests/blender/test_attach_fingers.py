@@ -129,6 +129,14 @@ def test_a_hand_of_any_size_gets_fingers_of_its_size(scale: float, metres: float
     assert index.dermis.finger.skin.length_mm / index.dermis.finger.skin.width_mm == pytest.approx(1.5, abs=0.1)
 
 
+@pytest.mark.parametrize("bend", [0.0, 12.0])
+@pytest.mark.parametrize("skin", [True, False])
+def test_a_mirrored_armature_is_a_hand_of_the_other_side(skin: bool, bend: float) -> None:
+    rig = made("Unreal", "R", skin=skin, bend=bend, placed=Matrix.Scale(-1.0, 4, Vector((1.0, 2.0, 0.0)).normalized()))
+    bpy.ops.dermis.attach_fingers()
+    check(rig)
+
+
 def test_millimetres_without_units_are_refused_with_the_way_out() -> None:
     made("Unreal", scale=1.0)
     with pytest.raises(RuntimeError, match=r"no size that a skin can have.*Unit Scale 0.001"):

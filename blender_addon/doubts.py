@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from statistics import median
 
 import bpy
 from mathutils import Matrix
@@ -108,9 +107,10 @@ def into_open(context: bpy.types.Context, finger: bpy.types.Object) -> None:
 
 
 def _units(unit: float, solids: list[bpy.types.Object]) -> Iterator[Doubt]:
-    sizes = [max(obj.dimensions) for obj in solids]
-    if unit == 1.0 and sizes and median(sizes) > HUGE:
-        text = f"What is touched is {median(sizes):.3g} m large: is the scene in millimetres?"
+    sizes = sorted(max(obj.dimensions) for obj in solids)
+    middle = sizes[len(sizes) // 2] if sizes else 0.0
+    if unit == 1.0 and middle > HUGE:
+        text = f"What is touched is {middle:.3g} m large: is the scene in millimetres?"
         yield Doubt("units", "", text, "One Unit Is a Millimetre")
 
 

@@ -86,7 +86,7 @@ def joints(bones: Mapping[str, Bone], chain: Chain) -> Array:
     before, own = heads[-1] - heads[-2], last.tail - last.head
     ahead, length = float(np.linalg.norm(before)), float(np.linalg.norm(own))
     bent = float(before @ own) < _STRAIGHT * ahead * length
-    if bent or not _LIKELY[0] * ahead < length < _LIKELY[1] * ahead:
+    if ahead > 0.0 and (bent or not _LIKELY[0] * ahead < length < _LIKELY[1] * ahead):
         own = _DISTAL * before
     return np.vstack([heads, last.head + own])
 

@@ -11,7 +11,6 @@ from mathutils import Matrix
 from . import changes, fingertip_mesh
 from ._core import DermisError, core
 from .placing import surfaces
-from .preferences import library
 from .properties import skin_properties
 from .quantities import metres_per_unit
 from .sampling import participants
@@ -82,10 +81,12 @@ def mend(context: bpy.types.Context, code: str, name: str) -> None:
         obj.matrix_world = Matrix.LocRotScale(place, turn, None)
     elif code == "finger-size":
         skin = obj.dermis.finger.skin
-        scale = _bone_length(obj) * metres_per_unit(scene) / skin_properties.lengths(skin)["length"]
-        values = {**library().skin(skin.preset), **skin_properties.lengths(skin)}
-        scaled = {n: v * (scale if n in _LENGTHS else 1.0) for n, v in values.items()}
-        skin_properties.apply_preset(skin, scaled)
+        lengths = _bone_lengths(obj)
+        if not lengths:
+            raise DermisError("its bone says no length", where=f"finger '{name}'")
+        scale = lengths[0] * metres_per_unit(scene) / skin_properties.lengths(skin)["length"]
+        values = skin_properties.shape_and_material(skin)
+        skin_properties.apply_preset(skin, {n: v * (scale if n in _LENGTHS else 1.0) for n, v in values.items()})
     elif code == "inside":
         into_open(context, obj)
     changes.mark_dirty(name)
@@ -119,18 +120,26 @@ def _finger(finger: bpy.types.Object, unit: float) -> Iterator[Doubt]:
     if any(abs(s - 1.0) > _ONE for s in scale):
         text = f"{finger.name} is drawn {max(scale):.3g} times as large as its skin is"
         yield Doubt("finger-scale", finger.name, text, "Clear Its Scale")
-    if finger.parent_type == "BONE" and (bone := _bone_length(finger) * unit) > 0.0:
-        own = skin_properties.lengths(finger.dermis.finger.skin)["length"]
-        if not 1.0 / UNLIKE < own / bone < UNLIKE:
-            text = f"{finger.name} is {1e3 * own:.3g} mm long, its bone {1e3 * bone:.3g} mm"
-            yield Doubt("finger-size", finger.name, text, "Make It as Long as Its Bone")
+    own = skin_properties.lengths(finger.dermis.finger.skin)["length"]
+    bones = [length * unit for length in _bone_lengths(finger)]
+    if bones and all(not 1.0 / UNLIKE < own / bone < UNLIKE for bone in bones):
+        text = f"{finger.name} is {1e3 * own:.3g} mm long, its bone {1e3 * bones[0]:.3g} mm"
+        yield Doubt("finger-size", finger.name, text, "Make It as Long as Its Bone")
 
 
-def _bone_length(finger: bpy.types.Object) -> float:
-    """Return the length of the bone that a finger hangs on, in scene units; 0 without one."""
-    armature = finger.parent
-    bone = armature.data.bones.get(finger.parent_bone) if armature is not None else None
-    return bone.length * max(armature.matrix_world.to_scale()) if bone is not None else 0.0
+def _bone_lengths(finger: bpy.types.Object) -> list[float]:
+    """Return how long the bone before a finger's own is, and its own, in scene units; none where neither can be told.
+
+    An importer makes up where a last bone ends, so that alone tells nothing.
+    """
+    if finger.parent_type != "BONE" or finger.parent is None or finger.dermis.finger.skin.mesh_file:
+        return []
+    bone = finger.parent.data.bones.get(finger.parent_bone)
+    if bone is None or bone.parent is None:
+        return []
+    scale = max(abs(s) for s in finger.parent.matrix_world.to_scale())
+    lengths = ((bone.head_local - bone.parent.head_local).length * scale, bone.length * scale)
+    return [length for length in lengths if length > 0.0]
 
 
 def _swallowed(

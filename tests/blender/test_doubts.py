@@ -83,14 +83,17 @@ def test_a_dot_on_a_large_hand_becomes_as_long_as_its_bone() -> None:
     rig = hand(unreal, "R", wrist="hand_r", scale=0.02, skin=False)
     finger = new_finger()
     finger.parent, finger.parent_type, finger.parent_bone = rig.armature, "BONE", rig.last["index"]
+    finger.dermis.finger.skin.alpha = 0.7
     mend("finger-size")
-    assert finger.dermis.finger.skin.length_mm == pytest.approx(480.0, rel=1e-3)
-    assert finger.dermis.finger.skin.width_mm == pytest.approx(320.0, rel=1e-3)
+    assert finger.dermis.finger.skin.length_mm == pytest.approx(500.0, rel=1e-3)  # the phalanx before: 25 mm by 20
+    assert finger.dermis.finger.skin.width_mm == pytest.approx(16.0 * 500.0 / 24.0, rel=1e-3)
+    assert finger.dermis.finger.skin.alpha == pytest.approx(0.7)
 
 
-def test_attached_fingers_are_not_doubted() -> None:
+@pytest.mark.parametrize("made_up", [False, True])
+def test_attached_fingers_are_not_doubted(made_up: bool) -> None:
     for scale in (1e-3, 20e-3):
-        hand(unreal, "R", wrist="hand_r", scale=scale)
+        hand(unreal, "R", wrist="hand_r", scale=scale, made_up=made_up)
         bpy.ops.dermis.attach_fingers()
         assert found() == {}
 

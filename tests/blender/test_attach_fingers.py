@@ -337,3 +337,19 @@ def test_a_hand_is_baked_and_exported(naming: str, tmp_path) -> None:
     assert np.abs(felt.track.values - felt.track.values[0]).max() > 0.0
     bpy.ops.dermis.export_tracks(directory=str(tmp_path))
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(f"{f.title()}_R.haptip.csv" for f in FINGERS)
+
+
+def test_skin_is_read_as_its_modifiers_leave_it() -> None:
+    rig = made("Unreal", "L")
+    assert rig.skin is not None
+    rig.skin.modifiers.new("Subdivision", "SUBSURF").levels = 1
+    thick = rig.skin.modifiers.new("Displace", "DISPLACE")
+    thick.strength, thick.mid_level = 0.001, 0.0  # a millimetre outwards
+    bpy.context.view_layer.objects.active = rig.armature
+    bpy.ops.dermis.attach_fingers()
+    bpy.context.view_layer.update()
+    tree = BVHTree.FromObject(rig.skin, bpy.context.evaluated_depsgraph_get())
+    for name, obj in fingers().items():
+        pad = obj.matrix_world.translation
+        assert tree.find_nearest(rig.skin.matrix_world.inverted() @ pad)[3] < 0.3e-3, name
+        assert np.array(obj.matrix_world)[:3, 2] @ rig.nails[name] > 0.98, name

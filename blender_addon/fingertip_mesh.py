@@ -6,7 +6,8 @@ Pad and sides follow the engine's skin of the same lengths; crease, nail bed, fo
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -104,6 +105,16 @@ def fit(obj: bpy.types.Object, lengths: Mapping[str, float], metres_per_unit: fl
     if len(vertices) == len(data.vertices):
         data.vertices.foreach_set("co", (vertices * 1e-3 / metres_per_unit).astype(np.float32).ravel())
         data.update()
+
+
+@contextmanager
+def kept(data: bpy.types.Mesh) -> Iterator[None]:
+    """Leave a fingertip of ours as it is while its finger's lengths are set one by one: it has them already."""
+    del data[OURS]
+    try:
+        yield
+    finally:
+        data[OURS] = True
 
 
 def coloured(name: str, colour: Sequence[float]) -> bpy.types.Material:

@@ -3,6 +3,7 @@
 from ..registration import registration
 from . import (
     add,
+    attach,
     bake,
     calibration,
     demo,
@@ -13,6 +14,8 @@ from . import (
     maps,
     material,
     pins,
+    placing,
+    recordings,
     roles,
     skin,
     stream,
@@ -22,8 +25,11 @@ from . import (
 
 CLASSES: tuple[type, ...] = (
     *add.CLASSES,
+    *attach.CLASSES,
     *demo.CLASSES,
     *roles.CLASSES,
+    *placing.CLASSES,
+    *recordings.CLASSES,
     *material.CLASSES,
     *devices.CLASSES,
     *bake.CLASSES,

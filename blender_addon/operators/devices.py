@@ -11,7 +11,7 @@ from .._core import DermisError
 from ..polls import needs
 from ..preferences import library
 from ..properties import scene_properties
-from .work import Chooser, Work
+from .work import Chooser, Work, chosen
 
 
 def _finger(context: bpy.types.Context, name: str) -> Any:
@@ -35,7 +35,7 @@ class DERMIS_OT_choose_device(Chooser, bpy.types.Operator):
 
 
 class DERMIS_OT_add_device(Work, bpy.types.Operator):
-    """Put this device on the finger"""
+    """Put this device on the finger, and where it is selected on the other selected fingers too"""
 
     bl_idname = "dermis.add_device"
     bl_label = "Add Device"
@@ -51,10 +51,13 @@ class DERMIS_OT_add_device(Work, bpy.types.Operator):
             where = f"object '{self.finger}'" if self.finger else ""
             raise DermisError("not a finger", where=where, remedy="Select a finger")
         library().device(self.preset)
-        obj.dermis.finger.devices.add().preset = self.preset
-        obj.dermis.finger.active_device = len(obj.dermis.finger.devices) - 1
+        fingers = [o for o in chosen(context) if o.dermis.role == "FINGER"]
+        for each in fingers if obj in fingers else [obj]:
+            devices = each.dermis.finger.devices
+            devices.add().preset = self.preset
+            each.dermis.finger.active_device = len(devices) - 1
+            changes.mark_dirty(each.name)
         scene_properties.stamp(context.scene)
-        changes.mark_dirty(obj.name)
         return None
 
 

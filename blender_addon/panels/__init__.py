@@ -32,9 +32,11 @@ def register() -> None:
     """Register panels and menus in the order in which they appear."""
     _add()
     bpy.types.VIEW3D_MT_add.append(menus.draw_add)
+    bpy.types.TOPBAR_MT_file_import.append(menus.draw_import)
 
 
 def unregister() -> None:
     """Undo `register`."""
+    bpy.types.TOPBAR_MT_file_import.remove(menus.draw_import)
     bpy.types.VIEW3D_MT_add.remove(menus.draw_add)
     _remove()

@@ -4,7 +4,7 @@ import bpy
 
 from ..layouts import paragraph
 from ..results import store
-from . import summary
+from . import doubtful, hands, summary
 
 
 class DermisPanel:
@@ -38,6 +38,7 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
             self._welcome(context)
             return
         self._steps(context, there)
+        doubtful.doubts_of(layout, context)
         ready = bool(there.fingers) and bool(there.touchables or there.screens) and len(there.idle) < len(there.fingers)
         column = layout.column(align=True)
         column.scale_y = 1.35
@@ -57,6 +58,7 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
         column = layout.column(align=True)
         column.scale_y = 1.2
         column.operator("dermis.add_finger", text="1.  Add a Finger", icon="VIEW_PAN")
+        hands.button(column, context)
         column.operator("dermis.choose_material", text="2.  Make an Object Touchable", icon="MATERIAL")
         last = column.row()
         last.enabled = False
@@ -70,6 +72,7 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
         if not there.fingers:
             paragraph(layout, context, "Next: add the finger that feels.", "RIGHTARROW")
             layout.operator("dermis.add_finger", icon="VIEW_PAN")
+            hands.button(layout, context)
         elif not there.touchables and not there.screens:
             paragraph(
                 layout,

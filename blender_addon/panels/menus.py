@@ -18,6 +18,7 @@ class DERMIS_MT_add(bpy.types.Menu):
         layout = self.layout
         layout.operator_context = "INVOKE_REGION_WIN"
         layout.operator("dermis.add_finger", text="Finger", icon="VIEW_PAN")
+        layout.operator("dermis.attach_fingers", text="Fingers on Hand", icon="BONE_DATA")
         layout.operator("dermis.add_screen", text="Touch Screen", icon="DESKTOP")
         layout.separator()
         layout.operator("dermis.demo_scene", text="Demo Scene", icon="SCENE_DATA")
@@ -80,6 +81,11 @@ class DERMIS_MT_materials(bpy.types.Menu):
 def draw_add(self: Any, _context: bpy.types.Context) -> None:
     """Draw our entry in the Add menu."""
     self.layout.menu("DERMIS_MT_add", icon="VIEW_PAN")
+
+
+def draw_import(self: Any, _context: bpy.types.Context) -> None:
+    """Draw our entry in the File > Import menu."""
+    self.layout.operator("dermis.import_poses", text="Recorded Poses (.csv)", icon="VIEW_PAN")
 
 
 CLASSES: tuple[type, ...] = (DERMIS_MT_add, DERMIS_MT_devices, DERMIS_MT_materials)

@@ -9,7 +9,7 @@ from .._core import core
 from ..layouts import paragraph, properties, role
 from ..polls import needs
 from ..sampling import height_maps
-from . import design, thimble
+from . import design, hands, thimble
 from .main import DermisPanel
 
 ICONS = {"FINGER": "VIEW_PAN", "TOUCHABLE": "MATERIAL", "SCREEN": "DESKTOP", "NONE": "OBJECT_DATA"}
@@ -29,6 +29,9 @@ class DERMIS_PT_object(DermisPanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.label(text=obj.name, icon=ICONS[role])
         if role == "NONE":
+            hands.button(layout, context)
+            if obj.type == "ARMATURE":
+                return
             if obj.type != "MESH":
                 paragraph(layout, context, "Only mesh objects can be made touchable.", "INFO")
                 return
@@ -42,6 +45,9 @@ class DERMIS_PT_object(DermisPanel, bpy.types.Panel):
         row.operator("dermis.set_role", text="", icon="X", emboss=False).role = "NONE"
         if role == "FINGER":
             properties(layout, obj.dermis.finger, "touch_distance_mm")
+            row = layout.row(align=True)
+            row.operator("dermis.place_on_surface", icon="SNAP_FACE")
+            row.operator("dermis.add_gesture", icon="KEYINGSET")
         elif role == "SCREEN":
             self._screen(context, obj.dermis.screen)
 

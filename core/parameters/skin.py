@@ -25,7 +25,7 @@ def _length(name: str, label: str, text: str, default: float) -> Parameter:
         source="chosen: a typical adult's",
         default=default,
         low=0.05e-3,
-        high=200e-3,
+        high=2.0,
         saved=f"{name}_mm",
         window_unit="mm",
         soft=(None, 60e-3),

@@ -85,7 +85,7 @@ ROOMS = (
     "_core", "compat", "registration", "changes", "redraw", "quantities", "layouts", "polls", "animation_paths",
     "fingertip_mesh", "preferences", "reporting", "choices",
     # what the artist sets, which preset and skin that means, and what the engine is told
-    "properties", "devices", "sampling",
+    "properties", "devices", "hands", "sampling", "placing", "doubts",
     # what came of it, what is shown meanwhile, and what is sent
     "results", "preview", "design", "streaming", "viewport",
     # what a person sees and does

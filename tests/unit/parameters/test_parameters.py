@@ -149,7 +149,7 @@ def test_a_scene_is_held_to_the_same_ranges() -> None:
     [
         ("materials", {"friction": 11}, r"'friction' is too large \(found 11.0; allowed: 0 to 10\)"),
         ("materials", {"texture_period_x": {"value": 0, "unit": "mm"}}, r"found '0 mm'; allowed: 0.001 to 1e\+06 mm"),
-        ("skins", {"width": {"value": 3, "unit": "m"}}, r"'width' is too large .*'3000 mm'; allowed: 0.05 to 200 mm"),
+        ("skins", {"width": {"value": 3, "unit": "m"}}, r"'width' is too large .*'3000 mm'; allowed: 0.05 to 2000 mm"),
         ("skins", {"colour": "pink"}, "unknown parameter .*'colour'; allowed: width, thickness"),
         ("skins", {"young": {"value": 1, "unit": "mm"}}, "a unit of another kind .*converts to Pa"),
     ],

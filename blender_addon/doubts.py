@@ -1,0 +1,156 @@
+"""What is doubtful about a scene: sizes, units and places that people seldom mean. Each can be mended with a click."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import bpy
+from mathutils import Matrix
+
+from . import changes, fingertip_mesh
+from ._core import DermisError, core
+from .placing import surfaces
+from .properties import skin_properties
+from .quantities import metres_per_unit
+from .sampling import participants
+
+HUGE = 3.0  # [m] things that a fingertip touches are smaller, as a rule
+UNLIKE = 4.0  # times as long or as short as its bone that a fingertip is doubted
+_ONE = 0.01  # by which a scale may be off 1
+_LENGTHS = core.parameters.skin.LENGTHS
+
+_kept: core.recent.Recent[tuple[int, int, int], tuple[Doubt, ...]] = core.recent.Recent(4)
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """Something doubtful: its code, the object's name ('' the scene's), words for it, and what the mending does."""
+
+    code: str
+    name: str
+    text: str
+    remedy: str
+
+
+def of(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> tuple[Doubt, ...]:
+    """Return a scene's doubts, looked for once after each change."""
+    key = (scene.session_uid, changes.edits(), len(scene.objects))
+    return _kept.make(key, lambda: look(scene, view_layer))
+
+
+def look(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> tuple[Doubt, ...]:
+    """Look for doubts at the current frame, as it was evaluated last: a panel may ask while it is drawn."""
+    fingers = [obj for obj in scene.objects if obj.dermis.role == "FINGER"]
+    if not fingers:
+        return ()
+    unit, solids = metres_per_unit(scene), bodies(scene, view_layer)
+    found = [*_units(unit, solids)]
+    for finger in fingers:
+        found += _finger(finger, unit)
+        if view_layer.depsgraph is not None:
+            found += _swallowed(finger, solids, view_layer.depsgraph, unit)
+    return tuple(found)
+
+
+def bodies(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> list[bpy.types.Object]:
+    """Return the meshes that can be touched and that Blender evaluates."""
+    return [
+        obj
+        for obj in scene.objects
+        if obj.dermis.role == "TOUCHABLE" and obj.type == "MESH" and not participants.is_disabled(obj, view_layer)
+    ]
+
+
+def mend(context: bpy.types.Context, code: str, name: str) -> None:
+    """Mend a doubt.
+
+    Raises:
+        DermisError: it is gone, or cannot be mended here.
+    """
+    scene, obj = context.scene, context.scene.objects.get(name)
+    if code == "units":
+        scene.unit_settings.system, scene.unit_settings.scale_length = "METRIC", 1e-3
+        for finger in scene.objects:
+            if finger.dermis.role == "FINGER":
+                fingertip_mesh.fit(finger, skin_properties.lengths(finger.dermis.finger.skin), metres_per_unit(scene))
+    elif obj is None or obj.dermis.role != "FINGER":
+        raise DermisError("there is no such finger any more", value=name)
+    elif code == "finger-scale":
+        place, turn, _ = obj.matrix_world.decompose()
+        obj.matrix_world = Matrix.LocRotScale(place, turn, None)
+    elif code == "finger-size":
+        skin = obj.dermis.finger.skin
+        lengths = _bone_lengths(obj)
+        if not lengths:
+            raise DermisError("its bone says no length", where=f"finger '{name}'")
+        scale = lengths[0] * metres_per_unit(scene) / skin_properties.lengths(skin)["length"]
+        values = skin_properties.shape_and_material(skin)
+        skin_properties.apply_preset(skin, {n: v * (scale if n in _LENGTHS else 1.0) for n, v in values.items()})
+    elif code == "inside":
+        into_open(context, obj)
+    changes.mark_dirty(name)
+
+
+def into_open(context: bpy.types.Context, finger: bpy.types.Object) -> None:
+    """Put a finger that is inside a solid on that solid's surface.
+
+    Raises:
+        DermisError: it is in none, or hangs on something that is posed.
+    """
+    depsgraph = context.evaluated_depsgraph_get()
+    place = finger.matrix_world.translation
+    for body in bodies(context.scene, context.view_layer):
+        if surfaces.inside(body, place, depsgraph) and (spot := surfaces.nearest(body, place, depsgraph)):
+            surfaces.lie(finger, spot, 0.0)
+            return
+    raise DermisError("it is inside nothing", where=f"finger '{finger.name}'")
+
+
+def _units(unit: float, solids: list[bpy.types.Object]) -> Iterator[Doubt]:
+    sizes = sorted(max(obj.dimensions) for obj in solids)
+    middle = sizes[len(sizes) // 2] if sizes else 0.0
+    if unit == 1.0 and middle > HUGE:
+        text = f"What is touched is {middle:.3g} m large: is the scene in millimetres?"
+        yield Doubt("units", "", text, "One Unit Is a Millimetre")
+
+
+def _finger(finger: bpy.types.Object, unit: float) -> Iterator[Doubt]:
+    scale = finger.matrix_world.to_scale()
+    if any(abs(s - 1.0) > _ONE for s in scale):
+        text = f"{finger.name} is drawn {max(scale):.3g} times as large as its skin is"
+        yield Doubt("finger-scale", finger.name, text, "Clear Its Scale")
+    own = skin_properties.lengths(finger.dermis.finger.skin)["length"]
+    bones = [length * unit for length in _bone_lengths(finger)]
+    if bones and all(not 1.0 / UNLIKE < own / bone < UNLIKE for bone in bones):
+        text = f"{finger.name} is {1e3 * own:.3g} mm long, its bone {1e3 * bones[0]:.3g} mm"
+        yield Doubt("finger-size", finger.name, text, "Make It as Long as Its Bone")
+
+
+def _bone_lengths(finger: bpy.types.Object) -> list[float]:
+    """Return how long the bone before a finger's own is, and its own, in scene units; none where neither can be told.
+
+    An importer makes up where a last bone ends, so that alone tells nothing.
+    """
+    if finger.parent_type != "BONE" or finger.parent is None or finger.dermis.finger.skin.mesh_file:
+        return []
+    bone = finger.parent.data.bones.get(finger.parent_bone)
+    if bone is None or bone.parent is None:
+        return []
+    scale = max(abs(s) for s in finger.parent.matrix_world.to_scale())
+    lengths = ((bone.head_local - bone.parent.head_local).length * scale, bone.length * scale)
+    return [length for length in lengths if length > 0.0]
+
+
+def _swallowed(
+    finger: bpy.types.Object, solids: list[bpy.types.Object], depsgraph: bpy.types.Depsgraph, unit: float
+) -> Iterator[Doubt]:
+    if finger.parent_type == "BONE":
+        return  # its hand is posed, not itself
+    place = finger.matrix_world.translation
+    deep = 0.5 * skin_properties.lengths(finger.dermis.finger.skin)["thickness"]
+    for body in solids:
+        spot = surfaces.nearest(body, place, depsgraph) if surfaces.inside(body, place, depsgraph) else None
+        if spot is not None and (spot.point - place).length * unit > deep:
+            text = f"The pad of {finger.name} is inside {body.name}"
+            yield Doubt("inside", finger.name, text, "Put It on the Surface")

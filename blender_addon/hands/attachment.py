@@ -1,0 +1,171 @@
+"""Fingers that hang on a hand's bones: their place, their size, and the objects that are made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from .. import fingertip_mesh
+from .._core import DermisError, core
+from ..preferences import library
+from ..properties import skin_properties
+from ..quantities import metres_per_unit
+from . import armatures
+from .fingertip_fit import Fit, fit
+from .nails import Nails
+from .rig import Rig, rotation
+from .skeleton import Chain, Hand, ancestors, joints
+
+# Presets for each finger; their lengths are scaled to the hand's.
+_INDEX = ("index_small", "index_medium", "index_large")
+PRESETS: Mapping[str, tuple[str, ...]] = {
+    "thumb": ("thumb_small", "thumb_medium", "thumb_large"),
+    "index": _INDEX,
+    "middle": _INDEX,
+    "ring": _INDEX,
+    "little": ("little_medium",),
+}
+HUMAN = (0.25, 4.0)  # scale of presets: a hand beyond it is no person's, and units may be wrong
+POINTS = (0.5, 2.0)  # scale of presets at which points of the skin, 0.1 to 0.8 mm apart, are as fine as it wants
+_LENGTHS = core.parameters.skin.LENGTHS
+_Values = Mapping[str, Any]  # of a skin preset, in SI
+
+
+@dataclass(frozen=True)
+class Tip:
+    """One finger to be attached: its bone, and whether its nail is to be on the other side than was found."""
+
+    finger: str
+    bone: str
+    flip: bool = False
+
+
+def attach(
+    context: bpy.types.Context, rig: Rig, hand: Hand, tips: Sequence[Tip]
+) -> tuple[list[bpy.types.Object], list[str]]:
+    """Put fingers on bones; return them, and what is worth saying about them.
+
+    Args:
+        hand: which the tips are of; a tip whose bone the hand does not know takes the bones that carry it.
+
+    Raises:
+        DermisError: a bone that is not there, or fingers of no size that a skin can have; nothing was made.
+    """
+    hand = replace(hand, chains={**hand.chains, **{tip.finger: _chain(rig, hand, tip) for tip in tips}})
+    found, presets = rig.nails(hand), _presets()
+    fits = [_fit(context, rig, hand.chains[tip.finger], tip, found, presets) for tip in tips]
+    for tip, fitted in zip(tips, fits, strict=True):
+        _judge(rig, tip, _scaled(presets[fitted.preset], fitted))
+    side = hand.side or found.side
+    made = []
+    for tip, fitted in zip(tips, fits, strict=True):
+        obj = _make(context, f"{tip.finger.title()}.{side}", _scaled(presets[fitted.preset], fitted), fitted.preset)
+        if not POINTS[0] < fitted.scale < POINTS[1]:
+            obj.dermis.finger.skin.contact = "nodes"
+        _hang(rig, obj, tip.bone, fitted)
+        _collection(context, rig.armature).objects.link(obj)
+        made.append(obj)
+    return made, _notes(hand, found, fits)
+
+
+def _chain(rig: Rig, hand: Hand, tip: Tip) -> Chain:
+    """Return the chain whose last bone carries a tip.
+
+    Raises:
+        DermisError: no such bone.
+    """
+    if tip.bone not in rig.bones:
+        raise DermisError(
+            "there is no such bone",
+            where=f"{rig.where}, {tip.finger} finger",
+            value=tip.bone or "none",
+            remedy="Choose the finger's last bone, or switch the finger off",
+        )
+    known = hand.chains.get(tip.finger)
+    if known is not None and known.last == tip.bone:
+        return known
+    palm = ancestors(rig.bones, hand.wrist)
+    own = [name for name in ancestors(rig.bones, tip.bone) if name not in palm][:3]
+    return Chain(tuple(own[::-1]) or (tip.bone,))
+
+
+def _fit(
+    context: bpy.types.Context, rig: Rig, chain: Chain, tip: Tip, found: Nails, presets: Mapping[str, _Values]
+) -> Fit:
+    """Return a tip's fit at rest."""
+    nail = -found.directions[tip.finger] if tip.flip else found.directions[tip.finger]
+    own = {key: presets[key] for key in PRESETS[tip.finger]}
+    return fit(joints(rig.bones, chain), nail, rig.skin_of(chain), own, metres_per_unit(context.scene))
+
+
+def _presets() -> dict[str, _Values]:
+    there = library()
+    return {key: there.skin(key) for key in sorted({key for keys in PRESETS.values() for key in keys})}
+
+
+def _scaled(preset: _Values, fitted: Fit) -> dict[str, Any]:
+    """Return a preset's values with all lengths scaled alike."""
+    return {name: value * (fitted.scale if name in _LENGTHS else 1.0) for name, value in preset.items()}
+
+
+def _judge(rig: Rig, tip: Tip, values: _Values) -> None:
+    """Refuse what no skin can be made of."""
+    lengths = [values[name] for name in _LENGTHS]
+    row = _LENGTHS["length"]
+    if max(lengths) > row.high or min(lengths) < row.low:
+        raise DermisError(
+            "this fingertip has no size that a skin can have",
+            where=f"{rig.where}, {tip.finger} finger",
+            value=f"{values['length']:.4g} m long",
+            limit=f"each of its lengths from {1e3 * row.low:g} mm to {row.high:g} m",
+            remedy="Say in Scene Properties > Units what one unit is (Metric, Unit Scale 0.001 for millimetres), or "
+            "scale the armature",
+        )
+
+
+def _make(context: bpy.types.Context, name: str, values: _Values, preset: str) -> bpy.types.Object:
+    """Return a new finger with a fingertip of its skin's lengths, linked nowhere yet."""
+    data = fingertip_mesh.mesh(metres_per_unit(context.scene), fingertip_mesh.Lengths.of(values))
+    obj = bpy.data.objects.new(name, data)
+    obj.dermis.role = "FINGER"
+    with fingertip_mesh.kept(data):
+        skin_properties.apply_preset(obj.dermis.finger.skin, dict(values))
+    obj.dermis.finger.skin.preset = preset
+    return obj
+
+
+def _hang(rig: Rig, obj: bpy.types.Object, bone: str, fitted: Fit) -> None:
+    """Hang a finger on a bone, where the bone's pose takes it; its own scale stays 1, whatever the armature's is."""
+    moved = rig.move(bone)
+    world = np.eye(4)
+    world[:3, :3] = rotation(moved) @ fitted.axes
+    world[:3, 3] = moved[:3, :3] @ fitted.origin + moved[:3, 3]
+    obj.parent, obj.parent_type, obj.parent_bone = rig.armature, "BONE", bone
+    obj.matrix_parent_inverse = armatures.carrier(rig.armature, bone).inverted()
+    obj.matrix_basis = Matrix(world.tolist())
+
+
+def _collection(context: bpy.types.Context, armature: bpy.types.Object) -> bpy.types.Collection:
+    """Return a collection of this scene's that the armature is in and that can be changed, else the active one."""
+    whole = context.scene.collection
+    own = [c for c in (whole, *whole.children_recursive) if c.library is None and armature.name in c.objects]
+    return own[0] if own else context.collection
+
+
+def _notes(hand: Hand, found: Nails, fits: Sequence[Fit]) -> list[str]:
+    notes = []
+    if not hand.named:
+        notes.append("bones have no finger's names: see which is which")
+    if not found.sure:
+        notes.append("the nails' side is a guess: see that they lie on the back, or flip them")
+    elif hand.side and hand.side != found.side:
+        notes.append(f"the bones are called {hand.side}, but lie and bend as those of the other hand")
+    scales = sorted((fitted.scale for fitted in fits), key=lambda scale: abs(np.log(scale)))
+    if scales and not HUMAN[0] < scales[-1] < HUMAN[1]:
+        notes.append(f"fingertips are {scales[-1]:.2g} times a person's: see the scene's units")
+    return notes

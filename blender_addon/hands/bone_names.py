@@ -1,0 +1,152 @@
+"""What the names of bones say: which finger, which hand, and which place along the finger. Knows nothing of Blender.
+
+A name is cut into words and each word is looked up, so that one table reads `f_index.03.L` and `DEF-f_index.03.L`
+(Rigify), `index_03_l` (Unreal, MetaHuman), `mixamorig:LeftHandIndex3` (Mixamo), `finger2-3.L` (MakeHuman),
+`Bip01 L Finger12` (3ds Max), `index-finger-phalanx-distal` (WebXR), `J_Bip_L_Index3` (VRM), `lIndex3` (Daz),
+`CC_Base_L_Mid3` (Character Creator), `b_l_index3` (Meta), `LeftIndexDistal` (Unity) and `人指３.L` (MMD).
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+FINGERS = ("thumb", "index", "middle", "ring", "little")
+LEFT, RIGHT = "L", "R"
+END = 99  # the place of what only marks a finger's end
+
+_FINGER_WORDS = {
+    "thumb": "thumb pollex 親指",
+    "index": "index pointer forefinger 人指 人差指",
+    "middle": "middle mid 中指",
+    "ring": "ring 薬指",
+    "little": "little pinky pinkie pinkey 小指",
+}
+_PLACE_WORDS = {
+    0: "metacarpal meta",
+    1: "proximal",
+    2: "intermediate medial",
+    3: "distal",
+    END: "tip end nub null leaf 先",
+}
+_SIDE_WORDS = {LEFT: "l left lh lt 左", RIGHT: "r right rh rt 右"}
+_NUMBERED = {"finger", "digit"}  # whose number is the finger's: finger2-3
+_SILENT = {"f", "fingers", "hand", "phalanx", "phalange", "phalanges", "bone", "joint", "jnt", "指", "手"}
+_FEET = {"toe", "toes", "foot"}
+_WRISTS = {"hand", "wrist", "手首"}
+
+_FINGER_OF = {word: finger for finger, words in _FINGER_WORDS.items() for word in words.split()}
+_PLACE_OF = {word: place for place, words in _PLACE_WORDS.items() for word in words.split()}
+_SIDE_OF = {word: side for side, words in _SIDE_WORDS.items() for word in words.split()}
+_LONG = {w for w in (*_FINGER_OF, *_PLACE_OF, *_SIDE_OF, *_NUMBERED, *_SILENT, *_WRISTS) if len(w) > 2 or w > "~"}
+_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_A-Za-z]+")
+
+
+@dataclass(frozen=True)
+class Label:
+    """What a bone's name says.
+
+    Attributes:
+        finger: one of `FINGERS`. side: 'L', 'R', or '' where the name does not say.
+        place: along the finger: 0 a metacarpal, then from the palm outwards, `END` past the last bone.
+        style: what else is in the name: the same for bones of one layer of a rig, such as ('def',).
+    """
+
+    finger: str
+    side: str
+    place: int
+    style: tuple[str, ...]
+
+
+def words(name: str) -> list[str]:
+    """Return the words of a bone's name in lower case, numbers too; a namespace before ':' is left out.
+
+    >>> words("mixamorig:LeftHandIndex3")
+    ['left', 'hand', 'index', '3']
+    """
+    found = (part.lower() for part in _WORD.findall(name.rpartition(":")[2]))
+    return [word for part in found for word in _parted(part)]
+
+
+def side_of(name: str) -> str:
+    """Return 'L' or 'R' where a name says one of them, else ''."""
+    sides = {_SIDE_OF[word] for word in words(name) if word in _SIDE_OF}
+    return sides.pop() if len(sides) == 1 else ""
+
+
+def is_wrist(name: str) -> bool:
+    """Return whether a name is a whole hand's: nothing in it but a hand or wrist, and a side."""
+    return any(w in _WRISTS for w in words(name)) and not any(w in _FINGER_OF for w in words(name))
+
+
+def labels(names: Iterable[str]) -> dict[str, Label]:
+    """Return what names say, of those that name a finger."""
+    found: dict[str, Label] = {}
+    numbered: dict[tuple[str, ...], dict[str, tuple[int, int, str]]] = defaultdict(dict)
+    for name in names:
+        label, number = _read(name)
+        if label is not None and number is None:
+            found[name] = label
+        elif label is not None and number is not None:
+            numbered[label.style][name] = (number, label.place, label.side)
+    for style, rows in numbered.items():
+        count = {number for number, _, _ in rows.values()}
+        # Five begin with the thumb, four with the index finger; the lowest number that a rig has is its first.
+        order = FINGERS if max(count) - min(count) >= 4 else FINGERS[1:]
+        for name, (number, place, side) in rows.items():
+            if number - min(count) < len(order):
+                found[name] = Label(order[number - min(count)], side, place, style)
+    return found
+
+
+def _read(name: str) -> tuple[Label | None, int | None]:
+    """Return a name's label; with a number where only that says which finger it is."""
+    finger, side, place = "", "", None
+    rest: list[str] = []
+    numbers: list[str] = []
+    counted = False
+    for word in words(name):
+        if word in _FEET:
+            return None, None
+        if word in _SIDE_OF and not side:
+            side = _SIDE_OF[word]
+        elif word in _FINGER_OF and not finger:
+            finger = _FINGER_OF[word]
+        elif word in _PLACE_OF:
+            place = _PLACE_OF[word]
+        elif word == "middle":  # behind a finger's name it is the middle phalanx
+            place = 2
+        elif word.isdecimal():
+            (numbers if finger or counted else rest).append(word)
+        elif word in _NUMBERED:
+            counted = True
+        elif word not in _SILENT:
+            rest.append(word)
+    if finger:
+        if place is None and numbers:
+            place = int(numbers.pop(0))
+        elif place == END:
+            numbers = []  # index_03_end: of the bone that it ends
+        return Label(finger, side, 1 if place is None else place, (*rest, *numbers)), None
+    if not counted or not numbers:
+        return None, None
+    first = numbers.pop(0)
+    if numbers:  # finger2-3: the finger, and its bone
+        number, index = int(first), int(numbers.pop(0))
+    else:  # Finger0, Finger01, Finger02: the finger's digit, then the bone's, which the first bone has not
+        number, index = int(first[0]), int(first[1:] or 0) + 1
+    return Label("", side, index if place is None else place, (*rest, *numbers)), number
+
+
+def _parted(word: str) -> list[str]:
+    """Cut what is written together, such as 'lefthandindex', where all of it is known."""
+    if word in _LONG or word.isdecimal():
+        return [word]
+    for size in range(len(word) - 1, 1 if word < "~" else 0, -1):
+        if word[:size] in _LONG:
+            rest = _parted(word[size:])
+            if all(w in _LONG for w in rest):
+                return [word[:size], *rest]
+    return [word]

@@ -1,0 +1,97 @@
+"""The skin round bones: triangles of the meshes that an armature deforms or carries, as they are at this frame."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from .._core import Array
+
+_LEAST = 0.05  # weight below which a vertex does not follow a bone
+
+
+@dataclass(frozen=True)
+class BoundSkin:
+    """What is bound to an armature.
+
+    Attributes:
+        triangles: of each bone that moves vertices more than any other bone does, in scene units, shape (t, 3, 3).
+    """
+
+    triangles: Mapping[str, Array]
+
+    @property
+    def bones(self) -> set[str]:
+        """Names of bones that vertices follow."""
+        return set(self.triangles)
+
+    def round(self, *bones: str) -> Array | None:
+        """Return the triangles round some bones, None without any."""
+        found = [self.triangles[bone] for bone in bones if bone in self.triangles]
+        return np.concatenate(found) if found else None
+
+
+def bound_skin(armature: bpy.types.Object, context: bpy.types.Context) -> BoundSkin:
+    """Return the skin of an armature: all meshes that show in the view."""
+    depsgraph = context.evaluated_depsgraph_get()
+    found: dict[str, list[Array]] = defaultdict(list)
+    for obj in context.view_layer.objects:
+        if obj.type != "MESH" or obj.dermis.role == "FINGER" or not obj.visible_get(view_layer=context.view_layer):
+            continue
+        carried = obj.parent == armature and obj.parent_type == "BONE"
+        if not carried and not _deformed(obj, armature):
+            continue
+        evaluated = obj.evaluated_get(depsgraph)
+        corners, points = _read(evaluated)
+        if not len(corners):
+            continue
+        if carried:
+            found[obj.parent_bone].append(points[corners])
+            continue
+        owner = _owners(evaluated.data, len(points))
+        for group, own in _by_owner(corners, owner):
+            if group < len(obj.vertex_groups):  # vertices may keep groups that were deleted
+                found[obj.vertex_groups[group].name].append(points[own])
+    names = {bone.name for bone in armature.data.bones}
+    return BoundSkin({name: np.concatenate(parts) for name, parts in found.items() if name in names})
+
+
+def _deformed(obj: bpy.types.Object, armature: bpy.types.Object) -> bool:
+    by_modifier = any(m.type == "ARMATURE" and m.object == armature and m.show_viewport for m in obj.modifiers)
+    return by_modifier or (obj.parent == armature and obj.parent_type == "ARMATURE")
+
+
+def _read(evaluated: bpy.types.Object) -> tuple[NDArray[np.int32], Array]:
+    """Return triangles (t, 3) and vertices in the scene's space (n, 3)."""
+    mesh: Any = evaluated.data
+    mesh.calc_loop_triangles()
+    corners = np.empty(3 * len(mesh.loop_triangles), np.int32)
+    mesh.loop_triangles.foreach_get("vertices", corners)
+    points = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.attributes["position"].data.foreach_get("vector", points)
+    matrix = np.array(evaluated.matrix_world, np.float64)
+    return corners.reshape(-1, 3), points.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def _owners(mesh: Any, count: int) -> NDArray[np.int32]:
+    """Return the group that each vertex follows most, -1 for none, shape (n,)."""
+    owner = np.full(count, -1, np.int32)
+    for vertex in mesh.vertices:
+        most = max(vertex.groups, key=lambda g: g.weight, default=None)
+        if most is not None and most.weight >= _LEAST:
+            owner[vertex.index] = most.group
+    return owner
+
+
+def _by_owner(corners: NDArray[np.int32], owner: NDArray[np.int32]) -> Iterator[tuple[int, NDArray[np.int32]]]:
+    """Yield each group and the triangles of which at least two corners follow it."""
+    a, b, c = owner[corners].T
+    group = np.where((a == b) | (a == c), a, np.where(b == c, b, -1))
+    for each in np.unique(group[group >= 0]):
+        yield int(each), corners[group == each]

@@ -1,0 +1,110 @@
+"""Where a fingertip's frame lies in a finger, and which preset's lengths, scaled, are its. Knows nothing of Blender."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from .._core import Array
+
+MIDDLE = 0.54  # of the thickness: how high the widest part, where joints lie, is above the pad
+_SAME = 0.07  # a finger that differs by less from a preset has its lengths: tables of its skin come with it
+_STEPS = 4  # of place and size, each from the other
+_FEWEST = 8  # triangles of a surface
+_TRUSTED = (0.4, 2.5)  # size by a surface over size by the bone: beyond it, the surface is not a finger's
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fingertip at rest.
+
+    Attributes:
+        origin: the pad's centre, in scene units, shape (3,).
+        axes: columns X, Y to the tip and Z to the nail, shape (3, 3).
+        preset: key of the nearest preset. scale: of its lengths.
+        on_skin: the pad lies on a surface; else where a finger round the bone has it.
+    """
+
+    origin: Array
+    axes: Array
+    preset: str
+    scale: float
+    on_skin: bool
+
+
+def fit(
+    line: Array, nail: Array, triangles: Array | None, presets: Mapping[str, Mapping[str, float]], unit: float
+) -> Fit:
+    """Return where the fingertip of a finger is.
+
+    Args:
+        line: joints from the knuckle to the tip, in scene units, shape (n, 3).
+        nail: direction of the nail, square to the last phalanx.
+        triangles: of the skin round it, in scene units, shape (t, 3, 3); None where there is none.
+        presets: their lengths [m]. unit: metres in a scene unit.
+    """
+    joint, ahead = line[-2], line[-1] - line[-2]
+    length = float(np.linalg.norm(ahead))
+    y = ahead / length
+    axes = np.stack([np.cross(y, nail), y, nail], axis=1)
+    key, scale = _nearest(presets, {"length": length * unit})
+    size = presets[key]
+    place = np.array([0.0, length * unit - scale * size["tip"], -scale * MIDDLE * size["thickness"]])
+    on_skin = False
+    if triangles is not None and len(triangles) >= _FEWEST:
+        found = _on_skin((triangles - joint) @ axes * unit, length * unit, presets, key, scale)
+        if found is not None and _TRUSTED[0] < found[2] / scale < _TRUSTED[1]:
+            (place, key, scale), on_skin = found, True
+    return Fit(joint + axes @ place / unit, axes, key, scale, on_skin)
+
+
+def section(triangles: Array, height: float) -> Array:
+    """Return where the edges of triangles cross the plane of a height along Y, shape (k, 3)."""
+    first = triangles.reshape(-1, 3)
+    second = np.roll(triangles, -1, axis=1).reshape(-1, 3)
+    below, above = first[:, 1] - height, second[:, 1] - height
+    crossing = (below < 0) != (above < 0)
+    share = below[crossing] / (below[crossing] - above[crossing])
+    return first[crossing] + share[:, None] * (second[crossing] - first[crossing])
+
+
+def _nearest(presets: Mapping[str, Mapping[str, float]], measured: Mapping[str, float]) -> tuple[str, float]:
+    """Return the preset whose lengths have to be scaled least, and the scale: the mean over what was measured, or 1."""
+    scales = {
+        key: float(np.exp(np.mean([np.log(value / lengths[name]) for name, value in measured.items()])))
+        for key, lengths in presets.items()
+    }
+    key = min(scales, key=lambda k: abs(np.log(scales[k])))
+    return key, 1.0 if abs(np.log(scales[key])) < _SAME else scales[key]
+
+
+def _on_skin(
+    triangles: Array, length: float, presets: Mapping[str, Mapping[str, float]], key: str, scale: float
+) -> tuple[Array, str, float] | None:
+    """Return the pad's centre [m], preset and scale by a surface in the finger's frame at its last joint [m]."""
+    points = triangles.reshape(-1, 3)
+    points = points[points[:, 1] > 0.3 * length]
+    if len(points) < _FEWEST:
+        return None
+    low, high = points[:, 2].min(), points[:, 2].max()
+    tip = float(points[points[:, 2] <= low + 0.6 * (high - low), 1].max())  # nails and claws reach beyond it
+    for _ in range(_STEPS):
+        y = tip - scale * presets[key]["tip"]
+        ring = section(triangles, y)
+        if len(ring) < 4:
+            return None
+        (left, _, bottom), (right, _, top) = ring.min(axis=0), ring.max(axis=0)
+        if right <= left or top <= bottom:
+            return None
+        key, scale = _nearest(presets, {"width": right - left, "thickness": top - bottom})
+        x = 0.5 * (left + right)
+    y = tip - scale * presets[key]["tip"]
+    return np.array([x, y, _bottom(section(triangles, y), x, 0.2 * (right - left))]), key, scale
+
+
+def _bottom(ring: Array, x: float, near: float) -> float:
+    """Return the height of the pad's middle in a section: its lowest point near the middle, else of all."""
+    middle = ring[np.abs(ring[:, 0] - x) <= near]
+    return float((middle if len(middle) and middle[:, 2].min() < ring[:, 2].mean() else ring)[:, 2].min())

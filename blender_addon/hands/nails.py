@@ -1,0 +1,133 @@
+"""On which side of a fingertip the nail is: by how the finger curls, and by the palm. Knows nothing of Blender.
+
+Axes of bones are no help: every tool rolls them its own way. But a finger bends towards the palm and nowhere else, and
+the back of a hand is known from its knuckles, its wrist, and whether it is a left or a right one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from .._core import Array
+from .bone_names import FINGERS, LEFT, RIGHT
+
+_PALM = 0.3  # weight of the palm beside the sine of the bend: a finger bent by 17 degrees counts as much
+_AGAINST = -0.25  # mean sine of the fingers' bends at which a side's name is not believed: 15 degrees backwards
+_SURE = 0.05  # evidence below it is a guess
+# A thumb lies with its nail turned outwards: shares of the palm's back and of the way from the fingers to the thumb.
+_THUMB = (0.45, 0.9)
+
+
+@dataclass(frozen=True)
+class Nails:
+    """Directions of the nails at rest, each square to its finger's last phalanx, and how sure they are.
+
+    Attributes:
+        side: 'L' or 'R', as the bones lie. sure: bends or a name say so; else it is a guess.
+    """
+
+    directions: Mapping[str, Array]
+    side: str
+    sure: bool
+
+
+def nails(lines: Mapping[str, Array], wrist: Array | None, side: str, bends: Mapping[str, Array]) -> Nails:
+    """Return where nails look.
+
+    Args:
+        lines: joints of each finger at rest from the knuckle to the tip, shape (n, 3).
+        wrist: shape (3,); None where no bone is there.
+        side: 'L', 'R', or '' where names do not say.
+        bends: how the fingers are posed, as `curl` gives it, turned back to the rest; counts as much as the rest does.
+    """
+    curls = {finger: 0.5 * (curl(line, finger) + bends[finger]) for finger, line in lines.items()}
+    palm = _palm(lines, wrist)
+    if palm is None:
+        found = {finger: _square(lines[finger], curls[finger] + 1e-6 * _any(lines[finger])) for finger in lines}
+        return Nails(found, side, any(np.linalg.norm(c) > _SURE for c in curls.values()))
+    across, along, right_back = palm
+    back = -right_back if side == LEFT else right_back
+    fingers = [finger for finger in lines if finger != FINGERS[0]]
+    carried = {finger: _carried(back, along, lines[finger]) for finger in fingers}
+    vote = float(np.mean([curls[finger] @ carried[finger] for finger in fingers]))
+    sure = bool(side)
+    if not side:
+        vote += _thumb_vote(lines, back)
+        sure = abs(vote) > _SURE
+    if vote < (_AGAINST if side else 0.0):
+        back, carried = -back, {finger: -way for finger, way in carried.items()}
+    found = {finger: _square(lines[finger], _PALM * carried[finger] + curls[finger]) for finger in fingers}
+    if FINGERS[0] in lines:
+        line = lines[FINGERS[0]]
+        rest = _square(line, _THUMB[0] * back - _THUMB[1] * across)
+        found[FINGERS[0]] = _square(line, _PALM * rest + curls[FINGERS[0]])
+    return Nails(found, RIGHT if back @ right_back > 0 else LEFT, sure)
+
+
+def curl(line: Array, finger: str) -> Array:
+    """Return the direction away from which a finger bends, times the sine of its bend, shape (3,).
+
+    Of a thumb only the last joint counts: those below it turn it as well.
+    """
+    ways = np.diff(line, axis=0)
+    ways = ways / np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-30)
+    ways = ways[-2:] if finger == FINGERS[0] else ways[-3:]
+    axis = np.cross(ways[:-1], ways[1:]).sum(axis=0)
+    return -np.cross(axis, ways[-1])
+
+
+def _palm(lines: Mapping[str, Array], wrist: Array | None) -> tuple[Array, Array, Array] | None:
+    """Return directions from the index finger to the little one, from wrist to fingers, and a right hand's back."""
+    fingers = [finger for finger in FINGERS[1:] if finger in lines]
+    if len(fingers) < 2:
+        return None
+    knuckles = np.array([lines[finger][0] for finger in fingers])
+    reach = np.mean([lines[finger][-1] for finger in fingers], axis=0)
+    along = (reach if wrist is None else knuckles.mean(axis=0)) - (knuckles.mean(axis=0) if wrist is None else wrist)
+    across = knuckles[-1] - knuckles[0]
+    back = np.cross(across, along)
+    size = float(np.linalg.norm(back))
+    if size <= 1e-3 * np.linalg.norm(across) * np.linalg.norm(along):
+        return None
+    across = np.cross(along, back)
+    return across / np.linalg.norm(across), along / np.linalg.norm(along), back / size
+
+
+def _carried(back: Array, along: Array, line: Array) -> Array:
+    """Carry the hand's back along a finger: bend by bend, without a twist."""
+    way = along
+    for step in np.diff(line, axis=0):
+        ahead = step / max(float(np.linalg.norm(step)), 1e-30)
+        middle = way + ahead
+        if (size := float(middle @ middle)) > 1e-9:
+            back = back - 2.0 * (middle @ back) / size * middle  # two reflections make the smallest rotation
+            back = back - 2.0 * (ahead @ back) * ahead
+        way = ahead
+    return back
+
+
+def _thumb_vote(lines: Mapping[str, Array], back: Array) -> float:
+    """Return how far a thumb's tip lies on the back's side of the knuckles; a real one's is on the palm's."""
+    if FINGERS[0] not in lines:
+        return 0.0
+    thumb = lines[FINGERS[0]]
+    knuckle = np.mean([line[0] for finger, line in lines.items() if finger != FINGERS[0]], axis=0)
+    return -0.5 * float((thumb[-1] - knuckle) @ back) / max(float(np.linalg.norm(thumb[-1] - knuckle)), 1e-30)
+
+
+def _square(line: Array, way: Array) -> Array:
+    """Return the part of a direction that is square to a finger's last phalanx, of length one."""
+    ahead = line[-1] - line[-2]
+    ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-30)
+    way = way - (way @ ahead) * ahead
+    size = float(np.linalg.norm(way))
+    return way / size if size > 1e-12 else _square(line, _any(line))
+
+
+def _any(line: Array) -> Array:
+    """Return a direction that a finger does not have: up, else forwards."""
+    ahead = np.abs(line[-1] - line[-2])
+    return np.array([0.0, 1.0, 0.0]) if ahead[2] > 0.9 * np.linalg.norm(ahead) else np.array([0.0, 0.0, 1.0])

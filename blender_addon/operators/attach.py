@@ -1,0 +1,160 @@
+# mypy: disable-error-code="valid-type"
+"""Attach fingers to the hand of an armature; what was found can be corrected in the panel of the last operation."""
+
+from typing import Any
+
+import bpy
+from bpy.props import BoolProperty, CollectionProperty, EnumProperty, StringProperty
+
+from .. import choices
+from .._core import DermisError
+from ..hands import armatures, attachment, rig
+from ..hands.bone_names import FINGERS, LEFT, RIGHT
+from ..hands.skeleton import Hand
+from ..polls import needs
+from ..preferences import library
+from ..properties import scene_properties
+from .work import Work, counted, select_only
+
+SIDES = {LEFT: "left hand", RIGHT: "right hand"}
+
+
+def has_hand(context: bpy.types.Context) -> bool:
+    """Return whether an armature is selected, or what it moves, where fingers can be attached."""
+    return context.mode in ("OBJECT", "POSE") and armatures.armature_of(context.object) is not None
+
+
+class DermisTip(bpy.types.PropertyGroup):
+    """A finger of a hand, and the bone that carries its tip; its name is the finger's."""
+
+    side: StringProperty(name="Side", description="L or R")
+    bone: StringProperty(name="Bone", description="The last bone of this finger")
+    use: BoolProperty(name="Attach", description="Put a finger on this bone", default=True)
+    flip: BoolProperty(name="Flip", description="Turn it half round: the nail comes where the pad is")
+
+
+@needs(has_hand, "Select an armature, one of its bones in pose mode, or a mesh that it moves")
+class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
+    """Put a finger on each fingertip of the selected armature's hand, as large as the hand, so that it moves along"""
+
+    bl_idname = "dermis.attach_fingers"
+    bl_label = "Attach Fingers to Hand"
+    bl_options = {"REGISTER", "UNDO"}
+
+    hand: EnumProperty(
+        name="Hand",
+        description="Which hand of the armature",
+        items=(
+            ("AUTO", "As Selected", "The hand of the active bone, else the right one"),
+            (LEFT, "Left", "The left hand"),
+            (RIGHT, "Right", "The right hand"),
+            ("BOTH", "Both", "Both hands"),
+        ),
+        options={"SKIP_SAVE"},
+    )
+    device: StringProperty(
+        name="Device",
+        description="Preset of a device to put on each finger; empty for none",
+        search=lambda _self, _context, text: choices.search("devices", text),
+    )
+    skin: BoolProperty(name="Show Skin", description="Solve and show what the skin of each finger feels")
+    tips: CollectionProperty(type=DermisTip, options={"SKIP_SAVE"})
+    found_for: StringProperty(options={"HIDDEN", "SKIP_SAVE"})
+
+    def work(self, context: bpy.types.Context) -> str | None:
+        """Find the fingertips, unless they are given, and attach fingers."""
+        if self.device:
+            library().device(self.device)  # refuse an unknown one before anything is made
+        hung = rig.read(context)
+        hands = self._hands(hung)
+        key = f"{hung.armature.name} {self.hand}"
+        if not self.tips or (self.found_for and self.found_for != key):
+            self._fill(hung, hands)
+            self.found_for = key
+        if not any(tip.use for tip in self.tips):
+            raise DermisError(
+                "no finger is chosen",
+                where=hung.where,
+                value=", ".join(hung.fingers.values()) + " are there already" if hung.fingers else None,
+                remedy="Switch on a finger and choose its bone",
+            )
+        made: list[bpy.types.Object] = []
+        notes: dict[str, None] = {}
+        for side, hand in hands.items():
+            tips = [attachment.Tip(t.name, t.bone, t.flip) for t in self.tips if t.use and t.side == side]
+            fingers, said = attachment.attach(context, hung, hand, tips)
+            made += fingers
+            notes |= dict.fromkeys(said)
+        self._dress(context, made)
+        what = f"Attached {counted(len(made), 'finger')} to the {' and '.join(SIDES[side] for side in hands)}"
+        if not notes:
+            return what
+        self.report({"WARNING"}, f"{what}. See: {'; '.join(notes)}")
+        return None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw a row for each finger: whether, which bone, and which way round."""
+        layout: Any = self.layout
+        armature: Any = armatures.armature_of(context.object)
+        layout.row(align=True).prop(self, "hand", expand=True)
+        column = layout.column(align=True)
+        for tip in self.tips if armature is not None else ():
+            row = column.row(align=True)
+            row.prop(tip, "use", text=f"{tip.name.title()} {tip.side}")
+            bone = row.row(align=True)
+            bone.active = tip.use
+            bone.prop_search(tip, "bone", armature.data, "bones", text="")
+            bone.prop(tip, "flip", text="", icon="UV_SYNC_SELECT", toggle=True)
+        column = layout.column()
+        column.use_property_split = True
+        column.prop(self, "device")
+        column.prop(self, "skin")
+
+    def _hands(self, hung: rig.Rig) -> dict[str, Hand]:
+        """Return the hands that are asked for, by their side.
+
+        Raises:
+            DermisError: there is none, or none on this side.
+        """
+        sides = hung.by_side()
+        if not sides:
+            raise DermisError(
+                "no hand was found: neither by names of fingers, nor three to five chains that leave one bone",
+                where=hung.where,
+                value=counted(len(hung.bones), "bone"),
+                remedy="In pose mode, select the last bone of a finger and attach to that",
+            )
+        if self.hand == "BOTH":
+            return sides
+        if self.hand == "AUTO":
+            side = next(iter(sides)) if hung.picked or RIGHT not in sides else RIGHT
+            return {side: sides[side]}
+        if self.hand not in sides:
+            raise DermisError(
+                f"it has no {SIDES[self.hand]}", where=hung.where, limit=" and ".join(SIDES[side] for side in sides)
+            )
+        return {self.hand: sides[self.hand]}
+
+    def _fill(self, hung: rig.Rig, hands: dict[str, Hand]) -> None:
+        self.tips.clear()
+        for side, hand in hands.items():
+            for finger in FINGERS:
+                chain = hand.chains.get(finger)
+                tip: Any = self.tips.add()
+                tip.name, tip.side, tip.bone = finger, side, chain.last if chain is not None else ""
+                tip.use = chain is not None and chain.last not in hung.fingers
+
+    def _dress(self, context: bpy.types.Context, made: list[bpy.types.Object]) -> None:
+        """Give fingers device and skin, and select them where that leaves the mode as it is."""
+        for obj in made:
+            if self.device:
+                obj.dermis.finger.devices.add().preset = self.device
+            obj.dermis.finger.skin.shown = self.skin
+        if context.mode == "OBJECT":
+            select_only(context, made[0])
+            for obj in made:
+                obj.select_set(True)
+        scene_properties.stamp(context.scene)
+
+
+CLASSES: tuple[type, ...] = (DermisTip, DERMIS_OT_attach_fingers)

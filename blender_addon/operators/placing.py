@@ -1,0 +1,166 @@
+# mypy: disable-error-code="valid-type"
+"""Mend what is doubtful before a bake, and put fingers on surfaces."""
+
+from collections.abc import Callable
+from math import ceil, radians
+
+import bpy
+from bpy.props import EnumProperty, FloatProperty, StringProperty
+from mathutils import Vector
+
+from .. import changes, doubts
+from .._core import DermisError
+from ..placing import gesture, keyed_poses, surfaces
+from ..polls import active_finger, needs
+from ..quantities import metres_per_unit
+from .work import Work
+
+FORCE_DEPTH = 3e-3  # [m] that a finger goes down to press with a force: enough for any, the bone gives way
+
+
+class DERMIS_OT_mend(Work, bpy.types.Operator):
+    """Mend this"""
+
+    bl_idname = "dermis.mend"
+    bl_label = "Mend"
+    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
+
+    code: StringProperty(name="Code", description="What is doubtful", options={"SKIP_SAVE"})
+    name: StringProperty(name="Object", description="Whose", options={"SKIP_SAVE"})
+
+    def work(self, context: bpy.types.Context) -> str | None:
+        """Mend it."""
+        doubts.mend(context, self.code, self.name)
+        return None
+
+
+@needs(active_finger, "Select a finger last, and before it the object that it shall lie on")
+class DERMIS_OT_place_on_surface(Work, bpy.types.Operator):
+    """Put the active finger's pad where the other selected object is nearest, else the nearest touchable one"""
+
+    bl_idname = "dermis.place_on_surface"
+    bl_label = "Place on Surface"
+    bl_options = {"REGISTER", "UNDO"}
+
+    gap: FloatProperty(
+        name="Gap",
+        description="Between pad and surface; below zero it presses",
+        default=0.0,
+        soft_min=-3.0,
+        soft_max=20.0,
+        unit="CAMERA",
+    )
+
+    def work(self, context: bpy.types.Context) -> str | None:
+        """Place it."""
+        finger = _free(context)
+        spot, _ = _touched(context, finger.matrix_world.translation)
+        surfaces.lie(finger, spot, 1e-3 * self.gap / metres_per_unit(context.scene))
+        changes.mark_dirty(finger.name)
+        return None
+
+
+@needs(active_finger, "Select a finger last, and before it the object that it shall touch")
+class DERMIS_OT_add_gesture(Work, bpy.types.Operator):
+    """Key a touch from this frame on: the active finger comes down on the surface, presses, holds, slides and lifts"""
+
+    bl_idname = "dermis.add_gesture"
+    bl_label = "Key a Touch"
+    bl_options = {"REGISTER", "UNDO"}
+
+    until: EnumProperty(
+        name="Press",
+        description="How hard it presses",
+        items=(
+            ("DEPTH", "By Depth", "The bone goes this far below where the pad first touches"),
+            ("FORCE", "By Force", "The skin becomes compliant: the bone gives way to what presses it harder"),
+        ),
+    )
+    depth: FloatProperty(name="Depth", default=1.0, min=0.0, soft_max=3.0, unit="CAMERA")
+    force: FloatProperty(name="Force [N]", default=1.0, min=0.01, soft_max=10.0)
+    hold: FloatProperty(name="Hold", default=2.0, min=0.0, soft_max=10.0, unit="TIME_ABSOLUTE")
+    slide: FloatProperty(name="Slide", description="Way along the surface", default=20.0, min=0.0, unit="CAMERA")
+    speed: FloatProperty(name="Speed [mm/s]", description="Of the slide", default=10.0, min=0.1, soft_max=200.0)
+    direction: FloatProperty(
+        name="Direction",
+        description="Of the slide, about the nail; 0 is to the tip",
+        default=radians(90.0),
+        unit="ROTATION",
+    )
+    height: FloatProperty(
+        name="Height", description="From which it comes down and to which it lifts", default=5.0, min=0.1, unit="CAMERA"
+    )
+    approach: FloatProperty(name="Approach [mm/s]", description="Speed of coming and lifting", default=20.0, min=0.1)
+
+    def work(self, context: bpy.types.Context) -> str | None:
+        """Key it."""
+        finger, scene = _free(context), context.scene
+        if finger.parent is not None or finger.rotation_mode == "AXIS_ANGLE":
+            raise DermisError(
+                "only a finger without a parent, turned by Euler angles or a quaternion, can be keyed",
+                where=f"finger '{finger.name}'",
+                remedy="Clear its parent, keeping the transformation",
+            )
+        spot, nearest = _touched(context, finger.matrix_world.translation)
+        deep = FORCE_DEPTH if self.until == "FORCE" else 1e-3 * self.depth
+        asked = gesture.Gesture(
+            1e-3 * self.height,
+            1e-3 * self.approach,
+            deep,
+            self.hold,
+            1e-3 * self.slide,
+            1e-3 * self.speed,
+            self.direction,
+        )
+        if self.until == "FORCE":
+            skin = finger.dermis.finger.skin
+            skin.shown, skin.depth_mode, skin.force_limit = True, "compliant", self.force
+        times, frames = gesture.poses(asked, finger.matrix_world, spot, nearest, metres_per_unit(scene))
+        rate = scene.render.fps / scene.render.fps_base
+        first = float(scene.frame_current)
+        last = keyed_poses.key(finger, [first + rate * t for t in times], frames)
+        scene.frame_end = max(scene.frame_end, ceil(last))
+        changes.mark_dirty(finger.name)
+        return f"Keyed frames {first:.0f} to {ceil(last)}"
+
+
+def _free(context: bpy.types.Context) -> bpy.types.Object:
+    """Return the active finger, which nothing else may carry.
+
+    Raises:
+        DermisError: it hangs on a bone.
+    """
+    finger = context.object
+    assert finger is not None
+    if finger.parent_type == "BONE" and finger.parent is not None:
+        raise DermisError(
+            "it hangs on a bone",
+            where=f"finger '{finger.name}'",
+            value=finger.parent_bone,
+            remedy="Pose its hand, or clear its parent",
+        )
+    return finger
+
+
+def _touched(
+    context: bpy.types.Context, place: Vector
+) -> tuple[surfaces.Spot, Callable[[Vector], surfaces.Spot | None]]:
+    """Return where the other selected objects are nearest, else the touchable ones, and what finds it elsewhere on it.
+
+    Raises:
+        DermisError: there is no such surface.
+    """
+    depsgraph = context.evaluated_depsgraph_get()
+    meshes = [o for o in context.selected_objects if o.type == "MESH" and o.dermis.role != "FINGER"]
+    spots = [
+        (spot, body)
+        for body in meshes or doubts.bodies(context.scene, context.view_layer)
+        if (spot := surfaces.nearest(body, place, depsgraph)) is not None
+    ]
+    if not spots:
+        raise DermisError("there is no surface to touch", remedy="Select a mesh object, then the finger")
+    spot, body = min(spots, key=lambda found: (found[0].point - place).length)
+    return spot, lambda point: surfaces.nearest(body, point, depsgraph)
+
+
+CLASSES: tuple[type, ...] = (DERMIS_OT_mend, DERMIS_OT_place_on_surface, DERMIS_OT_add_gesture)

@@ -1,0 +1,19 @@
+"""What is doubtful before a bake, each with a button that mends it."""
+
+from typing import Any
+
+import bpy
+
+from .. import doubts
+from ..layouts import paragraph
+
+_MOST = 3  # at once; the others come when these are mended
+
+
+def doubts_of(layout: Any, context: bpy.types.Context) -> None:
+    """Draw the first doubts about the scene, if there are any."""
+    for doubt in doubts.of(context.scene, context.view_layer)[:_MOST]:
+        column = layout.box().column(align=True)
+        paragraph(column, context, f"{doubt.text}.".replace("?.", "?"), "ERROR")
+        operator = column.operator("dermis.mend", text=doubt.remedy)
+        operator.code, operator.name = doubt.code, doubt.name

@@ -1,0 +1,1 @@
+"""Where fingers are put: on surfaces, along gestures, by recordings."""

@@ -1,0 +1,232 @@
+"""Armatures of hands for tests: Rigify's own metarig, and one hand under the names of other tools.
+
+The made hand is a right one at rest, palm down (-Z), fingers along +Y, thumb towards -X, in millimetres; its bones are
+rolled at random, and where an importer would make up their ends they point anywhere. Left hands are its mirror image.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+from mathutils import Matrix, Vector
+
+from .build import mesh_object
+
+FINGERS = ("thumb", "index", "middle", "ring", "little")
+KNUCKLES = {
+    "thumb": (-20.0, 25.0, -8.0),
+    "index": (-24.0, 90.0, 0.0),
+    "middle": (-5.0, 94.0, 3.0),
+    "ring": (14.0, 90.0, 1.0),
+    "little": (31.0, 82.0, -3.0),
+}
+LENGTHS = {  # of the phalanges
+    "thumb": (44.0, 34.0, 29.0),
+    "index": (42.0, 25.0, 24.0),
+    "middle": (46.0, 29.0, 25.0),
+    "ring": (43.0, 27.0, 25.0),
+    "little": (34.0, 20.0, 21.0),
+}
+SPREAD = {"index": 5.0, "middle": 0.0, "ring": -5.0, "little": -12.0}  # degrees
+WIDTH = {"thumb": 20.0, "index": 16.0, "middle": 17.0, "ring": 15.5, "little": 13.5}
+UNREAL = {"little": "pinky"}
+WEBXR = {1: "phalanx-proximal", 2: "phalanx-intermediate", 3: "phalanx-distal", 4: "tip"}
+
+
+def unreal(finger: str, place: int, side: str) -> str | None:
+    """Return `index_03_l`."""
+    return f"{UNREAL.get(finger, finger)}_{place:02d}_{side.lower()}" if place < 4 else None
+
+
+def mixamo(finger: str, place: int, side: str) -> str | None:
+    """Return `mixamorig:LeftHandIndex3`; the fourth is an end."""
+    return f"mixamorig:{'Left' if side == 'L' else 'Right'}Hand{UNREAL.get(finger, finger).title()}{place}"
+
+
+def makehuman(finger: str, place: int, side: str) -> str | None:
+    """Return `finger2-3.L`."""
+    return f"finger{FINGERS.index(finger) + 1}-{place}.{side}" if place < 4 else None
+
+
+def webxr(finger: str, place: int, _side: str) -> str | None:
+    """Return `index-finger-phalanx-distal`; a thumb's first is its metacarpal, and no side is named."""
+    if finger == "thumb":
+        return f"thumb-{ {1: 'metacarpal', 2: 'phalanx-proximal', 3: 'phalanx-distal', 4: 'tip'}[place] }"
+    return f"{UNREAL.get(finger, finger)}-finger-{WEBXR[place]}"
+
+
+def nameless(finger: str, place: int, _side: str) -> str | None:
+    """Return `Bone.012`."""
+    return f"Bone.{3 * FINGERS.index(finger) + place:03d}" if place < 4 else None
+
+
+@dataclass
+class HandRig:
+    """A made hand: its armature, its skin (None without), and the truth, in the scene's space and units.
+
+    Attributes:
+        last: bone that carries each fingertip. tips, nails: where fingers end, and where their nails look.
+    """
+
+    armature: bpy.types.Object
+    skin: bpy.types.Object | None
+    last: dict[str, str]
+    tips: dict[str, np.ndarray]
+    nails: dict[str, np.ndarray]
+
+
+def joints(bend: float = 12.0) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Return each finger's four joints (4, 3) and the nail's direction at each phalanx (3, 3), of a right hand [mm].
+
+    Args:
+        bend: of each joint, in degrees.
+    """
+    found = {}
+    for finger in FINGERS:
+        if finger == "thumb":
+            way, nail = unit(np.array([-0.62, 0.72, -0.3])), np.array([-0.9, 0.0, 0.45])
+        else:
+            turn = np.radians(SPREAD[finger])
+            way, nail = np.array([-np.sin(turn), np.cos(turn), 0.0]), np.array([0.0, 0.0, 1.0])
+        nail = unit(nail - (nail @ way) * way)
+        line, nails = [np.array(KNUCKLES[finger])], []
+        for i, length in enumerate(LENGTHS[finger]):
+            # A thumb bends in its last joint alone; fingers in all, the knuckle too.
+            angle = np.radians(bend if finger != "thumb" or i == 2 else 0.0)
+            way, nail = np.cos(angle) * way - np.sin(angle) * nail, np.cos(angle) * nail + np.sin(angle) * way
+            line.append(line[-1] + length * way)
+            nails.append(nail)
+        found[finger] = (np.array(line), np.array(nails))
+    return found
+
+
+def hand(
+    name: Callable[[str, int, str], str | None],
+    side: str = "R",
+    *,
+    wrist: str = "",
+    bend: float = 12.0,
+    ends: bool = False,
+    flat: bool = False,
+    made_up: bool = False,
+    skin: bool = True,
+    scale: float = 1e-3,
+    placed: Matrix | None = None,
+    object_scale: float = 1.0,
+    fingers: tuple[str, ...] = FINGERS,
+) -> HandRig:
+    """Make a hand.
+
+    Args:
+        name: of the bone of a finger at a place (1 to 3, 4 an end) of a side; None leaves it out.
+        wrist: name of the palm's bone, '' for none; parents of bones exist with it only.
+        ends: there are bones at the ends. flat: bones have no parents. made_up: bones end anywhere.
+        scale: scene units in a millimetre. placed: where the hand is. object_scale: of the armature, whose data is
+            smaller by as much.
+    """
+    mirror = np.array([-1.0 if side == "L" else 1.0, 1.0, 1.0])
+    data = bpy.data.armatures.new("Armature")
+    armature = bpy.data.objects.new("Armature", data)
+    bpy.context.scene.collection.objects.link(armature)
+    bpy.context.view_layer.objects.active = armature
+    bpy.ops.object.mode_set(mode="EDIT")
+    rng = np.random.default_rng(5)
+    inner = scale / object_scale
+    palm = None
+    if wrist:
+        palm = data.edit_bones.new(wrist)
+        palm.head, palm.tail = (0.0, 0.0, 0.0), (0.0, 60.0 * inner, 0.0)
+    last: dict[str, str] = {}
+    truth = joints(bend)
+    for finger in fingers:
+        line = truth[finger][0] * mirror * inner
+        parent = palm
+        for place in range(1, 5 if ends else 4):
+            called = name(finger, place, side)
+            if called is None:
+                continue
+            bone = data.edit_bones.new(called)
+            bone.head = line[place - 1]
+            ahead = line[min(place, 3)] - line[min(place, 3) - 1]
+            size = np.linalg.norm(ahead)
+            bone.tail = bone.head + Vector(unit(rng.normal(size=3)) * 2 * size if made_up else ahead)
+            bone.roll = rng.uniform(-3.0, 3.0)
+            bone.parent = None if flat else parent
+            parent = bone
+            if place == 3:
+                last[finger] = bone.name
+    bpy.ops.object.mode_set(mode="OBJECT")
+    armature.matrix_world = (placed or Matrix.Identity(4)) @ Matrix.Scale(object_scale, 4)
+    bpy.context.view_layer.update()
+    world = np.array(placed or Matrix.Identity(4))
+    made = _skin(armature, truth, name, side, mirror, inner, fingers) if skin else None
+    return HandRig(
+        armature,
+        made,
+        last,
+        {f: world[:3, :3] @ (truth[f][0][-1] * mirror * scale) + world[:3, 3] for f in fingers},
+        {f: unit(world[:3, :3] @ (truth[f][1][-1] * mirror)) for f in fingers},
+    )
+
+
+def rigify(rig: str = "human") -> bpy.types.Object:
+    """Add Rigify's metarig as Blender ships it."""
+    import addon_utils
+
+    addon_utils.enable("rigify", default_set=True)
+    getattr(bpy.ops.object, f"armature_{rig}_metarig_add")()
+    return bpy.context.object
+
+
+def unit(vector: np.ndarray) -> np.ndarray:
+    """Return a direction."""
+    return vector / np.linalg.norm(vector)
+
+
+def _skin(
+    armature: bpy.types.Object,
+    truth: Mapping[str, tuple[np.ndarray, np.ndarray]],
+    name: Callable[[str, int, str], str | None],
+    side: str,
+    mirror: np.ndarray,
+    scale: float,
+    fingers: tuple[str, ...],
+) -> bpy.types.Object:
+    """Make a mesh of rounded tubes round the phalanges, each vertex bound to its bone, in the armature's space."""
+    vertices: list[np.ndarray] = []
+    faces: list[tuple[int, ...]] = []
+    groups: dict[str, list[int]] = {}
+    angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    for finger in fingers:
+        line, nails = truth[finger]
+        for place in (1, 2, 3):
+            called = name(finger, place, side)
+            assert called is not None
+            start, ahead, nail = line[place - 1], line[place] - line[place - 1], nails[place - 1]
+            length, across = float(np.linalg.norm(ahead)), np.cross(unit(ahead), nail)
+            first = len(vertices)
+            steps = np.append(np.linspace(0.0, 0.6, 7), 0.6 + 0.4 * np.sin(np.linspace(0.1, np.pi / 2, 8)))
+            for step in steps:
+                # A last phalanx is round towards its tip.
+                taper = np.sqrt(max(1.0 - max((step - 0.6) / 0.4, 0.0) ** 2, 1e-4)) if place == 3 else 1.0
+                half, below = 0.5 * WIDTH[finger] * taper, 0.42 * WIDTH[finger] * taper
+                for a in angle:
+                    ring = half * np.cos(a) * across + below * np.sin(a) * nail
+                    vertices.append(start + step * length * unit(ahead) + ring)
+            for r in range(len(steps) - 1):
+                a, b = first + r * len(angle), first + (r + 1) * len(angle)
+                for i in range(len(angle)):
+                    j = (i + 1) % len(angle)
+                    faces.append((a + j, a + i, b + i, b + j) if mirror[0] > 0 else (a + i, a + j, b + j, b + i))
+            groups.setdefault(called, []).extend(range(first, len(vertices)))
+    obj = mesh_object("Skin", np.array(vertices) * mirror * scale, faces)
+    for called, members in groups.items():
+        obj.vertex_groups.new(name=called).add(members, 1.0, "REPLACE")
+    obj.parent = armature
+    modifier = obj.modifiers.new("Armature", "ARMATURE")
+    modifier.object = armature
+    bpy.context.view_layer.update()
+    return obj

@@ -1,0 +1,355 @@
+"""Attach Fingers to Hand: on Rigify's metarig and on hands under others' names, checked against their geometry."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix, Vector
+from mathutils.bvhtree import BVHTree
+
+from blender_addon import reporting
+from blender_addon.results import store
+
+from . import hand_rigs
+from .build import CUBE, CUBE_FACES, cube, keys, mesh_object, span
+from .hand_rigs import FINGERS, HandRig, hand
+from .test_undo import push, undo
+
+NAMINGS: dict[str, dict[str, Any]] = {
+    "Unreal": {"name": hand_rigs.unreal, "wrist": "hand_{}"},
+    "Mixamo": {"name": hand_rigs.mixamo, "wrist": "mixamorig:{}Hand", "ends": True, "object_scale": 0.01},
+    "MakeHuman": {"name": hand_rigs.makehuman, "wrist": "wrist.{}"},
+    "WebXR": {"name": hand_rigs.webxr, "flat": True, "ends": True, "made_up": True},
+    "nameless": {"name": hand_rigs.nameless, "wrist": "Bone"},
+}
+
+
+def made(naming: str, side: str = "R", **more: Any) -> HandRig:
+    """Make a hand under the names of a tool."""
+    own = NAMINGS[naming] | more
+    words = {"Unreal": side.lower(), "Mixamo": {"L": "Left", "R": "Right"}[side]}
+    return hand(**(own | {"side": side, "wrist": own.get("wrist", "").format(words.get(naming, side))}))
+
+
+def fingers() -> dict[str, bpy.types.Object]:
+    """Return the fingers of the scene, by their names' first word."""
+    bpy.context.view_layer.update()
+    return {o.name.split(".")[0].lower(): o for o in bpy.context.scene.objects if o.dermis.role == "FINGER"}
+
+
+def check(rig: HandRig, metres: float = 1.0) -> None:
+    """Check nails, bones, size and place of five fingers against what the hand was made from."""
+    there = fingers()
+    assert set(there) == set(rig.last)
+    tree = None
+    if rig.skin is not None:
+        tree = BVHTree.FromObject(rig.skin, bpy.context.evaluated_depsgraph_get())
+    for name, obj in there.items():
+        assert (obj.parent, obj.parent_type, obj.parent_bone) == (rig.armature, "BONE", rig.last[name]), name
+        assert obj.scale == Vector((1.0, 1.0, 1.0))
+        frame = np.array(obj.matrix_world)
+        assert frame[:3, :3] @ frame[:3, :3].T == pytest.approx(np.eye(3), abs=1e-4)
+        assert np.linalg.det(frame[:3, :3]) == pytest.approx(1.0, abs=1e-4)
+        assert frame[:3, 2] @ rig.nails[name] > 0.98, name
+        size = obj.dermis.finger.skin
+        ahead = (rig.tips[name] - frame[:3, 3]) @ frame[:3, 1] * metres
+        assert ahead == pytest.approx(1e-3 * size.tip_mm, rel=0.05), name
+        if tree is not None:
+            to_skin = rig.skin.matrix_world.inverted()
+            near, normal, _, off = tree.find_nearest(to_skin @ Vector(frame[:3, 3]))
+            gap = (rig.skin.matrix_world @ near - Vector(frame[:3, 3])).length * metres
+            assert gap < 0.03e-3 * size.thickness_mm, (name, gap)
+            assert (rig.skin.matrix_world.to_3x3() @ normal).normalized() @ Vector(frame[:3, 2]) < -0.95, name
+
+
+@pytest.mark.parametrize("side", ["L", "R"])
+@pytest.mark.parametrize("skin", [True, False])
+@pytest.mark.parametrize("naming", NAMINGS)
+def test_five_fingers_lie_where_the_hand_has_them(naming: str, skin: bool, side: str) -> None:
+    placed = Matrix.LocRotScale((0.4, -0.2, 1.3), Matrix.Rotation(1.1, 3, Vector((1, 2, 3))), None)
+    rig = made(naming, side, skin=skin, placed=placed)
+    assert bpy.ops.dermis.attach_fingers() == {"FINISHED"}
+    check(rig)
+    sizes = {name: obj.dermis.finger.skin.width_mm for name, obj in fingers().items()}
+    assert sizes["thumb"] > sizes["index"] > sizes["little"]
+    assert sizes["index"] == pytest.approx(16.0, abs=1.5)
+
+
+@pytest.mark.parametrize("rest", ["L", "R", "BOTH"])
+def test_rigify_gets_its_nails_on_the_back_of_the_hand(rest: str) -> None:
+    metarig = hand_rigs.rigify()
+    assert bpy.ops.dermis.attach_fingers(hand=rest) == {"FINISHED"}
+    there = [o for o in bpy.context.scene.objects if o.dermis.role == "FINGER"]
+    sides = "LR" if rest == "BOTH" else rest
+    spelled = {"Thumb": "thumb", "Little": "f_pinky", "Index": "f_index", "Middle": "f_middle", "Ring": "f_ring"}
+    assert {(o.name, o.parent_bone) for o in there} == {
+        (f"{finger}.{side}", f"{bone}.03.{side}") for side in sides for finger, bone in spelled.items()
+    }
+    bpy.context.view_layer.update()
+    for obj in there:
+        # Rigify rolls its bones so that fingers bend about X towards Z: the palm's side.
+        palm = np.array(metarig.matrix_world @ metarig.pose.bones[obj.parent_bone].matrix)[:3, 2]
+        assert np.array(obj.matrix_world)[:3, 2] @ palm < -0.95, obj.name
+        bone = metarig.pose.bones[obj.parent_bone]
+        frame = np.array(obj.matrix_world)
+        assert frame[:3, 1] @ np.array(bone.vector.normalized()) == pytest.approx(1.0, abs=1e-4)
+        share = (frame[:3, 3] - np.array(bone.head)) @ frame[:3, 1] / bone.length
+        assert 0.5 < share < 0.7, obj.name
+
+
+@pytest.mark.parametrize(
+    ("scale", "metres", "more"),
+    [
+        (1.0, 1e-3, {}),
+        (1e-3, 1.0, {"object_scale": 100.0}),
+        (24e-3, 1.0, {}),
+        (1e-3 / 0.3048, 0.3048, {}),
+        (0.4e-3, 1.0, {}),
+    ],
+    ids=["millimetres", "scaled object", "a hand of 4.3 m", "feet", "a doll's"],
+)
+@pytest.mark.parametrize("skin", [True, False])
+def test_a_hand_of_any_size_gets_fingers_of_its_size(scale: float, metres: float, more: Any, skin: bool) -> None:
+    if metres != 1.0:
+        bpy.context.scene.unit_settings.system = "METRIC"
+        bpy.context.scene.unit_settings.scale_length = metres
+    rig = made("Unreal", "L", scale=scale, skin=skin, **more)
+    bpy.ops.dermis.attach_fingers()
+    check(rig, metres)
+    factor = scale * metres / 1e-3
+    index = fingers()["index"]
+    assert index.dermis.finger.skin.width_mm == pytest.approx(16.0 * factor, rel=0.06)
+    drawn = np.array([v.co for v in index.data.vertices]) * metres * 1e3
+    assert np.ptp(drawn[:, 0]) == pytest.approx(index.dermis.finger.skin.width_mm, rel=0.01)
+    if factor > 2.0:  # as many points of 0.8 mm as it would take are not worth having
+        assert index.dermis.finger.skin.contact == "nodes"
+    assert index.dermis.finger.skin.length_mm / index.dermis.finger.skin.width_mm == pytest.approx(1.5, abs=0.1)
+
+
+@pytest.mark.parametrize("bend", [0.0, 12.0])
+@pytest.mark.parametrize("skin", [True, False])
+def test_a_mirrored_armature_is_a_hand_of_the_other_side(skin: bool, bend: float) -> None:
+    rig = made("Unreal", "R", skin=skin, bend=bend, placed=Matrix.Scale(-1.0, 4, Vector((1.0, 2.0, 0.0)).normalized()))
+    bpy.ops.dermis.attach_fingers()
+    check(rig)
+
+
+def test_millimetres_without_units_are_refused_with_the_way_out() -> None:
+    made("Unreal", scale=1.0)
+    with pytest.raises(RuntimeError, match=r"no size that a skin can have.*Unit Scale 0.001"):
+        bpy.ops.dermis.attach_fingers()
+    assert fingers() == {} and not any(m.name.startswith("Fingertip") for m in bpy.data.meshes if m.users)
+
+
+def test_fingers_of_a_posed_hand_follow_it() -> None:
+    rig = made("Mixamo", "L")
+    arm = rig.armature
+    for name in rig.last.values():
+        arm.pose.bones[name].rotation_mode = "XYZ"
+    bpy.ops.dermis.attach_fingers()
+    at_rest = {name: np.array(obj.matrix_world) for name, obj in fingers().items()}
+    relative = {
+        name: np.linalg.inv(np.array(arm.matrix_world @ arm.pose.bones[rig.last[name]].matrix)) @ at_rest[name]
+        for name in at_rest
+    }
+    arm.location, arm.rotation_euler = (1.0, 2.0, 3.0), (0.3, 0.2, 0.1)
+    for name in rig.last.values():
+        arm.pose.bones[name].rotation_euler = (0.7, 0.1, -0.2)
+    for name, obj in fingers().items():
+        now = np.array(arm.matrix_world @ arm.pose.bones[rig.last[name]].matrix) @ relative[name]
+        assert np.array(obj.matrix_world) == pytest.approx(now, abs=1e-5)
+
+
+def test_a_hand_that_is_posed_gets_its_fingers_where_the_pose_has_them() -> None:
+    rig = made("Unreal")
+    bpy.ops.dermis.attach_fingers()
+    wanted = {}
+    for name, obj in fingers().items():
+        frame, bone = np.array(obj.matrix_world), rig.armature.pose.bones[rig.last[name]]
+        hinge = np.linalg.inv(np.array(rig.armature.matrix_world @ bone.matrix)[:3, :3]) @ frame[:3, 0]
+        bone.matrix_basis = Matrix.Rotation(-0.9, 4, Vector(hinge))  # as fingers bend
+    bpy.context.view_layer.update()
+    for name, obj in fingers().items():
+        wanted[name] = np.array(obj.matrix_world)
+        bpy.data.objects.remove(obj)
+    bpy.context.view_layer.objects.active = rig.armature
+    bpy.ops.dermis.attach_fingers()
+    for name, obj in fingers().items():
+        assert np.array(obj.matrix_world)[:3, 3] == pytest.approx(wanted[name][:3, 3], abs=3e-4)
+        assert np.array(obj.matrix_world)[:3, 2] @ wanted[name][:3, 2] > 0.99
+
+
+def test_a_bone_in_pose_mode_says_which_hand() -> None:
+    metarig = hand_rigs.rigify()
+    bpy.ops.object.mode_set(mode="POSE")
+    metarig.data.bones.active = metarig.data.bones["f_ring.02.L"]
+    bpy.ops.dermis.attach_fingers()
+    assert bpy.context.mode == "POSE" and bpy.context.object == metarig
+    assert {o.name for o in fingers().values()} == {f"{f.title()}.L" for f in FINGERS}
+
+
+def test_the_right_hand_is_meant_where_nothing_says() -> None:
+    hand_rigs.rigify()
+    bpy.ops.dermis.attach_fingers()
+    assert {o.name for o in fingers().values()} == {f"{f.title()}.R" for f in FINGERS}
+
+
+def test_a_mesh_that_bones_move_stands_for_its_armature() -> None:
+    rig = made("Unreal")
+    assert rig.skin is not None
+    rig.skin.parent = None
+    bpy.context.view_layer.objects.active = rig.skin
+    bpy.ops.dermis.attach_fingers()
+    check(rig)
+
+
+def test_rigid_parts_on_bones_are_a_robots_skin() -> None:
+    rig = made("Unreal", "R", skin=False)
+    part = mesh_object("Part", np.array(CUBE) * (0.016, 0.022, 0.014), CUBE_FACES)
+    part.parent, part.parent_type, part.parent_bone = rig.armature, "BONE", rig.last["index"]
+    bone = rig.armature.pose.bones[rig.last["index"]]
+    part.matrix_parent_inverse = Matrix.Translation((0.0, -0.5 * bone.length, 0.0))
+    bpy.context.view_layer.update()
+    bpy.context.view_layer.objects.active = rig.armature
+    bpy.ops.dermis.attach_fingers()
+    pad = part.matrix_world.inverted() @ fingers()["index"].matrix_world.translation
+    assert max(abs(pad.x) / 8e-3, abs(pad.z) / 7e-3) == pytest.approx(1.0, abs=0.25)
+    assert abs(pad.y) < 11e-3
+
+
+def test_given_rows_correct_what_was_found() -> None:
+    rig = made("Unreal")
+    rows = [
+        {"name": "index", "side": "R", "bone": "index_03_r", "use": True, "flip": True},
+        {"name": "ring", "side": "R", "bone": "middle_03_r", "use": True, "flip": False},
+        {"name": "thumb", "side": "R", "bone": "thumb_03_r", "use": False, "flip": False},
+    ]
+    bpy.ops.dermis.attach_fingers(tips=rows, device="haptip", skin=True)
+    there = fingers()
+    assert {name: obj.parent_bone for name, obj in there.items()} == {"index": "index_03_r", "ring": "middle_03_r"}
+    assert np.array(there["index"].matrix_world)[:3, 2] @ rig.nails["index"] < -0.98
+    assert np.array(there["ring"].matrix_world)[:3, 2] @ rig.nails["middle"] > 0.98
+    for obj in there.values():
+        assert [d.preset for d in obj.dermis.finger.devices] == ["haptip"] and obj.dermis.finger.skin.shown
+
+
+def test_a_device_goes_to_all_fingers_that_are_selected() -> None:
+    made("Unreal")
+    bpy.ops.dermis.attach_fingers()
+    assert set(bpy.context.selected_objects) == set(fingers().values())
+    bpy.ops.dermis.add_device(preset="haptip", finger="Ring.R")
+    assert all([d.preset for d in o.dermis.finger.devices] == ["haptip"] for o in fingers().values())
+    fingers()["thumb"].select_set(False)
+    bpy.context.view_layer.objects.active = fingers()["index"]
+    bpy.ops.dermis.add_device(preset="haptip", finger="Thumb.R")
+    assert {len(o.dermis.finger.devices) for n, o in fingers().items() if n != "thumb"} == {1}
+
+
+def test_a_bone_carries_one_finger_only() -> None:
+    rig = made("Unreal")
+    bpy.ops.dermis.attach_fingers()
+    bpy.data.objects.remove(fingers()["ring"])
+    bpy.context.view_layer.objects.active = rig.armature
+    bpy.ops.dermis.attach_fingers()
+    check(rig)
+    assert len([o for o in bpy.context.scene.objects if o.dermis.role == "FINGER"]) == 5
+    bpy.context.view_layer.objects.active = rig.armature
+    with pytest.raises(RuntimeError, match=r"no finger is chosen.*are there already"):
+        bpy.ops.dermis.attach_fingers()
+
+
+@pytest.mark.parametrize(
+    ("more", "sentence"),
+    [
+        ({"tips": [{"name": "index", "side": "R", "bone": "nose", "use": True, "flip": False}]}, "no such bone"),
+        ({"hand": "L"}, "it has no left hand"),
+        ({"device": "removed"}, "no such preset"),
+    ],
+)
+def test_what_cannot_be_attached_is_refused_and_makes_nothing(more: Any, sentence: str) -> None:
+    made("Unreal")
+    with pytest.raises(RuntimeError, match=sentence):
+        bpy.ops.dermis.attach_fingers(**more)
+    assert fingers() == {} and [f.severity for f in reporting.findings()] == ["error"]
+
+
+def test_bones_that_are_no_hand_are_refused_unless_one_is_picked() -> None:
+    data = bpy.data.armatures.new("Arm")
+    arm = bpy.data.objects.new("Arm", data)
+    bpy.context.scene.collection.objects.link(arm)
+    bpy.context.view_layer.objects.active = arm
+    with pytest.raises(RuntimeError, match="it has no bones"):
+        bpy.ops.dermis.attach_fingers()
+    bpy.ops.object.mode_set(mode="EDIT")
+    for i in range(3):
+        bone = data.edit_bones.new(f"Bone.{i}")
+        bone.head, bone.tail = (0.0, 0.03 * i, 0.0), (0.0, 0.03 * (i + 1), 0.0)
+        bone.parent = data.edit_bones.get(f"Bone.{i - 1}")
+    bpy.ops.object.mode_set(mode="OBJECT")
+    with pytest.raises(RuntimeError, match=r"no hand was found.*select the last bone"):
+        bpy.ops.dermis.attach_fingers()
+    bpy.ops.object.mode_set(mode="POSE")
+    data.bones.active = data.bones["Bone.2"]
+    bpy.ops.dermis.attach_fingers()
+    assert {name: obj.parent_bone for name, obj in fingers().items()} == {"index": "Bone.2"}
+
+
+def test_the_button_needs_an_armature() -> None:
+    thing = cube()
+    bpy.context.view_layer.objects.active = thing
+    assert not bpy.ops.dermis.attach_fingers.poll()
+    rig = made("Unreal")
+    bpy.context.view_layer.objects.active = rig.armature
+    assert bpy.ops.dermis.attach_fingers.poll()
+    bpy.ops.object.mode_set(mode="EDIT")
+    assert not bpy.ops.dermis.attach_fingers.poll()
+
+
+def test_undo_takes_all_fingers_away() -> None:
+    made("Unreal")
+    push("hand")
+    bpy.ops.dermis.attach_fingers()
+    push("attached")
+    assert len(fingers()) == 5
+    undo()
+    assert fingers() == {} and "Armature" in bpy.data.objects
+
+
+@pytest.mark.parametrize("naming", ["Rigify", "Unreal", "Mixamo", "MakeHuman", "WebXR"])
+def test_a_hand_is_baked_and_exported(naming: str, tmp_path) -> None:
+    scene = span(1, 6)
+    arm = hand_rigs.rigify() if naming == "Rigify" else made(naming, "R").armature
+    bpy.ops.dermis.attach_fingers(device="haptip", hand="R")
+    index = fingers()["index"]
+    frame = index.matrix_world.copy()
+    below = frame.translation - 0.012 * frame.col[2].to_3d()
+    block = cube("Block", 0.02, below)
+    block.rotation_euler = frame.to_euler()
+    down = -0.0026 * frame.col[2].to_3d()
+    keys(arm, "location", [1, 6], [arm.location, arm.location + down])
+    bpy.ops.dermis.bake()
+    bake = store.current(scene).bake
+    assert len(bake.outputs) == 5 and "error" not in [f.severity for f in reporting.findings()]
+    felt = next(o for o in bake.outputs if o.finger == index.name)
+    assert np.abs(felt.track.values - felt.track.values[0]).max() > 0.0
+    bpy.ops.dermis.export_tracks(directory=str(tmp_path))
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(f"{f.title()}_R.haptip.csv" for f in FINGERS)
+
+
+def test_skin_is_read_as_its_modifiers_leave_it() -> None:
+    rig = made("Unreal", "L")
+    assert rig.skin is not None
+    rig.skin.modifiers.new("Subdivision", "SUBSURF").levels = 1
+    thick = rig.skin.modifiers.new("Displace", "DISPLACE")
+    thick.strength, thick.mid_level = 0.001, 0.0  # a millimetre outwards
+    bpy.context.view_layer.objects.active = rig.armature
+    bpy.ops.dermis.attach_fingers()
+    bpy.context.view_layer.update()
+    tree = BVHTree.FromObject(rig.skin, bpy.context.evaluated_depsgraph_get())
+    for name, obj in fingers().items():
+        pad = obj.matrix_world.translation
+        assert tree.find_nearest(rig.skin.matrix_world.inverted() @ pad)[3] < 0.3e-3, name
+        assert np.array(obj.matrix_world)[:3, 2] @ rig.nails[name] > 0.98, name

@@ -1,0 +1,140 @@
+"""What is doubted before a bake, and what one click makes of it; fingers on surfaces."""
+
+from __future__ import annotations
+
+from math import radians
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Vector
+
+from blender_addon import doubts
+
+from .build import cube, keys, mesh_object
+from .hand_rigs import hand, unreal
+
+
+def found() -> dict[str, str]:
+    """Return the codes of the doubts about the scene, and whose they are."""
+    bpy.context.view_layer.update()
+    return {d.code: d.name for d in doubts.look(bpy.context.scene, bpy.context.view_layer)}
+
+
+def new_finger(location: tuple[float, float, float] = (0.0, 0.0, 1.0)) -> bpy.types.Object:
+    """Add a finger as the button does."""
+    bpy.context.scene.cursor.location = location
+    bpy.ops.dermis.add_finger()
+    return bpy.context.object
+
+
+def mend(code: str) -> None:
+    """Mend a doubt, and see that it is gone."""
+    name = found()[code]
+    assert bpy.ops.dermis.mend(code=code, name=name) == {"FINISHED"}
+    assert code not in found()
+
+
+def test_nothing_is_doubted_where_all_is_well() -> None:
+    new_finger((0.0, 0.0, 0.06))
+    cube(size=0.1)
+    assert found() == {}
+
+
+def test_a_finger_in_the_default_cube_is_put_on_its_surface() -> None:
+    finger = new_finger((0.3, 0.0, 0.9))
+    cube(size=2.0)
+    assert found() == {"inside": "Finger"}
+    mend("inside")
+    assert tuple(finger.matrix_world.translation) == pytest.approx((0.3, 0.0, 1.0), abs=1e-6)
+    assert tuple(finger.matrix_world.col[2].to_3d()) == pytest.approx((0.0, 0.0, 1.0), abs=1e-6)
+
+
+def test_a_press_is_not_inside_and_behind_a_plane_is_not_either() -> None:
+    finger = new_finger((0.0, 0.0, 0.498))
+    cube(size=1.0)
+    assert found() == {}
+    finger.location.z = -2.0
+    plane = mesh_object("Plane", [(-9, -9, 0), (9, -9, 0), (9, 9, 0), (-9, 9, 0)], [(0, 1, 2, 3)])
+    plane.dermis.role = "TOUCHABLE"
+    assert "inside" not in found()
+
+
+def test_a_scene_in_millimetres_is_told_and_fingers_keep_their_size() -> None:
+    finger = new_finger((0.0, 0.0, 60.0))
+    cube(size=80.0)
+    mend("units")
+    assert bpy.context.scene.unit_settings.scale_length == pytest.approx(1e-3)
+    width = np.ptp([v.co.x for v in finger.data.vertices])
+    assert width == pytest.approx(16.0, abs=0.1)  # in millimetres now
+
+
+def test_a_scaled_finger_gets_its_scale_cleared_where_it_is() -> None:
+    finger = new_finger()
+    cube(size=0.1)
+    finger.scale, finger.rotation_euler = (3.0, 3.0, 3.0), (0.4, 0.5, 0.6)
+    mend("finger-scale")
+    assert tuple(finger.scale) == pytest.approx((1.0, 1.0, 1.0))
+    assert finger.location == Vector((0.0, 0.0, 1.0))
+    assert tuple(finger.rotation_euler) == pytest.approx((0.4, 0.5, 0.6), abs=1e-5)
+
+
+def test_a_dot_on_a_large_hand_becomes_as_long_as_its_bone() -> None:
+    rig = hand(unreal, "R", wrist="hand_r", scale=0.02, skin=False)
+    finger = new_finger()
+    finger.parent, finger.parent_type, finger.parent_bone = rig.armature, "BONE", rig.last["index"]
+    finger.dermis.finger.skin.alpha = 0.7
+    mend("finger-size")
+    assert finger.dermis.finger.skin.length_mm == pytest.approx(500.0, rel=1e-3)  # the phalanx before: 25 mm by 20
+    assert finger.dermis.finger.skin.width_mm == pytest.approx(16.0 * 500.0 / 24.0, rel=1e-3)
+    assert finger.dermis.finger.skin.alpha == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize("made_up", [False, True])
+def test_attached_fingers_are_not_doubted(made_up: bool) -> None:
+    for scale in (1e-3, 20e-3):
+        hand(unreal, "R", wrist="hand_r", scale=scale, made_up=made_up)
+        bpy.ops.dermis.attach_fingers()
+        assert found() == {}
+
+
+@pytest.mark.parametrize("gap", [0.0, 2.0, -1.0])
+def test_a_finger_is_placed_on_the_selected_surface(gap: float) -> None:
+    thing = cube(size=0.1, location=(0.0, 0.0, 0.0))
+    thing.rotation_euler = (radians(30.0), 0.0, 0.0)
+    thing.scale = (2.0, 1.0, 1.0)
+    finger = new_finger((0.0, -0.04, 0.09))
+    thing.select_set(True)
+    bpy.context.view_layer.update()
+    bpy.ops.dermis.place_on_surface(gap=gap)
+    bpy.context.view_layer.update()
+    normal = Vector((0.0, -0.5, 3**0.5 / 2))
+    assert tuple(finger.matrix_world.col[2].to_3d()) == pytest.approx(tuple(normal), abs=1e-5)
+    assert finger.matrix_world.translation.dot(normal) == pytest.approx(0.05 + 1e-3 * gap, abs=1e-6)
+    assert tuple(finger.scale) == pytest.approx((1.0, 1.0, 1.0))
+
+
+def test_a_keyed_finger_gets_a_key_where_it_is_placed() -> None:
+    cube(size=0.1)
+    finger = new_finger((0.0, 0.0, 0.2))
+    keys(finger, "location", [1, 20], [(0.0, 0.0, 0.2), (0.01, 0.0, 0.2)])
+    bpy.context.scene.frame_set(10)
+    bpy.ops.dermis.place_on_surface()
+    bpy.context.scene.frame_set(1)
+    assert finger.location.z == pytest.approx(0.2)
+    bpy.context.scene.frame_set(10)
+    assert finger.location.z == pytest.approx(0.05, abs=1e-6)
+
+
+def test_a_finger_on_a_hand_is_not_placed() -> None:
+    hand(unreal, "R", wrist="hand_r")
+    bpy.ops.dermis.attach_fingers()
+    with pytest.raises(RuntimeError, match=r"hangs on a bone.*Pose its hand"):
+        bpy.ops.dermis.place_on_surface()
+
+
+def test_what_is_disabled_is_not_looked_at() -> None:
+    new_finger((0.3, 0.0, 0.9))
+    cube(size=2.0).hide_viewport = True
+    mesh_object("Empty", [], []).dermis.role = "TOUCHABLE"
+    assert found() == {}

@@ -1,0 +1,97 @@
+"""Recorded poses become keys: columns, units, axes, rates, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Quaternion, Vector
+
+from .build import cube, finger, span
+
+
+def ready() -> bpy.types.Object:
+    """Make an active finger."""
+    span(1, 10, fps=24)
+    made = finger(location=(0.0, 0.0, 0.0))
+    bpy.context.view_layer.objects.active = made
+    bpy.context.view_layer.update()
+    return made
+
+
+def written(folder: Path, text: str) -> str:
+    """Write a file and return its path."""
+    path = folder / "poses.csv"
+    path.write_text(text)
+    return str(path)
+
+
+def at(obj: bpy.types.Object, frame: float) -> np.ndarray:
+    """Return an object's matrix at a frame."""
+    bpy.context.scene.frame_set(int(frame), subframe=frame % 1)
+    return np.array(obj.matrix_world)
+
+
+@pytest.mark.parametrize("mode", ["XYZ", "QUATERNION"])
+def test_times_places_and_turns_come_to_their_frames(mode: str, tmp_path) -> None:
+    obj = ready()
+    obj.rotation_mode = mode
+    half = 0.5**0.5
+    text = f"t,x,y,z,w,x,y,z\n10.0,1,2,3,1,0,0,0\n10.5,3,2,1,{half},{half},0,0\n11.0,0,0,0,-1,0,0,0\n"
+    bpy.ops.dermis.import_poses(filepath=written(tmp_path, text), first=5, unit="MM")
+    assert bpy.context.scene.frame_end == 29
+    assert at(obj, 5)[:3, 3] == pytest.approx([1e-3, 2e-3, 3e-3])
+    assert at(obj, 17)[:3, 3] == pytest.approx([3e-3, 2e-3, 1e-3])
+    assert at(obj, 17)[:3, 1] == pytest.approx([0.0, 0.0, 1.0], abs=1e-6)  # a quarter about X
+    assert at(obj, 29)[:3, :3] == pytest.approx(np.eye(3), abs=1e-6)
+    assert at(obj, 11)[:3, 3] == pytest.approx([2e-3, 2e-3, 2e-3])
+    assert np.linalg.det(at(obj, 23)[:3, :3]) == pytest.approx(1.0, abs=1e-5)
+
+
+def test_rows_without_times_have_a_rate_and_places_alone_keep_the_turn(tmp_path) -> None:
+    obj = ready()
+    obj.rotation_euler = (0.1, 0.2, 0.3)
+    bpy.context.view_layer.update()
+    rows = "\n".join(f"{i},0,0" for i in range(49))
+    bpy.ops.dermis.import_poses(filepath=written(tmp_path, rows), rate=48.0)
+    assert bpy.context.scene.frame_end == 25
+    assert at(obj, 13.5)[0, 3] == pytest.approx(25.0)
+    assert tuple(obj.rotation_euler) == pytest.approx((0.1, 0.2, 0.3), abs=1e-5)
+
+
+def test_what_is_up_there_is_up_here(tmp_path) -> None:
+    obj = ready()
+    turn = Quaternion(Vector((0.3, 1.0, 0.2)).normalized(), 0.7)
+    row = f"1,2,-3,{turn.x},{turn.y},{turn.z},{turn.w}\n"
+    bpy.ops.dermis.import_poses(filepath=written(tmp_path, row * 3), rate=24.0, y_up=True, w_last=True)
+    found = at(obj, 1)
+    assert found[:3, 3] == pytest.approx([1.0, 3.0, 2.0])
+    there = np.array(turn.to_matrix())[:, 1]  # the thing's own Y, Y up
+    assert found[:3, 1] == pytest.approx([there[0], -there[2], there[1]], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("1,2\n3,4\n", "no poses"),
+        ("0,1,2,3\n0,1,2,3\n", "times do not rise"),
+        ("0,1,2,3\n", "times do not rise"),
+        ("0,1,2,3\n1,a,2,3\n", "row 2"),
+        ("0,0,0,0,0,0,0\n0,0,0,0,0,0,0\n", "no length"),
+        ("", "no rows"),
+    ],
+)
+def test_what_is_no_recording_is_refused(text: str, words: str, tmp_path) -> None:
+    obj = ready()
+    with pytest.raises(RuntimeError, match=words):
+        bpy.ops.dermis.import_poses(filepath=written(tmp_path, text))
+    assert obj.animation_data is None
+
+
+def test_what_hangs_on_something_is_not_keyed(tmp_path) -> None:
+    obj = ready()
+    obj.parent = cube()
+    with pytest.raises(RuntimeError, match="without a parent"):
+        bpy.ops.dermis.import_poses(filepath=written(tmp_path, "0,0,0\n1,1,1\n"))

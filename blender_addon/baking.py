@@ -23,7 +23,7 @@ def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None =
     Raises:
         DermisError: the scene cannot be sampled or rendered.
     """
-    yield core.pipeline.render.Progress("preparing", 0, 1)
+    yield core.pipeline.bake.Progress("preparing", 0, 1)
     yield from platform_devices.make_missing(scene)
     tactile = scene_sweep.sample(scene, span=span)
     sweep = tactile.chunks
@@ -37,7 +37,7 @@ def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None =
             ready = sweep.advance()
             sampling_seconds += time.perf_counter() - start
             if not ready:
-                yield core.pipeline.render.Progress("sampling", sweep.done, sweep.total)
+                yield core.pipeline.bake.Progress("sampling", sweep.done, sweep.total)
                 continue
             try:
                 with skin_models.one_thread() if skins else nullcontext():

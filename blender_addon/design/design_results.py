@@ -48,7 +48,7 @@ def find(scene: bpy.types.Scene) -> Generator[Any, None, Any]:
             different fingers, or a touch that never touches.
     """
     settings = scene.dermis_design
-    task, progress = core.design.task, core.pipeline.render.Progress
+    task, progress = core.design.task, core.pipeline.bake.Progress
     spec = active_presets.spec_of(settings.device, "platform")
     if spec is None:
         raise DermisError(

@@ -77,7 +77,7 @@ def make(obj: bpy.types.Object, device: Any) -> Generator[Any, None, Any]:
     spec = active_presets.spec_of(device.preset, "platform")
     if spec is None:
         raise DermisError("the finger wears no platform", where=f"finger '{obj.name}'", remedy="Add one under Devices")
-    yield core.pipeline.render.Progress("skin", 0, 1)
+    yield core.pipeline.bake.Progress("skin", 0, 1)
     skin, rows = skin_properties.parameters(obj.dermis.finger.skin), int(device.table_rows)
     steps = swept(spec, skin["skin"], skin["skin_level"], rows)
     model, made = yield from steps
@@ -120,7 +120,7 @@ def swept(spec: Any, skin: dict[str, Any], level: str, rows: int | None) -> Gene
                     done, total = next(steps)
             except StopIteration as stop:
                 return model, stop.value
-            yield core.pipeline.render.Progress("table", done, total)
+            yield core.pipeline.bake.Progress("table", done, total)
 
 
 def folder() -> Path:

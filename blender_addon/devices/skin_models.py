@@ -124,7 +124,7 @@ def make_pad(skin: Mapping[str, float]) -> float | None:
 
 def make_pads(
     tactile: core.scene.tactile_scene.TactileScene, presets: core.presets.Library
-) -> Generator[core.pipeline.render.Progress, None, None]:
+) -> Generator[core.pipeline.bake.Progress, None, None]:
     """Make the tables of smooth pads that a bake will need; yield progress.
 
     What cannot be made is left to the bake, which solves contact at the mesh's nodes and says so.
@@ -136,7 +136,7 @@ def make_pads(
         except DermisError:
             continue
         while (done := make_pad(finger.parameters["skin"])) is not None and done < 1.0:
-            yield core.pipeline.render.Progress("skin", round(100 * done), 100)
+            yield core.pipeline.bake.Progress("skin", round(100 * done), 100)
             time.sleep(POLL / 5)  # nobody else waits meanwhile, and a timer may not run
             _tick()
 

@@ -44,7 +44,7 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
         **less,
     }
     where = f"finger '{obj.name}', skin"
-    yield core.pipeline.render.Progress("starting", 0, 1)
+    yield core.pipeline.bake.Progress("starting", 0, 1)
     with skin_models.one_thread():
         model = skin_models.get(skin["skin"], skin["skin_level"], where=where, wait=True)
         mechanism = core.matching.thimble_use.calibrated_mechanism(spec, model, use)
@@ -54,9 +54,7 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
         with core.work.processes.ProcessExecutor() as executor:
             job = executor.submit("adapt", {}, parameters)
             for now, total in job.follow():
-                yield core.pipeline.render.Progress(
-                    "moving the disc" if now < MOVING else "learning", now, max(total, 1)
-                )
+                yield core.pipeline.bake.Progress("moving the disc" if now < MOVING else "learning", now, max(total, 1))
             made, done = dict(job.result()), True
             return made
     finally:

@@ -232,7 +232,7 @@ def _read(path: Path) -> Result:
                 for i, entry in enumerate(header["outputs"])
             )
             skins = stored_skins.unpack(header.get("skins", []), file)
-        bake = core.pipeline.render.Bake(
+        bake = core.pipeline.bake.Bake(
             outputs,
             tuple(Finding(**f) for f in header["findings"]),
             header["skipped"],

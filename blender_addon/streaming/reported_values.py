@@ -76,6 +76,6 @@ def of_file(scene: bpy.types.Scene) -> Preview | None:
         return None
     output = core.pipeline.bake.Output(named if named in fingers else fingers[0], track.spec.key, track, {}, ())
     first, fps = streamed_track.origin(scene)
-    result = store.Result(core.pipeline.render.Bake((output,), (), {}, ""), fps, first, -1, ())
+    result = store.Result(core.pipeline.bake.Bake((output,), (), {}, ""), fps, first, -1, ())
     frame = device_preview.frame_of(scene)
     return Preview(frame, "file", "from a track file", (device_preview.baked_row(result, output, frame),))

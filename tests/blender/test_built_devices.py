@@ -31,7 +31,7 @@ VIRTUAL = b"VIRTUAL1".hex()  # what the simulated device answers with
 
 def bake(scene: Any, *fingers: str) -> None:
     """Keep a bake with a HapTip's track for some fingers."""
-    pipeline = core.pipeline.render
+    pipeline = core.pipeline.bake
     found = tuple(pipeline.Output(n, HAPTIP, a_track(finger_name=n), {}, ()) for n in fingers)
     store.keep(scene, pipeline.Bake(found, (), {}, "hash"))
 

@@ -38,7 +38,7 @@ def a_track(seconds: float = 2.0, finger_name: str = "Finger") -> Any:
 
 def a_bake(track: Any) -> Any:
     """Put a bake with one output into the scene's results; return the scene."""
-    pipeline = core.pipeline.render
+    pipeline = core.pipeline.bake
     scene = bpy.context.scene
     scene.frame_start, scene.frame_end = 1, 49
     store.keep(scene, pipeline.Bake((pipeline.Output("Finger", HAPTIP, track, {}, ()),), (), {}, "hash"))

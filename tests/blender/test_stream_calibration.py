@@ -23,7 +23,7 @@ pytestmark = pytest.mark.real_time
 @pytest.fixture
 def scene() -> Any:
     """Two fingers with a HapTip each, and a bake for both."""
-    pipeline, made = core.pipeline.render, bpy.context.scene
+    pipeline, made = core.pipeline.bake, bpy.context.scene
     made.frame_start, made.frame_end = 1, 49
     for name in ("Index", "Thumb"):
         build.finger(name).dermis.finger.devices.add().preset = HAPTIP

@@ -50,7 +50,7 @@ def there(values: Any) -> Any:
 
 def another_bake(scene: Any, first: int) -> Any:
     """Keep a bake of a smaller circle that starts at another frame; return its track."""
-    pipeline, track = core.pipeline.render, a_track()
+    pipeline, track = core.pipeline.bake, a_track()
     track.values[:, 2:] *= 0.25
     scene.frame_start = first
     store.keep(scene, pipeline.Bake((pipeline.Output("Finger", HAPTIP, track, {}, ()),), (), {}, "other"))

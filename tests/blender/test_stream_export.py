@@ -21,7 +21,7 @@ from .test_stream import HAPTIP, a_track
 @pytest.fixture
 def two() -> Any:
     """Two fingers in one scene and one in another; each scene with a bake."""
-    pipeline, scene = core.pipeline.render, bpy.context.scene
+    pipeline, scene = core.pipeline.bake, bpy.context.scene
     for name in ("Index", "Thumb"):
         build.finger(name)
     other = bpy.data.scenes.new("Other")
@@ -170,7 +170,7 @@ def test_two_markers_on_one_frame_and_some_outside(two: Any, tmp_path: Path) -> 
 
 
 def test_scenes_whose_names_meet(two: Any, tmp_path: Path) -> None:
-    pipeline = core.pipeline.render
+    pipeline = core.pipeline.bake
     for name in ("S 1", "S_1", "s_1"):
         scene = bpy.data.scenes.new(name)
         assert scene.name == name
@@ -207,7 +207,7 @@ def test_a_range_that_is_the_whole_bake(tmp_path: Path, last: int) -> None:
 
 def keep(*tracks: Any) -> None:
     """Make a bake of the active scene, with a finger for each track."""
-    pipeline, scene = core.pipeline.render, bpy.context.scene
+    pipeline, scene = core.pipeline.bake, bpy.context.scene
     scene.frame_start, scene.frame_end = 1, 49
     found = tuple(pipeline.Output(t.meta["finger"], t.spec.key, t, {}, ()) for t in tracks)
     store.keep(scene, pipeline.Bake(found, (), {}, "hash"))

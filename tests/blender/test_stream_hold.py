@@ -168,7 +168,7 @@ def test_blenders_own_operators_have_the_names_that_are_looked_for() -> None:
 
 def test_a_bake_that_is_kept_is_sent_only_after_its_sweep(scene: Any) -> None:
     """The bake's frames pass with the old track held; the new one and its own times come together."""
-    pipeline = core.pipeline.render
+    pipeline = core.pipeline.bake
     session.connect(scene)
     old = session._client._request["track"]
     scene.frame_start = 7

@@ -59,13 +59,6 @@ def missing(obj: bpy.types.Object, device: Any) -> bool:
         return False
 
 
-def waits(finger: str, preset: str) -> bool:
-    """Return whether a finger's platform cannot be shown while scrubbing, because its table must be made first."""
-    obj = bpy.context.scene.objects.get(finger)
-    devices = obj.dermis.finger.devices if obj is not None else ()
-    return any(d.preset == preset and missing(obj, d) for d in devices)
-
-
 def make(obj: bpy.types.Object, device: Any) -> Generator[Any, None, Any]:
     """Sweep a finger's platform and keep the table; yield progress, return it.
 

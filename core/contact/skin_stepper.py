@@ -63,8 +63,8 @@ class SkinStepper:
         self._low, self._high = skin.positions.min(axis=0), skin.positions.max(axis=0)
         self._order: list[int] = []  # bodies it has ever been near; only ever grows
         self._proximity = Proximity(skin.positions, self.bone.solver.bone)
-        # what touches the smooth skin may be as far from the nodes, which tell whether anything does [m]
-        self._between = float(np.sqrt(skin.areas.max()))
+        # what touches the smooth skin may be as far from the nodes about, which tell whether anything does [m]
+        self._between = self._proximity.grouped(np.sqrt(skin.areas))
 
     def approach(self) -> Approach:
         """Find the bodies whose boxes come within reach of the fingertip's in the chunk, and in which samples.

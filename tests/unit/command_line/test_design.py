@@ -56,8 +56,10 @@ def test_the_report_comes_as_text_json_picture_and_preset(reported):
     report = json.loads((out / "report.json").read_text(encoding="utf-8"))
     assert (out / "report.txt").read_text(encoding="utf-8") == made.stdout
     assert (out / "report.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
-    joint = report["joint"]["variance"]
-    assert report["interactions"] == ["flat"] and len(joint["percent"][0]) == 3 and joint["percent"][0][2] == 0.0
+    joint = report["joint"]
+    percent = joint["rules"]["touch"]["percent"][0]
+    assert report["interactions"] == ["flat"] and len(percent) == 3 and percent[2] == 0.0
+    assert report["repetitions"] == [3] and 0.0 < report["scatter_counts"][0] < 0.2 * joint["touch_counts"][0]
     assert sum(joint["explained"]) == pytest.approx(1.0)
     radii = np.array(joint["pulley_radii_m"])
     assert np.abs(radii).max(axis=0) == pytest.approx(7e-3)  # the largest is the original pulley

@@ -191,7 +191,7 @@ def test_the_rule_and_the_expected_numbers_stand_fixed(spec):
 
 
 def test_every_exception_is_told():
-    good = Verdict("flat", 0, 1, (1, 1), ((5.0, 0.0), (5.0, 0.0)), 50.0)
-    bad = Verdict("tip", 3, 2, (3, 2), ((50.0, 12.0, 0.0), (50.0, 8.0, 0.0)), 50.0)
+    good = Verdict("flat", 0, 1, (1, 1), ((5.0, 0.0), (5.0, 0.0)), 50.0, 900.0)
+    bad = Verdict("tip", 3, 2, (3, 2), ((50.0, 12.0, 0.0), (50.0, 8.0, 0.0)), 50.0, 900.0)
     (line,) = exceptions([good, bad])
-    assert line == "tip, seed 3, by variance: 3 instead of 2 (50.0, 12.0, 0.0 %)"
+    assert line == "tip, seed 3, by touch: 3 instead of 2 (50.0, 12.0, 0.0 %)"

@@ -114,7 +114,7 @@ def test_the_trial_prints_every_exception(reported):
 def test_the_interactions_own_poses_are_not_in_the_table(skin, device):
     """A table that held the very poses would look itself up."""
     spec = Library().device(device)
-    known = sweep(spec, skin.positions)
+    known, _ = sweep(spec, skin.positions)
     carrier, span = mechanism(spec), np.ptp(known, axis=0)
     from scipy.spatial import cKDTree
 

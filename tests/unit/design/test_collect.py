@@ -46,7 +46,8 @@ def drain(steps):
 
 
 def test_the_sweep_is_the_papers(spec, skin):
-    commands = sweep(spec, skin.positions)
+    commands, unreached = sweep(spec, skin.positions)
+    assert unreached == 0
     assert commands.shape == (166_375, 3) and 55**3 == 166_375
     low, high = np.array([(c.low, c.high) for c in spec.channels]).T
     assert ((commands >= low) & (commands <= high)).all()

@@ -64,7 +64,7 @@ def collect(
     """
     skin = _skin(shape, Elastic(**(material or {})), level)
     points = press_points(skin) if points is None else points
-    commands, unreached = sweep(spec, skin.positions, rows)
+    commands, unreached = sweep(spec, points.positions, rows)
     name = "dermis-sweep 2", original_key(spec), skin.key, repr(skin.material), points.on
     key = cache_key(*name, commands.tobytes())[:16]
     folder = Path(folder) / key
@@ -94,10 +94,10 @@ def reversed_spread(spec: DeviceSpec, skin: SkinModel, rows: int = SPREAD_ROWS) 
     Returns:
         'rms' and 'worst' over rows of the root mean square over channels [counts].
     """
-    commands, deeper = (commands_swept(each, skin.positions, rows) for each in (spec, _deeper(spec)))
+    press, sensor = press_of(skin, spec), readings_of(skin)
+    commands, deeper = (commands_swept(each, press.points.positions, rows) for each in (spec, _deeper(spec)))
     within = reached(spec, commands) & reached(spec, deeper)
     commands, deeper = commands[within], deeper[within]
-    press, sensor = press_of(skin, spec), readings_of(skin)
     direct, back = press.press(commands), press.press(commands, via=deeper)
     both = direct.touching & back.touching & (direct.imbalance < 0.02) & (back.imbalance < 0.02)
     apart = quantised(sensor.counts(direct.force[both])) - quantised(sensor.counts(back.force[both])).astype(float)

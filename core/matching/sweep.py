@@ -56,7 +56,7 @@ def commands_swept(spec: DeviceSpec, points: Array, rows: int | None = None) -> 
     undeformed skin.
 
     Args:
-        points: undeformed pad nodes [m], shape (m, 3).
+        points: of undeformed skin that are pressed [m], shape (m, 3).
         rows: about how many; as the preset says where None. A grid takes the next smaller cube.
 
     Raises:

@@ -201,7 +201,7 @@ def tabulate(readings: Readings, commands: Array, pressed: Pressed) -> tuple[Arr
 def build(spec: DeviceSpec, skin: SkinModel, readings: Readings, rows: int) -> SkinTable:
     """Sweep a small table in this process; `design.collect` is for large ones."""
     press = press_of(skin, spec)
-    commands, unreached = sweep(spec, skin.positions, rows)
+    commands, unreached = sweep(spec, press.points.positions, rows)
     kept, counts, left = tabulate(readings, commands, press.press(commands))
     asked = {"asked": len(commands) + unreached, "unreached_rows": unreached, "pressed_on": press.points.on}
     return assemble(spec, skin, readings, kept, counts, {**asked, **left})

@@ -106,7 +106,7 @@ def collect_rows() -> Result:
 
     spec, skin = Library().device("cable_platform"), fingertip_skin(level="draft")
     press, sensor = press_of(skin, spec), readings_of(skin)
-    whole, _ = sweep(spec, skin.positions)
+    whole, _ = sweep(spec, press.points.positions)
     commands = whole[:: len(whole) // COLLECT_ROWS][:COLLECT_ROWS]
     rates = []
     with one_blas_thread():

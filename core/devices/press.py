@@ -108,7 +108,7 @@ class Press:
         for aim in (commands,) if via is None else (commands, via):
             own = problem.gap(self.carrier.carry(aim, start))
             gap = np.minimum(gap, own + REACH * np.minimum(own.min(axis=1, keepdims=True), 0.0))
-        near = np.flatnonzero((gap <= 0.0).any(axis=0))
+        near = np.flatnonzero((gap <= max(float(gap.min()), 0.0)).any(axis=0))
         if len(near) > MOST * problem.count:
             return self._pressed(commands, via, problem, np.arange(problem.count))
         found = self._pressed(commands, via, problem.part(near), near)

@@ -29,6 +29,8 @@ ROOT = Path(__file__).resolve().parent
 VENV = ROOT / ".venv"
 DIST = ROOT / "dist"
 TEMPLATE = ROOT / "blender_addon" / "blender_manifest.toml"
+INSTALL = ROOT / "blender_addon" / "INSTALL.md"
+CHANGES = ROOT / "CHANGELOG.md"
 LOCKS = ROOT / ".ci"
 WHEELS = LOCKS / "wheels.txt"
 BLENDER = {(3, 11): "4.5 LTS", (3, 13): "5.2 LTS"}  # the Python that each Blender line runs on
@@ -376,6 +378,24 @@ def build_zip(python: Path, folder: Path, target: str | None, pythons: tuple[str
     return path
 
 
+def release_notes(zips: list[Path]) -> str:
+    """Return the notes of a release for the page it is offered on: what is new, the files, and how to install one.
+
+    What is new is the changelog's part of the manifest's version, or what has come since, where there is any.
+    """
+    parts = re.split(r"^## +", CHANGES.read_text(encoding="utf-8"), flags=re.M)[1:]
+    version = manifest_value("version")
+    titled = [part for part in parts if re.match(rf"Unreleased\n|{re.escape(version)}\b", part)]
+    news = [part.partition("\n")[2].strip() for part in titled]
+    if not any(news):
+        raise Stop(f"{CHANGES} has no part for {version}: its heading is '## {version}, DATE', or '## Unreleased'.")
+    rows = [f"| `{z.name}` | {z.stat().st_size / 1e6:.1f} MB | `{digest(z)}` |" for z in zips]
+    steps = INSTALL.read_text(encoding="utf-8").partition("\n")[2].replace("\n## ", "\n### ").strip()
+    head = f"# Dermis {version}\n\n## What is new\n\n{next(part for part in news if part)}\n\n"
+    files = "\n".join(["## Files", "", "| file | size | SHA-256 |", "|---|---|---|", *rows])
+    return f"{head}{files}\n\n## Install\n\n{steps}\n"
+
+
 def tool_python() -> Path:
     """Return a Python that has pip, to download wheels with: this one, or one made for it."""
     if printed(sys.executable, "-m", "pip", "--version"):
@@ -394,13 +414,17 @@ def tool_python() -> Path:
 
 
 def build(options: argparse.Namespace) -> int:
-    """Build the zips into dist/: with any Python, and without downloading Blender."""
+    """Build the zips and the notes of their release into dist/: with any Python, and without downloading Blender."""
     python = tool_python()
     pythons = tuple(sorted({*DEFAULT_PYTHONS, *options.python}, key=PINNED_PYTHONS.index))
     targets = [None] if options.no_wheels else (options.platform or list(PLATFORMS))
+    zips = []
     for target in targets:
-        path = build_zip(python, options.out, target, pythons)
-        say(f"{path}  {path.stat().st_size / 1e6:.1f} MB  sha256 {digest(path)}")
+        zips.append(build_zip(python, options.out, target, pythons))
+        say(f"{zips[-1]}  {zips[-1].stat().st_size / 1e6:.1f} MB  sha256 {digest(zips[-1])}")
+    notes = options.out / "RELEASE_NOTES.md"
+    notes.write_text(release_notes(zips), encoding="utf-8")
+    say(f"{notes}")
     return 0
 
 

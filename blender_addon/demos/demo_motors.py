@@ -37,7 +37,8 @@ def build(which: str, device: str = DEVICE, seed: int = 0) -> bpy.types.Scene:
     model: Any = skin_models.get({}, "draft", wait=True)
     touch = interactions.interaction(which, model.positions, seed=seed)
     scene = demo_stage.begin(f"{NAME}: {TITLES[which]}", int(interactions.FPS), touch.frame_range[1])
-    demo_stage.finger_with_skin(scene, "Index", device, level="draft")
+    finger = demo_stage.finger_with_skin(scene, "Index", device, level="draft")
+    finger.dermis.finger.skin.contact = core.parameters.skin.CONTACT  # the look-up table's, even if a draft
     scene.dermis.sample_rate = interactions.RATE
     scene.dermis_design.device = device
     slab = interactions.slab()

@@ -74,14 +74,18 @@ class DermisDesign(bpy.types.PropertyGroup):
         soft_max=20.0,
         options=set(),
     )
-    choice: EnumProperty(
-        name="Components",
-        description="How the couplings are chosen",
+    rule: EnumProperty(
+        name="Rule",
+        description="How many motors are enough",
         items=(
-            ("variance", "Variance", "Those that explain most of the movement of the motors, as in the paper"),
-            ("rendered", "Rendered Error", "Those that leave least of what is sensed, to first order"),
+            (
+                "touch",
+                "Of the Touch",
+                "The fewest that lose less than a tenth of the touch beyond what all motors leave",
+            ),
+            ("paper", "Paper's", "The fewest whose error is less than a tenth above that of all motors"),
         ),
-        default="variance",
+        default="touch",
         options=set(),
     )
     motors: IntProperty(

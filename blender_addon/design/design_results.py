@@ -111,7 +111,7 @@ def make_preset(scene: bpy.types.Scene, found: Any) -> str:
         DermisError: more motors than the device has, or a folder that cannot be written.
     """
     coupled_preset, settings = core.design.coupled_preset, scene.dermis_design
-    made = coupled_preset.preset(found, settings.choice, settings.motors or None)
+    made = coupled_preset.preset(found, settings.rule, settings.motors or None)
     count = len(made["channels"])
     names = "_".join(re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_") for name in found.names)[:40].strip("_")
     key = f"{found.spec.key}_{count}_motor{'s' if count > 1 else ''}_{names}"
@@ -131,7 +131,7 @@ def keep(scene: bpy.types.Scene, found: Any, preset: str) -> Answer:
     """Draw the picture, load it as an image of the file, and remember what was found."""
     folder = user_folder("designs", create=True)
     picture = folder / f"{re.sub(r'[^A-Za-z0-9_-]+', '_', scene.name)}.png"
-    core.design.picture.write_picture(found, picture)
+    core.design.picture.write_picture(found, picture, scene.dermis_design.rule)
     image = bpy.data.images.get(IMAGE)
     if image is None:
         image = bpy.data.images.load(str(picture))
@@ -152,7 +152,7 @@ def save(scene: bpy.types.Scene, folder: Path) -> tuple[Path, ...]:
     if answer is None:
         raise DermisError("nothing was found yet", where="How Many Motors?", remedy="Press How Many Motors?")
     motors = settings.motors or None
-    return core.design.task.write(answer.design, folder, choice=settings.choice, motors=motors)
+    return core.design.task.write(answer.design, folder, rule=settings.rule, motors=motors)
 
 
 def forget() -> None:

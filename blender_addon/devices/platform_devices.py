@@ -105,7 +105,14 @@ def swept(spec: Any, skin: dict[str, Any], level: str, rows: int | None) -> Gene
     shape = core.skin.shape.shape_from_parameters(lengths)
     with core.work.processes.ProcessExecutor(WORKERS) as executor:
         steps = core.design.collect.collect(
-            spec, shape, folder(), level=level, rows=rows, executor=executor, material=material
+            spec,
+            shape,
+            folder(),
+            level=level,
+            rows=rows,
+            executor=executor,
+            material=material,
+            points=core.skin.press_points.press_points(model),
         )
         while True:
             try:

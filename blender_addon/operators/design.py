@@ -111,8 +111,8 @@ class DERMIS_OT_design(jobs.Job, bpy.types.Operator):
         scene = context.scene
         key = design_results.make_preset(scene, result)
         design_results.keep(scene, result, key)
-        found, n = result.by(scene.dermis_design.choice), len(result.spec.channels)
-        done = f"{found.motors} of {n} motors. New device preset: {key}"
+        motors, n = result.joint.motors(scene.dermis_design.rule), len(result.spec.channels)
+        done = f"{motors} of {n} motors. New device preset: {key}"
         findings = (*result.findings, *design_results.preset_findings(key))
         reporting.report_findings(self, findings, self.bl_label, done)
         return {"FINISHED"}
@@ -120,7 +120,7 @@ class DERMIS_OT_design(jobs.Job, bpy.types.Operator):
 
 @needs(lambda context: design_results.current(context.scene) is not None)
 class DERMIS_OT_design_preset(Work, bpy.types.Operator):
-    """Write the device preset anew, for other components or another number of motors"""
+    """Write the device preset anew, by another rule or for another number of motors"""
 
     bl_idname = "dermis.design_preset"
     bl_label = "Write Preset"

@@ -112,28 +112,36 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
 
     def _answer(self, context: bpy.types.Context, answer: design_results.Answer) -> None:
         layout, own, design = self.layout, context.scene.dermis_design, answer.design
-        reduction, n = design.by(own.choice), len(design.spec.channels)
+        reduction, n = design.joint, len(design.spec.channels)
+        motors = reduction.motors(own.rule)
         box = layout.box()
-        text = f"{reduction.motors} of {n} motors" if reduction.motors < n else f"All {n} motors"
-        box.label(text=text, icon="CHECKMARK")
+        box.label(text=f"{motors} of {n} motors" if motors < n else f"All {n} motors", icon="CHECKMARK")
         grid = box.grid_flow(row_major=True, columns=n + 1, even_columns=False, align=True)
         for text in ("motors", *map(str, range(1, n + 1))):
             grid.label(text=text)
-        for text in ("error +%", *(f"{p:.0f}" for p in reduction.mean_percent)):
+        for text in ("lost %", *(f"{p:.1f}" for p in reduction.mean_percent(own.rule))):
             grid.label(text=text)
         for text in ("share %", *(f"{100 * p:.1f}" for p in reduction.components.explained)):
             grid.label(text=text)
-        if not design.low_rank:
+        above, below = (100.0 * limit for limit in reduction.limits(own.rule))
+        lost = "of the touch" if own.rule == "touch" else "of what all motors leave"
+        upto = f" to {below:.0f} %" if below < float("inf") else ""
+        paragraph(box, context, f"Lost {lost}, beyond all motors. Any limit from {above:.1f}{upto} says the same.")
+        for name, (count, apart), touch in zip(design.names, design.repetitions, reduction.touch.tolist(), strict=True):
+            if count > 1:
+                again = f"its {count} repetitions differ by {100.0 * apart / touch:.0f} % of it"
+                paragraph(box, context, f"{name}: {again}")
+        if not design.low_rank(own.rule):
             paragraph(
                 box,
                 context,
                 "Not of low rank: no fewer motors both stay within the rule and explain the movement.",
                 "INFO",
             )
-        count = min(own.motors or reduction.motors, n)
+        count = min(own.motors or motors, n)
         self._couplings(box, design, reduction, count)
         layout.operator("dermis.show_design", icon="IMAGE_DATA")
-        properties(layout, own, "choice", "motors", keys=False)
+        properties(layout, own, "rule", "motors", keys=False)
         row = layout.row(align=True)
         row.operator("dermis.design_preset", icon="PRESET_NEW")
         row.operator("dermis.save_design", icon="EXPORT")

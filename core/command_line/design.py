@@ -12,7 +12,7 @@ from typing import Any
 from ..design import task
 from ..design.interactions import NAMES, interaction
 from ..design.report import as_json, as_text
-from ..design.synergies import CHOICES
+from ..design.synergies import RULES
 from ..design.trial import exceptions, trial
 from ..devices.coupling import refuse_coupled
 from ..devices.safe_state import safe_findings
@@ -89,7 +89,7 @@ def run(options: argparse.Namespace) -> int:
     )
     print(shown, end="")
     if options.out is not None:
-        paths = task.write(found, options.out, choice=options.choice or "variance", motors=options.motors)
+        paths = task.write(found, options.out, rule=options.rule or "touch", motors=options.motors)
         made = from_preset(paths[-1].stem, read(paths[-1]))
         for line in (*paths, *safe_findings(made)):
             print(line, file=sys.stderr)
@@ -110,9 +110,9 @@ def _refuse_nonsense(options: argparse.Namespace, motors: int) -> None:
         )
     if not 0.0 <= options.noise < float("inf"):
         raise DermisError("not a standard deviation", where="--noise", value=options.noise, limit=">= 0 counts")
-    if options.out is None and (options.motors is not None or options.choice is not None):
+    if options.out is None and (options.motors is not None or options.rule is not None):
         raise DermisError(
-            "--motors and --choice are of the preset that --out writes",
+            "--motors and --rule are of the preset that --out writes",
             where="design",
             remedy="Give --out, or leave them out",
         )
@@ -167,15 +167,15 @@ def _trial(options: argparse.Namespace, table: Any, skin: Any) -> int:
     (verdicts,) = drain_shown(in_words(steps, lambda step: task.Step("trial", *step)), quiet=options.quiet)
     for name in NAMES:
         own = [v for v in verdicts if v.name == name]
-        for i, choice in enumerate(CHOICES):
+        for i, rule in enumerate(RULES):
             found = [v.found[i] for v in own]
             counts = ", ".join(f"{k}: {found.count(k)}" for k in sorted(set(found)))
             mean = [sum(v.percent[i][k] for v in own) / len(own) for k in range(len(own[0].percent[i]))]
             shown = ", ".join(f"{p:.1f}" for p in mean)
-            error = sum(v.error for v in own) / len(own)
+            error, touch = (sum(values) / len(own) for values in zip(*((v.error, v.touch) for v in own), strict=True))
             print(
-                f"{name:8s} by {choice:8s} expected {own[0].expected}, found {{{counts}}}, mean [%] {shown}, "
-                f"error {error:.1f} counts"
+                f"{name:8s} by {rule:5s} expected {own[0].expected}, found {{{counts}}}, mean [%] {shown}, "
+                f"error {error:.1f} of {touch:.1f} counts"
             )
     for line in exceptions(verdicts):
         print("exception:", line)

@@ -237,7 +237,11 @@ def _add_design(commands: Any) -> None:
         argument("--noise", type=float, default=NOISE, metavar="COUNTS", help="of the virtual sensor"),
         argument("--seed", type=int, default=0, help="of noise and of the six interactions' wobble"),
         argument("--finger", type=int, default=0, metavar="I", help="which finger of a scene"),
-        argument("--choice", choices=("variance", "rendered"), help="components of the preset"),
+        argument(
+            "--rule",
+            choices=("touch", "paper"),
+            help="how many motors the preset gets: less than the limit of the touch lost, or the paper's",
+        ),
         argument("--motors", type=int, metavar="K", help="of the preset; as the rule says if left out"),
         argument("--out", type=Path, metavar="DIR", help="write text, JSON, picture and preset there"),
         PRESETS,

@@ -20,20 +20,22 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..cache import cache_key
+from ..devices.press import Press
 from ..devices.spec import DeviceSpec, from_preset
 from ..errors import DermisError
 from ..files import write_npz
-from ..matching.platforms import original_key
+from ..matching.platforms import mechanism, original_key
 from ..matching.readings import Counts, quantised, readings_of
-from ..matching.sweep import sweep
+from ..matching.sweep import commands_swept, reached, sweep
 from ..matching.table import SkinTable, assemble, press_of, tabulate
 from ..npz import opened_npz
 from ..skin.material import Elastic
 from ..skin.model import SkinModel, fingertip_skin
+from ..skin.press_points import PressPoints, press_points
 from ..skin.shape import FingertipShape
 from ..work.executor import POLL_SECONDS, InlineExecutor, JobExecutor
 
-PART = 2048  # rows in a part: a second or two of work
+PART = 1024  # rows in a part: a few seconds of work
 SPREAD_ROWS = 512  # rows that the reversed sweep is made for
 
 
@@ -46,6 +48,7 @@ def collect(
     rows: int | None = None,
     executor: JobExecutor | None = None,
     material: Mapping[str, float] | None = None,
+    points: PressPoints | None = None,
 ) -> Generator[tuple[int, int], None, SkinTable]:
     """Sweep a device's configurations on a fingertip; yield (rows done, rows in all), return the table.
 
@@ -54,13 +57,16 @@ def collect(
         level: of the skin's mesh. rows: about how many; as the preset says where None.
         executor: who does the job 'collect'; this process where None.
         material: of the skin: young [Pa], poisson, alpha; what is left out is as usual.
+        points: of this very skin that are pressed, where it has some in a cache that only the caller knows.
 
     Raises:
         DermisError: a preset without a sweep, parts that cannot be written, or a table with too few rows.
     """
     skin = _skin(shape, Elastic(**(material or {})), level)
-    commands = sweep(spec, skin.positions, rows)
-    key = cache_key("dermis-sweep 1", original_key(spec), skin.key, repr(skin.material), commands.tobytes())[:16]
+    points = press_points(skin) if points is None else points
+    commands, unreached = sweep(spec, points.positions, rows)
+    name = "dermis-sweep 2", original_key(spec), skin.key, repr(skin.material), points.on
+    key = cache_key(*name, commands.tobytes())[:16]
     folder = Path(folder) / key
     parts = [(i, folder / f"{i:06d}.npz") for i in range(0, len(commands), PART)]
     todo = [(i, path) for i, path in parts if not _whole(path)]
@@ -73,10 +79,13 @@ def collect(
         "level": level,
         "material": dict(material or {}),
     }
-    for count in _pressed(executor or InlineExecutor(), commands, todo, parameters):
+    arrays = {"positions": points.positions, "compliance": points.compliance}
+    arrays |= {} if points.nodal is None else {"nodal": points.nodal}
+    for count in _pressed(executor or InlineExecutor(), commands, todo, arrays, parameters):
         done += count
         yield done, len(commands)
-    return _joined(spec, skin, [path for _, path in parts], len(commands), level)
+    asked = {"asked": len(commands) + unreached, "unreached_rows": unreached, "pressed_on": points.on}
+    return _joined(spec, skin, [path for _, path in parts], {**asked, "level": level})
 
 
 def reversed_spread(spec: DeviceSpec, skin: SkinModel, rows: int = SPREAD_ROWS) -> dict[str, float]:
@@ -85,9 +94,10 @@ def reversed_spread(spec: DeviceSpec, skin: SkinModel, rows: int = SPREAD_ROWS) 
     Returns:
         'rms' and 'worst' over rows of the root mean square over channels [counts].
     """
-    commands = sweep(spec, skin.positions, rows)
     press, sensor = press_of(skin, spec), readings_of(skin)
-    deeper = sweep(_deeper(spec), skin.positions, rows)
+    commands, deeper = (commands_swept(each, press.points.positions, rows) for each in (spec, _deeper(spec)))
+    within = reached(spec, commands) & reached(spec, deeper)
+    commands, deeper = commands[within], deeper[within]
     direct, back = press.press(commands), press.press(commands, via=deeper)
     both = direct.touching & back.touching & (direct.imbalance < 0.02) & (back.imbalance < 0.02)
     apart = quantised(sensor.counts(direct.force[both])) - quantised(sensor.counts(back.force[both])).astype(float)
@@ -101,8 +111,9 @@ def work(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], repo
     """Press one part: the job 'collect'."""
     spec = from_preset(str(parameters["key"]), parameters["preset"])
     skin = _skin(FingertipShape(**parameters["shape"]), Elastic(**parameters["material"]), str(parameters["level"]))
-    commands = arrays["commands"]
-    kept, counts, left = tabulate(readings_of(skin), commands, press_of(skin, spec).press(commands))
+    points = PressPoints(arrays["positions"], arrays["compliance"], arrays.get("nodal"))
+    press = Press(points, mechanism(spec), float(spec.value("friction")))
+    kept, counts, left = tabulate(readings_of(skin), arrays["commands"], press.press(arrays["commands"]))
     return {"commands": kept.astype(np.float32), "readings": counts, "left": np.array(list(left.values()), np.int64)}
 
 
@@ -113,7 +124,11 @@ def _skin(shape: FingertipShape, material: Elastic, level: str) -> SkinModel:
 
 
 def _pressed(
-    executor: JobExecutor, commands: Array, todo: list[tuple[int, Path]], parameters: Mapping[str, Any]
+    executor: JobExecutor,
+    commands: Array,
+    todo: list[tuple[int, Path]],
+    arrays: Mapping[str, NDArray[Any]],
+    parameters: Mapping[str, Any],
 ) -> Generator[int, None, None]:
     """Hand parts out as workers become free, and keep what they return; yield how many rows each had, or 0."""
     queue = list(reversed(todo))
@@ -123,7 +138,7 @@ def _pressed(
             while queue and len(running) < executor.workers:
                 i, path = queue.pop()
                 part = commands[i : i + PART]
-                running[executor.submit("collect", {"commands": part}, parameters)] = path, len(part)
+                running[executor.submit("collect", {**arrays, "commands": part}, parameters)] = path, len(part)
             finished = wait(running, POLL_SECONDS, FIRST_COMPLETED).done
             for future in finished:
                 path, count = running.pop(future)
@@ -149,7 +164,7 @@ def _read_part(path: Path) -> dict[str, NDArray[Any]]:
         return archive.arrays(("commands", "readings", "left"))
 
 
-def _joined(spec: DeviceSpec, skin: SkinModel, paths: list[Path], asked: int, level: str) -> SkinTable:
+def _joined(spec: DeviceSpec, skin: SkinModel, paths: list[Path], about: Mapping[str, Any]) -> SkinTable:
     commands: list[Array] = []
     counts: list[Counts] = []
     left = np.zeros(3, np.int64)
@@ -160,11 +175,10 @@ def _joined(spec: DeviceSpec, skin: SkinModel, paths: list[Path], asked: int, le
         left += part["left"]
     rest, unbalanced, saturated = (int(v) for v in left)
     meta = {
-        "asked": asked,
+        **about,
         "rest_rows": rest,
         "unbalanced_rows": unbalanced,
         "saturated_rows": saturated,
-        "level": level,
         "tetrahedra": len(skin.mesh.tetrahedra),
     }
     return assemble(spec, skin, readings_of(skin), np.vstack(commands), np.vstack(counts), meta)

@@ -16,12 +16,12 @@ from ..devices.spec import DEVICE_SCHEMA, DeviceSpec, from_preset
 from ..errors import DermisError
 from ..files import write_bytes
 from .report import Design
-from .synergies import Choice
+from .synergies import Rule
 
 MARGIN = 0.05  # of a new motor's range, left beyond what the interactions need on either side
 
 
-def preset(found: Design, choice: Choice = "variance", motors: int | None = None, name: str = "") -> dict[str, Any]:
+def preset(found: Design, rule: Rule = "touch", motors: int | None = None, name: str = "") -> dict[str, Any]:
     """Return a device preset with fewer motors and the couplings found, as JSON values.
 
     A new motor's command runs from 0 to 1 over what the interactions and letting go need, with a margin. Each original
@@ -32,12 +32,12 @@ def preset(found: Design, choice: Choice = "variance", motors: int | None = None
     Raises:
         DermisError: more motors than the device has, or fewer than one.
     """
-    spec, reduction = found.spec, found.by(choice)
+    spec, reduction = found.spec, found.joint
     parts, n = reduction.components, len(reduction.components.mean)
-    k = reduction.motors if motors is None else motors
+    k = reduction.motors(rule) if motors is None else motors
     if not 1 <= k <= n:
         raise DermisError("as many motors as the device has", where="design", value=k, limit=f"1 to {n}")
-    needed = found.amounts[choice][:, :k]
+    needed = found.amounts[:, :k]
     safe = safe_commands(spec)
     if safe is not None:
         needed = np.vstack([needed, parts.amounts(safe[None], k)])
@@ -57,7 +57,7 @@ def preset(found: Design, choice: Choice = "variance", motors: int | None = None
     # each new motor crosses its range in one time, so short that no original motor goes faster than it could
     slews = [(i, c.slew) for i, c in enumerate(spec.channels) if c.slew]
     slew = min((s / max(float(np.abs(matrix[i]).sum()), 1e-12) for i, s in slews), default=None)
-    why = f"design: {', '.join(found.names)}; components by {choice}"
+    why = f"design: {', '.join(found.names)}"
     source = {key: value for key, value in spec.source.items() if key not in ("channels", "parameters", "name", "safe")}
     own = f"the original motor's range [{unit}]"
     plain = spec.name.partition(" (")[0]  # what stands in brackets is how many motors it has

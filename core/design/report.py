@@ -18,9 +18,12 @@ from ..errors import DermisError, Finding
 from ..matching.lookup import commands_of
 from ..matching.readings import FULL_SCALE, SATURATED
 from ..matching.table import SkinTable
-from .synergies import CHOICES, Choice, Reduction, reduce
+from .repetitions import scatter
+from .synergies import RULES, Reduction, Rule, reduce
 
-POOR = 0.3  # of what a touch changes in the readings: if all motors leave more, the table does not hold this touch
+POOR = 0.3  # of a touch: if all motors leave more, fewer are soon as good as all
+BOUNDS = 0.1  # of a touch: if all motors leave more, the table is what limits it
+FORMAT = 2  # of the JSON: 1 had components by variance and by rendered error, and the paper's rule alone
 LOW_RANK = 0.9  # share of the variance that fewer motors must explain to be called a low rank
 
 
@@ -30,11 +33,12 @@ class Design:
 
     Attributes:
         spec: the original device. names: of the interactions. samples: of each.
-        knee: the rule's limit, as a share.
-        joint: what fewer motors cost with components of all interactions together, by choice.
-        alone: the same for each interaction with components of its own, by interaction and choice.
+        repetitions: how often each is repeated, and how far repetitions are from their mean [counts]; 1 and nan where
+            it is not.
+        joint: what fewer motors cost with components of all interactions together.
+        alone: the same for each interaction with components of its own.
         ranges: least and greatest original command in the interactions, SI, shape (2, motors).
-        amounts: least and greatest amount of each joint component, by choice, shape (2, motors) each.
+        amounts: least and greatest amount of each joint component, shape (2, motors).
         table: where the look-up table comes from.
         findings: what makes the answer doubtful.
         reversed_sweep: spread of rows reached from deeper in, see `collect.reversed_spread`; empty where not made.
@@ -43,25 +47,19 @@ class Design:
     spec: DeviceSpec
     names: tuple[str, ...]
     samples: tuple[int, ...]
-    knee: float
-    joint: tuple[Reduction, ...]
-    alone: tuple[tuple[Reduction, ...], ...]
+    repetitions: tuple[tuple[int, float], ...]
+    joint: Reduction
+    alone: tuple[Reduction, ...]
     ranges: Array
-    amounts: Mapping[str, Array]
+    amounts: Array
     table: Mapping[str, Any]
     findings: tuple[Finding, ...] = ()
     reversed_sweep: Mapping[str, float] = field(default_factory=dict)
 
-    def by(self, choice: Choice) -> Reduction:
-        """Return the joint result of one way to choose components."""
-        return self.joint[CHOICES.index(choice)]
-
-    @property
-    def low_rank(self) -> bool:
-        """Whether fewer motors than the device has are enough, and explain most of what the motors do."""
-        found = self.by("variance")
-        fewer = found.motors < len(found.components.mean)
-        return fewer and float(found.components.explained[: found.motors].sum()) >= LOW_RANK
+    def low_rank(self, rule: Rule = "touch") -> bool:
+        """Return whether fewer motors than the device has are enough, and explain most of what the motors do."""
+        parts, motors = self.joint.components, self.joint.motors(rule)
+        return motors < len(parts.mean) and float(parts.explained[:motors].sum()) >= LOW_RANK
 
 
 def knee_of(spec: DeviceSpec) -> float:
@@ -118,39 +116,37 @@ def design(spec: DeviceSpec, table: SkinTable, sensed: Mapping[str, Array]) -> D
         else (joint,)
     )
     every = np.vstack(commands)
-    amounts: dict[str, Array] = {}
-    for found in joint:
-        values = found.components.amounts(every, every.shape[1])
-        amounts[found.choice] = np.stack([values.min(axis=0), values.max(axis=0)])
+    amounts = joint.components.amounts(every, every.shape[1])
     return Design(
         spec,
         tuple(targets),
         tuple(len(v) for v in targets.values()),
-        knee,
+        tuple(scatter(v, table.from_rest(v) > table.noise_floor) for v in targets.values()),
         joint,
         alone,
         np.stack([every.min(axis=0), every.max(axis=0)]),
-        amounts,
+        np.stack([amounts.min(axis=0), amounts.max(axis=0)]),
         {"rows": len(table.commands), **table.meta},
-        _doubts(table, targets, joint[0]),
+        _doubts(tuple(targets), joint),
     )
 
 
-def _doubts(table: SkinTable, targets: Mapping[str, Array], found: Reduction) -> tuple[Finding, ...]:
-    """Find touches that the device does not render even with all its motors: fewer are then soon as good as all."""
+def _doubts(names: tuple[str, ...], found: Reduction) -> tuple[Finding, ...]:
+    """Find touches that the device does not render even with all its motors."""
     doubts = []
-    for (name, values), error in zip(targets.items(), found.error[:, -1], strict=True):
-        away = table.from_rest(values)
-        signal = float(np.sqrt((away[away > table.noise_floor] ** 2).mean()))
-        if error > POOR * signal:
+    for name, error, touch in zip(names, found.error[:, -1].tolist(), found.touch.tolist(), strict=True):
+        if error > BOUNDS * touch:
+            poor = error > POOR * touch
             doubts.append(
                 Finding(
-                    "warning",
-                    "poorly-rendered",
-                    "all motors together leave much of this touch, so the number says little",
+                    "warning" if poor else "info",
+                    "poorly-rendered" if poor else "table-limits",
+                    "all motors together leave much of this touch, so the number says little"
+                    if poor
+                    else "the table, not the motors, limits how well this touch is rendered",
                     f"interaction '{name}'",
-                    f"{error:.0f} of {signal:.0f} counts",
-                    f"{100 * POOR:g} %",
+                    f"{error:.0f} of {touch:.0f} counts",
+                    f"{100 * (POOR if poor else BOUNDS):g} %",
                     "Check that recording and table are of one sensor, or use a table that reaches this touch",
                 )
             )
@@ -161,13 +157,22 @@ def as_json(found: Design) -> dict[str, Any]:
     """Return all figures as plain JSON values."""
     radius = found.spec.parameters.get("pulley_radius")
 
+    def by(reduction: Reduction, rule: Rule) -> dict[str, Any]:
+        above, below = reduction.limits(rule)
+        return {
+            "motors": reduction.motors(rule),
+            "percent": reduction.percent(rule).tolist(),
+            "mean_percent": reduction.mean_percent(rule).tolist(),
+            "same_answer_above": above,
+            "same_answer_up_to": below if np.isfinite(below) else None,
+        }
+
     def one(reduction: Reduction) -> dict[str, Any]:
-        parts, k = reduction.components, reduction.motors
+        parts, k = reduction.components, reduction.motors()
         result: dict[str, Any] = {
-            "motors": k,
+            "rules": {rule: by(reduction, rule) for rule in RULES},
             "error_counts": reduction.error.tolist(),
-            "percent": reduction.percent.tolist(),
-            "mean_percent": reduction.mean_percent.tolist(),
+            "touch_counts": reduction.touch.tolist(),
             "explained": parts.explained.tolist(),
             "components": parts.directions.T.tolist(),
         }
@@ -178,14 +183,17 @@ def as_json(found: Design) -> dict[str, Any]:
         return result
 
     return {
+        "format": FORMAT,
         "device": found.spec.key,
-        "knee_error": found.knee,
+        "knee_error": found.joint.limit,
         "interactions": list(found.names),
         "samples": list(found.samples),
-        "low_rank": found.low_rank,
+        "repetitions": [n for n, _ in found.repetitions],
+        "scatter_counts": [s if n > 1 else None for n, s in found.repetitions],
+        "low_rank": found.low_rank(),
         "table": dict(found.table),
-        "joint": {r.choice: one(r) for r in found.joint},
-        "alone": {name: {r.choice: one(r) for r in each} for name, each in zip(found.names, found.alone, strict=True)},
+        "joint": one(found.joint),
+        "alone": {name: one(each) for name, each in zip(found.names, found.alone, strict=True)},
         "sensor": "virtual: 19 electrodes and pressure, 12 bits",
         "percentage": "mean of percentages",
         "scaling": "commands centred, each over its motor's range",
@@ -196,39 +204,55 @@ def as_json(found: Design) -> dict[str, Any]:
 
 def as_text(found: Design) -> str:
     """Return the report as text."""
-    n = len(found.spec.channels)
+    reduction, n = found.joint, len(found.spec.channels)
+    parts, motors, limit = reduction.components, reduction.motors(), 100 * reduction.limit
+    above, below = reduction.limits()
     lines = [
         f"How many motors? {found.spec.name}, {n} motors, table of {found.table['rows']} rows",
-        f"rule: the fewest motors whose error is less than {100 * found.knee:g} % above that of all {n}",
         "",
+        f"{motors} motor{'s' if motors > 1 else ''}: the fewest that lose less than {limit:g} % of the touch beyond "
+        f"what all {n} leave.",
+        f"Any limit {_between(above, below)} gives the same. The paper's rule, less than {limit:g} % above the error "
+        f"of all {n}, gives {reduction.motors('paper')}.",
+        "",
+        "  motors              " + " ".join(f"{k:8d}" for k in range(1, n + 1)),
+        "  lost of touch [%]   " + " ".join(f"{p:8.1f}" for p in reduction.mean_percent()),
+        "  above all, paper [%]" + " ".join(f"{p:8.1f}" for p in reduction.mean_percent("paper")),
+        "  explained [%]       " + " ".join(f"{100 * p:8.1f}" for p in parts.explained),
+        "",
+        "Left of each touch, its size, and how far its repetitions differ [counts]:",
+        "                      " + " ".join(f"{k:8d}" for k in range(1, n + 1)) + "    touch   repeats",
     ]
-    for reduction in found.joint:
-        parts = reduction.components
-        lines.append(f"Components by {reduction.choice}: {reduction.motors} motor{'s' if reduction.motors > 1 else ''}")
-        lines.append("  motors              " + " ".join(f"{k:8d}" for k in range(1, n + 1)))
-        lines.append("  mean error above [%]" + " ".join(f"{p:8.1f}" for p in reduction.mean_percent))
-        lines.append("  explained [%]       " + " ".join(f"{100 * p:8.1f}" for p in parts.explained))
-        for name, row in zip(found.names, reduction.error, strict=True):
-            lines.append(f"  {name[:18]:18s} ct" + " ".join(f"{e:8.1f}" for e in row))
-        for j in range(reduction.motors):
-            lines.append(f"  motor {j + 1} couples " + ", ".join(f"{v:+.3f}" for v in parts.directions[:, j]))
-        lines.append("")
+    for name, row, touch, (count, apart) in zip(
+        found.names, reduction.error, reduction.touch, found.repetitions, strict=True
+    ):
+        again = f"{apart:10.1f}" if count > 1 else "         -"
+        lines.append(f"  {name[:20]:20s}" + " ".join(f"{e:8.1f}" for e in row) + f" {touch:8.1f}{again}")
+    lines.append("")
+    lines += [
+        f"  motor {j + 1} couples " + ", ".join(f"{v:+.3f}" for v in parts.directions[:, j]) for j in range(motors)
+    ]
+    lines.append("")
     if len(found.names) > 1:
-        lines.append("Each by itself (variance, rendered):")
+        lines.append("Each by itself (the paper's rule in brackets):")
         for name, each in zip(found.names, found.alone, strict=True):
-            lines.append(f"  {name}: " + ", ".join(str(r.motors) for r in each))
+            lines.append(f"  {name}: {each.motors()} ({each.motors('paper')})")
         lines.append("")
-    if not found.low_rank:
+    if not found.low_rank():
         lines.append(
             "The commands are not of low rank: no fewer motors both stay within the rule and explain "
             f"{100 * LOW_RANK:g} % of the movement."
         )
     if found.reversed_sweep:
-        apart = found.reversed_sweep
+        apart_by = found.reversed_sweep
         lines.append(
-            f"Rows reached from deeper in instead of from rest read {apart['rms']:.1f} counts differently, at "
-            f"worst {apart['worst']:.1f}: friction's doing."
+            f"Rows reached from deeper in instead of from rest read {apart_by['rms']:.1f} counts differently, at "
+            f"worst {apart_by['worst']:.1f}: friction's doing."
         )
     lines += [str(finding) for finding in found.findings]
     lines.append("Sensed by a virtual sensor in a linear skin; percentages are the mean over interactions.")
     return "\n".join(lines) + "\n"
+
+
+def _between(above: float, below: float) -> str:
+    return f"above {100 * above:.1f} %" + (f", up to {100 * below:.1f} %," if np.isfinite(below) else "")

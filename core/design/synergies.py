@@ -1,9 +1,9 @@
 """Synergies: how few motors render a touch, and how each must be coupled to the original ones.
 
 Commands are centred and each divided by its motor's range before components are sought, so that mm and degrees weigh
-alike. Two ways to choose them stand side by side: those that explain most of the commands' variance (the paper's), and
-those that leave least of the *sensed* difference, to first order (ours): components of the commands in contact, weighed
-by how much each direction of them changes what is read.
+alike. What fewer motors leave beyond what all leave is judged by one of two rules: as a share of the touch itself, or,
+as the paper does, of the error of all motors. The paper's has no answer where all motors together leave less than the
+hand wobbles from one repetition to the next: it then asks for motors that render the wobble.
 
 Source: [S2] IV with the corrections: eq. 5 on centred commands, eq. 7 with the mean of all N columns
 """
@@ -21,12 +21,11 @@ from ..errors import DermisError
 from ..matching.lookup import commands_of, readings_for
 from ..matching.table import SkinTable
 
-Choice = Literal["variance", "rendered"]
-CHOICES: tuple[Choice, ...] = get_args(Choice)
+Rule = Literal["touch", "paper"]
+RULES: tuple[Rule, ...] = get_args(Rule)
 
 STILL = 1e-9  # of a motor's range: commands that move less are at rest
 ROUNDED = 1.0 / 12.0  # [counts^2] a channel's mean square when read in whole counts: errors below say nothing
-FLOOR = 1e-6  # of the largest weight: directions that change nothing sensed keep this much
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,15 +34,13 @@ class Components:
 
     Attributes:
         mean: of the commands, SI, shape (n,). scale: range of each motor, shape (n,).
-        directions: columns E, of scaled commands, shape (n, n).
-        projection: rows that give each component's amount of centred, scaled commands, shape (n, n).
+        directions: columns E, of scaled commands, orthonormal, shape (n, n).
         variance: of the scaled commands along each component, shape (n,).
     """
 
     mean: Array
     scale: Array
     directions: Array
-    projection: Array
     variance: Array
 
     @property
@@ -54,7 +51,7 @@ class Components:
 
     def amounts(self, commands: Array, k: int) -> Array:
         """Return the reduced commands, shape (q, k). Source: [S2] eq. 5."""
-        return ((commands - self.mean) / self.scale) @ self.projection[:k].T
+        return ((commands - self.mean) / self.scale) @ self.directions[:, :k]
 
     def reconstructed(self, commands: Array, k: int) -> Array:
         """Return the commands that k components make of the given ones, shape (q, n). Source: [S2] eq. 7."""
@@ -63,35 +60,51 @@ class Components:
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """What fewer motors cost, for one way to choose the components.
+    """What fewer motors cost.
 
     Attributes:
-        choice: 'variance' or 'rendered'. components: of all interactions together.
+        components: of all interactions together.
         error: root mean square of the sensed difference for k = 1..n [counts], one row an interaction, (i, n).
-        percent: error over that of all motors, minus 1, in percent, (i, n). Where all motors leave less than whole
-            counts can tell, over that. Source: [S2] eq. 12.
-        motors: the fewest within the knee, for the mean of the percentages.
+        touch: root mean square of how far each interaction is from rest, over the same samples [counts], (i,).
+        whole_counts: what reading in whole counts leaves [counts].
+        limit: of the rules, a share.
     """
 
-    choice: Choice
     components: Components
     error: Array
-    percent: Array
-    motors: int
+    touch: Array
+    whole_counts: float
+    limit: float
 
-    @property
-    def mean_percent(self) -> Array:
-        """Mean of the interactions' percentages, (n,). The ratio of mean errors would be another number."""
-        return self.percent.mean(axis=0)
+    def percent(self, rule: Rule = "touch") -> Array:
+        """Return what k motors leave beyond all motors, in percent of what the rule relates it to, shape (i, n).
+
+        'touch': of the touch; a stronger sensor, and rest before and after it, change both alike. 'paper': of what all
+        motors leave, or of whole counts where that is less. Source: [S2] eq. 12.
+        """
+        best = self.error[:, -1:]
+        whole = self.touch[:, None] if rule == "touch" else best
+        return 100.0 * (self.error - best) / np.maximum(whole, self.whole_counts)
+
+    def mean_percent(self, rule: Rule = "touch") -> Array:
+        """Return the mean of the interactions' percentages, (n,). The ratio of mean errors would be another number."""
+        return self.percent(rule).mean(axis=0)
+
+    def motors(self, rule: Rule = "touch") -> int:
+        """Return the fewest motors within the rule, for the mean of the percentages."""
+        return knee(self.mean_percent(rule), self.limit)
+
+    def limits(self, rule: Rule = "touch") -> tuple[float, float]:
+        """Return above which limit and up to which the rule gives the same number of motors, as shares."""
+        mean, k = self.mean_percent(rule) / 100.0, self.motors(rule)
+        return float(max(mean[k - 1], 0.0)), float(mean[: k - 1].min(initial=np.inf))
 
 
-def components(commands: Array, scale: Array, metric: Array | None = None) -> Components:
+def components(commands: Array, scale: Array) -> Components:
     """Return the principal components of centred commands, each over its motor's range.
 
     Args:
         commands: SI, shape (q, n). scale: range of each motor, shape (n,).
-        metric: weight of scaled commands, symmetric positive definite, shape (n, n); none for plain variance.
-            Components are then principal in what the metric measures, and their amounts are read obliquely.
 
     Raises:
         DermisError: fewer than two samples, shapes that do not fit, or commands that never change.
@@ -107,29 +120,9 @@ def components(commands: Array, scale: Array, metric: Array | None = None) -> Co
     scaled = (commands - mean) / scale
     if np.abs(scaled).max() <= STILL:
         raise DermisError("the motors never move", where="design", remedy="Choose a scene in which something touches")
-    root = np.eye(n) if metric is None else _root(metric)
-    _, _, vectors = np.linalg.svd(scaled @ root, full_matrices=True)
+    _, _, vectors = np.linalg.svd(scaled, full_matrices=True)
     vectors = vectors * np.where(vectors.sum(axis=1) < 0.0, -1.0, 1.0)[:, None]  # together is forwards
-    directions, projection = np.linalg.solve(root, vectors.T), vectors @ root
-    length = np.linalg.norm(directions, axis=0)
-    directions, projection = directions / length, projection * length[:, None]
-    variance = (scaled @ projection.T).var(axis=0)
-    return Components(mean, scale, directions, projection, variance)
-
-
-def sensed_metric(commands: Array, readings: Array, scale: Array) -> Array:
-    """Return how much scaled commands change what is sensed: A'A of the best linear map along the interactions.
-
-    Directions that change nothing keep a small weight, so that the metric can be inverted.
-    """
-    scaled = (commands - commands.mean(axis=0)) / scale
-    centred = readings - readings.mean(axis=0)
-    n = scaled.shape[1]
-    gram = scaled.T @ scaled
-    ridge = FLOOR * max(float(np.trace(gram)), 1e-300) / n
-    linear = np.linalg.solve(gram + ridge * np.eye(n), scaled.T @ centred)
-    metric = linear @ linear.T
-    return metric + FLOOR * max(float(np.trace(metric)), 1e-300) / n * np.eye(n)
+    return Components(mean, scale, vectors.T, (scaled @ vectors.T).var(axis=0))
 
 
 def rendering_error(target: Array, rendered: Array) -> float:
@@ -138,20 +131,20 @@ def rendering_error(target: Array, rendered: Array) -> float:
 
 
 def knee(percent: Array, limit: float) -> int:
-    """Return the smallest k whose error is less than `limit` (a share) above that of all motors."""
+    """Return the smallest k whose percentage is less than `limit` (a share)."""
     below = np.flatnonzero(np.asarray(percent) < 100.0 * limit)
     return int(below[0]) + 1 if len(below) else len(percent)
 
 
 def reduce(
     table: SkinTable, sensed: Sequence[Array], limit: float, *, commands: Sequence[Array] | None = None
-) -> tuple[Reduction, ...]:
-    """Return what fewer motors cost, by both ways to choose the components.
+) -> Reduction:
+    """Return what fewer motors cost.
 
     Args:
         table: what the device does to the skin.
         sensed: the target readings of each interaction [counts], each (q_i, channels).
-        limit: of the knee rule, a share such as 0.1.
+        limit: of the rules, a share such as 0.1.
         commands: looked up already; else by the table.
 
     Raises:
@@ -162,33 +155,15 @@ def reduce(
     given = [commands_of(table, s) for s in sensed] if commands is None else list(commands)
     every = np.vstack(given)
     n = every.shape[1]
-    heard = table.from_rest(np.vstack(list(sensed))) > table.noise_floor
-    found = []
-    for choice in CHOICES:
-        if choice == "rendered" and np.count_nonzero(heard) > n:
-            # where nothing is sensed any command will do that does not touch: only what is sensed has a say
-            own = every[heard]
-            parts = components(own, table.scale, sensed_metric(own, readings_for(table, own), table.scale))
-        else:
-            parts = components(every, table.scale)
-        error = np.array(
+    parts = components(every, table.scale)
+    error = np.array(
+        [
             [
-                [
-                    rendering_error(target, readings_for(table, m if k == n else parts.reconstructed(m, k)))
-                    for k in range(1, n + 1)
-                ]
-                for target, m in zip(sensed, given, strict=True)
+                rendering_error(target, readings_for(table, m if k == n else parts.reconstructed(m, k)))
+                for k in range(1, n + 1)
             ]
-        )
-        best = error[:, -1:]
-        percent = 100.0 * (error - best) / np.maximum(best, np.sqrt(ROUNDED * table.readings.shape[1]))
-        found.append(Reduction(choice, parts, error, percent, knee(percent.mean(axis=0), limit)))
-    return tuple(found)
-
-
-def _root(metric: Array) -> Array:
-    """Return the symmetric square root."""
-    values, vectors = np.linalg.eigh(metric)
-    if values[0] <= 0.0:
-        raise DermisError("the metric is not positive definite", where="design", value=float(values[0]))
-    return (vectors * np.sqrt(values)) @ vectors.T
+            for target, m in zip(sensed, given, strict=True)
+        ]
+    )
+    touch = np.array([float(np.sqrt((table.from_rest(target) ** 2).mean())) for target in sensed])
+    return Reduction(parts, error, touch, float(np.sqrt(ROUNDED * table.readings.shape[1])), limit)

@@ -30,7 +30,7 @@ from .interactions import NOISE, RATE
 from .picture import write_picture
 from .recordings import Recording, read_recording, read_table, same_channels
 from .report import Design, as_json, as_text, design
-from .synergies import Choice
+from .synergies import Rule
 from .trial import sense
 
 ROWS = 9261  # of the table where nobody says: 21 steps a motor, a few seconds
@@ -157,14 +157,14 @@ def read_sensed(paths: Sequence[Path]) -> dict[str, Recording]:
     return found
 
 
-def write(found: Design, folder: Path, *, choice: Choice = "variance", motors: int | None = None) -> tuple[Path, ...]:
+def write(found: Design, folder: Path, *, rule: Rule = "touch", motors: int | None = None) -> tuple[Path, ...]:
     """Write report.txt, report.json, report.png and the new preset into a folder; return their paths.
 
     Raises:
         DermisError: more motors than the device has, or a folder that cannot be written.
     """
     folder = Path(folder)
-    made = preset(found, choice, motors)
+    made = preset(found, rule, motors)
     count = len(made["channels"])
     paths = tuple(
         folder / name for name in ("report.txt", "report.json", "report.png", f"{found.spec.key}_{count}_motors.json")
@@ -172,6 +172,6 @@ def write(found: Design, folder: Path, *, choice: Choice = "variance", motors: i
     write_bytes(paths[0], as_text(found).encode())
     text = json.dumps(as_json(found), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     write_bytes(paths[1], text.encode())
-    write_picture(found, paths[2])
+    write_picture(found, paths[2], rule)
     write_preset(made, paths[3])
     return paths

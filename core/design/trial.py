@@ -18,7 +18,7 @@ from ..matching.readings import Counts, quantised, readings_of
 from ..matching.table import SkinTable
 from ..skin.model import SkinModel
 from .interactions import EXPECTED, KNEE, NAMES, NOISE, WOBBLE, Wobble, interaction
-from .synergies import CHOICES, reduce
+from .synergies import RULES, reduce
 
 
 @dataclass(frozen=True)
@@ -26,9 +26,9 @@ class Verdict:
     """One interaction of one seed.
 
     Attributes:
-        name, seed: which. expected: motors. found: motors, by choice of components.
-        percent: error above that of all motors, in percent, for k = 1..n, by choice.
-        error: with all motors [counts].
+        name, seed: which. expected: motors. found: motors, by rule.
+        percent: what k = 1..n motors leave beyond all of them, by rule.
+        error: with all motors [counts]. touch: from rest [counts].
     """
 
     name: str
@@ -37,6 +37,7 @@ class Verdict:
     found: tuple[int, ...]
     percent: tuple[tuple[float, ...], ...]
     error: float
+    touch: float
 
 
 def felt(skin: SkinModel, name: str, seed: int, wobble: Wobble = WOBBLE) -> SkinContact:
@@ -65,9 +66,10 @@ def judge(table: SkinTable, sensed: NDArray[Any], name: str, seed: int, limit: f
         name,
         seed,
         EXPECTED[name],
-        tuple(r.motors for r in found),
-        tuple(tuple(r.percent[0].tolist()) for r in found),
-        float(found[0].error[0, -1]),
+        tuple(found.motors(rule) for rule in RULES),
+        tuple(tuple(found.percent(rule)[0].tolist()) for rule in RULES),
+        float(found.error[0, -1]),
+        float(found.touch[0]),
     )
 
 
@@ -88,11 +90,11 @@ def trial(
 
 
 def exceptions(verdicts: Sequence[Verdict]) -> tuple[str, ...]:
-    """Return a line for each verdict that is not as expected, by either choice of components."""
+    """Return a line for each verdict that is not as expected, by either rule."""
     lines = []
     for v in verdicts:
-        for choice, found, percent in zip(CHOICES, v.found, v.percent, strict=True):
+        for rule, found, percent in zip(RULES, v.found, v.percent, strict=True):
             if found != v.expected:
                 shown = ", ".join(f"{p:.1f}" for p in percent)
-                lines.append(f"{v.name}, seed {v.seed}, by {choice}: {found} instead of {v.expected} ({shown} %)")
+                lines.append(f"{v.name}, seed {v.seed}, by {rule}: {found} instead of {v.expected} ({shown} %)")
     return tuple(lines)

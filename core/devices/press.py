@@ -18,14 +18,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Array, Floats32
+from ..arrays import Array, Floats32, Indices
 from ..errors import DermisError
+from ..skin.press_points import PressPoints
 from .poses import Poses
 from .press_problem import Carrier, PressProblem
 from .press_state import PressState
 
 STEPS = 3
 BATCH = 256
+REACH = 0.3  # of a row's depth: undeformed points farther off are left out, and looked at afterwards
+MOST = 0.8  # of the points: where more come near it is not worth while to leave any out
+PASSED = 1e-6  # [m] of penetration by which a point that was left out is touched
 TOUCH_MARGIN = 0.02  # the path in contact begins this share of the whole before the first touch
 
 
@@ -35,7 +39,7 @@ class Pressed:
 
     Attributes:
         force: on the skin at the pad nodes [N], shape (n, m, 3), float32.
-        displacement: of the pad nodes [m], shape (n, m, 3), float32.
+        displacement: of the points that are pressed [m], shape (n, points, 3), float32.
         poses: of the platform, in balance.
         touching: shape (n,).
         residual: |f - P(f - w / rho)| / |f| of the contact, shape (n,).
@@ -49,13 +53,18 @@ class Pressed:
     residual: Array
     imbalance: Array
 
+    def set(self, rows: Indices, found: Pressed) -> None:
+        """Put in what was found for some rows."""
+        for name in ("force", "displacement", "touching", "residual", "imbalance"):
+            getattr(self, name)[rows] = getattr(found, name)
+        self.poses.rotation[rows], self.poses.centre[rows] = found.poses.rotation, found.poses.centre
+
 
 class Press:
     """Presses one skin with one platform.
 
     Args:
-        compliance: of the pad nodes [m/N], shape (3 m, 3 m).
-        positions: undeformed pad nodes in the finger's frame [m], shape (m, 3).
+        points: of the skin that are pressed.
         carrier: what carries the platform.
         friction: Coulomb's coefficient.
         steps: parts of the path in contact.
@@ -64,60 +73,85 @@ class Press:
         DermisError: a compliance that is not positive definite, or no step.
     """
 
-    def __init__(
-        self, compliance: Array, positions: Array, carrier: Carrier, friction: float, *, steps: int = STEPS
-    ) -> None:
+    def __init__(self, points: PressPoints, carrier: Carrier, friction: float, *, steps: int = STEPS) -> None:
         if steps < 1:
             raise DermisError("too few steps", where="platform", value=steps, limit=">= 1")
-        self.problem = PressProblem(compliance, positions, carrier, friction)
-        self.carrier, self.steps = carrier, int(steps)
+        self.problem = PressProblem(points.compliance, points.positions, carrier, friction)
+        self.points, self.carrier, self.steps = points, carrier, int(steps)
 
     def press(self, commands: Array, *, via: Array | None = None) -> Pressed:
-        """Press rows from rest, in batches.
+        """Press rows from rest, in batches of alike depth: the less deep, the fewer points a batch has.
 
         Args:
             commands: shape (n, motors).
             via: commands that each row goes to first and then comes back from, shape (n, motors); None for straight.
         """
-        parts = [
-            self._batch(commands[i : i + BATCH], None if via is None else via[i : i + BATCH])
-            for i in range(0, len(commands), BATCH)
-        ]
-        if not parts:
-            m = self.problem.count
-            none = np.zeros((0, m, 3), np.float32)
-            return Pressed(none, none, self.carrier.rest_poses(0), np.zeros(0, bool), np.zeros(0), np.zeros(0))
-        return Pressed(
-            np.concatenate([p.force for p in parts]),
-            np.concatenate([p.displacement for p in parts]),
-            Poses(np.concatenate([p.poses.rotation for p in parts]), np.concatenate([p.poses.centre for p in parts])),
-            np.concatenate([p.touching for p in parts]),
-            np.concatenate([p.residual for p in parts]),
-            np.concatenate([p.imbalance for p in parts]),
-        )
+        n, whole = len(commands), self.problem
+        depth = -whole.gap(self.carrier.carry(commands, self.carrier.rest_poses(n))).min(axis=1, initial=np.inf)
+        order = np.argsort(depth, kind="stable")
+        nodes = whole.count if self.points.nodal is None else len(self.points.nodal) // 3
+        force, moved = (np.zeros((n, m, 3), np.float32) for m in (nodes, whole.count))
+        poses = self.carrier.rest_poses(n)
+        made = Pressed(force, moved, poses, np.zeros(n, bool), np.zeros(n), np.zeros(n))
+        for i in range(0, n, BATCH):
+            rows = order[i : i + BATCH]
+            made.set(rows, self._batch(commands[rows], None if via is None else via[rows]))
+        return made
 
     # -- a batch -----------------------------------------------------------------------------------------------------
 
     def _batch(self, commands: Array, via: Array | None) -> Pressed:
-        n, m = len(commands), self.problem.count
+        """Press on those points that rows come near; rows in which others would be touched are pressed on all."""
+        n, problem = len(commands), self.problem
+        start = self.carrier.rest_poses(n)
+        gap = np.full((n, problem.count), np.inf)
+        for aim in (commands,) if via is None else (commands, via):
+            own = problem.gap(self.carrier.carry(aim, start))
+            gap = np.minimum(gap, own + REACH * np.minimum(own.min(axis=1, keepdims=True), 0.0))
+        near = np.flatnonzero((gap <= max(float(gap.min()), 0.0)).any(axis=0))
+        if len(near) > MOST * problem.count:
+            return self._pressed(commands, via, problem, np.arange(problem.count))
+        found = self._pressed(commands, via, problem.part(near), near)
+        other = np.ones(problem.count, bool)
+        other[near] = False
+        free = problem.gap(found.poses)
+        moved = np.einsum("nmi,nij->nmj", found.displacement, found.poses.rotation)
+        touched = ((free + moved[:, :, 2])[:, other] < -PASSED).any(axis=1)
+        if touched.any():
+            rows = np.flatnonzero(touched)
+            there = None if via is None else via[rows]
+            found.set(rows, self._pressed(commands[rows], there, problem, np.arange(problem.count)))
+        return found
+
+    def _pressed(self, commands: Array, via: Array | None, problem: PressProblem, near: Indices) -> Pressed:
+        """Press rows on some of the points."""
+        n, whole = len(commands), self.problem
         rest = np.broadcast_to(self.carrier.rest, commands.shape)
         start = self.carrier.rest_poses(n)
         legs = [commands] if via is None else [via, commands]
         free = self.carrier.carry(legs[0], start)
-        before, after = self.problem.gap(start).min(axis=1), self.problem.gap(free).min(axis=1)
+        before, after = problem.gap(start).min(axis=1), problem.gap(free).min(axis=1)
         share = np.where(after < 0.0, before / np.maximum(before - after, 1e-12), 1.0) - TOUCH_MARGIN
         share = np.clip(share, 0.0, 1.0)[:, None]
         touch = rest + share * (legs[0] - rest)
         part = (1.0 - share) * start.centre + share * free.centre
-        near = self.carrier.carry(touch, Poses(free.rotation, part))
-        state = PressState(self.problem, near)
+        state = PressState(problem, self.carrier.carry(touch, Poses(free.rotation, part)))
         path = [touch + (legs[0] - touch) * (k / self.steps) for k in range(1, self.steps + 1)]
         if via is not None:
             path += [via + (commands - via) * (k / self.steps) for k in range(1, self.steps + 1)]
         with np.errstate(over="ignore", invalid="ignore"):  # a row may have no balance; the others go on
             for k, command in enumerate(path):
                 state.step(command, last=k == len(path) - 1)
-        force = np.ascontiguousarray(state.force.reshape(n, 3, m).transpose(0, 2, 1))
-        moved = np.ascontiguousarray(state.image.reshape(n, 3, m).transpose(0, 2, 1))
+        flat = np.zeros((n, 3 * whole.count), np.float32)
+        flat[:, whole.columns(near)] = state.force
+        force = np.ascontiguousarray(flat.reshape(n, 3, -1).transpose(0, 2, 1))
+        image = state.force @ whole.compliance[whole.columns(near)]
+        moved = np.ascontiguousarray(image.reshape(n, 3, -1).transpose(0, 2, 1))
         touching = np.asarray(force.any(axis=(1, 2)))
-        return Pressed(force, moved, state.poses, touching, state.residual, state.imbalance)
+        return Pressed(self._nodal(force), moved, state.poses, touching, state.residual, state.imbalance)
+
+    def _nodal(self, force: Floats32) -> Floats32:
+        nodal = self.points.nodal
+        if nodal is None:
+            return force
+        return (force.reshape(len(force), -1) @ nodal.T.astype(np.float32)).reshape(len(force), -1, 3)

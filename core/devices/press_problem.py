@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from copy import copy
 from typing import Protocol
 
 import numpy as np
 
-from ..arrays import Array
+from ..arrays import Array, Indices
 from ..errors import DermisError
 from .disc_pose import ROUNDING
 from .poses import Poses
@@ -52,14 +53,15 @@ class PressProblem:
     Vectors are by component, all x first, so that each component of a batch is one block of columns.
 
     Args:
-        compliance: of the pad nodes [m/N], shape (3 m, 3 m).
-        positions: undeformed pad nodes in the finger's frame [m], shape (m, 3).
+        compliance: of points of the skin [m/N], shape (3 m, 3 m).
+        positions: those points, undeformed, in the finger's frame [m], shape (m, 3).
         carrier: what carries the platform.
         friction: Coulomb's coefficient.
 
     Attributes:
         rho: penalty of the alternating method [N/m].
-        compliance: C by component, float32. jacobian: movement of the nodes with the platform's (shift, turn).
+        exact, compliance: C by component, in double and in single precision.
+        jacobian: movement of the points with the platform's (shift, turn).
         inverse: (C + rho I)^-1, and that times the jacobian beside it, float32; spread: the latter alone, transposed.
         gram: J' (C + rho I)^-1 J, shape (6, 6).
 
@@ -69,14 +71,16 @@ class PressProblem:
 
     def __init__(self, compliance: Array, positions: Array, carrier: Carrier, friction: float) -> None:
         m = len(positions)
-        self.positions, self.carrier, self.friction, self.count = positions, carrier, float(friction), m
         # by component, so that each component of a batch is one block of columns
         order = np.arange(3 * m).reshape(m, 3).T.ravel()
         ends = np.linalg.eigvalsh(compliance)[[0, -1]]
         if not ends[0] > 0.0:
             raise DermisError("the compliance is not positive definite", where="platform", value=float(ends[0]))
-        self.rho = float(np.sqrt(ends[0] * ends[1]))
-        c = compliance[order][:, order]
+        self._set(compliance[order][:, order], positions, carrier, float(friction), float(np.sqrt(ends[0] * ends[1])))
+
+    def _set(self, compliance: Array, positions: Array, carrier: Carrier, friction: float, rho: float) -> None:
+        m = len(positions)
+        self.positions, self.carrier, self.friction, self.count, self.rho = positions, carrier, friction, m, rho
         x, y, z = positions.T
         o, e = np.zeros(m), np.ones(m)
         # how a node of the platform moves: shift + turn x position
@@ -87,19 +91,29 @@ class PressProblem:
                 np.column_stack([o, o, e, y, -x, o]),
             ]
         )
-        inverse = np.linalg.inv(c + self.rho * np.eye(3 * m))
+        inverse = np.linalg.inv(compliance + rho * np.eye(3 * m))
         spread = inverse @ self.jacobian
         self.gram = self.jacobian.T @ spread
-        self.compliance = np.ascontiguousarray(c, np.float32)
+        self.exact, self.compliance = compliance, np.ascontiguousarray(compliance, np.float32)
         self.inverse = np.ascontiguousarray(np.hstack([inverse, spread]), np.float32)
         self.spread = np.ascontiguousarray(spread.T, np.float32)
 
+    def columns(self, points: Indices) -> Indices:
+        """Return where some points' components are in what is by component, shape (3 k,)."""
+        return np.concatenate([points, self.count + points, 2 * self.count + points])
+
+    def part(self, points: Indices) -> PressProblem:
+        """Return the problem of some points, the others being free."""
+        made, own = copy(self), self.columns(points)
+        made._set(self.exact[np.ix_(own, own)], self.positions[points], self.carrier, self.friction, self.rho)
+        return made
+
     def gap(self, poses: Poses) -> Array:
-        """Return the gap of every undeformed node [m], shape (n, m)."""
+        """Return the gap of every undeformed point [m], shape (n, m)."""
         return self.local(poses)[1]
 
     def local(self, poses: Poses) -> tuple[Array, Array]:
-        """Return the nodes in the platform's frame, (n, m, 3), and their gaps, (n, m) [m]."""
+        """Return the points in the platform's frame, (n, m, 3), and their gaps, (n, m) [m]."""
         local = (self.positions[None] - poses.centre[:, None]) @ poses.rotation
         over = np.maximum(np.sqrt(local[:, :, 0] ** 2 + local[:, :, 1] ** 2) - self.carrier.disc_radius, 0.0)
         return local, local[:, :, 2] + over * over * (0.5 / ROUNDING)

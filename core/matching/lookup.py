@@ -143,7 +143,18 @@ def render(
     commands = np.tile(rest, (count, 1))
     series = {name: np.zeros(count) for name in ("contact", "sensed_error", "target_force", "clipped")}
     findings = list(belongs(table, spec, skin.model, path))
-    touched = skin.contact
+    touched, felt_on = skin.contact, "nodes" if skin.points is None else "points"
+    if len(touched) and table.meta.get("pressed_on", felt_on) != felt_on:
+        findings.append(
+            Finding(
+                "info",
+                "other-contact",
+                f"the touch is felt at {felt_on}, the table was pressed on {table.meta['pressed_on']}: of a draft "
+                "skin's touch a fifth may be the difference between the two",
+                f"finger '{scene.fingers[finger].name}'",
+                remedy="Set the finger's Contact to the same as the table's, or collect the table again",
+            )
+        )
     sensed = sensor.sense(skin.force) if len(touched) else np.empty((0, table.readings.shape[1]), np.uint16)
     if len(touched):
         commands[touched] = commands_of(table, sensed)
@@ -278,7 +289,7 @@ def table_at_hand(skin: SkinModel, spec: DeviceSpec, path: str = "", rows: int =
         return _from_file(Path(path), spec)
     kept, name = _TABLES.setdefault(skin, {}), _table_name(skin, spec, rows)
     if name not in kept and skin.cache is not None:
-        found = skin.cache.get(cache_key("dermis-skin-table 1", *map(str, name)))
+        found = skin.cache.get(cache_key("dermis-skin-table 2", *map(str, name)))
         if found is not None:
             with contextlib.suppress(DermisError):  # damaged: swept again
                 kept[name] = SkinTable.load(found)
@@ -290,7 +301,7 @@ def keep_table(skin: SkinModel, spec: DeviceSpec, rows: int, table: SkinTable) -
     name = _table_name(skin, spec, rows)
     _TABLES.setdefault(skin, {})[name] = table
     if skin.cache is not None:
-        skin.cache.put(cache_key("dermis-skin-table 1", *map(str, name)), table.save)
+        skin.cache.put(cache_key("dermis-skin-table 2", *map(str, name)), table.save)
 
 
 def _table_name(skin: SkinModel, spec: DeviceSpec, rows: int) -> tuple[str, str, int]:

@@ -6,6 +6,7 @@ Source: [S2] III.A
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..devices.poses import Poses, rotation
@@ -14,20 +15,52 @@ from ..errors import DermisError
 from .nearest import NEIGHBOURS
 from .platforms import ends_of, mechanism, original_channels
 
+UNREACHED = 0.25  # of the poses: a table that lacks more has a part of the touch missing
 
-def sweep(spec: DeviceSpec, points: Array, rows: int | None = None) -> Array:
-    """Return the commands of a data collection, shape (n, motors).
+
+def sweep(spec: DeviceSpec, points: Array, rows: int | None = None) -> tuple[Array, int]:
+    """Return the commands of a data collection, shape (n, motors), and how many poses are out of the motors' reach.
+
+    Args:
+        points, rows: as of `commands_swept`.
+
+    Raises:
+        DermisError: fewer rows than neighbours, or too many poses that the motors cannot reach.
+    """
+    commands = commands_swept(spec, points, rows)
+    within = reached(spec, commands)
+    outside = int(np.count_nonzero(~within))
+    if outside > UNREACHED * len(commands):
+        ends = np.array([ends_of(c) for c in original_channels(spec)])
+        raise DermisError(
+            "the sweep asks for more than the motors can do",
+            where=f"device preset '{spec.key}'",
+            value=f"{outside} of {len(commands)} rows, first {commands[~within][0].round(4).tolist()}",
+            limit=f"{ends[:, 0].min():.4g} to {ends[:, 1].max():.4g}, but for {100 * UNREACHED:g} % of the rows",
+            remedy="Let the preset sweep less depth or tilt, or give its motors more range",
+        )
+    return commands[within], outside
+
+
+def reached(spec: DeviceSpec, commands: Array) -> NDArray[np.bool_]:
+    """Return which commands are within the motors' range, shape (n,)."""
+    ends = np.array([ends_of(c) for c in original_channels(spec)])
+    return np.asarray(((commands >= ends[:, 0]) & (commands <= ends[:, 1])).all(axis=1))
+
+
+def commands_swept(spec: DeviceSpec, points: Array, rows: int | None = None) -> Array:
+    """Return the commands of all poses of a data collection, within the motors' reach or not, shape (n, motors).
 
     Three motors: a grid of equal steps over depth and two tilts, the corrected paper's 55^3. Six motors: an evenly
     spread sequence (Halton) over depth, tilts, shifts and yaw. Depth is the platform's, beyond the first touch of the
     undeformed skin.
 
     Args:
-        points: undeformed pad nodes [m], shape (m, 3).
+        points: of undeformed skin that are pressed [m], shape (m, 3).
         rows: about how many; as the preset says where None. A grid takes the next smaller cube.
 
     Raises:
-        DermisError: fewer rows than neighbours, or poses that the motors cannot reach.
+        DermisError: fewer rows than neighbours.
     """
     device, p = mechanism(spec), spec.parameters
     low, high = (float(v) for v in p["sweep_press"])
@@ -54,18 +87,7 @@ def sweep(spec: DeviceSpec, points: Array, rows: int | None = None) -> Array:
         extent[:, :2],
         extent[:, 2],
     )
-    commands = device.commands(poses)
-    ends = np.array([ends_of(c) for c in original_channels(spec)])
-    outside = np.flatnonzero(((commands < ends[:, 0]) | (commands > ends[:, 1])).any(axis=1))
-    if len(outside):
-        worst = commands[outside[0]]
-        raise DermisError(
-            "the sweep asks for more than the motors can do",
-            where=f"device preset '{spec.key}'",
-            value=f"{len(outside)} of {len(commands)} rows, first {worst.round(4).tolist()}",
-            limit=f"{ends[:, 0].min():.4g} to {ends[:, 1].max():.4g}",
-        )
-    return commands
+    return device.commands(poses)
 
 
 def platform_poses(points: Array, depth: Array, pitch: Array, roll: Array, shift: Array, yaw: Array) -> Poses:

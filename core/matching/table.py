@@ -23,6 +23,7 @@ from ..files import write_npz
 from ..foreign import json_of
 from ..npz import opened_npz
 from ..skin.model import SkinModel
+from ..skin.press_points import press_points
 from .nearest import NEIGHBOURS, NearestPoints
 from .platforms import mechanism, mechanism_key, scale_of
 from .readings import Counts, Readings, quantised, saturated
@@ -181,7 +182,7 @@ class SkinTable:
 
 def press_of(skin: SkinModel, spec: DeviceSpec) -> Press:
     """Return what presses a skin with a preset's platform."""
-    return Press(skin.compliance, skin.positions, mechanism(spec), float(spec.value("friction")))
+    return Press(press_points(skin), mechanism(spec), float(spec.value("friction")))
 
 
 def tabulate(readings: Readings, commands: Array, pressed: Pressed) -> tuple[Array, Counts, dict[str, int]]:
@@ -200,9 +201,10 @@ def tabulate(readings: Readings, commands: Array, pressed: Pressed) -> tuple[Arr
 def build(spec: DeviceSpec, skin: SkinModel, readings: Readings, rows: int) -> SkinTable:
     """Sweep a small table in this process; `design.collect` is for large ones."""
     press = press_of(skin, spec)
-    commands = sweep(spec, skin.positions, rows)
+    commands, unreached = sweep(spec, press.points.positions, rows)
     kept, counts, left = tabulate(readings, commands, press.press(commands))
-    return assemble(spec, skin, readings, kept, counts, {"asked": len(commands), **left})
+    asked = {"asked": len(commands) + unreached, "unreached_rows": unreached, "pressed_on": press.points.on}
+    return assemble(spec, skin, readings, kept, counts, {**asked, **left})
 
 
 def assemble(

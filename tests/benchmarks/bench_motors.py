@@ -39,7 +39,7 @@ def table() -> Any:
     from core.work.processes import ProcessExecutor
 
     spec, shape = Library().device("cable_platform"), FingertipShape()
-    key = f"{spec.hash[:12]}-{fingertip_skin(shape, level='draft').key[:12]}"
+    key = f"{spec.hash[:12]}-{fingertip_skin(shape, level='draft').key[:12]}-points"
     path = FOLDER / f"{key}.npz"
     if path.exists():
         return SkinTable.load(path)
@@ -106,7 +106,7 @@ def collect_rows() -> Result:
 
     spec, skin = Library().device("cable_platform"), fingertip_skin(level="draft")
     press, sensor = press_of(skin, spec), readings_of(skin)
-    whole = sweep(spec, skin.positions)
+    whole, _ = sweep(spec, press.points.positions)
     commands = whole[:: len(whole) // COLLECT_ROWS][:COLLECT_ROWS]
     rates = []
     with one_blas_thread():

@@ -1,7 +1,7 @@
 """Try [S2]'s six interactions on both platforms, draw the figures and write the page 'paper against ours'.
 
 `python -m tests.benchmarks.figures_s2 --out presets` writes pictures/s2_*.png and devices/motors_figures.md there; some
-ten minutes, most of it contact in 120 wobbling touches. Noise, wobble and rule are those of `core.design.interactions`.
+half an hour, most of it contact in 240 wobbling touches and two tables. Noise, wobble and rule are those of `core.design.interactions`.
 """
 
 # ruff: noqa: E501  the lines of the page
@@ -9,10 +9,11 @@ ten minutes, most of it contact in 120 wobbling touches. Noise, wobble and rule 
 from __future__ import annotations
 
 import argparse
+import functools
 import sys
 import time
-from collections.abc import Generator, Sequence
-from dataclasses import dataclass
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -21,11 +22,12 @@ from numpy.typing import NDArray
 
 from core.design.collect import collect, reversed_spread
 from core.design.interactions import EXPECTED, KNEE, NAMES, NOISE, WOBBLE, Wobble
-from core.design.trial import Verdict, felt, judge, sense, trial
+from core.design.synergies import RULES, knee
+from core.design.trial import Verdict, felt, judge, sense
 from core.devices.spec import DeviceSpec
 from core.files import write_bytes
 from core.matching.lookup import commands_of, readings_for
-from core.matching.readings import FULL_SCALE, readings_of
+from core.matching.readings import FULL_SCALE, Counts, readings_of
 from core.matching.table import SkinTable, build, press_of
 from core.presets import Library
 from core.skin.model import SkinModel, fingertip_skin
@@ -37,16 +39,17 @@ from .bars import Bars
 T = TypeVar("T")
 Array = NDArray[np.float64]
 
-SEEDS = 20
-SHARES = (0.0, 0.25, 0.5)  # of the hand's wobble, as controls
+FIRST, SEEDS = 20, 20  # seeds 0-2 showed the rule that relates to the touch; none of these was looked at before
+SHARES = (0.0, 0.5, 2.0)  # of the hand's wobble, as controls
 CONTROL_SEEDS = 3
-FINER = 60_000  # rows of the six-leg platform's control
+SIZES = (0.9, 1.1)  # of the platforms' dimensions, as controls
+ROWS = {"cable_platform": 9261, "hexapod": 4033}  # of those
+LIMITS = (0.05, 0.08, 0.12, 0.15, 0.2)  # of the rule, beside its own
 DEVICES = ("cable_platform", "hexapod")
 PAPER = {  # mean over the interactions of the error above that of all motors, for k = 1, 2, ... [%]. Source: [S2] V
     "cable_platform": (55.3, 13.4, 0.0),
     "hexapod": (42.5, 15.1, 7.4, 5.1, 2.2, 0.0),
 }
-PAPER_COUNTS = {"cable_platform": (167.9, 119.2, 105.4), "hexapod": (219.9, 175.0, 163.9, 159.8, 155.1, 151.7)}
 TITLES = {"cable_platform": "3 motors", "hexapod": "6 motors"}
 
 
@@ -66,25 +69,37 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seeds", type=int, default=SEEDS)
     options = parser.parse_args(arguments)
     started = time.perf_counter()
+    seeds = range(FIRST, FIRST + options.seeds)
     with one_blas_thread():
-        skin = fingertip_skin(level="draft")
         specs = [Library().device(key) for key in DEVICES]
-        tables = [_table(spec) for spec in specs]
+        tables = {spec.key: _table(spec) for spec in specs}
         _say(started, "tables")
-        found = dict(zip(DEVICES, _drain(trial(tables, skin, range(options.seeds))), strict=True))
+        sizes = {
+            f"{spec.key}, {100 * size:g} %": build(_sized(spec, size), _skin(), readings_of(_skin()), ROWS[spec.key])
+            for spec in specs
+            for size in SIZES
+        }
+        _say(started, "tables of other sizes")
+        found = _verdicts(tables, seeds)
         _say(started, "trial")
-        controls = {share: _control(tables, skin, share) for share in SHARES}
+        few = seeds[:CONTROL_SEEDS]
+        controls = {share: _verdicts(tables, few if share else few[:1], share) for share in SHARES}
+        off_size = _verdicts(sizes, few)
         _say(started, "controls")
-        finer = finer_table(specs[1], skin)
-        played = {k: _played(s, t, skin) for k, s, t in zip(DEVICES, specs, tables, strict=True)}
-        spreads = {spec.key: reversed_spread(spec, skin) for spec in specs}
+        played = {spec.key: _played(spec, tables[spec.key]) for spec in specs}
+        spreads = {spec.key: reversed_spread(spec, _skin()) for spec in specs}
     for key in DEVICES:
         _picture(key, found[key], options.out / "pictures" / f"s2_{key}.png")
-    by_device = dict(zip(DEVICES, tables, strict=True))
-    page = "\n".join(line.rstrip() for line in _page(found, controls, played, spreads, by_device, finer, options.seeds))
-    write_bytes(options.out / "devices" / "motors_figures.md", (page + "\n").encode())
+    page = _page(found, controls, off_size, played, spreads, tables, seeds)
+    text = "\n".join(line.rstrip() for line in page)
+    write_bytes(options.out / "devices" / "motors_figures.md", (text + "\n").encode())
     _say(started, "done")
     return 0
+
+
+@functools.cache
+def _skin() -> SkinModel:
+    return fingertip_skin(level="draft")
 
 
 def _table(spec: DeviceSpec) -> SkinTable:
@@ -98,34 +113,34 @@ def _table(spec: DeviceSpec) -> SkinTable:
     return _drain(collect(spec, FingertipShape(), FOLDER / "parts", level="draft"))
 
 
-def _control(tables: Sequence[SkinTable], skin: SkinModel, share: float) -> list[list[Verdict]]:
-    """Judge the six interactions with less wobble, the noise and the rule as they are."""
-    less = Wobble(
-        *(share * getattr(WOBBLE, name) for name in ("tilt", "depth", "shift", "amplitude")), WOBBLE.bandwidth
-    )
-    heard = [table.heard_with(NOISE) for table in tables]
-    verdicts: list[list[Verdict]] = [[] for _ in tables]
-    for seed in range(CONTROL_SEEDS if share else 1):
-        for j, name in enumerate(NAMES):
-            sensed = sense(felt(skin, name, seed, less), seed=100 * seed + j)
-            for own, table in zip(verdicts, heard, strict=True):
-                own.append(judge(table, sensed, name, seed))
-    return verdicts
+def _sized(spec: DeviceSpec, size: float) -> DeviceSpec:
+    """Return a platform whose base and joints are larger or smaller than its preset's."""
+    more = {name: size * float(spec.parameters[name]) for name in ("base_radius", "platform_radius")}
+    return replace(spec, parameters={**spec.parameters, **more})
 
 
-def finer_table(spec: DeviceSpec, skin: SkinModel) -> list[int]:
-    """Return the motors found with a larger table, without wobble."""
-    table = build(spec, skin, readings_of(skin), FINER).heard_with(NOISE)
-    still = Wobble(0.0, 0.0, 0.0, 0.0)
-    return [judge(table, sense(felt(skin, name, 0, still), seed=j), name, 0).found[0] for j, name in enumerate(NAMES)]
+@functools.cache
+def _sensed(name: str, seed: int, share: float) -> Counts:
+    """Return what is read in an interaction, the hand's wobble being a share of what it is."""
+    parts = (share * getattr(WOBBLE, part) for part in ("tilt", "depth", "shift", "amplitude"))
+    touch = felt(_skin(), name, seed, Wobble(*parts, WOBBLE.bandwidth))
+    return sense(touch, seed=100 * seed + NAMES.index(name))
 
 
-def _played(spec: DeviceSpec, table: SkinTable, skin: SkinModel) -> Played:
+def _verdicts(tables: Mapping[str, SkinTable], seeds: Sequence[int], share: float = 1.0) -> dict[str, list[Verdict]]:
+    heard = {key: table.heard_with(NOISE) for key, table in tables.items()}
+    return {
+        key: [judge(table, _sensed(name, seed, share), name, seed) for seed in seeds for name in NAMES]
+        for key, table in heard.items()
+    }
+
+
+def _played(spec: DeviceSpec, table: SkinTable) -> Played:
     """Press every command of the six interactions, and compare with what the table estimates for it."""
-    heard, press, sensor = table.heard_with(NOISE), press_of(skin, spec), readings_of(skin)
+    heard, press, sensor = table.heard_with(NOISE), press_of(_skin(), spec), readings_of(_skin())
     off, moved = [], []
-    for j, name in enumerate(NAMES):
-        sensed = sense(felt(skin, name, 0), seed=j)
+    for name in NAMES:
+        sensed = _sensed(name, FIRST, 1.0)
         commands = commands_of(heard, sensed)
         loud = heard.from_rest(sensed) > heard.noise_floor
         pressed = press.press(commands[loud])
@@ -138,7 +153,7 @@ def _played(spec: DeviceSpec, table: SkinTable, skin: SkinModel) -> Played:
 
 def _picture(key: str, verdicts: Sequence[Verdict], path: Path) -> None:
     bars = Bars(
-        f"{TITLES[key]}: error above that of all motors, mean of the seeds, simulated (line: least to greatest)",
+        f"{TITLES[key]}: lost of the touch beyond what all motors leave, simulated (line: least to greatest of the seeds)",
         100 * KNEE,
     )
     for name in NAMES:
@@ -148,82 +163,88 @@ def _picture(key: str, verdicts: Sequence[Verdict], path: Path) -> None:
 
 
 def _page(
-    found: dict[str, tuple[Verdict, ...]],
-    controls: dict[float, list[list[Verdict]]],
-    played: dict[str, Played],
-    spreads: dict[str, dict[str, float]],
-    tables: dict[str, SkinTable],
-    finer: Sequence[int],
-    seeds: int,
+    found: Mapping[str, list[Verdict]],
+    controls: Mapping[float, Mapping[str, list[Verdict]]],
+    off_size: Mapping[str, list[Verdict]],
+    played: Mapping[str, Played],
+    spreads: Mapping[str, Mapping[str, float]],
+    tables: Mapping[str, SkinTable],
+    seeds: range,
 ) -> list[str]:
     tilt, depth, shift = np.degrees(WOBBLE.tilt), 1e3 * WOBBLE.depth, 1e3 * WOBBLE.shift
+    every = [v for verdicts in found.values() for v in verdicts]
+    right = [sum(v.found[i] == v.expected for v in every) for i in range(len(RULES))]
     lines = [
         "# How many motors: paper against ours",
         "",
-        "Regenerate with `python -m tests.benchmarks.figures_s2 --out presets` in the benchmarks' environment (some ten minutes). Source of the paper's figures: [S2], section V. Everything of ours is simulated: a linear skin of 1,560 tetrahedra, a virtual sensor, and a hand's wobble that was drawn, not recorded.",
+        f"**{right[0]} of {len(every)} verdicts are as the paper expects** by the rule that relates to the touch, {right[1]} by the paper's own rule.",
         "",
-        f"Fixed and committed before any result was looked at, and not tuned since: noise {NOISE:g} counts in every channel; wobble {tilt:g} degrees of tilt, {depth:g} mm of depth, {shift:g} mm along the surface, {100 * WOBBLE.amplitude:g} % from repetition to repetition; rule: the fewest motors whose error is less than {100 * KNEE:g} % above that of all. The paper expects 1, 2, 2, 2, 2, 3 motors for flat, back-, tip-, left-, right-flat and complex. No pose of the interactions is in a table: tables are regular sweeps.",
+        "Regenerate with `python -m tests.benchmarks.figures_s2 --out presets` in the benchmarks' environment (some half an hour). Source of the paper's figures: [S2], section V. Everything of ours is simulated: a linear skin of 1,560 tetrahedra, touched and pressed on points of its smooth surface, a virtual sensor, and a hand's wobble that was drawn, not recorded.",
+        "",
+        f"Fixed and committed before any result was looked at, and not tuned since: noise {NOISE:g} counts in every channel; wobble {tilt:g} degrees of tilt, {depth:g} mm of depth, {shift:g} mm along the surface, {100 * WOBBLE.amplitude:g} % from repetition to repetition. The paper's rule: the fewest motors whose error is less than {100 * KNEE:g} % above that of all. It asks for motors that render the hand's wobble as soon as all motors together leave less than that, so a second rule stands before it: the fewest motors that lose less than {100 * KNEE:g} % of the touch, beyond what all leave. It was found on seeds 0-2; seeds {seeds[0]}-{seeds[-1]}, below, were judged after it was committed. The paper expects 1, 2, 2, 2, 2, 3 motors for flat, back-, tip-, left-, right-flat and complex. No pose of the interactions is in a table: tables are regular sweeps.",
         "",
     ]
     for key in DEVICES:
         verdicts, table = found[key], tables[key]
-        right = sum(v.found[0] == v.expected for v in verdicts)
+        asked = [sum(v.found[i] == v.expected for v in verdicts) for i in range(len(RULES))]
         lines += [
             f"## {TITLES[key]}: `{key}`",
             "",
-            f"**{right} of {len(verdicts)} verdicts are as the paper expects** (components by variance; by rendered error {sum(v.found[1] == v.expected for v in verdicts)}). Table: {table.meta['asked']} configurations, {len(table.commands)} rows ({table.meta['rest_rows']} touch nothing and are one rest row, {table.meta['unbalanced_rows']} found no balance and are left out, {table.meta['saturated_rows']} have a channel at the end of its scale).",
+            f"**{asked[0]} of {len(verdicts)} verdicts are as the paper expects**, {asked[1]} by the paper's rule. Table: {table.meta['asked']} configurations, {len(table.commands)} rows ({table.meta['unreached_rows']} are out of the motors' reach, {table.meta['rest_rows']} touch nothing and are one rest row, {table.meta['unbalanced_rows']} found no balance and are left out, {table.meta['saturated_rows']} have a channel at the end of its scale).",
             "",
-            f"![Error above that of all motors](../pictures/s2_{key}.png)",
+            f"![Lost of the touch beyond what all motors leave](../pictures/s2_{key}.png)",
             "",
-            f"Motors found, seed 0 to {seeds - 1}; every number that differs from the expected one is an exception:",
+            f"Motors found, seed {seeds[0]} to {seeds[-1]}; every number that differs from the expected one is an exception:",
             "",
             "```",
-            f"{'':10}{'expected':10}{'by variance':{2 * max(seeds, 6) + 4}}by rendered error",
+            f"{'':10}{'expected':10}{'of the touch':{2 * max(len(seeds), 6) + 4}}the paper's rule",
         ]
         for name in NAMES:
             own = [v for v in verdicts if v.name == name]
-            runs = [" ".join(str(v.found[i]) for v in own) for i in (0, 1)]
-            lines.append(f"{name:10}{EXPECTED[name]:<10}{runs[0]:{2 * max(seeds, 6) + 4}}{runs[1]}")
-        lines += [
-            "```",
-            "",
-            "Mean over the seeds, components by variance [% above all motors], and the error with all motors [counts]:",
-            "",
-            "```",
-        ]
-        n = len(verdicts[0].percent[0])
-        lines.append(f"{'':10}" + "".join(f"{'k = ' + str(k):>9}" for k in range(1, n + 1)) + "   all [counts]")
-        every = []
-        for name in NAMES:
-            own = [v for v in verdicts if v.name == name]
-            mean = np.array([v.percent[0] for v in own]).mean(axis=0)
-            every.append(mean)
-            lines.append(f"{name:10}" + "".join(f"{p:9.1f}" for p in mean) + f"{np.mean([v.error for v in own]):14.1f}")
-        lines.append(
-            f"{'mean':10}"
-            + "".join(f"{p:9.1f}" for p in np.mean(every, axis=0))
-            + f"{np.mean([v.error for v in verdicts]):14.1f}"
-        )
-        lines.append(f"{'paper':10}" + "".join(f"{p:9.1f}" for p in PAPER[key]) + f"{PAPER_COUNTS[key][-1]:14.1f}")
+            runs = [" ".join(str(v.found[i]) for v in own) for i in range(len(RULES))]
+            lines.append(f"{name:10}{EXPECTED[name]:<10}{runs[0]:{2 * max(len(seeds), 6) + 4}}{runs[1]}")
         lines += ["```", ""]
+        n = len(verdicts[0].percent[0])
+        for i, title in enumerate(("Lost of the touch", "Error above that of all motors")):
+            lines += [
+                f"{title}, mean over the seeds [%], {'and the error with all motors and the touch [counts]' if i == 0 else 'the paper beside it'}:",
+                "",
+                "```",
+                f"{'':10}"
+                + "".join(f"{'k = ' + str(k):>9}" for k in range(1, n + 1))
+                + ("      all    touch" if i == 0 else ""),
+            ]
+            means = []
+            for name in NAMES:
+                own = [v for v in verdicts if v.name == name]
+                means.append(np.array([v.percent[i] for v in own]).mean(axis=0))
+                counts = (
+                    f"{np.mean([v.error for v in own]):9.1f}{np.mean([v.touch for v in own]):9.1f}" if i == 0 else ""
+                )
+                lines.append(f"{name:10}" + "".join(f"{p:9.1f}" for p in means[-1]) + counts)
+            lines.append(f"{'mean':10}" + "".join(f"{p:9.1f}" for p in np.mean(means, axis=0)))
+            if i == 1:
+                lines.append(f"{'paper':10}" + "".join(f"{p:9.1f}" for p in PAPER[key]))
+            lines += ["```", ""]
+        limits = [_same_answers(verdicts, limit) for limit in LIMITS]
+        agree = [f"{100 * limit:g} %: {count}" for limit, count in zip(LIMITS, limits, strict=True)]
+        lines += [f"As the paper expects, by another limit than {100 * KNEE:g} % of the touch: {', '.join(agree)}.", ""]
     lines += [
-        "## Why: the hand's wobble",
+        "## Controls",
         "",
-        f"A control, not a new setting: the same trial with less wobble, noise and rule unchanged (components by variance; {CONTROL_SEEDS} seeds, one without wobble, each number a seed).",
+        f"The same rule and noise with another wobble, and with platforms whose base and joints are 10 % smaller or larger ({CONTROL_SEEDS} seeds, one without wobble, each number a seed; tables of the controls by size: {ROWS['cable_platform']:,} and {ROWS['hexapod']:,} configurations).",
         "",
         "```",
-        f"{'wobble':10}{'device':18}" + "".join(f"{name:10}" for name in NAMES),
+        f"{'':32}" + "".join(f"{name:10}" for name in NAMES) + "as expected",
     ]
-    for share, both in controls.items():
-        for key, verdicts_less in zip(DEVICES, both, strict=True):
-            cells = [" ".join(str(v.found[0]) for v in verdicts_less if v.name == name) for name in NAMES]
-            lines.append(f"{100 * share:>4g} %    {key:18}" + "".join(f"{cell:10}" for cell in cells))
+    lines += [
+        _row(f"wobble {100 * share:g} %, {key}", verdicts)
+        for share, both in controls.items()
+        for key, verdicts in both.items()
+    ]
+    lines += [_row(title, verdicts) for title, verdicts in off_size.items()]
     lines += [
         "```",
-        "",
-        "Without wobble the cable platform needs what the paper expects. A hand that wobbles moves the surface about both axes even in the flat touch; the table of 166,375 rows is fine enough to see it (all three motors leave little error), so that a rule relative to the error of all motors asks for a motor for the wobble. With the coarse table of the six-leg platform the error of all motors is three times as large and hides more of the wobble, as the paper's sensor may have hidden its hand's.",
-        "",
-        f"Without wobble the six-leg platform asks for one more in four of the six. A finer table does not mend it: with {FINER:,} rows, without wobble, it needs {', '.join(map(str, finer))}. We think it is because six motors can render one touch in several ways (yaw and shifts along the pad hardly change what is read), so rows that read alike lie apart in commands, and their mean strays in directions that only more motors follow. The paper's table holds the same six dimensions; we do not know how it behaved there.",
         "",
         "## The estimate, played back",
         "",
@@ -240,13 +261,22 @@ def _page(
         "",
         "The third column is what the platform leaves of the target itself: a small disc under a tilting slab's touch, one contact for another.",
         "",
-    ]
-    lines += [
         "## What differs",
         "",
-        "The paper records a BioTac held by a hand and collects its tables on the built devices; ours are virtual, of chosen dimensions (`cable_platform.json`, `hexapod.json`), with rigid legs where the paper's are compliant wires. The paper's percentages are the mean of percentages; so are ours. Its error counts and ours depend on the sensor's gain, which here is chosen: compare percentages, and these with care, since they are relative to the error of all motors.",
+        "The paper records a BioTac held by a hand and collects its tables on the built devices; ours are virtual, of chosen dimensions (`cable_platform.json`, `hexapod.json`), with rigid legs where the paper's are compliant wires. The paper's percentages are the mean of percentages; so are ours. Its error counts and ours depend on the sensor's gain, which here is chosen: compare percentages, and those by the paper's rule with care, since they are relative to the error of all motors.",
     ]
     return lines
+
+
+def _row(title: str, verdicts: Sequence[Verdict]) -> str:
+    cells = [" ".join(str(v.found[0]) for v in verdicts if v.name == name) for name in NAMES]
+    right = sum(v.found[0] == v.expected for v in verdicts)
+    return f"{title:32}" + "".join(f"{cell:10}" for cell in cells) + f"{right} of {len(verdicts)}"
+
+
+def _same_answers(verdicts: Sequence[Verdict], limit: float) -> int:
+    """Return how many verdicts are as expected by another limit of the rule."""
+    return sum(knee(np.array(v.percent[0]), limit) == v.expected for v in verdicts)
 
 
 def _drain(steps: Generator[Any, None, T]) -> T:

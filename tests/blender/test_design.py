@@ -47,8 +47,8 @@ def test_the_answer_is_the_engines_for_the_same_bake_and_table(baked) -> None:
     _, table = drain(platform_devices.swept(spec, values["skin"], values["level"], ROWS))
     direct = drain(core.design.task.answer(spec, table, {"t": sensed(scene)}, noise=2.0))
     assert found.names == ("Tip, Flat, Tip",)
-    np.testing.assert_array_equal(found.by("variance").error, direct.by("variance").error)
-    assert found.by("variance").motors == direct.by("variance").motors
+    np.testing.assert_array_equal(found.joint.error, direct.joint.error)
+    assert found.joint.motors() == direct.joint.motors()
 
 
 def test_the_picture_is_an_image_of_the_file_and_a_png(baked) -> None:
@@ -92,7 +92,7 @@ def test_another_number_of_motors_is_written_without_searching_again(baked, monk
     scene, _, _ = baked
     bpy.ops.dermis.design()
     monkeypatch.setattr(design_results, "find", None)
-    scene.dermis_design.motors, scene.dermis_design.choice = 3, "rendered"
+    scene.dermis_design.motors, scene.dermis_design.rule = 3, "paper"
     assert bpy.ops.dermis.design_preset() == {"FINISHED"}
     key = design_results.current(scene).preset
     assert len(library().device(key).channels) == 3

@@ -174,7 +174,7 @@ def test_the_cable_twin_is_in_balance_with_the_skin(demo) -> None:
     spec, model = library().device("cable_platform"), platform_devices.model_of(finger)
     table = core.matching.table
     device = core.matching.platforms.mechanism(spec)
-    command = core.matching.sweep.sweep(spec, model.positions, 27)[-2]
+    command = core.matching.sweep.sweep(spec, model.positions, 27)[0][-2]
     at = platform_twin.state(spec, command, model, True)
     pressed = table.press_of(model, spec).press(command[None])
     load = -(pressed.force[0].astype(float)).sum(axis=0)

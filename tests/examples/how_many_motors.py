@@ -17,7 +17,7 @@ STEADY = Wobble(tilt=0.0, depth=0.0, shift=0.0, amplitude=0.0)  # a machine's ha
 
 
 def main() -> dict[str, dict[str, object]]:
-    """Return, by touch, the number of motors and the error that is left with one, two and three of them [%]."""
+    """Return, by touch, the number of motors and what is lost of it with one, two and three of them [%]."""
     device = dermis.Library().device("cable_platform")
     skin = dermis.fingertip("index_medium", level="draft")
     told: dict[str, dict[str, object]] = {}
@@ -28,9 +28,9 @@ def main() -> dict[str, dict[str, object]]:
             scene = interaction(touch, skin.positions, wobble=STEADY, repetitions=1)
             readings = finished(task.sense_scene(scene, skin, noise=0.0))
             answer = finished(task.answer(device, table, {touch: readings}, noise=0.0, skin=skin))
-            found = answer.by("variance")
-            told[touch] = {"motors": found.motors, "percent": found.percent.tolist()}
-            print(f"{touch}: {found.motors} of {len(device.channels)} motors")
+            found = answer.joint
+            told[touch] = {"motors": found.motors(), "percent": found.percent().tolist()}
+            print(f"{touch}: {found.motors()} of {len(device.channels)} motors")
     return told
 
 

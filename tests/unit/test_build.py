@@ -221,6 +221,30 @@ def test_a_command_that_is_no_python_is_not_trusted(tmp_path: Path) -> None:
     assert build_addon.runs(sys.executable)
 
 
+def test_notes_of_a_release_have_what_is_new_the_files_and_how_to_install(tmp_path: Path) -> None:
+    zips = [tmp_path / "dermis-9.9.9-linux-x64.zip", tmp_path / "dermis-9.9.9-windows-x64.zip"]
+    for i, path in enumerate(zips):
+        path.write_bytes(bytes(i + 1))
+    notes = build_addon.release_notes(zips)
+    first = re.search(r"^## .*\n+(\* .*)", build_addon.CHANGES.read_text(encoding="utf-8"), re.M)
+    assert first is not None and first.group(1) in notes
+    for path in zips:
+        assert f"| `{path.name}` |" in notes and hashlib.sha256(path.read_bytes()).hexdigest() in notes
+    assert notes.startswith("# Dermis ") and notes.count("\n# ") == 0 and "Install from Disk" in notes
+
+
+def test_notes_are_of_the_version_or_of_what_has_come_since(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    changes = tmp_path / "CHANGELOG.md"
+    monkeypatch.setattr(build_addon, "CHANGES", changes)
+    version = build_addon.manifest_value("version")
+    changes.write_text(f"# Changelog\n\n## Unreleased\n\n## {version}, 2000-01-01\n\n* this\n\n## 0.0.1\n\n* that\n")
+    notes = build_addon.release_notes([])
+    assert "* this" in notes and "* that" not in notes
+    changes.write_text("# Changelog\n\n## 0.0.1\n\n* that\n")
+    with pytest.raises(build_addon.Stop, match=re.escape(f"## {version}, DATE")):
+        build_addon.release_notes([])
+
+
 def test_missing_libraries_are_named_with_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
     def load(name: str) -> None:
         if name in ("libXi.so.6", "libSM.so.6"):

@@ -56,8 +56,10 @@ def test_the_report_comes_as_text_json_picture_and_preset(reported):
     report = json.loads((out / "report.json").read_text(encoding="utf-8"))
     assert (out / "report.txt").read_text(encoding="utf-8") == made.stdout
     assert (out / "report.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
-    joint = report["joint"]["variance"]
-    assert report["interactions"] == ["flat"] and len(joint["percent"][0]) == 3 and joint["percent"][0][2] == 0.0
+    joint = report["joint"]
+    percent = joint["rules"]["touch"]["percent"][0]
+    assert report["interactions"] == ["flat"] and len(percent) == 3 and percent[2] == 0.0
+    assert report["repetitions"] == [3] and 0.0 < report["scatter_counts"][0] < 0.2 * joint["touch_counts"][0]
     assert sum(joint["explained"]) == pytest.approx(1.0)
     radii = np.array(joint["pulley_radii_m"])
     assert np.abs(radii).max(axis=0) == pytest.approx(7e-3)  # the largest is the original pulley
@@ -112,7 +114,7 @@ def test_the_trial_prints_every_exception(reported):
 def test_the_interactions_own_poses_are_not_in_the_table(skin, device):
     """A table that held the very poses would look itself up."""
     spec = Library().device(device)
-    known = sweep(spec, skin.positions)
+    known, _ = sweep(spec, skin.positions)
     carrier, span = mechanism(spec), np.ptp(known, axis=0)
     from scipy.spatial import cKDTree
 

@@ -94,7 +94,7 @@ def test_a_scene_is_felt_by_its_fingers_own_skin(skin, tmp_path):
     for name in ("plain", "soft"):
         made = run(tmp_path / f"{name}.npz", "--rows", 512, "--json", "--quiet", cwd=tmp_path)
         assert made.returncode == 0, made.stderr
-        said[name] = json.loads(made.stdout)["joint"]["variance"]["error_counts"]
+        said[name] = json.loads(made.stdout)["joint"]["error_counts"]
     assert said["plain"] != said["soft"]
     for arguments in (
         (tmp_path / "plain.npz", tmp_path / "soft.npz", "--skin", "index_medium"),
@@ -147,12 +147,11 @@ def test_a_touch_that_all_motors_leave_is_doubted(spec, table):
 
 def test_a_touch_that_is_met_exactly_has_finite_percentages(spec, table):
     sensed = table.exact_readings[np.linspace(1, len(table.exact_readings) - 1, 60).astype(int)]
-    for reduction in reduce(table, [sensed], 0.1):
-        assert reduction.error[0, -1] == 0.0
-        whole_counts = np.sqrt(20 / 12)  # what reading in whole counts leaves
-        np.testing.assert_allclose(reduction.percent[0], 100.0 * reduction.error[0] / whole_counts)
-    found = design(spec, table, {"exact": sensed})
-    assert found.by("variance").motors > 1
+    reduction = reduce(table, [sensed], 0.1)
+    assert reduction.error[0, -1] == 0.0
+    whole_counts = np.sqrt(20 / 12)  # what reading in whole counts leaves
+    np.testing.assert_allclose(reduction.percent("paper")[0], 100.0 * reduction.error[0] / whole_counts)
+    assert design(spec, table, {"exact": sensed}).joint.motors("paper") > 1
 
 
 def test_no_original_motor_goes_faster_than_it_could(spec, table):
@@ -160,7 +159,7 @@ def test_no_original_motor_goes_faster_than_it_could(spec, table):
     rng = np.random.default_rng(3)
     found = design(spec, table, {"a": table.exact_readings[1:200] + rng.normal(0, 2, (199, 20))})
     for count in (1, 2, 3):
-        made = from_preset("new", preset(found, "variance", count))
+        made = from_preset("new", preset(found, motors=count))
         slews = np.array([c.slew for c in made.channels])
         fastest = np.abs(coupling_of(made).matrix) @ slews
         own = np.array([c.slew for c in spec.channels])
@@ -204,7 +203,7 @@ def test_a_coupling_beyond_the_original_range_is_found(spec, skin, table):
         (("flat", "--noise", "nan"), "--noise"),
         (("flat", "--motors", 9, "--out", "x"), "--motors"),
         (("flat", "--motors", 2), "--out"),
-        (("flat", "--choice", "rendered"), "--out"),
+        (("flat", "--rule", "paper"), "--out"),
     ],
 )
 def test_arguments_that_cannot_be_meant_are_refused(arguments, words, tmp_path):

@@ -14,6 +14,7 @@ from core.devices.press import Press
 from core.errors import DermisError
 from core.matching.sweep import platform_poses, sweep
 from core.presets import Library
+from core.skin.press_points import PressPoints
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +97,7 @@ def test_pressed_rows_are_in_balance_and_obey_coulomb(device, skin):
     depth = rng.uniform(0.2e-3, 2e-3, n)
     poses = platform_poses(skin.positions, depth, tilt[0], tilt[1], np.zeros((n, 2)), np.zeros(n))
     commands = device.commands(poses)
-    found = Press(skin.compliance, skin.positions, device, 0.4).press(commands)
+    found = Press(PressPoints(skin.positions, skin.compliance), device, 0.4).press(commands)
     assert found.touching.all()
     force = found.force.astype(np.float64)
     load = -np.concatenate([force.sum(axis=1), np.cross(skin.positions, force).sum(axis=1)], axis=1)
@@ -125,7 +126,7 @@ def test_smooth_level_press_of_a_stiff_carrier_is_the_exact_active_set(device, s
     stiff = replace(device, cable=5e8, bending=5e7)
     depth = 1.0e-3
     poses = platform_poses(skin.positions, np.array([depth]), *np.zeros((2, 1)), np.zeros((1, 2)), np.zeros(1))
-    found = Press(skin.compliance, skin.positions, stiff, 0.0).press(stiff.commands(poses))
+    found = Press(PressPoints(skin.positions, skin.compliance), stiff, 0.0).press(stiff.commands(poses))
     heights = skin.positions[:, 2] - skin.positions[:, 2].min()
     reach = np.hypot(*skin.positions[:, :2].T) < stiff.disc_radius
     exact = flat_press(skin.compliance, np.where(reach, heights, heights + 1.0), depth)
@@ -133,8 +134,8 @@ def test_smooth_level_press_of_a_stiff_carrier_is_the_exact_active_set(device, s
 
 
 def test_without_friction_the_way_back_ends_where_the_way_in_did(device, skin, spec):
-    commands = sweep(spec, skin.positions, 64)[32:]
-    press = Press(skin.compliance, skin.positions, device, 0.0)
+    commands = sweep(spec, skin.positions, 64)[0][32:]
+    press = Press(PressPoints(skin.positions, skin.compliance), device, 0.0)
     direct = press.press(commands)
     back = press.press(commands, via=commands + 0.02)
     np.testing.assert_allclose(back.force, direct.force, atol=3e-3 * direct.force.max())

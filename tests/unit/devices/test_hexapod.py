@@ -17,6 +17,7 @@ from core.errors import DermisError
 from core.matching.sweep import platform_poses, sweep
 from core.presets import Library
 from core.skin.model import fingertip_skin
+from core.skin.press_points import PressPoints
 
 FLIP = np.diag([1.0, -1.0, -1.0])  # the thimble's disc touches with -Z
 
@@ -58,7 +59,7 @@ def test_legs_that_do_not_hold_are_refused(spec):
 
 
 def test_the_sweep_has_the_papers_number_of_rows_and_stays_in_range(spec, device):
-    commands = sweep(spec, fingertip_skin(level="draft").positions)
+    commands, _ = sweep(spec, fingertip_skin(level="draft").positions)
     assert commands.shape == (4033, 6)
     low, high = np.array([(c.low, c.high) for c in spec.channels]).T
     assert ((commands >= low) & (commands <= high)).all()
@@ -74,7 +75,7 @@ def test_a_press_agrees_with_the_path_solver_on_the_same_path(device, pitch, rol
     )
     command = device.commands(poses)
     steps = 40
-    found = Press(skin.compliance, skin.positions, device, 0.4, steps=steps).press(command)
+    found = Press(PressPoints(skin.positions, skin.compliance), device, 0.4, steps=steps).press(command)
     solver = PathSolver(skin.compliance, skin.positions, areas=skin.areas)
     disc = Disc(radius=device.disc_radius)
     pose = device.rest_poses(1)

@@ -18,6 +18,9 @@ class PointMap:
     Args:
         chart: that points are cells of.
         reach: of corners from their cell's centre, in sides of it.
+
+    Attributes:
+        roots: the root at and around each root, the number of roots where there is none, shape (n, 3, 3).
     """
 
     def __init__(self, chart: PadChart, reach: float) -> None:
@@ -31,7 +34,7 @@ class PointMap:
         self._offsets = 0.5 + reach * _SIGNS
         self._owner = np.full((chart.starts[1] + 1, self.side * self.side), NONE)  # the last is beside the pad
         self._marked: Indices = np.zeros(0, dtype=np.int64)
-        self._beside = _beside(chart)
+        self.roots = _beside(chart)
 
     def mark(self, cells: Indices) -> None:
         """Set which cells are points."""
@@ -68,7 +71,7 @@ class PointMap:
     def _at(self, cells: Indices, offsets: Array) -> Indices:
         tiles, size = self.tiles, self._size[cells][:, None]
         at = np.floor((tiles.place[cells][:, None] + offsets) * size + 1e-9).astype(np.int64)
-        root = self._beside[tiles.root[cells, None], (at[:, :, 0] // self.side) + 1, (at[:, :, 1] // self.side) + 1]
+        root = self.roots[tiles.root[cells, None], (at[:, :, 0] // self.side) + 1, (at[:, :, 1] // self.side) + 1]
         at %= self.side
         return np.asarray(self._owner[root, at[:, :, 0] * self.side + at[:, :, 1]])
 

@@ -30,18 +30,23 @@ class PointMatrix:
         self._store = np.zeros((0, 0), dtype=np.float32)
         self._saved = False
         count = pad.chart.starts[1]
-        self._coarse = np.zeros((count, count, 3, 3), dtype=np.float32)  # memory is taken by the rows asked for
+        self._coarse = np.zeros((count, 3, count, 3), dtype=np.float32)  # memory is taken by the rows asked for
         self._known = np.zeros(count, dtype=bool)
 
     def coarse(self, cells: Indices, force: Floats32, at: Indices) -> Array:
         """Return the displacement of cells of the coarsest level for forces on others of it [N], shape (n, 3) [m]."""
+        # the matrix is symmetric: rows of the few that carry force serve for all that they move
+        moved = force.reshape(-1) @ self.coarse_rows(cells).reshape(force.size, -1)
+        return moved.reshape(-1, 3)[at].astype(np.float64)
+
+    def coarse_rows(self, cells: Indices) -> Floats32:
+        """Return what forces on cells of the coarsest level do to all of it [m/N], shape (n, 3, p, 3)."""
         missing = cells[~self._known[cells]]
         if len(missing):
-            rows = self.pad.rows(missing, self.pad.chart.base).reshape(len(missing), 3, -1, 3)
-            self._coarse[missing] = rows.transpose(0, 2, 1, 3)
+            rows = self.pad.rows(missing, self.pad.chart.base)
+            self._coarse[missing] = rows.reshape(len(missing), 3, -1, 3)
             self._known[missing] = True
-        # the matrix is symmetric: rows of the few that carry force serve for all that they move
-        return np.tensordot(force, self._coarse[cells[:, None], at], axes=([0, 1], [0, 2])).astype(np.float64)
+        return np.asarray(self._coarse[cells])
 
     @property
     def matrix(self) -> Floats32:

@@ -25,9 +25,10 @@ from .compliance import Linear
 from .cone import project
 from .history import ContactHistory
 from .moved_skin import MovedSkin
-from .path import BONE, CHECK, DEPTH_LIMIT, MARGIN, PathSolver, PathStep
+from .path import BONE, CHECK, DEPTH_LIMIT, PathSolver, PathStep
 from .point_gaps import completed, passed_on
 from .point_history import Succession, succession
+from .point_reach import PointReach
 from .point_set import PointSet
 from .point_sight import PointSight
 from .point_tree import MANY, OFTEN, PointTree
@@ -79,6 +80,7 @@ class PointSolver(PathSolver):
         starts = surface.chart.starts
         self._pad = surface.cells.positions[starts[1] : starts[2]]
         self._sample = self._pad[:: max(len(self._pad) // 32, 1)]
+        self._reach = PointReach(self._points)
         self._number()
         self.reset()
 
@@ -93,9 +95,15 @@ class PointSolver(PathSolver):
         return self._pad
 
     @property
-    def bulge(self) -> Array:
-        """How far skin may come out in the next frame to what it does not touch yet [m], the same everywhere."""
-        return super().bulge.max(keepdims=True, initial=MARGIN)
+    def places(self) -> Array:
+        """The centres of the coarsest cells, which cover the pad [m], shape (p, 3)."""
+        return self._reach.places
+
+    @property
+    def reach(self) -> Array:
+        """How far from each of `places` skin of its cell may be in the next frame [m], shape (p,)."""
+        sizes = self._reach.sizes
+        return sizes + self._bulge(self._reach.moved(self._force, self._image)) if self.loaded.any() else sizes
 
     def reset(self) -> None:
         """Forget the history: the next frame is solved from rest."""

@@ -187,6 +187,29 @@ def test_what_rests_is_not_solved_again(pad):
     assert solver.step(aside[-1:]).solution.force is settled
 
 
+@pytest.mark.parametrize(
+    "surface", [Surface.block(), Surface.block(6e-3, 6e-3, 1e-2), Surface.edge()], ids=["plane", "rod", "edge"]
+)
+def test_skin_is_within_reach_wherever_it_is_pressed_out(pad, surface):
+    """Also where nothing is asked: in cells a quarter as large as those that are told of."""
+    solver, chart = PointSolver(pad), pad.chart
+    some = np.arange(chart.starts[2], chart.starts[3], 13)
+    root = chart.tiles.root[some]
+
+    def off(moved):
+        return np.linalg.norm(pad.cells.positions[some] + moved - solver.places[root], axis=1)
+
+    assert (off(0.0) < solver.reach[root]).all()
+    stepper = SubStepper(solver, 6e-3)
+    for depth in np.linspace(0.0, 1.5e-3, 16):
+        touches, reach = solver.loaded.any(), solver.reach[root]
+        force = stepper.step([body(surface, depth, 0.6)]).solution.force
+        loaded = np.flatnonzero(force.any(axis=1))
+        if touches:
+            assert (off(pad.apply(solver.cells[loaded], force[loaded], some)) < reach).all()
+    assert solver.reach[np.abs(solver.places[:, 0]) > 7.5e-3].max() < 2.5e-3
+
+
 def test_nothing_near_is_idle(pad):
     solver = PointSolver(pad)
     step = solver.step([body(Surface.block(), -5e-3)])

@@ -29,24 +29,6 @@ class PointMatrix:
         self.cells: Indices = np.zeros(0, dtype=np.int64)
         self._store = np.zeros((0, 0), dtype=np.float32)
         self._saved = False
-        count = pad.chart.starts[1]
-        self._coarse = np.zeros((count, 3, count, 3), dtype=np.float32)  # memory is taken by the rows asked for
-        self._known = np.zeros(count, dtype=bool)
-
-    def coarse(self, cells: Indices, force: Floats32, at: Indices) -> Array:
-        """Return the displacement of cells of the coarsest level for forces on others of it [N], shape (n, 3) [m]."""
-        # the matrix is symmetric: rows of the few that carry force serve for all that they move
-        moved = force.reshape(-1) @ self.coarse_rows(cells).reshape(force.size, -1)
-        return moved.reshape(-1, 3)[at].astype(np.float64)
-
-    def coarse_rows(self, cells: Indices) -> Floats32:
-        """Return what forces on cells of the coarsest level do to all of it [m/N], shape (n, 3, p, 3)."""
-        missing = cells[~self._known[cells]]
-        if len(missing):
-            rows = self.pad.rows(missing, self.pad.chart.base)
-            self._coarse[missing] = rows.reshape(len(missing), 3, -1, 3)
-            self._known[missing] = True
-        return np.asarray(self._coarse[cells])
 
     @property
     def matrix(self) -> Floats32:

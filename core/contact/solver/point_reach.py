@@ -11,6 +11,7 @@ import numpy as np
 
 from ...arrays import Array, Floats32, Indices
 from ...skin.pad_chart import PadChart
+from ...skin.row_table import RowTable
 from .point_set import PointSet
 
 
@@ -26,7 +27,7 @@ class PointReach:
     """
 
     def __init__(self, points: PointSet) -> None:
-        self._points, self._chart, roots = points, points.pad.chart, points.map.roots
+        self._points, self._chart, roots = points, points.pad.chart, points.pad.chart.beside
         self.places: Array = points.pad.cells.positions[self._chart.base]
         corners, _ = self._chart.corners(self._chart.base, 0.5)
         self.sizes: Array = np.linalg.norm(corners - self.places[:, None], axis=2).max(axis=1)
@@ -35,8 +36,7 @@ class PointReach:
         self._told = np.flatnonzero(~odd[:-1])
         self._about: Indices = np.ascontiguousarray(roots.reshape(len(roots), -1).T)
         self._blocks, self._members = _blocks(self._chart)
-        self._rows: Floats32 = np.zeros((len(self._members), 3, 3 * len(self._told)), np.float32)
-        self._known = np.zeros(len(self._members), dtype=bool)
+        self._rows = RowTable(len(self._members), self._made)
 
     def moved(self, force: Array, image: Array) -> Array:
         """Return how far skin has moved in each cell, at most [m], shape (p,).
@@ -46,15 +46,18 @@ class PointReach:
         """
         roots, loaded = self._chart.tiles.root[self._points.cells], np.flatnonzero(force.any(axis=1))
         under, which = np.unique(self._blocks[roots[loaded]], return_inverse=True)
-        for block in under[~self._known[under]].tolist():
-            rows = self._points.matrix.coarse_rows(self._members[block])[:, :, self._told]
-            self._rows[block], self._known[block] = rows.mean(axis=0).reshape(3, -1), True
-        on = np.stack([np.bincount(which, force[loaded, k], len(under)) for k in range(3)], axis=1).astype(np.float32)
-        far = (on.reshape(-1) @ self._rows.take(under, axis=0).reshape(on.size, -1)).reshape(-1, 3)
+        on: Array = np.stack([np.bincount(which, force[loaded, k], len(under)) for k in range(3)], axis=1)
+        far = self._points.pad.displaced(self._rows[under], on)
         most = np.zeros(len(self.places) + 1)
         most[self._told] = np.sqrt(np.einsum("ij,ij->i", far, far))
         np.maximum.at(most, roots, np.sqrt(np.einsum("ij,ij->i", image, image)))
         return np.asarray(most.take(self._about).max(axis=0))
+
+    def _made(self, blocks: Indices) -> Floats32:
+        """Return what force spread over each of some blocks does to the cells that are told of."""
+        coarse = self._points.pad.coarse
+        means = [coarse[self._members[block]][:, :, self._told].mean(axis=0) for block in blocks.tolist()]
+        return np.asarray(np.stack(means))
 
 
 def _blocks(chart: PadChart) -> tuple[Indices, list[Indices]]:

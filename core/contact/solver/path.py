@@ -184,6 +184,10 @@ class PathSolver:
         """Points of the undeformed skin that tell where anything first touches [m], shape (n, 3)."""
         return self.points
 
+    def outside(self, bodies: Sequence[ContactBody]) -> float:
+        """Return the smallest gap of the undeformed skin [m]."""
+        return float(node_gaps(self.pad, bodies, np.inf, self.bone).gap.min())
+
     @property
     def gaps(self) -> NodeGaps | None:
         """The gaps of the last frame; None where nothing was near."""

@@ -16,9 +16,10 @@ import numpy as np
 from ...arrays import Array, Indices
 from ...skin.nodal_forces import NodalForces
 from ...skin.surface_compliance import SurfaceCompliance
+from ...surface.plane import Plane
 from .admm import State, iterate
 from .asked import Asked
-from .bodies import ContactBody, NodeGaps, moved, same_places, travel
+from .bodies import ContactBody, NodeGaps, moved, node_gaps, same_places, travel
 from .candidates import CandidateInverse
 from .cell_gaps import over_cells
 from .compliance import Linear
@@ -93,6 +94,15 @@ class PointSolver(PathSolver):
     def pad(self) -> Array:
         """Points of the undeformed skin that tell where anything first touches [m], shape (n, 3)."""
         return self._pad
+
+    def outside(self, bodies: Sequence[ContactBody]) -> float:
+        """Return the smallest gap of the undeformed skin [m]."""
+        if not all(body.away or isinstance(body.surface, Plane) or body.surface.closed for body in bodies):
+            return super().outside(bodies)
+        # no gap changes by more than the way to another point, so skin far from what is closest need not be asked
+        gap = node_gaps(self.places, bodies, np.inf, self.bone).gap
+        near = np.flatnonzero(gap - self._reach.sizes <= (gap + self._reach.sizes).min())
+        return float(node_gaps(self._pad.reshape(-1, 4, 3)[near].reshape(-1, 3), bodies, np.inf, self.bone).gap.min())
 
     @property
     def places(self) -> Array:

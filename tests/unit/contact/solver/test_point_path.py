@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("scipy")
 
-from core.contact.solver.bodies import ContactBody
+from core.contact.solver.bodies import ContactBody, node_gaps
 from core.contact.solver.cone import OPEN
 from core.contact.solver.point_history import succession
 from core.contact.solver.point_matrix import PointMatrix
@@ -208,6 +208,19 @@ def test_skin_is_within_reach_wherever_it_is_pressed_out(pad, surface):
         if touches:
             assert (off(pad.apply(solver.cells[loaded], force[loaded], some)) < reach).all()
     assert solver.reach[np.abs(solver.places[:, 0]) > 7.5e-3].max() < 2.5e-3
+
+
+@pytest.mark.parametrize("height", [-3e-3, -1e-4, 0.0, 8e-4, 5e-3])
+def test_the_smallest_gap_is_that_of_all_skin(pad, height):
+    """It is looked for where it can be: the same as if all had been asked."""
+    solver = PointSolver(pad)
+    for bodies in (
+        [body(Surface.sphere(1e-3, 500), height, shift=(2.3e-3, 1e-3))],
+        [body(Surface.edge(), height, shift=(-1.1e-3, 0.0)), body(Surface.block(5e-3, 5e-3), height)],
+        [replace(body(Surface.block(5e-3, 5e-3), 0.0), away=True)],
+    ):
+        all_of_it = node_gaps(solver.pad, bodies, np.inf, solver.bone).gap.min()
+        assert solver.outside(bodies) == pytest.approx(all_of_it, abs=1e-15)
 
 
 def test_nothing_near_is_idle(pad):

@@ -3,7 +3,7 @@
 Most are told by their boxes, in their own axes. Of others, a gap that was measured once bounds the gap at every
 other pose: no point of a body, seen from the finger, moves farther than its box does, or, where the body keeps its
 shape, than the finger's box does over it. Until that much was moved, nothing of the body needs to be looked at. Gaps
-are kept for groups of nodes: skin comes out where it is pressed, and not elsewhere.
+are kept for groups of points: skin comes out where it is pressed, and not elsewhere.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from ..motion import singular
 from ..scene.tactile_scene import Mesh
 from .solver.bodies import ContactBody, node_gaps
 
-# Nodes are asked in so many groups at first: far bodies are told by a few points.
+# Points are asked in so many groups at first: far bodies are told by a few points.
 GROUPS = 32
 # Gaps are measured exactly this far out [m]: the larger they are, the longer they are good for.
 FAR = 5e-3
@@ -49,7 +49,7 @@ class Proximity:
     """What is known of the distance of one finger to bodies.
 
     Args:
-        points: the finger's undeformed nodes [m], shape (m, 3).
+        points: of the finger's undeformed skin [m], shape (m, 3).
         bone: a point inside the finger [m], shape (3,).
     """
 
@@ -71,11 +71,11 @@ class Proximity:
         self._apart: tuple[Mapping[int, RelativePoses], Array] | None = None
 
     def grouped(self, values: Array) -> Array:
-        """Return the largest of the nodes' values, shape (m,), in each group, shape (g,); what is one for all stays."""
-        return values if len(values) == 1 else np.maximum.reduceat(values.take(self._order), self._starts)
+        """Return the largest of the points' values, shape (m,), in each group, shape (g,)."""
+        return np.asarray(np.maximum.reduceat(values.take(self._order), self._starts))
 
     def within(self, poses: Mapping[int, RelativePoses], boxes: Mapping[int, Array], i: int, reach: Array) -> set[int]:
-        """Return the bodies whose boxes are within reach of a group at a sample, [m], shape (g,), or (1,) for all.
+        """Return the bodies whose boxes are within reach of a group at a sample, [m], shape (g,).
 
         Args:
             poses: of the bodies that are near in the chunk. boxes: see `_boxes_apart`, of the same bodies.

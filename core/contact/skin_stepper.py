@@ -62,9 +62,7 @@ class SkinStepper:
         self._scene = scene
         self._low, self._high = skin.positions.min(axis=0), skin.positions.max(axis=0)
         self._order: list[int] = []  # bodies it has ever been near; only ever grows
-        self._proximity = Proximity(skin.positions, self.bone.solver.bone)
-        # what touches the smooth skin may be as far from the nodes about, which tell whether anything does [m]
-        self._between = self._proximity.grouped(np.sqrt(skin.areas))
+        self._proximity = Proximity(self.bone.solver.places, self.bone.solver.bone)
 
     def approach(self) -> Approach:
         """Find the bodies whose boxes come within reach of the fingertip's in the chunk, and in which samples.
@@ -103,9 +101,7 @@ class SkinStepper:
     def around(self, approach: Approach, i: int, *, untouched: bool = False) -> list[ContactBody]:
         """Return the bodies that the finger has ever been near at a sample, in an order that never changes.
 
-        Those that it cannot touch are away: without load the undeformed skin is the skin, and nothing is felt before
-        its gap is closed; else by how far skin may bulge out. A smooth skin may be touched between the nodes that are
-        asked.
+        Those that it cannot touch are away: farther from it everywhere than skin may bulge out there.
 
         Args:
             untouched: return these too.
@@ -116,9 +112,7 @@ class SkinStepper:
         known = close if untouched else {self._order[k] for k in loaded if k >= 0} & close
         reach = within = None
         if len(known) < len(close):
-            reach = self._proximity.grouped(self.bone.solver.bulge) if loaded else np.zeros(1)
-            if self.on_points:
-                reach = np.maximum(reach, self._between)
+            reach = self._proximity.grouped(self.bone.solver.reach)
             within = self._proximity.within(approach.poses, approach.boxes, i, reach) & close
         return [
             self._body(approach, i, b, None if b in known else reach) if b in known or within and b in within else AWAY
@@ -126,7 +120,7 @@ class SkinStepper:
         ]
 
     def _body(self, approach: Approach, i: int, b: int, reach: Array | None) -> ContactBody:
-        """Return a body at a sample; away where no group of nodes has it within reach [m], shape (g,) or (1,)."""
+        """Return a body at a sample; away where no group of places has it within reach [m], shape (g,)."""
         if reach is None:
             return self._scene.seen_from(approach.turn[i], approach.place[i], b, i)
         mesh = self._scene.mesh_at(b, i)
@@ -174,6 +168,7 @@ class SkinStepper:
         """Solve contact at the mesh's nodes, from rest; `SkinSampler` says why."""
         self._surface, self._coarse = None, CoarseTouches(self.skin.mesh, self.name)
         self.bone = CompliantBone.of(self.skin, self._finger.parameters, self.name, self._tolerance)
+        self._proximity = Proximity(self.bone.solver.places, self.bone.solver.bone)
 
     def save(self) -> Mapping[str, Any]:
         """Return the state between two samples, for `restore`: a sample may then be solved anew."""

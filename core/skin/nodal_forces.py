@@ -12,10 +12,12 @@ from ..arrays import Array, Indices
 from ..errors import DermisError
 from .mesh import TetraMesh
 from .pad_chart import PadChart
+from .row_table import RowTable
 
 NEAREST = 12  # triangles of the pad, by their centres, of which one is taken for a cell
 
 Floats = NDArray[np.floating[Any]]
+_ROW = np.dtype([("nodes", np.int64, 3), ("weights", np.float64, (3, 3, 3))])  # of each cell
 
 
 class NodalForces:
@@ -56,14 +58,11 @@ class NodalForces:
 
     def _weights(self, cells: Indices) -> tuple[Indices, Array]:
         """Return the three nodes of each cell, shape (n, 3), and what of its force goes to each, (n, 3, 3, 3)."""
-        nodes, weights, known = self._tables
-        missing = np.unique(np.asarray(cells)[~known[cells]])
-        if len(missing):
-            nodes[missing], weights[missing] = self._locate(self.chart.cells.positions[missing])
-            known[missing] = True
-        return nodes[cells], weights[cells]
+        found = self._table[np.asarray(cells)]
+        return found["nodes"], found["weights"]
 
-    def _locate(self, points: Array) -> tuple[Indices, Array]:
+    def _locate(self, cells: Indices) -> NDArray[Any]:
+        points = self.chart.cells.positions[cells]
         near = self._tree.query(points, k=min(NEAREST, len(self._triangles)))[1].reshape(len(points), -1)
         shares = _barycentric(self._corners[near], points[:, None])
         best = shares.min(axis=2).argmax(axis=1)
@@ -76,7 +75,10 @@ class NodalForces:
         off = points - np.einsum("nk,nka->na", share, corners)
         squares = np.einsum("nka,nka->n", arms, arms)[:, None, None] * np.eye(3)
         turn = np.linalg.solve(squares - np.einsum("nka,nkb->nab", arms, arms), _cross(off))
-        return self._triangles[triangle], share[:, :, None, None] * np.eye(3) - _cross(arms) @ turn[:, None]
+        found = np.empty(len(cells), dtype=_ROW)
+        found["nodes"] = self._triangles[triangle]
+        found["weights"] = share[:, :, None, None] * np.eye(3) - _cross(arms) @ turn[:, None]
+        return found
 
     @cached_property
     def _tree(self) -> Any:
@@ -85,9 +87,8 @@ class NodalForces:
         return cKDTree(self._corners.mean(axis=1))
 
     @cached_property
-    def _tables(self) -> tuple[Indices, Array, NDArray[np.bool_]]:
-        count = len(self.chart.places)  # memory is taken by those cells only that are ever asked for
-        return np.empty((count, 3), np.int64), np.empty((count, 3, 3, 3)), np.zeros(count, bool)
+    def _table(self) -> RowTable:
+        return RowTable(len(self.chart.places), self._locate)
 
 
 def _barycentric(corners: Array, points: Array) -> Array:

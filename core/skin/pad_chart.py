@@ -46,6 +46,12 @@ class Patches:
     def __len__(self) -> int:
         return len(self.areas)
 
+    @cached_property
+    def extent(self) -> tuple[Array, Array, Array]:
+        """The shorter side of each piece, the longer one, and the side of a square as large [m], shape (n,) each."""
+        lengths = np.linalg.norm(self.sides, axis=2)
+        return lengths.min(axis=1), lengths.max(axis=1), np.sqrt(self.areas)
+
     def take(self, index: NDArray[np.integer] | slice) -> Patches:
         """Return some of the pieces."""
         return Patches(self.positions[index], self.normals[index], self.sides[index], self.areas[index])
@@ -127,6 +133,18 @@ class PadChart:
         """The level of each cell, 0 the coarsest; -1 for bars, shape (n,)."""
         levels = np.repeat(np.arange(len(self.starts) - 1, dtype=np.int8), np.diff(self.starts))
         return np.concatenate([levels, np.full(len(self.places) - len(levels), -1, np.int8)])
+
+    @cached_property
+    def beside(self) -> Indices:
+        """The cell of level 0 at and around each of it, their number where there is none, shape (n, 3, 3)."""
+        from scipy.spatial import cKDTree
+
+        places, halves = self.places[self.base], self.halves[self.base]
+        steps = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1], indexing="ij"), axis=2)
+        wanted = (places[:, None, None] + 2.0 * steps * halves[:, None, None]).reshape(-1, 2)
+        found = cKDTree(places).query(wanted)[1]
+        inside = (np.abs(wanted - places[found]) <= 1.01 * halves[found]).all(axis=1)
+        return np.where(inside, found, len(places)).reshape(-1, 3, 3)
 
     @property
     def base(self) -> Indices:

@@ -18,6 +18,7 @@ from .half_space import Beneath, surface_kernel
 from .material import Elastic
 from .pad_chart import PadChart, Patches
 from .remainder import Remainder
+from .row_table import RowTable
 
 SPREAD = 0.7  # times a probe's depth that pieces above it may measure; larger ones pass their force to their children
 ABOVE = 2.0  # sides of a piece (and depths) within which it is above a probe
@@ -69,18 +70,40 @@ class SurfaceCompliance:
 
         What a contact needs when cells enter: in single precision, 1e-6 off.
         """
+        out = self._rows(new, members)
+        out *= np.float32(1.0 / self.material.modulus)
+        if self.spring.any():
+            out += self.spring.astype(np.float32)[None, :, None, :]
+        return out.reshape(3 * len(new), 3 * len(members))
+
+    @cached_property
+    def coarse(self) -> RowTable:
+        """What force on a cell of the coarsest level does to all p of it at E = 1, as `displaced` wants it."""
+        return RowTable(len(self.chart.base), lambda cells: self._rows(cells, self.chart.base))
+
+    def displaced(self, rows: Floats32, force: Floats) -> Array:
+        """Return the displacement for forces, in single precision.
+
+        Args:
+            rows: what each of them does at E = 1 [1/m], shape (j, 3, i, 3). force: [N], shape (j, 3).
+
+        Returns:
+            [m], shape (i, 3).
+        """
+        moved = np.asarray(force, np.float32).reshape(-1) @ rows.reshape(3 * len(rows), -1)
+        return moved.reshape(-1, 3) / self.material.modulus + np.sum(force, axis=0, dtype=np.float64) @ self.spring
+
+    def _rows(self, new: Indices, members: Indices) -> Floats32:
+        """Return the displacement of some cells for forces on others at E = 1, shape (new, 3, members, 3)."""
         rank, others, phi = self.remainder.rank, self.cells.take(members), self.functions(members).T
         out = np.empty((len(new), 3, len(members), 3), np.float32)
-        scale = np.float32(1.0 / self.material.modulus)
         for start in range(0, len(new), _ROWS_AT_ONCE):
             few = new[start : start + _ROWS_AT_ONCE]
             part = surface_kernel(self.cells.take(few), others, self.material.poisson, np.float32)
             smooth = (self.functions(few) @ self._surface).reshape(-1, rank) @ phi
             part += smooth.reshape(len(few), 3, 3, -1).transpose(0, 1, 3, 2)
-            np.multiply(part, scale, out=out[start : start + len(few)])
-        if self.spring.any():
-            out += self.spring.astype(np.float32)[None, :, None, :]
-        return out.reshape(3 * len(new), 3 * len(members))
+            out[start : start + len(few)] = part
+        return out
 
     def block(self, i: Indices, j: Indices) -> Array:
         """Return the displacement of cells i for forces on cells j [m/N] in double precision, shape (i, 3, j, 3)."""
@@ -107,13 +130,7 @@ class SurfaceCompliance:
 
     def functions(self, cells: Indices) -> Floats32:
         """Return the remainder's functions at cells, shape (n, rank); computed once for each cell that is asked for."""
-        table, known = self._functions
-        cells = np.asarray(cells)
-        if not known[cells].all():
-            missing = np.unique(cells[~known[cells]])
-            table[missing] = self.remainder.functions(self.cells.positions[missing])
-            known[missing] = True
-        return table[cells]
+        return self._functions[np.asarray(cells)]
 
     def probes(self, places: Array, depths: Floats | float) -> Probes:
         """Return points below the skin at places of the chart, shape (k, 2), and depths [m] above zero, shape (k,)."""
@@ -158,9 +175,9 @@ class SurfaceCompliance:
         return out[:, :3] / self.material.modulus + force.sum(axis=0) @ self.spring, out[:, 3:]
 
     @cached_property
-    def _functions(self) -> tuple[Floats32, NDArray[np.bool_]]:
-        count = len(self.chart.places)
-        return np.empty((count, self.remainder.rank), np.float32), np.zeros(count, bool)
+    def _functions(self) -> RowTable:
+        positions, functions = self.cells.positions, self.remainder.functions
+        return RowTable(len(positions), lambda cells: functions(positions[cells]))
 
     @cached_property
     def _surface(self) -> Floats32:
@@ -169,7 +186,7 @@ class SurfaceCompliance:
         return np.ascontiguousarray(self.remainder.surface.transpose(0, 1, 3, 2).reshape(rank, 9 * rank), np.float32)
 
     def _sharing(self, other: SurfaceCompliance) -> SurfaceCompliance:
-        other.__dict__.update(_functions=self._functions, _surface=self._surface)
+        other.__dict__.update(_functions=self._functions, coarse=self.coarse, _surface=self._surface)
         return other
 
 

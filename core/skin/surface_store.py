@@ -24,7 +24,7 @@ REMAINDER_VERSION = 1  # part of every key: raise it whenever mesh, kernel or fi
 QUICK, FINEST = "fine", "reference"  # meshes: for any shape in a worker, and for those that ship
 SHIPPED = BUILT_IN / "skins"
 
-_pads: Recent[str, SurfaceCompliance] = Recent(4)
+_pads: Recent[str, SurfaceCompliance] = Recent(10)  # a person's fingers
 
 
 def remainder_key(shape: FingertipShape, poisson: float) -> str:

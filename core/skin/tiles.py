@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Array, Indices
 
@@ -61,6 +62,17 @@ class Tiles:
     def bars(self) -> tuple[tuple[int, int], ...]:
         """How often the sides of the bars are halved."""
         return tuple(bar for bar in BARS if max(bar) < self.levels)
+
+    def sizes(self, tiles: Indices) -> Indices:
+        """Return how many of the finest squares tiles are long, along and around the finger, shape (n, 2)."""
+        return np.asarray((1 << (self.levels - 1)) >> self.halved[tiles])
+
+    @cached_property
+    def quarters(self) -> NDArray[np.int16]:
+        """The finest squares in the middles of each tile's quarters, by their number in its root, shape (n, 4)."""
+        size, side = self.sizes(np.arange(self.count)), 1 << (self.levels - 1)
+        rows, columns = ((self.place * size)[:, k, None] + size[:, k, None] * [1, 3] // 4 for k in (0, 1))
+        return (rows[:, :, None] * side + columns[:, None]).reshape(-1, 4).astype(np.int16)
 
     @cached_property
     def ways(self) -> Indices:

@@ -8,13 +8,16 @@ may then be twice as far apart for the same force.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...arrays import Array, Indices
-from .bodies import NodeGaps, node_gaps
+from .bodies import ContactBody, Expected, NodeGaps, node_gaps
+from .point_gaps import PER_POINT
 from .point_map import NONE
+from .point_set import PointSet
 
 # Cells touch as a whole where their normal and the next one's differ by more than this; by less their centres do.
 TURNED = 0.3
@@ -22,42 +25,98 @@ TURNED = 0.3
 OPPOSITE = -0.7
 
 
-def over_cells(
-    gaps: NodeGaps, points: Array, places: Array, sides: Array, beside: Indices, search_radius: float, bone: Array
-) -> NodeGaps:
-    """Return gaps with those of cells that a surface turns beside taken over the whole cell.
+@dataclass(frozen=True, eq=False)
+class _Turned:
+    """The cells that a surface turns beside, along which side, and the cells before and behind along it, (2, k)."""
+
+    own: Indices
+    axis: Indices
+    others: Indices
+
+    def halves(self, points: Array, places: Array, sides: Array) -> Array:
+        """Return the middles of either half of each cell [m], shape (2, k, 3)."""
+        own, axis, moved = self.own, self.axis, places - points
+        side = sides[own, axis]
+        width, out = np.sqrt(np.einsum("ij,ij->i", side, side)), np.empty((2, len(own), 3))
+        for k, sign in enumerate((-0.5, 0.5)):
+            other = self.others[k]
+            step = sides[other, axis]
+            share = width / (width + np.sqrt(np.einsum("ij,ij->i", step, step)))
+            out[k] = places[own] + 0.5 * (sign * side + share[:, None] * (moved[other] - moved[own]))
+        return out
+
+
+class CellGaps:
+    """Measures cells: their centres, and the halves of those that a surface turns beside.
+
+    Which those are is known once the centres are measured; most of them are those of the last frame, and measured
+    together with the centres, since a question costs more than a few points more in it.
 
     Args:
-        gaps: of the centres. points: the centres at rest [m], shape (n, 3). places: where they were looked for.
-        sides: of the cells [m], shape (n, 2, 3). beside: the cells before and behind along the first side, then along
-            the second, `NONE` where there is none, shape (n, 4).
         search_radius, bone: as for `node_gaps`.
     """
-    own, axis, others = _turned(gaps, sides, beside)
-    if not len(own):
-        return gaps
-    count, side, moved = len(own), sides[own, axis], places - points
-    width = np.sqrt(np.einsum("ij,ij->i", side, side))
-    arms = np.empty((2, count, 3))
-    for k, sign in enumerate((-0.5, 0.5)):
-        other = others[:, k]
-        step = sides[other, axis]
-        share = width / (width + np.sqrt(np.einsum("ij,ij->i", step, step)))
-        arms[k] = sign * side + share[:, None] * (moved[other] - moved[own])
-    found = node_gaps((places[own] + 0.5 * arms).reshape(-1, 3), gaps.bodies, search_radius, bone)  # of either half
-    nearer = found.clearance.reshape(2, count).mean(axis=0) - gaps.clearance[own]
-    told = np.flatnonzero((found.body.reshape(2, count) == gaps.body[own]).all(axis=0))
-    out = replace(gaps, gap=gaps.gap.copy(), clearance=gaps.clearance.copy())
-    out.clearance[own[told]] += nearer[told]
-    out.gap[own[told]] += nearer[told]
-    return out
+
+    def __init__(self, search_radius: float, bone: Array) -> None:
+        self._search_radius, self._bone = search_radius, bone
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin again: the cells are others."""
+        self.last: _Turned | None = None
+        self._found: tuple[Array, Indices] | None = None
+
+    def centres(self, points: PointSet, bodies: Sequence[ContactBody], expected: Expected) -> NodeGaps:
+        """Return the gaps of the cells' centres, where they are expected."""
+        at, last, n = points.positions, self.last, len(points)
+        self._found = None
+        if last is None:
+            return node_gaps(at, bodies, self._search_radius, self._bone, expected)
+        halves = last.halves(at, expected.places, points.sides).reshape(-1, 3)
+        none = np.zeros((len(halves), 3))
+        both = Expected(
+            np.concatenate([expected.places, halves]),
+            np.concatenate([expected.origins, none]),
+            np.concatenate([expected.normal, none]),
+            np.concatenate([expected.body, np.full(len(halves), -1)]),
+        )
+        gaps = node_gaps(np.concatenate([at, halves]), bodies, self._search_radius, self._bone, both)
+        self._found = gaps.clearance[n:].reshape(2, -1), gaps.body[n:].reshape(2, -1)
+        return NodeGaps(gaps.bodies, *(getattr(gaps, name)[:n] for name in PER_POINT))
+
+    def over(self, gaps: NodeGaps, points: PointSet, places: Array) -> NodeGaps:
+        """Return gaps with those of cells that a surface turns beside taken over the whole cell.
+
+        Args:
+            gaps: of the centres. places: where they were looked for [m], shape (n, 3).
+        """
+        turned = _turned(gaps, points.sides, points.beside)
+        own, last, found = turned.own, self.last, self._found
+        self.last, self._found = (turned if len(own) else None), None
+        if not len(own):
+            return gaps
+        clearance, body, new = np.empty((2, len(own))), np.empty((2, len(own)), dtype=np.int64), np.arange(len(own))
+        if last is not None and found is not None:
+            place = np.full(len(places), -1)
+            place[last.own] = np.arange(len(last.own))
+            known = (place[own] >= 0) & (last.axis[place[own]] == turned.axis)
+            for told, values in zip((clearance, body), found, strict=True):
+                told[:, known] = values[:, place[own[known]]]
+            new = np.flatnonzero(~known)
+        if len(new):
+            some = _Turned(own[new], turned.axis[new], turned.others[:, new])
+            halves = some.halves(points.positions, places, points.sides).reshape(-1, 3)
+            more = node_gaps(halves, gaps.bodies, self._search_radius, self._bone)
+            clearance[:, new], body[:, new] = more.clearance.reshape(2, -1), more.body.reshape(2, -1)
+        nearer = clearance.mean(axis=0) - gaps.clearance[own]
+        told = np.flatnonzero((body == gaps.body[own]).all(axis=0))
+        out = replace(gaps, gap=gaps.gap.copy(), clearance=gaps.clearance.copy())
+        out.clearance[own[told]] += nearer[told]
+        out.gap[own[told]] += nearer[told]
+        return out
 
 
-def _turned(gaps: NodeGaps, sides: Array, beside: Indices) -> tuple[Indices, Indices, Indices]:
-    """Return the cells that a surface turns beside, along which side, and the cells before and behind along it.
-
-    Where there is no cell, a cell stands for its own neighbour.
-    """
+def _turned(gaps: NodeGaps, sides: Array, beside: Indices) -> _Turned:
+    """Return the cells that a surface turns beside; where there is no cell, a cell stands for its own neighbour."""
     others = np.where(beside == NONE, np.arange(len(beside))[:, None], beside)
     cosine = np.einsum("nkj,nj->nk", gaps.normal[others], gaps.normal)
     alike = (gaps.body[others] == gaps.body[:, None]) & (gaps.body[:, None] >= 0) & (cosine > OPPOSITE)
@@ -68,4 +127,4 @@ def _turned(gaps: NodeGaps, sides: Array, beside: Indices) -> tuple[Indices, Ind
     rows = np.arange(len(axis))
     near = gaps.clearance < width[rows, axis]
     own = np.flatnonzero(near & (turned[rows, axis].max(axis=1) > TURNED**2))
-    return own, axis[own], others.reshape(-1, 2, 2)[own, axis[own]]
+    return _Turned(own, axis[own], others.reshape(-1, 2, 2)[own, axis[own]].T)

@@ -184,6 +184,10 @@ class PathSolver:
         """Points of the undeformed skin that tell where anything first touches [m], shape (n, 3)."""
         return self.points
 
+    def outside(self, bodies: Sequence[ContactBody]) -> float:
+        """Return the smallest gap of the undeformed skin [m]."""
+        return float(node_gaps(self.pad, bodies, np.inf, self.bone).gap.min())
+
     @property
     def gaps(self) -> NodeGaps | None:
         """The gaps of the last frame; None where nothing was near."""
@@ -195,9 +199,24 @@ class PathSolver:
         return np.asarray(self._force.any(axis=1), dtype=np.bool_)
 
     @property
-    def bulge(self) -> Array:
-        """How far skin may come out in the next frame to what it does not touch [m], shape (m,), or (1,) for all."""
-        moved = np.sqrt(np.einsum("ij,ij->i", self._image, self._image))
+    def places(self) -> Array:
+        """Places of the undeformed skin that `reach` is told for [m], shape (p, 3)."""
+        return self.points
+
+    @property
+    def reach(self) -> Array:
+        """How far from each of `places` skin may be in the next frame, where it touches nothing yet [m], shape (p,).
+
+        Without load the undeformed skin is the skin: nothing is felt before its gap is closed.
+        """
+        return (
+            self._bulge(np.sqrt(np.einsum("ij,ij->i", self._image, self._image)))
+            if self.loaded.any()
+            else np.zeros(len(self.points))
+        )
+
+    def _bulge(self, moved: Array) -> Array:
+        """Return how far skin may come out in the next frame where it has moved so far in the last [m], shape (n,)."""
         return np.minimum(BULGE * moved + MARGIN, self.search_radius)
 
     @property

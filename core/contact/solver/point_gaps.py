@@ -8,13 +8,13 @@ from ...arrays import Array, Indices
 from .bodies import ContactBody, Expected, NodeGaps, node_gaps
 from .point_sight import OPPOSITE
 
-_PER_POINT = ("gap", "clearance", "normal", "body", "triangle", "friction", "softness")
+PER_POINT = ("gap", "clearance", "normal", "body", "triangle", "friction", "softness")
 
 
 def passed_on(gaps: NodeGaps, count: int, heirs: Indices, sources: Indices) -> NodeGaps:
     """Return the gaps of so many points, of which some have those of others, and others nothing near."""
     out = NodeGaps.nothing(gaps.bodies, count)
-    for name in _PER_POINT:
+    for name in PER_POINT:
         getattr(out, name)[heirs] = getattr(gaps, name)[sources]
     return out
 
@@ -37,7 +37,7 @@ def completed(
     """
     count = len(order)
     if count == len(points):
-        return NodeGaps(bodies, *(getattr(gaps, name)[order] for name in _PER_POINT))
+        return NodeGaps(bodies, *(getattr(gaps, name)[order] for name in PER_POINT))
     new, normal = points[count:], expected.normal[count:]
     places, origins = expected.places[count:], expected.origins[count:]
     # what a larger cell lay on need not be what its parts lie on, but where that is the back of something thin
@@ -48,7 +48,7 @@ def completed(
     if len(turned):
         some = Expected(places[turned], origins[turned], normal[turned], found.body[turned])
         again = node_gaps(new[turned], bodies, search_radius, bone, some)
-        for name in _PER_POINT:
+        for name in PER_POINT:
             getattr(found, name)[turned] = getattr(again, name)
-    parts = ((getattr(gaps, name)[order], getattr(found, name)) for name in _PER_POINT)
+    parts = ((getattr(gaps, name)[order], getattr(found, name)) for name in PER_POINT)
     return NodeGaps(bodies, *(np.concatenate(pair) for pair in parts))

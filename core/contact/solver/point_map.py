@@ -23,22 +23,16 @@ class PointMap:
     def __init__(self, chart: PadChart, reach: float) -> None:
         self.chart, self.tiles = chart, chart.tiles
         self.side = 1 << (self.tiles.levels - 1)  # finest squares along a root
-        self._size = self.side >> self.tiles.halved
-        rows, columns = (
-            (self.tiles.place * self._size)[:, k, None] + self._size[:, k, None] * [1, 3] // 4 for k in (0, 1)
-        )
-        self._quarters = (rows[:, :, None] * self.side + columns[:, None]).reshape(-1, 4)
         self._offsets = 0.5 + reach * _SIGNS
         self._owner = np.full((chart.starts[1] + 1, self.side * self.side), NONE)  # the last is beside the pad
         self._marked: Indices = np.zeros(0, dtype=np.int64)
-        self._beside = _beside(chart)
 
     def mark(self, cells: Indices) -> None:
         """Set which cells are points."""
         tiles = self.tiles
         self._owner[self._marked] = NONE
         self._marked = np.unique(tiles.root[cells])
-        size = self._size[cells]
+        size = self.tiles.sizes(cells)
         kind = size[:, 0] * (2 * self.side) + size[:, 1]
         for one in np.unique(kind).tolist():
             part = np.flatnonzero(kind == one)
@@ -51,7 +45,7 @@ class PointMap:
     def under(self, cells: Indices) -> Indices:
         """Return up to four points under each cell, or beside it in its root, `NONE` where there is none, (n, 4)."""
         root = self.tiles.root[cells]
-        found = self._owner[root[:, None], self._quarters[cells]]
+        found = self._owner[root[:, None], self.tiles.quarters[cells]]
         none = np.flatnonzero((found == NONE).all(axis=1))
         if len(none):
             found[none, 0] = self._owner[root[none]].max(axis=1)
@@ -66,20 +60,10 @@ class PointMap:
         return self._at(cells, _BESIDE)
 
     def _at(self, cells: Indices, offsets: Array) -> Indices:
-        tiles, size = self.tiles, self._size[cells][:, None]
+        tiles, size = self.tiles, self.tiles.sizes(cells)[:, None]
         at = np.floor((tiles.place[cells][:, None] + offsets) * size + 1e-9).astype(np.int64)
-        root = self._beside[tiles.root[cells, None], (at[:, :, 0] // self.side) + 1, (at[:, :, 1] // self.side) + 1]
+        root = self.chart.beside[
+            tiles.root[cells, None], (at[:, :, 0] // self.side) + 1, (at[:, :, 1] // self.side) + 1
+        ]
         at %= self.side
         return np.asarray(self._owner[root, at[:, :, 0] * self.side + at[:, :, 1]])
-
-
-def _beside(chart: PadChart) -> Indices:
-    """Return the root at and around each root, the number of roots where there is none, shape (n, 3, 3)."""
-    from scipy.spatial import cKDTree
-
-    places, halves = chart.places[chart.base], chart.halves[chart.base]
-    steps = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1], indexing="ij"), axis=2)
-    wanted = (places[:, None, None] + 2.0 * steps * halves[:, None, None]).reshape(-1, 2)
-    found = cKDTree(places).query(wanted)[1]
-    inside = (np.abs(wanted - places[found]) <= 1.01 * halves[found]).all(axis=1)
-    return np.where(inside, found, len(places)).reshape(-1, 3, 3)

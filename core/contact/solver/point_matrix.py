@@ -29,19 +29,6 @@ class PointMatrix:
         self.cells: Indices = np.zeros(0, dtype=np.int64)
         self._store = np.zeros((0, 0), dtype=np.float32)
         self._saved = False
-        count = pad.chart.starts[1]
-        self._coarse = np.zeros((count, count, 3, 3), dtype=np.float32)  # memory is taken by the rows asked for
-        self._known = np.zeros(count, dtype=bool)
-
-    def coarse(self, cells: Indices, force: Floats32, at: Indices) -> Array:
-        """Return the displacement of cells of the coarsest level for forces on others of it [N], shape (n, 3) [m]."""
-        missing = cells[~self._known[cells]]
-        if len(missing):
-            rows = self.pad.rows(missing, self.pad.chart.base).reshape(len(missing), 3, -1, 3)
-            self._coarse[missing] = rows.transpose(0, 2, 1, 3)
-            self._known[missing] = True
-        # the matrix is symmetric: rows of the few that carry force serve for all that they move
-        return np.tensordot(force, self._coarse[cells[:, None], at], axes=([0, 1], [0, 2])).astype(np.float64)
 
     @property
     def matrix(self) -> Floats32:

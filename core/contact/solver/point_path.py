@@ -16,18 +16,20 @@ import numpy as np
 from ...arrays import Array, Indices
 from ...skin.nodal_forces import NodalForces
 from ...skin.surface_compliance import SurfaceCompliance
+from ...surface.plane import Plane
 from .admm import State, iterate
 from .asked import Asked
-from .bodies import ContactBody, NodeGaps, moved, same_places, travel
+from .bodies import ContactBody, Expected, NodeGaps, moved, node_gaps, same_places, travel
 from .candidates import CandidateInverse
-from .cell_gaps import over_cells
+from .cell_gaps import CellGaps
 from .compliance import Linear
 from .cone import project
 from .history import ContactHistory
 from .moved_skin import MovedSkin
-from .path import BONE, CHECK, DEPTH_LIMIT, MARGIN, PathSolver, PathStep
+from .path import BONE, CHECK, DEPTH_LIMIT, PathSolver, PathStep
 from .point_gaps import completed, passed_on
 from .point_history import Succession, succession
+from .point_reach import PointReach
 from .point_set import PointSet
 from .point_sight import PointSight
 from .point_tree import MANY, OFTEN, PointTree
@@ -71,6 +73,7 @@ class PointSolver(PathSolver):
         self.surface, self.nodes = surface, nodes
         self.search_radius = REACH
         self._tree = PointTree(surface, REACH)
+        self._cell_gaps = CellGaps(REACH, self.bone)
         self._points = PointSet(surface)
         self.operator = Linear(np.zeros((0, 0)))
         self._candidates = CandidateInverse(self._points.matrix.matrix, np.zeros(0), *MEMBERS)
@@ -79,6 +82,7 @@ class PointSolver(PathSolver):
         starts = surface.chart.starts
         self._pad = surface.cells.positions[starts[1] : starts[2]]
         self._sample = self._pad[:: max(len(self._pad) // 32, 1)]
+        self._reach = PointReach(self._points)
         self._number()
         self.reset()
 
@@ -92,10 +96,25 @@ class PointSolver(PathSolver):
         """Points of the undeformed skin that tell where anything first touches [m], shape (n, 3)."""
         return self._pad
 
+    def outside(self, bodies: Sequence[ContactBody]) -> float:
+        """Return the smallest gap of the undeformed skin [m]."""
+        if not all(body.away or isinstance(body.surface, Plane) or body.surface.closed for body in bodies):
+            return super().outside(bodies)
+        # no gap changes by more than the way to another point, so skin far from what is closest need not be asked
+        gap = node_gaps(self.places, bodies, np.inf, self.bone).gap
+        near = np.flatnonzero(gap - self._reach.sizes <= (gap + self._reach.sizes).min())
+        return float(node_gaps(self._pad.reshape(-1, 4, 3)[near].reshape(-1, 3), bodies, np.inf, self.bone).gap.min())
+
     @property
-    def bulge(self) -> Array:
-        """How far skin may come out in the next frame to what it does not touch yet [m], the same everywhere."""
-        return super().bulge.max(keepdims=True, initial=MARGIN)
+    def places(self) -> Array:
+        """The centres of the coarsest cells, which cover the pad [m], shape (p, 3)."""
+        return self._reach.places
+
+    @property
+    def reach(self) -> Array:
+        """How far from each of `places` skin of its cell may be in the next frame [m], shape (p,)."""
+        sizes = self._reach.sizes
+        return sizes + self._bulge(self._reach.moved(self._force, self._image)) if self.loaded.any() else sizes
 
     def reset(self) -> None:
         """Forget the history: the next frame is solved from rest."""
@@ -108,7 +127,8 @@ class PointSolver(PathSolver):
     def save(self) -> dict[str, Any]:
         """Return the state between two frames, for `restore`."""
         own = {"points": self._points.save(), "inverse": self._candidates.save(), "tree": self._tree.save()}
-        return {**super().save(), **own, "asked": self._asked, "new": self._new}
+        more = {"asked": self._asked, "new": self._new, "turned": self._cell_gaps.last}
+        return {**super().save(), **own, **more}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go back to a saved state: what follows is the same to the last bit."""
@@ -116,7 +136,7 @@ class PointSolver(PathSolver):
         self._number()
         self._candidates.restore(state["inverse"], self._points.matrix.matrix, self._rho[:, 0])
         self._tree.restore(state["tree"])
-        self._asked, self._new = state["asked"], state["new"]
+        self._asked, self._new, self._cell_gaps.last = state["asked"], state["new"], state["turned"]
         super().restore(state)
 
     def pressing(self, start: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices) -> float:
@@ -144,7 +164,7 @@ class PointSolver(PathSolver):
         slow = len(before) == len(bodies) and all(
             travel(a, b, some) <= SLOW for a, b in zip(before, bodies, strict=True)
         )
-        return self._over_cells(self._looked(tuple(bodies), slow))
+        return self._looked(tuple(bodies), slow)
 
     def step(
         self,
@@ -156,30 +176,28 @@ class PointSolver(PathSolver):
     ) -> PathStep:
         """Solve the next frame, as `PathSolver.step` does."""
         if gaps is None and (part or not self.unmoved(bodies)):
-            gaps = self._over_cells(self._looked(tuple(bodies), True))
+            gaps = self._looked(tuple(bodies), True)
         return super().step(bodies, scene_frame=scene_frame, gaps=gaps, part=part)
 
     def _looked(self, bodies: tuple[ContactBody, ...], slow: bool) -> NodeGaps:
         """Measure gaps, at other points where the tree asks for them and bodies move slowly."""
         moved = self._moved(bodies)
-        if self.fresh:
-            if moved is None or self._tree.asks(moved):
-                self._survey(bodies, moved, None)
-            return super().look(bodies) if len(self.cells) else NodeGaps.nothing(bodies, 0)
-        gaps = super().look(bodies)
-        if slow and (moved is None or self._tree.asks(moved)):
-            found = self._survey(bodies, moved, gaps)
-            assert found is not None
-            return found
-        return gaps
+        asks = moved is None or self._tree.asks(moved)
+        if self.fresh and asks:
+            self._survey(bodies, moved, None)
+        if self.fresh and not len(self.cells):
+            return NodeGaps.nothing(bodies, 0)
+        expected = self._expected(bodies)
+        gaps = self._cell_gaps.centres(self._points, bodies, expected)
+        if slow and asks and not self.fresh:
+            order = self._survey(bodies, moved, gaps)
+            if order is not None:
+                expected = self._expected(bodies)
+                gaps = completed(gaps, order, self.points, bodies, expected, self.search_radius, self.bone)
+        return self._cell_gaps.over(gaps, self._points, expected.places) if len(self.cells) else gaps
 
-    def _over_cells(self, gaps: NodeGaps) -> NodeGaps:
-        """Return the gaps of cells, of those of their centres."""
-        if not len(self.cells):
-            return gaps
-        places = self.history.expected(gaps.bodies, self.points + self._image, self.search_radius).places
-        own = self._points
-        return over_cells(gaps, self.points, places, own.sides, own.beside, self.search_radius, self.bone)
+    def _expected(self, bodies: tuple[ContactBody, ...]) -> Expected:
+        return self.history.expected(bodies, self.points + self._image, self.search_radius)
 
     # -- the points ----------------------------------------------------------------------------------------------
 
@@ -196,8 +214,15 @@ class PointSolver(PathSolver):
             points, normal = self.points[loaded], self._step.gaps.normal[loaded]
         return self._asked.moved(bodies, self._skin().common, points, normal)
 
-    def _survey(self, bodies: tuple[ContactBody, ...], moved: Array | None, gaps: NodeGaps | None) -> NodeGaps | None:
-        """Ask the tree which cells may touch, and go over to them; return their gaps if those of the last are given."""
+    def _survey(self, bodies: tuple[ContactBody, ...], moved: Array | None, gaps: NodeGaps | None) -> Indices | None:
+        """Ask the tree which cells may touch, and go over to them.
+
+        Args:
+            gaps: of the present points; None where they are to be looked at, too.
+
+        Returns:
+            Where each point that stays was; None where no point came or went.
+        """
         if moved is None:
             self._tree.renew()
         sight = PointSight(bodies, self._skin(), self.history, self._tree, self.bone)
@@ -216,19 +241,17 @@ class PointSolver(PathSolver):
             )
         leaving, entering = self._points.difference(found)
         if len(leaving) == 0 and len(entering) == 0:
-            return gaps
+            return None
         passed = succession(self.surface.chart, self.cells[leaving], leaving, entering)
         order = self._change(leaving, entering)
         self._inherit(passed, order)
-        if gaps is None:
-            return None
-        expected = self.history.expected(bodies, self.points + self._image, self.search_radius)
-        return completed(gaps, order, self.points, bodies, expected, self.search_radius, self.bone)
+        return order
 
     def _change(self, leaving: Indices, entering: Indices) -> Indices:
         """Go over to other cells; return where each point that stays was."""
         order = self._points.change(leaving, entering)
         self._number()
+        self._cell_gaps.forget()
         self._candidates.renumber(order, self._points.matrix.matrix, self._rho[:, 0])
         return order
 

@@ -68,9 +68,7 @@ class PointTree:
     def __init__(self, pad: SurfaceCompliance, search_radius: float) -> None:
         self.pad, self.chart, self.search_radius = pad, pad.chart, search_radius
         self._tiles = self.chart.tiles
-        lengths = np.linalg.norm(pad.cells.sides, axis=2)
-        self.sides: Array = np.sqrt(pad.cells.areas)
-        self._short, self._long = lengths.min(axis=1), lengths.max(axis=1)
+        self._short, self._long, self.sides = pad.cells.extent
         self._limit = NEAR * self.sides + MARGIN
         count = len(self.sides)
         self._inner = (self._tiles.ways.max(axis=2) > 0)[tuple(self._tiles.halved.T)]  # those that can be cut

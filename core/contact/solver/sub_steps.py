@@ -18,7 +18,7 @@ from ...arrays import Array, Indices
 from ...motion import matrices, quaternions
 from ...surface.crossing import first_crossing
 from ...surface.gap import Surface
-from .bodies import AWAY, ContactBody, NodeGaps, node_gaps, travel
+from .bodies import AWAY, ContactBody, NodeGaps, travel
 from .near_surface import NearTriangles
 from .path import PathSolver
 from .path_step import PathStep
@@ -223,7 +223,7 @@ class SubStepper:
 
     def _gap(self, bodies: Sequence[ContactBody]) -> float:
         """Return the smallest gap of the undeformed skin [m]."""
-        return float(node_gaps(self.solver.pad, bodies, np.inf, self.solver.bone).gap.min())
+        return self.solver.outside(bodies)
 
     # -- all the way through -------------------------------------------------------------------------------------
 

@@ -12,9 +12,11 @@ import pytest
 from core.cache import Cache
 from core.contact.pad_sampler import PadSampler
 from core.contact.posed_scene import PosedScene
+from core.contact.proximity import Proximity
 from core.contact.skin_contact import SkinContact
 from core.contact.skin_sampler import SkinSampler
 from core.contact.skin_stepper import SkinStepper
+from core.contact.solver.point_path import PointSolver
 from core.errors import DermisError, Finding
 from core.parameters.skin import SKIN_CONTACT
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
@@ -163,6 +165,46 @@ def test_a_sample_may_be_solved_anew(skin: SkinModel) -> None:
     assert step(0.9e-3)[:, 2].sum() > 1.5 * first[:, 2].sum()
     stepper.restore(before)
     np.testing.assert_allclose(step(0.6e-3), first, atol=1e-3 * np.abs(first).max())
+
+
+def test_what_skin_bulges_into_is_found_and_what_it_does_not_is_left_alone(
+    skin: SkinModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A plate presses the pad's sides out by 0.4 mm: into a small ball there, and not into one 2.5 mm off."""
+    pad = smooth_pad(skin)
+    assert pad is not None
+    side = np.argmax(np.where(np.abs(pad.cells.positions[:, 1] + 1e-3) < 2e-3, pad.cells.positions[:, 0], 0.0))
+    count, top, small = 40, float(PLATE.vertices[:, 2].max()), ball(1e-3)
+    small = replace(small, vertices=small.vertices + [0.0, 0.0, 1e-3])  # its middle is the origin
+    names, measured = ("plate", "into", "beside"), []
+    measure = Proximity.measure
+
+    def felt_by(apart: float) -> dict[str, np.ndarray]:
+        fingers, bodies = np.tile(np.eye(4), (1, count, 1, 1)), np.tile(np.eye(4), (3, count, 1, 1))
+        fingers[0, :, 2, 3] = top + 1e-4 - 2e-3 * np.linspace(0.0, 1.0, count)
+        for b, gap in ((1, apart), (2, 2.5e-3)):
+            place = pad.cells.positions[side] + (1e-3 + gap) * pad.cells.normals[side]
+            bodies[b, :, :3, 3] = fingers[0, :, :3, 3] + (place if b == 1 else place * [-1.0, 1.0, 1.0])
+        headers = tuple(Body(n, m, {}) for n, m in zip(names, (PLATE, small, small), strict=True))
+        posed = PosedScene(headers)
+        posed.take(
+            Chunk(
+                np.arange(1.0, count + 1), np.arange(count) / RATE, fingers, bodies, np.zeros((0, count, 4, 4)), {}, {}
+            )
+        )
+        stepper = SkinStepper(skin, 0, Finger("f", (), POINTS), posed)
+        approach = stepper.approach()
+        for i in range(count):
+            last = stepper.step(approach, i)
+        return last.force
+
+    monkeypatch.setattr(Proximity, "measure", lambda self, b, *a: measured.append(b) or measure(self, b, *a))
+    found, none = felt_by(0.2e-3), felt_by(1.9e-3)
+    assert measured.count(2) <= 6
+    touched = np.abs(found - none)[skin.positions[:, 0] > 0.006].max()
+    assert touched > 0.01 * np.abs(none).max()
+    monkeypatch.setattr(PointSolver, "reach", property(lambda self: np.full(len(self.places), 5e-3)))
+    np.testing.assert_array_equal(felt_by(0.2e-3), found)
 
 
 def test_lengths_without_a_table_stay_on_nodes_and_say_so(tmp_path: Path) -> None:

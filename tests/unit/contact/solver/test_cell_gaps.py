@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 
 pytest.importorskip("scipy")
 
 from core.contact.solver.bodies import BONE, ContactBody, node_gaps
-from core.contact.solver.cell_gaps import over_cells
+from core.contact.solver.cell_gaps import CellGaps
 from core.contact.solver.point_map import NONE
 from core.surface.gap import Surface
 
 SIDE = 0.2e-3
 BESIDE = np.array([[NONE, NONE, NONE, 1], [NONE, NONE, 0, NONE]])
 SIDES = np.tile([[0.0, 4 * SIDE, 0.0], [SIDE, 0.0, 0.0]], (2, 1, 1))
+
+
+class Cells(NamedTuple):
+    """What is asked of points."""
+
+    positions: np.ndarray
+    sides: np.ndarray
+    beside: np.ndarray
 
 
 def row(surface, spread, height):
@@ -24,7 +34,7 @@ def row(surface, spread, height):
     body = ContactBody(surface, friction=0.0)
     gaps = node_gaps(places, [body], 2.5e-3, BONE)
     gaps.gap[:] = gaps.clearance - np.einsum("ij,ij->i", places - points, gaps.normal)
-    return gaps, over_cells(gaps, points, places, SIDES, BESIDE, 2.5e-3, BONE)
+    return gaps, CellGaps(2.5e-3, BONE).over(gaps, Cells(points, SIDES, BESIDE), places)
 
 
 def test_what_does_not_turn_is_touched_by_centres():

@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("scipy")
 
-from core.contact.solver.bodies import ContactBody
+from core.contact.solver.bodies import ContactBody, node_gaps
 from core.contact.solver.cone import OPEN
 from core.contact.solver.point_history import succession
 from core.contact.solver.point_matrix import PointMatrix
@@ -185,6 +185,42 @@ def test_what_rests_is_not_solved_again(pad):
     assert set(work[3:]) <= {"same", "unchanged"} and work[-1] == "same"
     settled = solver.step(aside[-1:]).solution.force
     assert solver.step(aside[-1:]).solution.force is settled
+
+
+@pytest.mark.parametrize(
+    "surface", [Surface.block(), Surface.block(6e-3, 6e-3, 1e-2), Surface.edge()], ids=["plane", "rod", "edge"]
+)
+def test_skin_is_within_reach_wherever_it_is_pressed_out(pad, surface):
+    """Also where nothing is asked: in cells a quarter as large as those that are told of."""
+    solver, chart = PointSolver(pad), pad.chart
+    some = np.arange(chart.starts[2], chart.starts[3], 13)
+    root = chart.tiles.root[some]
+
+    def off(moved):
+        return np.linalg.norm(pad.cells.positions[some] + moved - solver.places[root], axis=1)
+
+    assert (off(0.0) < solver.reach[root]).all()
+    stepper = SubStepper(solver, 6e-3)
+    for depth in np.linspace(0.0, 1.5e-3, 16):
+        touches, reach = solver.loaded.any(), solver.reach[root]
+        force = stepper.step([body(surface, depth, 0.6)]).solution.force
+        loaded = np.flatnonzero(force.any(axis=1))
+        if touches:
+            assert (off(pad.apply(solver.cells[loaded], force[loaded], some)) < reach).all()
+    assert solver.reach[np.abs(solver.places[:, 0]) > 7.5e-3].max() < 2.5e-3
+
+
+@pytest.mark.parametrize("height", [-3e-3, -1e-4, 0.0, 8e-4, 5e-3])
+def test_the_smallest_gap_is_that_of_all_skin(pad, height):
+    """It is looked for where it can be: the same as if all had been asked."""
+    solver = PointSolver(pad)
+    for bodies in (
+        [body(Surface.sphere(1e-3, 500), height, shift=(2.3e-3, 1e-3))],
+        [body(Surface.edge(), height, shift=(-1.1e-3, 0.0)), body(Surface.block(5e-3, 5e-3), height)],
+        [replace(body(Surface.block(5e-3, 5e-3), 0.0), away=True)],
+    ):
+        all_of_it = node_gaps(solver.pad, bodies, np.inf, solver.bone).gap.min()
+        assert solver.outside(bodies) == pytest.approx(all_of_it, abs=1e-15)
 
 
 def test_nothing_near_is_idle(pad):

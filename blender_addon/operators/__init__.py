@@ -19,6 +19,7 @@ from . import (
     roles,
     skin,
     stream,
+    strip,
     thimble,
     tracks,
 )
@@ -43,6 +44,7 @@ CLASSES: tuple[type, ...] = (
     *tracks.CLASSES,
     *thimble.CLASSES,
     *design.CLASSES,
+    *strip.CLASSES,
 )
 
 

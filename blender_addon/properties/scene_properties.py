@@ -65,6 +65,12 @@ class DermisScene(bpy.types.PropertyGroup):
     show_readout: BoolProperty(
         name="Readout", description="Write the devices' values into the view", default=True, options=set()
     )
+    show_strip: BoolProperty(
+        name="Strip",
+        description="Draw touch, mismatch, limits and findings along the bottom of timeline and graph editor",
+        default=True,
+        options=set(),
+    )
     twin_exaggeration: FloatProperty(
         name="Exaggeration",
         description="Draw the tactor's movement this many times as large as it is",

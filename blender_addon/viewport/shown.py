@@ -19,6 +19,7 @@ from ..preview.rows import Preview
 from ..preview.skin_state import SkinState
 from ..results import store
 from ..streaming import built_devices, reported_values, streamed_track
+from ..timeline import live_lanes
 from . import skin_shown, twins
 from .twin import Twin
 
@@ -81,6 +82,7 @@ def renew(scene: bpy.types.Scene) -> Frame:
         ready,
         streamed_track.doubts(scene),
     )
+    live_lanes.note(scene, _frames[uid])
     return _frames[uid]
 
 

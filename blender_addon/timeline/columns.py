@@ -17,6 +17,7 @@ RED: Colour = (0.95, 0.33, 0.27, 1.0)
 SEVERITIES = {"error": RED, "warning": ORANGE, "info": INK}
 LANE, GAP, SCRUB, LABELLED = 14.0, 1.0, 26.0, 11.0  # heights at scale 1 [px]: a lane, between two, the frames' numbers
 STEPS = 12  # of height and of colour: columns that differ by less are one box
+TOUCH = 0.7  # of a lane's height
 PALE = 0.35  # what is out of date is drawn as strongly as this
 MARK = 4.0  # half a mark's size at scale 1 [px]
 
@@ -108,24 +109,23 @@ def columns(series: Series, view: View) -> Array:
     return np.where((end > 0) & (edges[:-1] < over), largest, np.nan)
 
 
-def _merged(lane: Lane, kind: Kind, view: View) -> Array | None:
-    """Return the largest value of all series of a kind in each column, None where there is none."""
-    parts = [columns(s, view) for s in lane.series.get(kind, ())]
-    return np.fmax.reduce(parts) if parts else None
+def _merged(lane: Lane, kind: Kind, view: View) -> Array:
+    """Return the largest value of all series of a kind in each column, NaN where nothing is known."""
+    parts = (columns(s, view) for s in lane.series.get(kind, ()))
+    return np.fmax.reduce([np.full(view.width, np.nan), *parts])
 
 
 def _lane(boxes: _Boxes, lane: Lane, view: View, bottom: float, high: float, strength: float) -> None:
-    touch, force = _merged(lane, "touch", view), _merged(lane, "force", view)
-    level = touch if force is None else force / (lane.most("force") or 1.0)
-    if level is None:
-        return
+    if "force" in lane.series:
+        level = _merged(lane, "force", view) / (lane.most("force") or 1.0)
+    else:  # a plain bar, which leaves room for limits above
+        level = TOUCH * _merged(lane, "touch", view)
     known = np.isfinite(level)
     level = np.nan_to_num(level)
     # what touches is seen, however lightly
     steps = np.where(level > 0.0, np.ceil(np.clip(level, 0.0, 1.0) * STEPS), 0).astype(int)
-    off = _merged(lane, "mismatch", view)
-    shares = np.zeros(view.width) if off is None else np.clip(np.nan_to_num(off), 0.0, 1.0)
-    shade = np.round(shares * STEPS).astype(int)
+    off = np.clip(np.nan_to_num(_merged(lane, "mismatch", view)), 0.0, 1.0)
+    shade = np.round(off * STEPS).astype(int)
     for first, last in _runs(known.astype(int)):
         if known[first]:
             boxes.add(first, bottom, last, bottom + 1.0, (*FAINT[:3], 0.6 * strength))
@@ -133,13 +133,11 @@ def _lane(boxes: _Boxes, lane: Lane, view: View, bottom: float, high: float, str
         if steps[first]:
             tone = _between(BLUE, ORANGE, shade[first] / STEPS, strength)
             boxes.add(first, bottom, last, bottom + high * steps[first] / STEPS, tone)
-    limited = _merged(lane, "limited", view)
-    if limited is not None:
-        at = (np.nan_to_num(limited) > 0.0).astype(int)
-        thick = max(0.18 * high, 1.0)
-        for first, last in _runs(at):
-            if at[first]:
-                boxes.add(first, bottom + high - thick, last, bottom + high, (*RED[:3], strength))
+    at = (np.nan_to_num(_merged(lane, "limited", view)) > 0.0).astype(int)
+    thick = max(0.18 * high, 1.0)
+    for first, last in _runs(at):
+        if at[first]:
+            boxes.add(first, bottom + high - thick, last, bottom + high, (*RED[:3], strength))
 
 
 def _between(one: Colour, other: Colour, share: float, alpha: float) -> Colour:
@@ -176,4 +174,5 @@ class _Boxes:
         corners = np.array(self._corners, np.float32).reshape(-1, 2)
         colours = np.repeat(np.array(self._colours, np.float32).reshape(n, 4), 4, axis=0)
         first = 4 * np.arange(n, dtype=np.int32)[:, None]
-        return corners, colours, np.concatenate([first + [0, 1, 2], first + [0, 2, 3]]).astype(np.int32)
+        halves = np.array([0, 1, 2, 0, 2, 3], np.int32)  # a box after the other: later ones lie over earlier ones
+        return corners, colours, (first + halves).reshape(-1, 3)

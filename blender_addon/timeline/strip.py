@@ -19,10 +19,10 @@ from .lanes import Lane, Mark, lanes_of, marks_of
 
 EDITORS = {"DOPESHEET_EDITOR": "SpaceDopeSheetEditor", "GRAPH_EDITOR": "SpaceGraphEditor"}
 MENUS = ("TIME_MT_view", "DOPESHEET_MT_view", "GRAPH_MT_view")
-KEYMAPS = (("Dopesheet Generic", "DOPESHEET_EDITOR"), ("Graph Editor Generic", "GRAPH_EDITOR"))
+KEYMAPS = (("Dopesheet", "DOPESHEET_EDITOR"), ("Graph Editor", "GRAPH_EDITOR"))
 JUMP = "dermis.strip_jump"
 LETTERS = 0.87  # of the usual size
-NOTES = {**store.NOTES, "live": "live: frames seen since the last edit"}
+NOTES = {**store.NOTES, "fresh": "", "live": "live: frames seen since the last edit"}
 
 
 class Strip(NamedTuple):
@@ -114,16 +114,27 @@ def _draw() -> None:
         data = {"pos": layout.positions, "color": layout.colours}
         drawn.append(batch_for_shader(shader, "TRIS", data, indices=layout.triangles))
     gpu.state.blend_set("ALPHA")
+    gpu.state.depth_test_set("NONE")
     drawn[0].draw(shader)
-    pale = shown.state in ("stale", "earlier")
-    ink = (*paint.INK[:3], 0.6 if pale else 0.95)
-    for words, x, y in layout.labels:
-        paint.text(words, x, y, ink, LETTERS * view.scale)
     if layout.labels:
-        tone = paint.ORANGE if pale else paint.FAINT
-        y = layout.labels[0][2]
-        paint.text(NOTES[shown.state], view.width - 18.0 * view.scale, y, tone, LETTERS * view.scale, align=1.0)
+        _write(layout, view, shown.state)
     gpu.state.blend_set("NONE")
+
+
+def _write(layout: Layout, view: View, state: str) -> None:
+    """Write what the lanes show, and at the right end whose they are where that is not plain."""
+    import blf
+
+    pale, size = state in ("stale", "earlier"), LETTERS * view.scale
+    blf.enable(0, blf.SHADOW)
+    blf.shadow(0, 5, 0.0, 0.0, 0.0, 1.0)
+    try:
+        for words, x, y in layout.labels:
+            paint.text(words, x, y, paint.FAINT if pale else paint.INK, size)
+        right, tone = view.width - 18.0 * view.scale, paint.ORANGE if pale else paint.BLUE
+        paint.text(NOTES[state], right, layout.labels[0][2], tone, size, align=1.0)
+    finally:
+        blf.disable(0, blf.SHADOW)
 
 
 def register() -> None:

@@ -64,6 +64,11 @@ def test_touch_lies_at_its_frames_and_is_as_high_as_the_force() -> None:
     assert heights[1] == pytest.approx(2.0 * heights[0], rel=0.1)
 
 
+def test_boxes_are_drawn_whole_one_after_the_other() -> None:
+    layout = columns.laid_out([lane(touch=([0, 10, 20], [0, 1, 0]))], (), (), VIEW)
+    assert (layout.triangles // 4 == np.repeat(np.arange(len(layout.positions) // 4), 2)[:, None]).all()
+
+
 def test_mismatch_colours_and_limits_are_red() -> None:
     made = lane(touch=([0, 10, 20], [0, 1, 0]), mismatch=([0, 10, 20], [0, 1, 0]), limited=([0, 12, 13], [0, 1, 0]))
     layout = columns.laid_out([made], (), (), VIEW)

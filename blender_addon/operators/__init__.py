@@ -6,6 +6,7 @@ from . import (
     attach,
     bake,
     calibration,
+    curves,
     demo,
     design,
     devices,
@@ -45,6 +46,7 @@ CLASSES: tuple[type, ...] = (
     *thimble.CLASSES,
     *design.CLASSES,
     *strip.CLASSES,
+    *curves.CLASSES,
 )
 
 

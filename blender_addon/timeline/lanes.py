@@ -105,9 +105,15 @@ def limited(track: Any, signals: Mapping[str, Array]) -> NDArray[np.bool_]:
             step, most = np.abs(np.diff(values)), channel.slew * np.diff(track.times)
             mask[1:] |= np.abs(step - most) <= CLOSE * most
     pair = core.devices.spec.range_disc(track.spec)
-    if pair is not None and any(k.endswith(".disc") and n for k, n in track.limited.items()):
+    at_work = {key.rpartition(".")[2] for key, count in track.limited.items() if count}
+    if pair is not None and at_work & {"disc", "slew_of_pair"}:
         i, j, radius = pair
-        mask |= np.abs(np.hypot(track.values[:, i], track.values[:, j]) - radius) <= CLOSE * radius
+        if "disc" in at_work:
+            mask |= np.abs(np.hypot(track.values[:, i], track.values[:, j]) - radius) <= CLOSE * radius
+        slew = track.channels[i].slew
+        if "slew_of_pair" in at_work and slew is not None and len(mask) > 1:
+            most = slew * np.diff(track.times)
+            mask[1:] |= np.abs(np.hypot(*np.diff(track.values[:, [i, j]], axis=0).T) - most) <= CLOSE * most
     return mask
 
 

@@ -16,6 +16,7 @@ from . import (
     material,
     pins,
     placing,
+    plots,
     recordings,
     roles,
     skin,
@@ -47,6 +48,7 @@ CLASSES: tuple[type, ...] = (
     *design.CLASSES,
     *strip.CLASSES,
     *curves.CLASSES,
+    *plots.CLASSES,
 )
 
 

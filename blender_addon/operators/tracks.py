@@ -11,6 +11,7 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from .. import reporting
 from .._core import DermisError, core
 from ..preferences import library
+from ..properties.scene_properties import FORMATS
 from ..results import export_parts, store
 from ..streaming import streamed_track
 from .stream import Streaming
@@ -48,9 +49,7 @@ class DERMIS_OT_export_as(Folder, bpy.types.Operator):
     subject = "Export"
 
     form: EnumProperty(  # type: ignore[valid-type]
-        name="Format",
-        items=tuple((name, form.title, form.text) for name, form in core.track.formats.FORMATS.items()),
-        default="json",
+        name="Format", items=FORMATS, default="json"
     )
     span: EnumProperty(  # type: ignore[valid-type]
         name="Range",

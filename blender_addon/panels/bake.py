@@ -7,7 +7,7 @@ import bpy
 from .. import changes, choices, reporting
 from ..layouts import paragraph
 from ..polls import needs
-from ..results import store
+from ..results import command_curves, store
 from .main import DermisPanel
 
 SEVERITY_ICONS = {"error": "CANCEL", "warning": "ERROR", "info": "INFO"}
@@ -34,6 +34,7 @@ class DERMIS_PT_bake(DermisPanel, bpy.types.Panel):
             column.prop(settings, "frame_start")
             column.prop(settings, "frame_end")
         layout.prop(settings, "output_dir")
+        layout.prop(settings, "export_format")
         layout.prop(settings, "plots")
         layout.operator("dermis.export_scene", icon="FILE_CACHE")
         layout.operator("dermis.export_screen_maps", icon="TEXTURE")
@@ -67,6 +68,7 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
         elif state == "earlier":
             paragraph(layout, context, "From an earlier session; the scene may have changed since.", "INFO")
         self._tracks(result.bake)
+        self._ways(context)
         self._figures(result.bake)
 
     def _tracks(self, bake: Any) -> None:
@@ -81,6 +83,17 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
             for name, count in track.limited.items():
                 if count:
                     box.label(text=f"{count:,} limited: {name.replace('_', ' ').replace('.', ', ')}", icon="ERROR")
+
+    def _ways(self, context: bpy.types.Context) -> None:
+        """Draw the ways to look at it in Blender's own editors."""
+        column = self.layout.column(align=True)
+        row = column.row(align=True)
+        row.prop(context.scene.dermis, "show_strip", text="Strip", toggle=True, icon="TIME")
+        row.operator("dermis.show_plots", icon="IMAGE_DATA")
+        row = column.row(align=True)
+        row.operator("dermis.commands_as_curves", icon="FCURVE")
+        if command_curves.present(context.scene):
+            row.operator("dermis.remove_curves", text="", icon="X")
 
     def _figures(self, bake: Any) -> None:
         column = self.layout.column(align=True)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import Array, core
+from ..results import stored_skins
 
 Kind = Literal["force", "touch", "mismatch", "limited"]
 
@@ -80,8 +81,8 @@ def lanes_of(result: Any) -> tuple[Lane, ...]:
         if "mismatch" in output.signals:
             add(finger, "mismatch", frames, np.asarray(output.signals["mismatch"]))
         add(finger, "limited", frames, limited(track, output.signals).astype(np.float64))
-    for finger, touch in result.bake.skins.items():
-        add(finger, "force", result.first + touch.times * result.fps, np.asarray(touch.normal_force, np.float64))
+    for finger, (times, force) in stored_skins.forces_of(result.bake).items():
+        add(finger, "force", result.first + times * result.fps, np.asarray(force, np.float64))
     return tuple(Lane(finger, {k: tuple(s) for k, s in kinds.items()}) for finger, kinds in found.items())
 
 

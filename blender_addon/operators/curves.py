@@ -26,8 +26,8 @@ class DERMIS_OT_commands_as_curves(Work, bpy.types.Operator):
     keys: EnumProperty(
         name="Keys",
         items=(
-            ("FRAMES", "At Frames", "A key at every whole frame: what is faster than that is not seen"),
-            ("RATE", "At a Rate", "Keys between frames too"),
+            ("FRAMES", "At Frames", "A value at every whole frame and no keys: what is faster than that is not seen"),
+            ("RATE", "At a Rate", "Keys between frames too, which the timeline shows with those of the animation"),
         ),
     )
     rate: FloatProperty(
@@ -40,7 +40,7 @@ class DERMIS_OT_commands_as_curves(Work, bpy.types.Operator):
         rate = self.rate if self.keys == "RATE" else 0.0
         made = command_curves.write(context.scene, result, rate=rate)
         often = f"{rate:g} Hz" if rate else "whole frames"
-        said = f"Wrote {counted(made.curves, 'curve')} with {counted(made.keys, 'key')} at {often}."
+        said = f"Wrote {counted(made.curves, 'curve')} with {made.keys:,} values at {often}."
         if made.findings:
             reporting.report_findings(self, made.findings, f"Curves of {context.scene.name}", said)
             return None

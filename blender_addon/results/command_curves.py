@@ -33,7 +33,8 @@ def write(scene: bpy.types.Scene, result: Any, *, rate: float = 0.0) -> Written:
     """Write the commands of a stored `Result` as locked curves, in place of those that are there.
 
     Args:
-        rate: keys a second [Hz], between frames too; 0: at whole frames. Values between samples are interpolated.
+        rate: keys a second [Hz], between frames too; 0: samples at whole frames, without keys. Values between the
+            bake's samples are interpolated.
 
     Raises:
         DermisError: no finger of the bake can hold curves; the first one's reason.
@@ -137,6 +138,8 @@ def _write(holder: Any, finger: str, outputs: list[Any], result: Any, rate: floa
             curve = bag.fcurves.new(f'["{bpy.utils.escape_identifier(name)}"]', index=0)
             curve.group = group
             compat.fill(curve, at, values)
+            if not rate:  # samples, which nobody can edit, and which are no keys to step along in the timeline
+                curve.convert_to_samples(int(at[0]), int(at[-1]) + 1)
             names.append(name)
             return curve
 

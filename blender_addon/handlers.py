@@ -78,6 +78,7 @@ def register() -> None:
         if function not in handlers:
             handlers.append(function)
     skin_models.on_made = skin_preview.request
+    recall.request()  # of the file that is open already
 
 
 def unregister() -> None:

@@ -50,9 +50,11 @@ def _show(context: bpy.types.Context, image: bpy.types.Image) -> None:
     space.image = image
 
     def fit() -> None:
-        region = next((r for r in area.regions if r.type == "WINDOW"), None)
+        region = next(r for r in area.regions if r.type == "WINDOW")
         with context.temp_override(window=window, area=area, region=region):
             bpy.ops.image.view_all(fit_view=True)
+            if region.width >= image.size[0]:
+                bpy.ops.image.view_zoom_ratio(ratio=1.0)
 
     bpy.app.timers.register(fit, first_interval=SHOW_AFTER)
 

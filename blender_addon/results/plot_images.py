@@ -8,6 +8,7 @@ import bpy
 
 from .._core import core
 
+SCALE = 1.5  # pixels a point: a window shows it pixel by pixel, and letters stay letters
 MARK = "dermis_plot"  # on an image, whose plot it is
 
 
@@ -17,7 +18,7 @@ def make(bake: Any) -> dict[str, bpy.types.Image]:
     before = {str(image[MARK]): image for image in bpy.data.images if MARK in image}
     made = {}
     for name, output in zip(outputs.file_names(bake), bake.outputs, strict=True):
-        data = outputs.plot_of(bake, output)
+        data = outputs.plot_of(bake, output, scale=SCALE)
         image = bpy.data.images.new(f"Plot {name}", 1, 1)
         image.pack(data=data, data_len=len(data))
         image.source = "FILE"

@@ -45,12 +45,16 @@ def write_plots(bake: Bake, folder: Path | str) -> tuple[Path, ...]:
     return tuple(written)
 
 
-def plot_of(bake: Bake, output: Output) -> bytes:
-    """Return the plot of one of a bake's tracks as PNG, in the units and scales of all tracks of the same device."""
+def plot_of(bake: Bake, output: Output, *, scale: float = 2.0) -> bytes:
+    """Return the plot of one of a bake's tracks as PNG, in the units and scales of all tracks of the same device.
+
+    Args:
+        scale: pixels a point.
+    """
     from ..plot.track import png
 
     alike = [o.track for o in bake.outputs if o.track.spec.key == output.track.spec.key]
-    return png(output.track, contact=output.signals.get("contact"), alike=alike)
+    return png(output.track, contact=output.signals.get("contact"), alike=alike, scale=scale)
 
 
 def export_screen_maps(scene: TactileScene, library: Library, folder: Path) -> tuple[Path, ...]:

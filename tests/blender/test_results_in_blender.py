@@ -36,7 +36,7 @@ def test_plots_are_images_of_their_tracks(demo: bpy.types.Scene) -> None:
     images = {i[plot_images.MARK]: i for i in bpy.data.images if plot_images.MARK in i}
     assert set(images) == {"Index.haptip", "Thumb.haptip", "Reader.electrovibration"}
     picture = pixels(images["Index.haptip"])
-    assert picture.shape[1] == 1840 and picture[..., :3].std() > 0.05
+    assert picture.shape[1] == 1380 and picture[..., :3].std() > 0.05
     assert images["Index.haptip"].packed_file is not None  # it is saved with the file
 
 

@@ -15,7 +15,9 @@ from .lanes import Kind, Lane, Mark, Series
 
 RED: Colour = (0.95, 0.33, 0.27, 1.0)
 SEVERITIES = {"error": RED, "warning": ORANGE, "info": INK}
-LANE, GAP, SCRUB, LABELLED = 14.0, 1.0, 26.0, 11.0  # heights at scale 1 [px]: a lane, between two, the frames' numbers
+LANE, GAP, SCRUB, LABELLED = 18.0, 1.0, 26.0, 11.0  # heights at scale 1 [px]: a lane, between two, the frames' numbers
+SHARE = 0.5  # of an editor's height at most: keys are to be seen too
+LETTER = 5.8  # a letter's width at scale 1 [px], about
 STEPS = 12  # of height and of colour: columns that differ by less are one box
 TOUCH = 0.7  # of a lane's height
 PALE = 0.35  # what is out of date is drawn as strongly as this
@@ -68,7 +70,7 @@ def laid_out(
         lanes: of a bake. live: of what was seen since; it is drawn over them. pale: the bake is out of date.
     """
     fingers = list(dict.fromkeys([*(lane.finger for lane in lanes), *(lane.finger for lane in live)]))
-    room = max(view.height - SCRUB * view.scale, 4.0)
+    room = max(min(view.height - SCRUB * view.scale, max(SHARE * view.height, SCRUB)), 4.0)
     pitch = max(min((LANE + GAP) * view.scale, room / max(len(fingers), 1)), 2.0)
     bottoms = {f: pitch * (len(fingers) - 1 - i) + GAP * view.scale for i, f in enumerate(fingers)}
     high, boxes = max(pitch - GAP * view.scale, 1.0), _Boxes()
@@ -91,6 +93,9 @@ def laid_out(
     if high >= LABELLED * view.scale:
         said = {lane.finger: lane.says for lane in (*live, *lanes)}  # a bake's words count, live ones where it has none
         labels = [(said[f], 6.0 * view.scale, bottoms[f] + 0.5 * high - 3.5 * view.scale) for f in fingers]
+        for words, x, y in labels:
+            width = LETTER * view.scale * len(words) + 8.0 * view.scale
+            boxes.add(x - 4.0, y - 3.0 * view.scale, x + width, y + 10.0 * view.scale, (*PANEL[:3], 0.75))
     return Layout(*boxes.arrays(), tuple(labels), tuple(placed), pitch * len(fingers))
 
 

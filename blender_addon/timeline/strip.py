@@ -122,19 +122,13 @@ def _draw() -> None:
 
 
 def _write(layout: Layout, view: View, state: str) -> None:
-    """Write what the lanes show, and at the right end whose they are where that is not plain."""
-    import blf
-
+    """Write what the lanes show, and above them at the right end whose they are where that is not plain."""
     pale, size = state in ("stale", "earlier"), LETTERS * view.scale
-    blf.enable(0, blf.SHADOW)
-    blf.shadow(0, 5, 0.0, 0.0, 0.0, 1.0)
-    try:
-        for words, x, y in layout.labels:
-            paint.text(words, x, y, paint.FAINT if pale else paint.INK, size)
-        right, tone = view.width - 18.0 * view.scale, paint.ORANGE if pale else paint.BLUE
-        paint.text(NOTES[state], right, layout.labels[0][2], tone, size, align=1.0)
-    finally:
-        blf.disable(0, blf.SHADOW)
+    for words, x, y in layout.labels:
+        paint.text(words, x, y, paint.FAINT if pale else paint.INK, size)
+    if NOTES[state]:
+        tone = paint.ORANGE if pale else paint.BLUE
+        paint.text(NOTES[state], view.width - 18.0 * view.scale, layout.top + 4.0 * view.scale, tone, size, align=1.0)
 
 
 def register() -> None:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import Array
+from ..results.lanes import Kind, Lane, Mark, Series
 from ..viewport.paint import BLUE, FAINT, INK, ORANGE, PANEL, Colour
-from .lanes import Kind, Lane, Mark, Series
 
 RED: Colour = (0.95, 0.33, 0.27, 1.0)
 SEVERITIES = {"error": RED, "warning": ORANGE, "info": INK}

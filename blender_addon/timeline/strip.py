@@ -11,11 +11,11 @@ import bpy
 
 from .._core import core
 from ..layouts import ui_scale
+from ..preview import live_lanes
 from ..results import store
+from ..results.lanes import Lane, Mark, lanes_of, marks_of
 from ..viewport import paint
-from . import live_lanes
 from .columns import MARK, Layout, View, laid_out
-from .lanes import Lane, Mark, lanes_of, marks_of
 
 EDITORS = {"DOPESHEET_EDITOR": "SpaceDopeSheetEditor", "GRAPH_EDITOR": "SpaceGraphEditor"}
 MENUS = ("TIME_MT_view", "DOPESHEET_MT_view", "GRAPH_MT_view")

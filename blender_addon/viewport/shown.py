@@ -14,12 +14,11 @@ import bpy
 
 from .. import changes, choices, redraw
 from ..devices import readiness, thimble_devices
-from ..preview import device_preview, pin_preview, platform_preview, skin_preview, thimble_preview
+from ..preview import device_preview, live_lanes, pin_preview, platform_preview, skin_preview, thimble_preview
 from ..preview.rows import Preview
 from ..preview.skin_state import SkinState
 from ..results import store
 from ..streaming import built_devices, reported_values, streamed_track
-from ..timeline import live_lanes
 from . import skin_shown, twins
 from .twin import Twin
 

@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from blender_addon import changes
+from blender_addon.preview import live_lanes
 from blender_addon.preview.rows import Preview
-from blender_addon.results import store
-from blender_addon.timeline import columns, lanes, live_lanes, strip
+from blender_addon.results import lanes, store
+from blender_addon.results.lanes import Lane, Mark, Series
+from blender_addon.timeline import columns, strip
 from blender_addon.timeline.columns import View
-from blender_addon.timeline.lanes import Lane, Mark, Series
 from core.devices.spec import Channel, DeviceSpec
 from core.errors import Finding
 from core.track.command_track import CommandTrack

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import Array, core
-from ..results import stored_skins
+from . import stored_skins
 
 Kind = Literal["force", "touch", "mismatch", "limited"]
 

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from .. import changes
-from .lanes import Kind, Lane, Series
+from ..results.lanes import Kind, Lane, Series
 
 MOST = 20_000  # frames that are remembered
 HELD = 6.0  # frames that playback may leave out; over more nothing is known

@@ -5,6 +5,7 @@ from .design import design_properties
 from .preview import skin_preview
 from .properties import object_properties, scene_properties
 from .streaming import session_events, streaming_properties
+from .timeline import strip
 from .viewport import overlay, shown, skin_view
 
 MODULES = (
@@ -20,6 +21,7 @@ MODULES = (
     skin_preview,
     shown,
     skin_view,
+    strip,
     handlers,
     session_events,
     commands,

@@ -30,6 +30,11 @@ def channelbag(owner: bpy.types.ID) -> Any:
     if slot is None:
         slot = action.slots.new(id_type=owner.id_type, name=owner.name)
         animation.action_slot = slot
+    return slot_bag(action, slot)
+
+
+def slot_bag(action: Any, slot: Any) -> Any:
+    """Return the channel bag of a slot, making layer and strip where they are missing."""
     if bpy.app.version >= (5, 0, 0):
         from bpy_extras import anim_utils
 
@@ -57,6 +62,11 @@ def set_keys(
     """
     bag = channelbag(owner)
     curve = bag.fcurves.find(path, index=index) or bag.fcurves.new(path, index=index)
+    fill(curve, frames, values, interpolation=interpolation)
+
+
+def fill(curve: Any, frames: Sequence[float], values: Sequence[float], *, interpolation: str = "LINEAR") -> None:
+    """Replace the keys of an F-curve in one go; arguments as in `set_keys`."""
     curve.keyframe_points.clear()
     curve.keyframe_points.add(len(frames))
     points = np.column_stack([np.asarray(frames, np.float32), np.asarray(values, np.float32)])

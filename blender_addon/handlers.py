@@ -14,7 +14,7 @@ from . import changes, reporting
 from .devices import skin_models
 from .preview import device_preview, skin_preview
 from .properties.scene_properties import stamp
-from .results import store
+from .results import exported, recall, store
 from .streaming import finger_ids
 from .viewport import shown
 
@@ -44,6 +44,8 @@ def _on_history(*_: Any) -> None:
 def _on_load(*_: Any) -> None:
     changes.note_file()
     store.forget()
+    exported.forget()
+    recall.request()
     shown.forget()
     reporting.clear()
     finger_ids.note()
@@ -76,6 +78,7 @@ def register() -> None:
         if function not in handlers:
             handlers.append(function)
     skin_models.on_made = skin_preview.request
+    recall.request()  # of the file that is open already
 
 
 def unregister() -> None:
@@ -84,4 +87,5 @@ def unregister() -> None:
         if function in handlers:
             handlers.remove(function)
     skin_models.on_made = None
+    recall.cancel()
     changes.clear_dirty()

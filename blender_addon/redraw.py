@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 import bpy
 
+DRAWN = ("VIEW_3D", "DOPESHEET_EDITOR", "GRAPH_EDITOR")  # the editors that show something of ours
 SETTLE = 0.05  # [s] from the first request to the work; those that come meanwhile are the same one
 
 
@@ -36,5 +37,5 @@ def _on_timer() -> None:
     finally:
         for window in bpy.context.window_manager.windows:
             for area in window.screen.areas:
-                if area.type == "VIEW_3D":
+                if area.type in DRAWN:
                     area.tag_redraw()

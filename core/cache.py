@@ -53,9 +53,11 @@ class Cache:
     def __repr__(self) -> str:
         return f"Cache({self.folder}, at most {self.limit_bytes / 1e6:g} MB)"
 
-    def get(self, key: str) -> Path | None:
-        """Return the file of a key, which counts as used now, or None."""
+    def get(self, key: str, *, use: bool = True) -> Path | None:
+        """Return the file of a key, or None; it counts as used now, unless one only looks."""
         path = self._path(key)
+        if not use:
+            return path if path.is_file() else None
         try:
             os.utime(path)
         except FileNotFoundError:

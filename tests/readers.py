@@ -417,6 +417,7 @@ OWN = {
     "blender_addon.streaming.built_devices:_read_fingers": "tests/blender/test_readers.py damages it",
     "blender_addon.results.store:_read": "tests/blender/test_readers.py damages it",
     "blender_addon.results.store:_write": "writes",
+    "blender_addon.results.stored_skins:_unpacked": "tests/blender/test_readers.py damages it",
     "blender_addon.streaming.streamed_track:track_path": "writes",
     "blender_addon.devices.thimble_adaptation:_meta": "tests/blender/test_readers.py damages it",
 }

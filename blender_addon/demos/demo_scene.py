@@ -183,6 +183,9 @@ def _animate_pair(index: bpy.types.Object, thumb: bpy.types.Object, box: bpy.typ
         [(1, *BOX), (67, *BOX), *((f, 0.0, BOX.y, z - grip + BOX.z) for f, _, _, z in _lifted(0.0, grip))],
     )
     compat.set_keys(box, "dermis.material.held", 0, [1, 68, 96], [0, 1, 1], interpolation="CONSTANT")
+    # the hand takes the load over: a weight that is there at once is faster than the device
+    gravity = box.dermis.material.weight_gravity
+    compat.set_keys(box, "dermis.material.weight_gravity", 0, [68, 71], [0.0, gravity])
 
 
 def _lifted(x: float, z: float) -> list[tuple[float, float, float, float]]:

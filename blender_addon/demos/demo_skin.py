@@ -28,7 +28,8 @@ def build(fingers: int) -> bpy.types.Scene:
         _one(scene)
     else:
         _five(scene)
-    return demo_stage.finish(scene, (-0.05, 0.15, 0.08), (0.0, 0.0, 0.008))
+        return demo_stage.finish(scene, (-0.07, 0.21, 0.112), (-0.006, 0.0, 0.014))  # the thumb is seen too
+    return demo_stage.finish(scene, (-0.05, 0.15, 0.08), (0.0, 0.0, 0.011))
 
 
 def _one(scene: bpy.types.Scene) -> None:

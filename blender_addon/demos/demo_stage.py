@@ -123,6 +123,7 @@ def look(
     context.view_layer.objects.active = min(fingers, key=lambda o: o.name)
     if bpy.app.background or context.window is None:
         return []
+    _frame_timelines(context)
     spaces = [area.spaces.active for area in context.window.screen.areas if area.type == "VIEW_3D"]
     for space in spaces:
         space.clip_start, space.lens = 0.002, lens
@@ -134,6 +135,15 @@ def look(
         view.view_location, view.view_distance = target, distance
         view.view_rotation = Euler([radians(angle) for angle in turn]).to_quaternion()
     return spaces
+
+
+def _frame_timelines(context: bpy.types.Context) -> None:
+    """Let the window's timelines show the scene's range, and nothing else."""
+    for area in context.window.screen.areas:
+        if area.ui_type == "TIMELINE":
+            region = next(r for r in area.regions if r.type == "WINDOW")
+            with context.temp_override(area=area, region=region):
+                bpy.ops.action.view_all()
 
 
 def look_at_skins(context: bpy.types.Context) -> None:

@@ -6,6 +6,7 @@ from . import (
     attach,
     bake,
     calibration,
+    curves,
     demo,
     design,
     devices,
@@ -15,10 +16,12 @@ from . import (
     material,
     pins,
     placing,
+    plots,
     recordings,
     roles,
     skin,
     stream,
+    strip,
     thimble,
     tracks,
 )
@@ -43,6 +46,9 @@ CLASSES: tuple[type, ...] = (
     *tracks.CLASSES,
     *thimble.CLASSES,
     *design.CLASSES,
+    *strip.CLASSES,
+    *curves.CLASSES,
+    *plots.CLASSES,
 )
 
 

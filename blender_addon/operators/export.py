@@ -1,25 +1,25 @@
 # mypy: disable-error-code="valid-type"
-"""Files: tracks as CSV, the sampled scene, the stored result of an earlier session."""
+"""Files: tracks and their plots, the sampled scene, the stored result of an earlier session."""
 
 from pathlib import Path
 from typing import Any, cast
 
 import bpy
-from bpy.props import BoolProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from .. import reporting
 from .._core import DermisError, core
 from ..polls import needs
 from ..preferences import library
 from ..properties import scene_properties
-from ..results import store, stored_skins
+from ..results import export_parts, exported, store, stored_skins
 from ..sampling import scene_sweep
 from .work import File, Folder, counted
 
 
 @needs(lambda context: store.current(context.scene) is not None, "Bake first")
 class DERMIS_OT_export_tracks(Folder, bpy.types.Operator):
-    """Write one CSV file for each finger and device of the last bake, and one for the forces on each skin"""
+    """Write a file for each finger and device of the last bake, and one for the forces on each skin"""
 
     bl_idname = "dermis.export_tracks"
     bl_label = "Export Tracks"
@@ -29,21 +29,25 @@ class DERMIS_OT_export_tracks(Folder, bpy.types.Operator):
     directory: StringProperty(
         name="Folder", description="Where the files go; empty: the scene's output folder", subtype="DIR_PATH"
     )
+    form: EnumProperty(name="Format", items=scene_properties.FORMATS, default="csv")
     plots: BoolProperty(name="With Plots", description="Write a PNG plot beside each track", default=False)
+    ask: BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Write to the scene's output folder; ask where that is relative to a file that was never saved."""
+        """Write to the output folder; ask on request, or where that is relative to a file that was never saved."""
         settings = context.scene.dermis
-        self.plots = settings.plots
+        self.form, self.plots = settings.export_format, settings.plots
         self.directory = ""
         unsaved = settings.output_dir.startswith("//") and not bpy.data.filepath
-        return super().invoke(context, event) if unsaved else self.execute(context)
+        if self.ask and not unsaved:
+            self.directory = bpy.path.abspath(settings.output_dir)
+        return super().invoke(context, event) if unsaved or self.ask else self.execute(context)
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Write the files."""
-        outputs, scene = core.pipeline.outputs, context.scene
+        scene = context.scene
         folder = Path(bpy.path.abspath(self.directory or scene.dermis.output_dir))
-        bake = cast(store.Result, store.current(scene)).bake
+        result = cast(store.Result, store.current(scene))
         if not folder.is_absolute():
             raise DermisError(
                 "relative to a file that was never saved",
@@ -51,19 +55,45 @@ class DERMIS_OT_export_tracks(Folder, bpy.types.Operator):
                 value=str(folder),
                 remedy="Save the file, or choose another folder",
             )
-        written = list(outputs.export(bake, folder, plots=self.plots)) if bake.outputs else []
-        written += stored_skins.export(bake, folder)
+        refused: list[Any] = []
+        written: list[Path] = []
+        if result.bake.outputs:
+            # a CSV is written whatever it says, and says so itself; other formats are for devices
+            written, found = export_parts.write(scene, result, folder, self.form, force=self.form == "csv")
+            refused = [finding for finding in found if finding.code == "refused"]
+            written += core.pipeline.outputs.write_plots(result.bake, folder) if self.plots else ()
+        written += stored_skins.export(result.bake, folder)
         if not written:
             raise DermisError(
                 "neither tracks nor skins to export",
                 where=str(folder),
                 remedy="Give a finger a device, or show its skin, and bake again",
             )
+        exported.note(scene, folder, tuple(written))
         text = f"Wrote {counted(len(written))} to {folder}"
+        if refused:
+            reporting.report_findings(self, refused, f"Export of {scene.name}", f"{text}.")
+            return None
         if store.state(scene) != "stale":
             return text
         self.report({"WARNING"}, f"{text}. The scene has changed since the bake")
         return None
+
+
+@needs(lambda context: exported.last(context.scene) is not None, "Export first")
+class DERMIS_OT_open_export(bpy.types.Operator):
+    """Open the folder of the last export"""
+
+    bl_idname = "dermis.open_export"
+    bl_label = "Open Folder"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Open it."""
+        last = cast(exported.Exported, exported.last(context.scene))
+        if not last.folder.is_dir():
+            self.report({"WARNING"}, f"{last.folder} is no longer there")
+            return {"CANCELLED"}
+        return set(bpy.ops.wm.path_open(filepath=str(last.folder)))
 
 
 class DERMIS_OT_export_scene(File, bpy.types.Operator):
@@ -143,6 +173,7 @@ class DERMIS_OT_load_result(bpy.types.Operator):
 
 CLASSES: tuple[type, ...] = (
     DERMIS_OT_export_tracks,
+    DERMIS_OT_open_export,
     DERMIS_OT_export_scene,
     DERMIS_OT_export_screen_maps,
     DERMIS_OT_load_result,

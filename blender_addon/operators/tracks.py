@@ -11,7 +11,8 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from .. import reporting
 from .._core import DermisError, core
 from ..preferences import library
-from ..results import export_parts, store
+from ..properties.scene_properties import FORMATS
+from ..results import export_parts, exported, store
 from ..streaming import streamed_track
 from .stream import Streaming
 from .work import File, Folder, counted
@@ -48,9 +49,7 @@ class DERMIS_OT_export_as(Folder, bpy.types.Operator):
     subject = "Export"
 
     form: EnumProperty(  # type: ignore[valid-type]
-        name="Format",
-        items=tuple((name, form.title, form.text) for name, form in core.track.formats.FORMATS.items()),
-        default="json",
+        name="Format", items=FORMATS, default="json"
     )
     span: EnumProperty(  # type: ignore[valid-type]
         name="Range",
@@ -75,6 +74,7 @@ class DERMIS_OT_export_as(Folder, bpy.types.Operator):
         found += more
         if not written:
             raise DermisError("no track to export", remedy="Select a finger, or export all of them")
+        exported.note(context.scene, folder, tuple(written))
         text = f"Wrote {counted(len(written))} to {folder}"
         reporting.report_findings(self, found, self.subject, f"{text}." if found else text)
         return None

@@ -33,10 +33,12 @@ def register() -> None:
     _add()
     bpy.types.VIEW3D_MT_add.append(menus.draw_add)
     bpy.types.TOPBAR_MT_file_import.append(menus.draw_import)
+    bpy.types.TOPBAR_MT_file_export.append(menus.draw_export)
 
 
 def unregister() -> None:
     """Undo `register`."""
+    bpy.types.TOPBAR_MT_file_export.remove(menus.draw_export)
     bpy.types.TOPBAR_MT_file_import.remove(menus.draw_import)
     bpy.types.VIEW3D_MT_add.remove(menus.draw_add)
     _remove()

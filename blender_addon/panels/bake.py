@@ -7,7 +7,7 @@ import bpy
 from .. import changes, choices, reporting
 from ..layouts import paragraph
 from ..polls import needs
-from ..results import store
+from ..results import command_curves, store
 from .main import DermisPanel
 
 SEVERITY_ICONS = {"error": "CANCEL", "warning": "ERROR", "info": "INFO"}
@@ -34,6 +34,7 @@ class DERMIS_PT_bake(DermisPanel, bpy.types.Panel):
             column.prop(settings, "frame_start")
             column.prop(settings, "frame_end")
         layout.prop(settings, "output_dir")
+        layout.prop(settings, "export_format")
         layout.prop(settings, "plots")
         layout.operator("dermis.export_scene", icon="FILE_CACHE")
         layout.operator("dermis.export_screen_maps", icon="TEXTURE")
@@ -52,7 +53,7 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
             self.layout.label(text="", icon="ERROR")
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw tracks, counters and times."""
+        """Draw the tracks, and the ways to look at them."""
         layout, scene = self.layout, context.scene
         state, result = store.state(scene), store.current(scene)
         if result is None:
@@ -67,7 +68,7 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
         elif state == "earlier":
             paragraph(layout, context, "From an earlier session; the scene may have changed since.", "INFO")
         self._tracks(result.bake)
-        self._figures(result.bake)
+        self._ways(context)
 
     def _tracks(self, bake: Any) -> None:
         for output in bake.outputs:
@@ -82,16 +83,41 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
                 if count:
                     box.label(text=f"{count:,} limited: {name.replace('_', ' ').replace('.', ', ')}", icon="ERROR")
 
-    def _figures(self, bake: Any) -> None:
+    def _ways(self, context: bpy.types.Context) -> None:
+        """Draw the ways to look at it in Blender's own editors."""
+        column = self.layout.column(align=True)
+        row = column.row(align=True)
+        row.prop(context.scene.dermis, "show_strip", text="Strip", toggle=True, icon="TIME")
+        row.operator("dermis.show_plots", icon="IMAGE_DATA")
+        row = column.row(align=True)
+        row.operator("dermis.commands_as_curves", icon="FCURVE")
+        if command_curves.present(context.scene):
+            row.operator("dermis.remove_curves", text="", icon="X")
+
+
+@needs(lambda context: store.current(context.scene) is not None)
+class DERMIS_PT_result_details(DermisPanel, bpy.types.Panel):
+    """What the last bake skipped, and where its time went."""
+
+    bl_idname = "DERMIS_PT_result_details"
+    bl_label = "Details"
+    bl_parent_id = "DERMIS_PT_result"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw counters and times."""
+        result = store.current(context.scene)
+        if result is None:
+            return
         column = self.layout.column(align=True)
         column.active = False
         column.scale_y = 0.85
-        for name, count in bake.skipped.items():
+        for name, count in result.bake.skipped.items():
             if count:
                 column.label(text=f"Skipped, {name.replace('_', ' ')}: {count:,}")
-        if bake.stage_seconds:
-            times = ", ".join(f"{name} {1e3 * seconds:.0f} ms" for name, seconds in bake.stage_seconds.items())
-            paragraph(column, bpy.context, f"Took {times}")
+        if result.bake.stage_seconds:
+            times = ", ".join(f"{name} {1e3 * seconds:.0f} ms" for name, seconds in result.bake.stage_seconds.items())
+            paragraph(column, context, f"Took {times}")
 
 
 class DERMIS_PT_findings(DermisPanel, bpy.types.Panel):
@@ -122,7 +148,8 @@ class DERMIS_PT_findings(DermisPanel, bpy.types.Panel):
                 head += f" ({finding.count:,} samples)"
             paragraph(text, context, head, SEVERITY_ICONS[finding.severity], inset=36.0)
             if finding.value is not None or finding.limit:
-                parts = [f"found {finding.value}"] if finding.value is not None else []
+                value = f"{finding.value:.4g}" if isinstance(finding.value, float) else finding.value
+                parts = [f"found {value}"] if value is not None else []
                 parts += [f"allowed: {finding.limit}"] if finding.limit else []
                 paragraph(text, context, "; ".join(parts), "BLANK1", inset=36.0)
             if finding.remedy:
@@ -133,5 +160,5 @@ class DERMIS_PT_findings(DermisPanel, bpy.types.Panel):
             self.layout.label(text=f"and {len(numbered) - MAX_FINDINGS} more")
 
 
-RESULT: tuple[type, ...] = (DERMIS_PT_result, DERMIS_PT_findings)
+RESULT: tuple[type, ...] = (DERMIS_PT_result, DERMIS_PT_result_details, DERMIS_PT_findings)
 SETTINGS: tuple[type, ...] = (DERMIS_PT_bake,)

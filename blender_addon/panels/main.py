@@ -4,7 +4,7 @@ import bpy
 
 from ..layouts import paragraph
 from ..results import store
-from . import doubtful, hands, summary
+from . import doubtful, exported, hands, summary
 
 
 class DermisPanel:
@@ -47,6 +47,9 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.enabled = store.state(scene) != "none"
         row.operator("dermis.export_tracks", icon="EXPORT")
+        row.prop(scene.dermis, "export_format", text="")
+        row.prop(scene.dermis, "plots", text="", icon="IMAGE_DATA", toggle=True)
+        exported.box(layout, scene)
 
     def _welcome(self, context: bpy.types.Context) -> None:
         layout = self.layout

@@ -88,4 +88,10 @@ def draw_import(self: Any, _context: bpy.types.Context) -> None:
     self.layout.operator("dermis.import_poses", text="Recorded Poses (.csv)", icon="VIEW_PAN")
 
 
+def draw_export(self: Any, _context: bpy.types.Context) -> None:
+    """Draw our entry in the File > Export menu."""
+    operator = self.layout.operator("dermis.export_tracks", text="Dermis Tracks (.csv, .json, .dtrack, .h)")
+    operator.ask = True
+
+
 CLASSES: tuple[type, ...] = (DERMIS_MT_add, DERMIS_MT_devices, DERMIS_MT_materials)

@@ -4,14 +4,16 @@
 # No postponed annotations here: Blender reads the properties from them when a class is registered.
 
 import bpy
-from bpy.props import BoolProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
+from .._core import core
 from ..compat import BLEND_RELATIVE
 from ..registration import registration
 from .fields import touched
 from .skin_properties import DermisSkinView
 from .thimble_view_properties import DermisThimbleView
 
+FORMATS = tuple((name, form.title, form.text) for name, form in core.track.formats.FORMATS.items())
 FILE_VERSION = 1  # raise it when a property is renamed or means something else, and migrate older files on loading
 
 
@@ -48,6 +50,9 @@ class DermisScene(bpy.types.PropertyGroup):
         subtype="DIR_PATH",
         options=BLEND_RELATIVE,
     )
+    export_format: EnumProperty(
+        name="Format", description="Of the files that Export Tracks writes", items=FORMATS, default="csv", options=set()
+    )
     plots: BoolProperty(
         name="With Plots", description="Write a PNG plot beside each exported track", default=False, options=set()
     )
@@ -64,6 +69,12 @@ class DermisScene(bpy.types.PropertyGroup):
     )
     show_readout: BoolProperty(
         name="Readout", description="Write the devices' values into the view", default=True, options=set()
+    )
+    show_strip: BoolProperty(
+        name="Strip",
+        description="Draw touch, mismatch, limits and findings along the bottom of timeline and graph editor",
+        default=True,
+        options=set(),
     )
     twin_exaggeration: FloatProperty(
         name="Exaggeration",

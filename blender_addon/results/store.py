@@ -1,8 +1,8 @@
 """What the last bake of each scene gave: kept in memory for the session, stored outside the .blend for the next.
 
-A stored result is one .npz of plain arrays and a JSON text, named by the bake's content hash. Nothing is read because
-a file was opened: `load` runs when the user asks for it. A loaded result is shown as 'from an earlier session',
-never as up to date, since nobody has watched the scene meanwhile.
+A stored result is one .npz of plain arrays and a JSON text, named by the bake's content hash. `recall` reads it after
+a file was opened, its skins when they are first needed; nothing is written then. A loaded result is shown as 'from an
+earlier session', never as up to date, since nobody has watched the scene meanwhile.
 """
 
 from __future__ import annotations
@@ -144,10 +144,12 @@ def load(scene: bpy.types.Scene) -> Result | None:
         DermisError: the stored file cannot be read.
     """
     key = scene.dermis.bake_key
-    path = cache().get(_key(key)) if key else None
+    # no `cache()`: that would make the folder
+    folder = core.cache.Cache(user_folder("results"), int(setting("cache_megabytes")) * 1_000_000)
+    path = folder.get(_key(key), use=False) if key else None
     if path is None:
         return None
-    result = _read(Path(path))
+    result = _read(path)
     _results[scene.session_uid] = result
     return result
 
@@ -205,7 +207,7 @@ def _read(path: Path) -> Result:
     with core.foreign.damage_told("the stored result cannot be read", str(path), remedy="Bake again"):
         # trusted: of a device at rest ten thousand samples become ten bytes
         with core.npz.opened_npz(path, kind="a stored result", trusted=True) as archive:
-            file = archive.arrays(archive.names)
+            file = archive.arrays([name for name in archive.names if stored_skins.at_once(name)])
             header = core.foreign.json_of(file["header"].tobytes(), str(path), core.foreign.MAX_TEXT, constants=True)
             if header["version"] != RESULT_VERSION:
                 raise DermisError(
@@ -231,7 +233,7 @@ def _read(path: Path) -> Result:
                 )
                 for i, entry in enumerate(header["outputs"])
             )
-            skins = stored_skins.unpack(header.get("skins", []), file)
+            skins = stored_skins.StoredSkins(path, header.get("skins", []), file)
         bake = core.pipeline.bake.Bake(
             outputs,
             tuple(Finding(**f) for f in header["findings"]),

@@ -6,15 +6,18 @@ result is read with those on nodes alone.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from .. import reporting
 from .._core import DermisError, Finding, core
 from ..devices import skin_models
 
+PREFIX = "skin_"  # of the names of their arrays
+SMALL = ("_times", "_normal_force")  # what is read at once
 POINTS = ("starts", "cells", "force")
 SERIES = ("times", "frames", "normal_force", "tangential_force", "depth", "lift", "sticking", "slipping")
 
@@ -30,13 +33,13 @@ def pack(
     for i, (finger, touch) in enumerate(skins.items()):
         if finger not in made_of:
             continue
-        arrays[f"skin_{i}_contact"] = np.asarray(touch.contact, np.int32)
-        arrays[f"skin_{i}_force"] = np.asarray(touch.force, np.float32)
+        arrays[f"{PREFIX}{i}_contact"] = np.asarray(touch.contact, np.int32)
+        arrays[f"{PREFIX}{i}_force"] = np.asarray(touch.force, np.float32)
         if touch.points is not None:
             for name in POINTS:
-                arrays[f"skin_{i}_point_{name}"] = getattr(touch.points, name)
+                arrays[f"{PREFIX}{i}_point_{name}"] = getattr(touch.points, name)
         for name in SERIES:
-            arrays[f"skin_{i}_{name}"] = np.asarray(getattr(touch, name))
+            arrays[f"{PREFIX}{i}_{name}"] = np.asarray(getattr(touch, name))
         entries.append(
             {
                 "finger": finger,
@@ -50,34 +53,92 @@ def pack(
     return entries
 
 
-def unpack(entries: list[dict[str, Any]], file: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the skins of a stored result.
+def at_once(name: str) -> bool:
+    """Return whether an array of a stored result is read with its tracks."""
+    return not name.startswith(PREFIX) or name.endswith(SMALL)
+
+
+class StoredSkins(Mapping[str, Any]):
+    """The skins of a stored result, read when one is first asked for: their models may have to be made.
+
+    A skin that cannot be read, or that this version makes otherwise, is missing from then on, and a finding says why.
+
+    Args:
+        path: of the stored result. entries: of its header. file: its small arrays.
+
+    Attributes:
+        forces: times [s] and normal forces [N] of every skin by finger, which need no model.
+    """
+
+    def __init__(self, path: Path, entries: Sequence[Mapping[str, Any]], file: Mapping[str, Any]) -> None:
+        self._path, self._entries = path, {str(entry["finger"]): entry for entry in entries}
+        self._read: dict[str, Any] | None = None
+        self.forces: dict[str, tuple[Any, Any]] = {
+            finger: (file[f"{PREFIX}{e['number']}_times"], file[f"{PREFIX}{e['number']}_normal_force"])
+            for finger, e in self._entries.items()
+        }
+
+    def __getitem__(self, finger: str) -> Any:
+        if finger not in self._entries:
+            raise KeyError(finger)
+        return self._skins()[finger]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._skins())
+
+    def __len__(self) -> int:
+        return len(self._entries if self._read is None else self._read)
+
+    def _skins(self) -> dict[str, Any]:
+        if self._read is None:
+            self._read, refused = {}, []
+            for finger, entry in self._entries.items():
+                try:
+                    self._read[finger] = _unpacked(self._path, entry)
+                except DermisError as error:
+                    refused.append(error.as_finding())
+            if refused:
+                reporting.show((*reporting.findings(), *refused), reporting.source())
+        return self._read
+
+
+def forces_of(bake: Any) -> dict[str, tuple[Any, Any]]:
+    """Return times [s] and normal forces [N] of every skin of a bake, by finger; no stored skin is read for it."""
+    skins = bake.skins
+    if isinstance(skins, StoredSkins):
+        return skins.forces
+    return {finger: (touch.times, touch.normal_force) for finger, touch in skins.items()}
+
+
+def _unpacked(path: Path, entry: Mapping[str, Any]) -> Any:
+    """Return one skin of a stored result.
 
     Raises:
-        DermisError: a skin is made otherwise by this version, so that the forces do not belong to its nodes.
+        DermisError: the file is gone or damaged, or the skin is made otherwise by this version, so that the forces do
+            not belong to its nodes.
     """
-    out = {}
-    for entry in entries:
-        i, finger = int(entry["number"]), str(entry["finger"])
-        model: Any = skin_models.get(entry["skin"], entry["level"], where=f"finger '{finger}', skin", wait=True)
-        if model.pad_count != entry["nodes"]:
-            raise DermisError(
-                "the skin has other nodes in this version",
-                where=f"finger '{finger}'",
-                value=entry["nodes"],
-                limit=str(model.pad_count),
-                remedy="Bake again",
-            )
-        out[finger] = core.contact.skin_contact.SkinContact(
+    i, finger = int(entry["number"]), str(entry["finger"])
+    model: Any = skin_models.get(entry["skin"], entry["level"], where=f"finger '{finger}', skin", wait=True)
+    if model.pad_count != entry["nodes"]:
+        raise DermisError(
+            "the skin has other nodes in this version",
+            where=f"finger '{finger}'",
+            value=entry["nodes"],
+            limit=str(model.pad_count),
+            remedy="Bake again",
+        )
+    with core.foreign.damage_told("the stored result cannot be read", str(path), remedy="Bake again"):
+        with core.npz.opened_npz(path, kind="a stored result", trusted=True) as archive:
+            file = archive.arrays([name for name in archive.names if name.startswith(f"{PREFIX}{i}_")])
+        return core.contact.skin_contact.SkinContact(
             model=model,
-            contact=file[f"skin_{i}_contact"].astype(np.intp),
-            force=file[f"skin_{i}_force"],
+            contact=file[f"{PREFIX}{i}_contact"].astype(np.intp),
+            force=file[f"{PREFIX}{i}_force"],
             findings=tuple(Finding(**f) for f in entry["findings"]),
             skipped=entry["skipped"],
-            points=_points(model, {name: file.get(f"skin_{i}_point_{name}") for name in POINTS}),
-            **{name: file[f"skin_{i}_{name}"] for name in SERIES},
+            points=_points(model, {name: file.get(f"{PREFIX}{i}_point_{name}") for name in POINTS}),
+            **{name: file[f"{PREFIX}{i}_{name}"] for name in SERIES},
         )
-    return out
 
 
 def _points(model: Any, arrays: Mapping[str, Any]) -> Any:

@@ -14,7 +14,7 @@ import bpy
 
 from .. import changes, choices, redraw
 from ..devices import readiness, thimble_devices
-from ..preview import device_preview, pin_preview, platform_preview, skin_preview, thimble_preview
+from ..preview import device_preview, live_lanes, pin_preview, platform_preview, skin_preview, thimble_preview
 from ..preview.rows import Preview
 from ..preview.skin_state import SkinState
 from ..results import store
@@ -81,6 +81,7 @@ def renew(scene: bpy.types.Scene) -> Frame:
         ready,
         streamed_track.doubts(scene),
     )
+    live_lanes.note(scene, _frames[uid])
     return _frames[uid]
 
 

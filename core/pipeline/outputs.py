@@ -8,7 +8,7 @@ from ..errors import DermisError
 from ..parameters.device import DEVICE
 from ..presets import Library
 from ..scene.tactile_scene import TactileScene
-from .bake import Bake
+from .bake import Bake, Output
 
 
 def export(bake: Bake, folder: Path | str, *, plots: bool = False) -> tuple[Path, ...]:
@@ -26,13 +26,35 @@ def export(bake: Bake, folder: Path | str, *, plots: bool = False) -> tuple[Path
         path = Path(folder) / f"{name}.csv"
         csv.write(output.track, path)
         written.append(path)
-        if plots:
-            from ..plot.track import write_png
+    return (*written, *(write_plots(bake, folder) if plots else ()))
 
-            picture = path.with_suffix(".png")
-            write_png(output.track, picture, contact=output.signals.get("contact"))
-            written.append(picture)
+
+def write_plots(bake: Bake, folder: Path | str) -> tuple[Path, ...]:
+    """Write a PNG plot of every track into a folder, named as its file; return their paths.
+
+    Raises:
+        DermisError: the folder cannot be written.
+    """
+    from ..files import write_bytes
+
+    written = []
+    for name, output in zip(file_names(bake), bake.outputs, strict=True):
+        path = Path(folder) / f"{name}.png"
+        write_bytes(path, plot_of(bake, output))
+        written.append(path)
     return tuple(written)
+
+
+def plot_of(bake: Bake, output: Output, *, scale: float = 2.0) -> bytes:
+    """Return the plot of one of a bake's tracks as PNG, in the units and scales of all tracks of the same device.
+
+    Args:
+        scale: pixels a point.
+    """
+    from ..plot.track import png
+
+    alike = [o.track for o in bake.outputs if o.track.spec.key == output.track.spec.key]
+    return png(output.track, contact=output.signals.get("contact"), alike=alike, scale=scale)
 
 
 def export_screen_maps(scene: TactileScene, library: Library, folder: Path) -> tuple[Path, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -23,29 +24,46 @@ _PREFIXES = ((1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"))
 _SCALED = ("m", "m/s", "N", "Pa", "V", "Hz", "s", "N*m")
 
 
-def write_svg(track: CommandTrack, path: Path | str, *, contact: Array | None = None) -> None:
+def write_svg(
+    track: CommandTrack, path: Path | str, *, contact: Array | None = None, alike: Sequence[CommandTrack] = ()
+) -> None:
     """Write a track's plot as SVG.
 
     Args:
         contact: where it is above one half the finger touches, which is shaded; shape (n,).
+        alike: other tracks of the same device, whose plots shall have the same units and scales.
 
     Raises:
         DermisError: the file cannot be written.
     """
     canvas = SvgCanvas(WIDTH, _height(track))
-    _picture(track, contact, canvas)
+    _picture(track, contact, canvas, alike)
     write_bytes(Path(path), canvas.to_bytes())
 
 
-def write_png(track: CommandTrack, path: Path | str, *, contact: Array | None = None, scale: float = 2.0) -> None:
+def write_png(
+    track: CommandTrack,
+    path: Path | str,
+    *,
+    contact: Array | None = None,
+    alike: Sequence[CommandTrack] = (),
+    scale: float = 2.0,
+) -> None:
     """Write a track's plot as PNG, `scale` pixels a point; arguments as in `write_svg`.
 
     Raises:
         DermisError: the file cannot be written.
     """
+    write_bytes(Path(path), png(track, contact=contact, alike=alike, scale=scale))
+
+
+def png(
+    track: CommandTrack, *, contact: Array | None = None, alike: Sequence[CommandTrack] = (), scale: float = 2.0
+) -> bytes:
+    """Return a track's plot as the bytes of a PNG file; arguments as in `write_png`."""
     canvas = PngCanvas(WIDTH, _height(track), scale)
-    _picture(track, contact, canvas)
-    write_bytes(Path(path), canvas.to_bytes())
+    _picture(track, contact, canvas, alike)
+    return canvas.to_bytes()
 
 
 def _height(track: CommandTrack) -> float:
@@ -56,7 +74,7 @@ def _is_pins(track: CommandTrack) -> bool:
     return track.spec.kind == "pin_array"  # too many channels for a panel each
 
 
-def _picture(track: CommandTrack, contact: Array | None, canvas: Canvas) -> None:
+def _picture(track: CommandTrack, contact: Array | None, canvas: Canvas, alike: Sequence[CommandTrack]) -> None:
     canvas.rectangle(0, 0, WIDTH, _height(track), PAPER)
     _heading(track, contact is not None, canvas)
     first, last = (float(track.times[0]), float(track.times[-1])) if len(track.times) else (0.0, 1.0)
@@ -65,13 +83,13 @@ def _picture(track: CommandTrack, contact: Array | None, canvas: Canvas) -> None
         pins.draw(track, contact, canvas, (LEFT, TOP, width), span)
         return
     ranges: dict[tuple[str, str], tuple[float, float]] = {}
-    for channel, values in zip(track.channels, track.values.T, strict=True):
+    for channel, values in ((c, v) for t in (track, *alike) for c, v in zip(t.channels, t.values.T, strict=True)):
         low, high = _range(channel, values[np.isfinite(values)])
         before = ranges.get(_likeness(channel), (low, high))
         ranges[_likeness(channel)] = min(low, before[0]), max(high, before[1])
     for i, channel in enumerate(track.channels):
-        alike = [r for (of, _), r in ranges.items() if of == channel.unit]
-        factor, unit = _shown_unit(channel.unit, float(np.abs(alike).max()))
+        same = [r for (of, _), r in ranges.items() if of == channel.unit]
+        factor, unit = _shown_unit(channel.unit, float(np.abs(same).max()))
         axes = Axes(canvas, (LEFT, TOP + i * (PANEL + GAP), width, PANEL), span, ranges[_likeness(channel)])
         if contact is not None:
             axes.bands(track.times, contact)

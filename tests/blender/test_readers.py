@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 import pytest
 
+from blender_addon import reporting
 from blender_addon.devices import thimble_adaptation, thimble_devices
 from blender_addon.results import store
 from blender_addon.streaming import built_devices
@@ -17,7 +18,7 @@ from core.errors import DermisError
 from core.files import write_npz
 from tests.damage import Damager
 
-from .build import empty
+from .build import cube, empty, finger, keys, span
 
 
 def stored(tmp_path: Path) -> Path:
@@ -54,6 +55,30 @@ def test_a_damaged_result_is_refused_in_words(tmp_path: Path) -> None:
         os.mkfifo(path)
     with pytest.raises(DermisError, match="cannot be read"):
         store._read(path)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_skins_whose_result_is_damaged_meanwhile_are_missing_and_said(tmp_path: Path) -> None:
+    hand = finger()
+    hand.dermis.finger.skin.shown, hand.dermis.finger.skin.level = True, "draft"
+    cube("Plate", 0.04, (0.0, 0.0, -0.02))
+    keys(hand, "location", [1, 3], [[0.0, 0.0, 0.02], [0.0, 0.0, -1e-3]])
+    span(1, 3)
+    bpy.context.scene.dermis.sample_rate = 24.0
+    bpy.ops.dermis.bake()
+    path = tmp_path / "result"
+    store._write(path, store.current(bpy.context.scene))
+    whole, damager, missing = path.read_bytes(), Damager(6), 0
+    assert set(store._read(path).bake.skins) == {"Finger"}
+    for _ in range(200):
+        path.write_bytes(whole)
+        skins = store._read(path).bake.skins
+        path.write_bytes(damager.damage(whole))
+        reporting.clear()
+        if not dict(skins):
+            missing += 1
+            assert [f.severity for f in reporting.findings()] == ["error"]
+    assert missing > 50
 
 
 def test_a_result_of_a_device_at_rest_comes_back_whatever_it_packs_to(tmp_path: Path) -> None:

@@ -114,3 +114,12 @@ def test_refusals(tmp_path: Path) -> None:
 def test_key_is_of_the_parts_not_of_their_sum() -> None:
     expected = hashlib.sha256((2).to_bytes(8, "little") + b"ab" + (1).to_bytes(8, "little") + b"c").hexdigest()
     assert cache_key("ab", b"c") == expected != cache_key("a", "bc")
+
+
+def test_who_only_looks_uses_nothing(tmp_path: Path) -> None:
+    cache = Cache(tmp_path, 1000)
+    path = cache.put("a" * 16, lambda target: target.write_bytes(b"x") and None)
+    os.utime(path, (1.0, 1.0))
+    assert cache.get("a" * 16, use=False) == path and path.stat().st_mtime == 1.0
+    assert cache.get("b" * 16, use=False) is None
+    assert cache.get("a" * 16) == path and path.stat().st_mtime > 1.0

@@ -87,7 +87,7 @@ ROOMS = (
     # what the artist sets, which preset and skin that means, and what the engine is told
     "properties", "devices", "hands", "sampling", "placing", "doubts",
     # what came of it, what is shown meanwhile, and what is sent
-    "results", "preview", "design", "streaming", "viewport",
+    "results", "preview", "design", "streaming", "viewport", "timeline",
     # what a person sees and does
     "demos", "jobs", "baking", "panels", "operators", "commands",
     # Blender's callbacks: imported by the package alone

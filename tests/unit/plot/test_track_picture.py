@@ -250,3 +250,19 @@ def test_like_channels_have_like_scales_and_others_their_own(tmp_path: Path, mon
     plot.write_svg(track, tmp_path / "p.svg")
     assert limits[0] == limits[1] and limits[0][1] == pytest.approx(2e-3 * 1.14, rel=0.01)
     assert limits[2][1] == pytest.approx(10 * limits[0][1]) and limits[3] == pytest.approx(limits[0])
+
+
+def test_tracks_of_one_device_share_units_and_scales() -> None:
+    """The plot of a finger that hardly moves has the axes of the one that moves, and the bytes of a file of its own."""
+    free = replace(SPEC, channels=(Channel("x", "m"), Channel("volts", "V")))
+    loud, faint = (CommandTrack(free, TRACK.times, size * TRACK.values) for size in (1.0, 0.01))
+
+    def numbers(track: CommandTrack, *alike: CommandTrack) -> list[str | None]:
+        canvas = SvgCanvas(plot.WIDTH, 500.0)
+        plot._picture(track, None, canvas, alike)
+        root = ElementTree.fromstring(canvas.to_bytes())
+        return [t.text for t in root.iter("{http://www.w3.org/2000/svg}text")]
+
+    assert "x [mm]" in numbers(loud) and "x [µm]" in numbers(faint)
+    assert numbers(faint, loud, faint) == numbers(loud)
+    assert plot.png(faint, alike=(loud,)) != plot.png(faint)

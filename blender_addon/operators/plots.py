@@ -1,0 +1,62 @@
+"""Plots of the last bake, in an image editor."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import bpy
+
+from ..polls import needs
+from ..results import plot_images, store
+from .work import Work, counted
+
+SHOW_AFTER = 0.2  # [s]: a new window has no size before
+
+
+@needs(lambda context: store.current(context.scene) is not None, "Bake first")
+class DERMIS_OT_show_plots(Work, bpy.types.Operator):
+    """Draw a plot of every track and show the active finger's in an image editor, or in a new window"""
+
+    bl_idname = "dermis.show_plots"
+    bl_label = "Plots"
+    bl_options = {"REGISTER"}
+
+    def work(self, context: bpy.types.Context) -> str | None:
+        """Draw them, and show one."""
+        bake = cast(store.Result, store.current(context.scene)).bake
+        made = plot_images.make(bake)
+        if not made:
+            return "The last bake has no tracks to plot"
+        active = context.object.name if context.object is not None else ""
+        fingers = [output.finger for output in bake.outputs]
+        shown = list(made.values())[fingers.index(active) if active in fingers else 0]
+        if context.window is not None and not bpy.app.background:
+            _show(context, shown)
+        return f"Drew {counted(len(made), 'plot')}; the image editor's list has them all"
+
+
+def _show(context: bpy.types.Context, image: bpy.types.Image) -> None:
+    """Show an image where one is seen, or in a new window."""
+    manager = context.window_manager
+    areas = [(w, a) for w in manager.windows for a in w.screen.areas if a.type == "IMAGE_EDITOR"]
+    if not areas:
+        bpy.ops.wm.window_new()
+        window = manager.windows[-1]
+        area = max(window.screen.areas, key=lambda a: a.width * a.height)
+        area.type = "IMAGE_EDITOR"
+        areas = [(window, area)]
+    window, area = areas[0]
+    space: Any = area.spaces.active
+    space.image = image
+
+    def fit() -> None:
+        region = next(r for r in area.regions if r.type == "WINDOW")
+        with context.temp_override(window=window, area=area, region=region):
+            bpy.ops.image.view_all(fit_view=True)
+            if region.width >= image.size[0]:
+                bpy.ops.image.view_zoom_ratio(ratio=1.0)
+
+    bpy.app.timers.register(fit, first_interval=SHOW_AFTER)
+
+
+CLASSES: tuple[type, ...] = (DERMIS_OT_show_plots,)

@@ -1,0 +1,68 @@
+"""What the live preview has shown since the last edit, frame by frame, for the strip to draw."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .. import changes
+from ..results.lanes import Kind, Lane, Series
+
+MOST = 20_000  # frames that are remembered
+HELD = 6.0  # frames that playback may leave out; over more nothing is known
+
+_seen: dict[str, dict[Kind, dict[float, float]]] = {}
+_key: tuple[int, int] = (0, -1)  # the scene that they are of, and the edits when they were seen
+_lanes: tuple[Lane, ...] | None = ()
+
+
+def note(scene: bpy.types.Scene, frame: Any) -> None:
+    """Remember what a `shown.Frame` says of a preview that is live; an edit makes what was seen before void."""
+    global _key, _lanes
+    key = (scene.session_uid, changes.edits())
+    if key != _key:
+        forget()
+        _key = key
+    if frame.devices is None or frame.devices.source != "live":
+        return
+    for row in frame.devices.rows:
+        if row.contact is not None:
+            _add(row.finger, "touch", frame.frame, float(row.contact > 0.5))
+        if "mismatch" in row.signals:
+            _add(row.finger, "mismatch", frame.frame, row.signals["mismatch"])
+    for state in frame.skins.states:
+        if state.source == "live" and scene.objects.get(state.finger) is not None:  # else one as a device renders it
+            _add(state.finger, "force", frame.frame, float(state.normal_force))
+    _lanes = None
+
+
+def of(scene: bpy.types.Scene) -> tuple[Lane, ...]:
+    """Return a lane for every finger that was seen; none after an edit."""
+    global _lanes
+    if _key != (scene.session_uid, changes.edits()):
+        return ()
+    if _lanes is None:
+        _lanes = tuple(Lane(finger, {k: (_series(v),) for k, v in kinds.items()}) for finger, kinds in _seen.items())
+    return _lanes
+
+
+def forget() -> None:
+    """Forget what was seen."""
+    global _key, _lanes
+    _seen.clear()
+    _key, _lanes = (0, -1), ()
+
+
+def _add(finger: str, kind: Kind, frame: float, value: float) -> None:
+    values = _seen.setdefault(finger, {}).setdefault(kind, {})
+    if len(values) < MOST or frame in values:
+        values[frame] = value
+
+
+def _series(values: dict[float, float]) -> Series:
+    seen = np.array(sorted(values))
+    known = np.array([values[f] for f in seen.tolist()])
+    jumps = np.flatnonzero(np.diff(seen) > HELD) + 1
+    return Series(np.insert(seen, jumps, seen[jumps - 1] + 1.0), np.insert(known, jumps, np.nan))

@@ -1,0 +1,176 @@
+"""Baked commands as F-curves, for looking at beside the animation: custom properties with keys that nothing reads.
+
+They lie on the finger's mesh, or on the finger itself where it has neither a mesh of its own nor keys: there they have
+an action of their own, the Graph Editor shows them with the finger, and nobody's animation is touched.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import bpy
+import numpy as np
+
+from .. import changes, compat
+from .._core import DermisError, core
+
+MARK = "dermis_commands"  # on what holds curves, the names of its properties; on an action, that it is ours
+DISPLAYED = {"m": ("mm", 1e3), "rad": ("deg", 180.0 / math.pi)}  # other units are shown as they are
+LIMIT_COLOUR = (0.85, 0.33, 0.27)
+LONGEST = 60  # letters of a property's name: Blender takes 63
+
+
+class Written(NamedTuple):
+    """How many curves with how many keys were written, and for whom that was not possible."""
+
+    curves: int
+    keys: int
+    findings: tuple[Any, ...]
+
+
+def write(scene: bpy.types.Scene, result: Any, *, rate: float = 0.0) -> Written:
+    """Write the commands of a stored `Result` as locked curves, in place of those that are there.
+
+    Args:
+        rate: keys a second [Hz], between frames too; 0: samples at whole frames, without keys. Values between the
+            bake's samples are interpolated.
+
+    Raises:
+        DermisError: no finger of the bake can hold curves; the first one's reason.
+    """
+    curves = keys = 0
+    findings: list[Any] = []
+    with changes.muted():
+        remove(scene)
+        fingers = dict.fromkeys(output.finger for output in result.bake.outputs)
+        for finger in fingers:
+            outputs = [o for o in result.bake.outputs if o.finger == finger]
+            try:
+                more = _write(_holder(scene, finger), finger, outputs, result, rate)
+            except DermisError as error:
+                findings.append(error.as_finding(severity="warning"))
+            else:
+                curves, keys = curves + more[0], keys + more[1]
+        _settle(scene)
+    if findings and not curves:
+        raise DermisError(findings[0].what, where=findings[0].where, remedy=findings[0].remedy)
+    return Written(curves, keys, tuple(findings))
+
+
+def remove(scene: bpy.types.Scene) -> int:
+    """Take all curves of a scene's fingers away, with their properties and actions; return from how many fingers."""
+    found = _holders(scene)
+    with changes.muted():
+        for holder in found:
+            for name in str(holder[MARK]).split("\n"):
+                holder.pop(name, None)
+            del holder[MARK]
+            animation = holder.animation_data
+            action = animation.action if animation is not None else None
+            if action is not None and action.get(MARK):
+                animation.action = None
+                bpy.data.actions.remove(action)
+                if not animation.drivers and not animation.nla_tracks:
+                    holder.animation_data_clear()
+        if found:
+            _settle(scene)
+    return len(found)
+
+
+def present(scene: bpy.types.Scene) -> bool:
+    """Return whether any finger has curves."""
+    # panels ask: most files have few actions, and none of ours
+    return any(MARK in action for action in bpy.data.actions) and bool(_holders(scene))
+
+
+def _holders(scene: bpy.types.Scene) -> list[Any]:
+    fingers = (obj for obj in scene.objects if obj.dermis.role == "FINGER")
+    places = (place for obj in fingers for place in (obj, obj.data))
+    return [place for place in places if place is not None and MARK in place]
+
+
+def _holder(scene: bpy.types.Scene, finger: str) -> Any:
+    """Return what shall hold a finger's curves.
+
+    Raises:
+        DermisError: the finger is gone, or everything of it is linked, shared or animated already.
+    """
+    obj = scene.objects.get(finger)
+    where = f"finger '{finger}'"
+    if obj is None:
+        raise DermisError("the finger is not in the scene", where=where, remedy="Bake again")
+    if obj.data is not None and obj.data.users == 1 and _free(obj.data):
+        return obj.data
+    if _free(obj):
+        return obj
+    raise DermisError(
+        "no place for curves: it is animated or linked, and has no mesh of its own",
+        where=where,
+        remedy="Give it a mesh that it shares with nobody (Object > Relations > Make Single User)",
+    )
+
+
+def _free(place: Any) -> bool:
+    animation = place.animation_data
+    return place.is_editable and (animation is None or animation.action is None)
+
+
+def _write(holder: Any, finger: str, outputs: list[Any], result: Any, rate: float) -> tuple[int, int]:
+    """Write the curves of one finger; return how many, and how many keys."""
+    action = bpy.data.actions.new(f"{finger} Commands")
+    action[MARK] = True
+    slot = action.slots.new(id_type=holder.id_type, name=holder.name)
+    bag = compat.slot_bag(action, slot)
+    names: list[str] = []
+    keys = 0
+    devices = core.track.file_names.numbered([output.device for output in outputs])
+    for device, output in zip(devices, outputs, strict=True):
+        track, spec = output.track, output.track.spec
+        frames = _frames(track, result, rate)
+        times = (frames - result.first) / result.fps
+        said = f"{spec.name}, {rate:g} Hz of {spec.rate:g}" if rate else f"{spec.name}, at frames, of {spec.rate:g} Hz"
+        group = bag.groups.new(f"{said} ({device})" if device != output.device else said)
+        limits: dict[str, float] = {}
+
+        def curve_of(name: str, at: Any, values: Any, group: Any = group) -> Any:
+            holder[name] = float(values[0])
+            curve = bag.fcurves.new(f'["{bpy.utils.escape_identifier(name)}"]', index=0)
+            curve.group = group
+            compat.fill(curve, at, values)
+            if not rate:  # samples, which nobody can edit, and which are no keys to step along in the timeline
+                curve.convert_to_samples(int(at[0]), int(at[-1]) + 1)
+            names.append(name)
+            return curve
+
+        for channel, values in zip(spec.channels, track.values.T, strict=True):
+            unit, factor = DISPLAYED.get(channel.unit, (channel.unit, 1.0))
+            shown = f" ({unit})" if unit != "1" else ""
+            curve = curve_of(
+                f"{device[:24]} {channel.name}{shown}"[:LONGEST], frames, factor * np.interp(times, track.times, values)
+            )
+            curve.lock, keys = True, keys + len(frames)
+            for limit in (channel.low, channel.high):
+                if limit is not None:
+                    limits[f"{device[:24]} limit {factor * limit:.4g}{shown}"[:LONGEST]] = factor * limit
+        for name, limit in limits.items():
+            curve = curve_of(name, frames[[0, -1]], [limit, limit])
+            curve.color_mode, curve.color, curve.lock = "CUSTOM", LIMIT_COLOUR, True
+    holder[MARK] = "\n".join(names)
+    animation = holder.animation_data or holder.animation_data_create()
+    animation.action = action  # at last: properties whose curves come later stay at rest
+    animation.action_slot = slot
+    return len(names), keys
+
+
+def _frames(track: Any, result: Any, rate: float) -> Any:
+    """Return the frames of the keys."""
+    last = result.first + float(track.times[-1]) * result.fps if len(track.times) else result.first
+    step = result.fps / rate if rate else 1.0
+    return result.first + step * np.arange(int((last - result.first) / step + 1e-3) + 1)
+
+
+def _settle(scene: bpy.types.Scene) -> None:
+    """Let Blender evaluate what was changed now, while nobody takes it for an edit of the scene."""
+    for layer in scene.view_layers:
+        layer.update()

@@ -1,0 +1,37 @@
+"""What was last exported of each scene, for the panel to say and its folder to be opened."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import bpy
+
+from . import store
+
+
+class Exported(NamedTuple):
+    """Files of one export, where they lie, and the result that they are of."""
+
+    folder: Path
+    files: tuple[Path, ...]
+    result: Any
+
+
+_last: dict[int, Exported] = {}  # by the scene's session uid
+
+
+def note(scene: bpy.types.Scene, folder: Path, files: tuple[Path, ...]) -> None:
+    """Remember an export."""
+    _last[scene.session_uid] = Exported(folder, files, store.current(scene))
+
+
+def last(scene: bpy.types.Scene) -> Exported | None:
+    """Return the last export of what a scene's bake gave; None where there is none, or another bake since."""
+    found = _last.get(scene.session_uid)
+    return found if found is not None and found.result is store.current(scene) else None
+
+
+def forget() -> None:
+    """Forget everything: another file is opened."""
+    _last.clear()

@@ -1,0 +1,183 @@
+"""Lanes as pixels: each column of a view has the largest value in it, and columns alike become one box."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._core import Array
+from ..results.lanes import Kind, Lane, Mark, Series
+from ..viewport.paint import BLUE, FAINT, INK, ORANGE, PANEL, Colour
+
+RED: Colour = (0.95, 0.33, 0.27, 1.0)
+SEVERITIES = {"error": RED, "warning": ORANGE, "info": INK}
+LANE, GAP, SCRUB, LABELLED = 18.0, 1.0, 26.0, 11.0  # heights at scale 1 [px]: a lane, between two, the frames' numbers
+SHARE = 0.5  # of an editor's height at most: keys are to be seen too
+LETTER = 5.8  # a letter's width at scale 1 [px], about
+STEPS = 12  # of height and of colour: columns that differ by less are one box
+TOUCH = 0.7  # of a lane's height
+PALE = 0.35  # what is out of date is drawn as strongly as this
+MARK = 4.0  # half a mark's size at scale 1 [px]
+
+
+class View(NamedTuple):
+    """An editor's region: its size [px], the frames at its left and right end, and Blender's scale of the interface."""
+
+    width: int
+    height: int
+    left: float
+    right: float
+    scale: float
+
+    def x(self, frame: float) -> float:
+        """Return where a frame lies across [px]."""
+        return (frame - self.left) / (self.right - self.left) * self.width
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Everything of the strip in one view, ready to be drawn.
+
+    Attributes:
+        positions, colours, triangles: of shapes (n, 2), (n, 4) and (t, 3).
+        labels: text with its place [px], where lanes are high enough to be read. marks: with their middles [px].
+        top: of the strip [px].
+    """
+
+    positions: NDArray[np.float32]
+    colours: NDArray[np.float32]
+    triangles: NDArray[np.int32]
+    labels: tuple[tuple[str, float, float], ...]
+    marks: tuple[tuple[float, float, Mark], ...]
+    top: float
+
+    def mark_at(self, x: float, y: float, reach: float) -> Mark | None:
+        """Return the mark nearest to a place, None where none is within reach [px]."""
+        near = min(self.marks, key=lambda m: np.hypot(m[0] - x, m[1] - y), default=None)
+        return near[2] if near is not None and np.hypot(near[0] - x, near[1] - y) <= reach else None
+
+
+def laid_out(
+    lanes: Sequence[Lane], live: Sequence[Lane], marks: Sequence[Mark], view: View, *, pale: bool = False
+) -> Layout:
+    """Lay the strip out along the bottom of a view, the first finger on top.
+
+    Args:
+        lanes: of a bake. live: of what was seen since; it is drawn over them. pale: the bake is out of date.
+    """
+    fingers = list(dict.fromkeys([*(lane.finger for lane in lanes), *(lane.finger for lane in live)]))
+    room = max(min(view.height - SCRUB * view.scale, max(SHARE * view.height, SCRUB)), 4.0)
+    pitch = max(min((LANE + GAP) * view.scale, room / max(len(fingers), 1)), 2.0)
+    bottoms = {f: pitch * (len(fingers) - 1 - i) + GAP * view.scale for i, f in enumerate(fingers)}
+    high, boxes = max(pitch - GAP * view.scale, 1.0), _Boxes()
+    for bottom in bottoms.values():
+        boxes.add(0.0, bottom, float(view.width), bottom + high, (*PANEL[:3], 0.45))
+    for lane in lanes:
+        _lane(boxes, lane, view, bottoms[lane.finger], high, PALE if pale else 1.0)
+    for lane in live:
+        _lane(boxes, lane, view, bottoms[lane.finger], high, 1.0)
+    placed = []
+    for mark in marks:
+        x, reach = view.x(mark.frame), MARK * view.scale
+        if -reach <= x <= view.width + reach:
+            y = bottoms.get(mark.finger, pitch * (len(fingers) - 1)) + 0.5 * high
+            tone = SEVERITIES.get(mark.severity, INK)
+            boxes.add(x - 0.5, 0.0, x + 0.5, pitch * len(fingers), (*tone[:3], 0.5 * tone[3]))
+            boxes.diamond(x, y, reach, (*tone[:3], PALE if pale else 1.0))
+            placed.append((x, y, mark))
+    labels: list[tuple[str, float, float]] = []
+    if high >= LABELLED * view.scale:
+        said = {lane.finger: lane.says for lane in (*live, *lanes)}  # a bake's words count, live ones where it has none
+        labels = [(said[f], 6.0 * view.scale, bottoms[f] + 0.5 * high - 3.5 * view.scale) for f in fingers]
+        for words, x, y in labels:
+            width = LETTER * view.scale * len(words) + 8.0 * view.scale
+            boxes.add(x - 4.0, y - 3.0 * view.scale, x + width, y + 10.0 * view.scale, (*PANEL[:3], 0.75))
+    return Layout(*boxes.arrays(), tuple(labels), tuple(placed), pitch * len(fingers))
+
+
+def columns(series: Series, view: View) -> Array:
+    """Return the largest value in each column of pixels, shape (width,); NaN before the first and after the last.
+
+    A sample holds until the next, the last as long as the one before it.
+    """
+    frames, values = series
+    edges = np.linspace(view.left, view.right, view.width + 1)
+    start = np.searchsorted(frames, edges[:-1], side="right") - 1
+    end = np.searchsorted(frames, edges[1:], side="left")
+    pairs = np.stack([np.maximum(start, 0), np.maximum(end, 1)], axis=1).ravel()
+    largest = np.fmax.reduceat(np.append(values, values[-1]), np.minimum(pairs, len(values)))[::2]
+    over = frames[-1] + (frames[-1] - frames[-2] if len(frames) > 1 else 1.0)
+    return np.where((end > 0) & (edges[:-1] < over), largest, np.nan)
+
+
+def _merged(lane: Lane, kind: Kind, view: View) -> Array:
+    """Return the largest value of all series of a kind in each column, NaN where nothing is known."""
+    parts = (columns(s, view) for s in lane.series.get(kind, ()))
+    return np.fmax.reduce([np.full(view.width, np.nan), *parts])
+
+
+def _lane(boxes: _Boxes, lane: Lane, view: View, bottom: float, high: float, strength: float) -> None:
+    if "force" in lane.series:
+        level = _merged(lane, "force", view) / (lane.most("force") or 1.0)
+    else:  # a plain bar, which leaves room for limits above
+        level = TOUCH * _merged(lane, "touch", view)
+    known = np.isfinite(level)
+    level = np.nan_to_num(level)
+    # what touches is seen, however lightly
+    steps = np.where(level > 0.0, np.ceil(np.clip(level, 0.0, 1.0) * STEPS), 0).astype(int)
+    off = np.clip(np.nan_to_num(_merged(lane, "mismatch", view)), 0.0, 1.0)
+    shade = np.round(off * STEPS).astype(int)
+    for first, last in _runs(known.astype(int)):
+        if known[first]:
+            boxes.add(first, bottom, last, bottom + 1.0, (*FAINT[:3], 0.6 * strength))
+    for first, last in _runs(steps * (STEPS + 1) + shade):
+        if steps[first]:
+            tone = _between(BLUE, ORANGE, shade[first] / STEPS, strength)
+            boxes.add(first, bottom, last, bottom + high * steps[first] / STEPS, tone)
+    at = (np.nan_to_num(_merged(lane, "limited", view)) > 0.0).astype(int)
+    thick = max(0.18 * high, 1.0)
+    for first, last in _runs(at):
+        if at[first]:
+            boxes.add(first, bottom + high - thick, last, bottom + high, (*RED[:3], strength))
+
+
+def _between(one: Colour, other: Colour, share: float, alpha: float) -> Colour:
+    r, g, b = ((1.0 - share) * x + share * y for x, y in zip(one[:3], other[:3], strict=True))
+    return (r, g, b, alpha)
+
+
+def _runs(values: NDArray[np.integer]) -> list[tuple[int, int]]:
+    """Return first and end of each run of equal values."""
+    edges = np.r_[0, np.flatnonzero(np.diff(values)) + 1, len(values)]
+    return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
+
+
+class _Boxes:
+    """Four corners each, gathered for one call of the graphics card."""
+
+    def __init__(self) -> None:
+        self._corners: list[tuple[tuple[float, float], ...]] = []
+        self._colours: list[Colour] = []
+
+    def add(self, left: float, bottom: float, right: float, top: float, colour: Colour) -> None:
+        """Add an upright box."""
+        self._corners.append(((left, bottom), (right, bottom), (right, top), (left, top)))
+        self._colours.append(colour)
+
+    def diamond(self, x: float, y: float, reach: float, colour: Colour) -> None:
+        """Add one that stands on its tip."""
+        self._corners.append(((x - reach, y), (x, y - reach), (x + reach, y), (x, y + reach)))
+        self._colours.append(colour)
+
+    def arrays(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]:
+        """Return positions, colours and triangles."""
+        n = len(self._corners)
+        corners = np.array(self._corners, np.float32).reshape(-1, 2)
+        colours = np.repeat(np.array(self._colours, np.float32).reshape(n, 4), 4, axis=0)
+        first = 4 * np.arange(n, dtype=np.int32)[:, None]
+        halves = np.array([0, 1, 2, 0, 2, 3], np.int32)  # a box after the other: later ones lie over earlier ones
+        return corners, colours, (first + halves).reshape(-1, 3)

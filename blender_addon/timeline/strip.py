@@ -1,0 +1,161 @@
+"""The strip along the bottom of timeline, dope sheet and graph editor: what each finger felt, frame by frame.
+
+A bake's lanes are made once, and laid out once for each view of them; a redraw only sends them to the graphics card.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import bpy
+
+from .._core import core
+from ..layouts import ui_scale
+from ..preview import live_lanes
+from ..results import store
+from ..results.lanes import Lane, Mark, lanes_of, marks_of
+from ..viewport import paint
+from .columns import MARK, Layout, View, laid_out
+
+EDITORS = {"DOPESHEET_EDITOR": "SpaceDopeSheetEditor", "GRAPH_EDITOR": "SpaceGraphEditor"}
+MENUS = ("TIME_MT_view", "DOPESHEET_MT_view", "GRAPH_MT_view")
+KEYMAPS = (("Dopesheet", "DOPESHEET_EDITOR"), ("Graph Editor", "GRAPH_EDITOR"))
+JUMP = "dermis.strip_jump"
+LETTERS = 0.87  # of the usual size
+NOTES = {**store.NOTES, "fresh": "", "live": "live: frames seen since the last edit"}
+
+
+class Strip(NamedTuple):
+    """What there is to draw of a scene: of its bake, seen live since, findings with a frame, and whose it is."""
+
+    lanes: tuple[Lane, ...]
+    live: tuple[Lane, ...]
+    marks: tuple[Mark, ...]
+    state: str
+
+
+_baked: dict[int, tuple[Any, tuple[Lane, ...], tuple[Mark, ...]]] = {}  # by the scene's session uid, with the result
+_layouts: core.recent.Recent[tuple[Any, ...], tuple[Layout, Any]] = core.recent.Recent(8)
+_handles: list[tuple[Any, Any]] = []
+_keys: list[tuple[Any, Any]] = []
+
+
+def of(scene: bpy.types.Scene) -> Strip | None:
+    """Return what the strip shows of a scene; None where there is neither a bake nor anything seen live."""
+    state, result = store.state(scene), store.current(scene)
+    live = () if state == "fresh" else live_lanes.of(scene)
+    if result is None:
+        _baked.pop(scene.session_uid, None)
+        return Strip((), live, (), "live") if live else None
+    kept = _baked.get(scene.session_uid)
+    if kept is None or kept[0] is not result:
+        kept = _baked[scene.session_uid] = (result, lanes_of(result), marks_of(result.bake.all_findings))
+    return Strip(kept[1], live, kept[2], state) if kept[1] or live else None
+
+
+def view_of(region: bpy.types.Region) -> View:
+    """Return what a region shows."""
+    left, right = (region.view2d.region_to_view(x, 0.0)[0] for x in (0.0, float(region.width)))
+    return View(region.width, region.height, round(left, 6), round(right, 6), ui_scale())
+
+
+def layout_of(shown: Strip, view: View) -> Layout:
+    """Return the strip laid out for a view; made once for each."""
+    return _kept(shown, view)[0]
+
+
+def mark_at(context: bpy.types.Context, x: float, y: float) -> Mark | None:
+    """Return the finding whose mark lies at a place of the current region [px], None where there is none."""
+    shown = of(context.scene) if visible(context) else None
+    if shown is None or not shown.marks:
+        return None
+    return layout_of(shown, view_of(context.region)).mark_at(x, y, 1.5 * MARK * ui_scale())
+
+
+def visible(context: bpy.types.Context) -> bool:
+    """Return whether the current editor shows the strip where there is one."""
+    space, region = context.space_data, context.region
+    if space is None or space.type not in EDITORS or region is None or region.type != "WINDOW":
+        return False
+    return bool(context.scene.dermis.show_strip) and getattr(space, "mode", "") != "DRIVERS"  # whose x are no frames
+
+
+def draw_toggle(self: Any, context: bpy.types.Context) -> None:
+    """Draw the switch in an editor's View menu."""
+    self.layout.separator()
+    self.layout.prop(context.scene.dermis, "show_strip", text="Dermis Strip")
+
+
+def _kept(shown: Strip, view: View) -> tuple[Layout, Any]:
+    lanes, live, marks, state = shown
+    key = (tuple(map(id, lanes)), tuple(map(id, live)), state, view)
+
+    def make() -> tuple[Layout, Any]:
+        made = laid_out(lanes, live, marks, view, pale=state in ("stale", "earlier"))
+        return made, (lanes, live, [])  # the lanes stay alive with their ids; the last holds the batch
+
+    return _layouts.make(key, make)
+
+
+def _draw() -> None:
+    context = bpy.context
+    if not visible(context):
+        return
+    shown = of(context.scene)
+    if shown is None:
+        return
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+
+    view = view_of(context.region)
+    layout, (_, _, drawn) = _kept(shown, view)
+    shader = gpu.shader.from_builtin("FLAT_COLOR")
+    if not drawn:
+        data = {"pos": layout.positions, "color": layout.colours}
+        drawn.append(batch_for_shader(shader, "TRIS", data, indices=layout.triangles))
+    gpu.state.blend_set("ALPHA")
+    gpu.state.depth_test_set("NONE")
+    drawn[0].draw(shader)
+    if layout.labels:
+        _write(layout, view, shown.state)
+    gpu.state.blend_set("NONE")
+
+
+def _write(layout: Layout, view: View, state: str) -> None:
+    """Write what the lanes show, and above them at the right end whose they are where that is not plain."""
+    pale, size = state in ("stale", "earlier"), LETTERS * view.scale
+    for words, x, y in layout.labels:
+        paint.text(words, x, y, paint.FAINT if pale else paint.INK, size)
+    if NOTES[state]:
+        tone = paint.ORANGE if pale else paint.BLUE
+        paint.text(NOTES[state], view.width - 18.0 * view.scale, layout.top + 4.0 * view.scale, tone, size, align=1.0)
+
+
+def register() -> None:
+    """Draw the strip from now on, offer its switch, and listen for clicks on its marks."""
+    for name in EDITORS.values():
+        space = getattr(bpy.types, name)
+        _handles.append((space, space.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")))
+    for menu in MENUS:
+        if hasattr(bpy.types, menu):
+            getattr(bpy.types, menu).append(draw_toggle)
+    ours = bpy.context.window_manager.keyconfigs.addon
+    for name, space in KEYMAPS if ours is not None else ():  # none without a window
+        keymap = ours.keymaps.new(name=name, space_type=space)
+        _keys.append((keymap, keymap.keymap_items.new(JUMP, "LEFTMOUSE", "PRESS", head=True)))
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    while _keys:
+        keymap, item = _keys.pop()
+        keymap.keymap_items.remove(item)
+    for menu in MENUS:
+        if hasattr(bpy.types, menu):
+            getattr(bpy.types, menu).remove(draw_toggle)
+    while _handles:
+        space, handle = _handles.pop()
+        space.draw_handler_remove(handle, "WINDOW")
+    _baked.clear()
+    _layouts.clear()
+    live_lanes.forget()

@@ -89,7 +89,7 @@ ROOMS = (
     # what came of it, what is shown meanwhile, and what is sent
     "results", "preview", "design", "streaming", "viewport",
     # what a person sees and does
-    "demos", "jobs", "baking", "panels", "operators", "commands",
+    "demos", "jobs", "baking", "film", "panels", "operators", "commands",
     # Blender's callbacks: imported by the package alone
     "handlers", "__init__",
 )  # fmt: skip

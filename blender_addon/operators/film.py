@@ -6,8 +6,8 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
-from .. import jobs
-from ..film import film_objects, heat_material, legend, skin_mesh
+from .. import jobs, reporting
+from ..film import film_objects, heat_material, legend, skin_mesh, twin_objects
 from ..polls import needs
 from ..results import store
 from .work import Work, chosen, counted
@@ -19,12 +19,21 @@ QUANTITIES = (
 )
 
 
-def _baked_skins(context: bpy.types.Context) -> list[str]:
-    """Return the selected fingers whose skin is in the last bake, or all of them where none is selected."""
+def _with_skin(context: bpy.types.Context, *, selected: bool = False) -> list[str]:
+    """Return the fingers whose skin is in the last bake, all or those selected."""
     result = store.current(context.scene)
-    felt = [] if result is None else [n for n in result.bake.skins if n in context.scene.objects]
-    selected = {obj.name for obj in chosen(context)}
-    return [n for n in felt if n in selected] or felt
+    return [] if result is None else _there(context, list(result.bake.skins), selected)
+
+
+def _with_device(context: bpy.types.Context, *, selected: bool = False) -> list[str]:
+    """Return the fingers with a device in the last bake, all or those selected."""
+    result = store.current(context.scene)
+    return [] if result is None else _there(context, [o.finger for o in result.bake.outputs], selected)
+
+
+def _there(context: bpy.types.Context, names: list[str], selected: bool) -> list[str]:
+    wanted = {obj.name for obj in (chosen(context) if selected else context.scene.objects)}
+    return [name for name in dict.fromkeys(names) if name in wanted]
 
 
 def _coloured(context: bpy.types.Context, name: str, *, with_legend: bool) -> str:
@@ -40,7 +49,7 @@ def _coloured(context: bpy.types.Context, name: str, *, with_legend: bool) -> st
     return said
 
 
-@needs(lambda context: _baked_skins(context), "Switch Skin on for a finger, and bake")
+@needs(lambda context: _with_skin(context), "Switch Skin on for a finger, and bake")
 class DERMIS_OT_film_skin(jobs.Job, bpy.types.Operator):
     """Make the skin of the last bake a mesh that deforms frame by frame, with stress [Pa], pressure [Pa] and
     displacement [m] as attributes and a material that shows them in renders; Esc cancels"""
@@ -50,6 +59,7 @@ class DERMIS_OT_film_skin(jobs.Job, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
     job_title = "Skin as mesh"
 
+    selected: BoolProperty(name="Selected Only", description="Only the selected fingers, not every one of the bake")
     show: EnumProperty(name="Colours Show", items=QUANTITIES, default="stress")
     with_legend: BoolProperty(name="Legend", description="Put the colours' legend before the camera", default=True)
     hide_finger: BoolProperty(
@@ -60,7 +70,7 @@ class DERMIS_OT_film_skin(jobs.Job, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context) -> Any:
         """Return the work."""
-        return skin_mesh.work_out(context.scene, _baked_skins(context))
+        return skin_mesh.work_out(context.scene, _with_skin(context, selected=self.selected))
 
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Make the objects, and colour them."""
@@ -92,6 +102,34 @@ class DERMIS_OT_film_colours(Work, bpy.types.Operator):
         return said.strip() or None
 
 
+@needs(lambda context: _with_device(context), "Give a finger a device, and bake")
+class DERMIS_OT_film_twins(jobs.Job, bpy.types.Operator):
+    """Make the twins of the last bake's devices objects on their fingers, with a key at every frame; Esc cancels"""
+
+    bl_idname = "dermis.film_twins"
+    bl_label = "Twin as Objects"
+    bl_options = {"REGISTER", "UNDO"}
+    job_title = "Twins"
+
+    selected: BoolProperty(name="Selected Only", description="Only the selected fingers, not every one of the bake")
+
+    def steps(self, context: bpy.types.Context) -> Any:
+        """Return the work."""
+        return twin_objects.work_out(context.scene, _with_device(context, selected=self.selected))
+
+    def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
+        """Make the objects."""
+        made, refused = result
+        with film_objects.unnoticed(context):
+            roots = twin_objects.place(context.scene, made)
+        done = f"{counted(len(roots), 'twin')}, {counted(max((len(m.frames) for m in made), default=0), 'frame')}."
+        times = context.scene.dermis.twin_exaggeration
+        if times != 1.0 and any(p.name == "Tactor" for m in made for p in m.pieces):
+            done += f" The tactor moves {times:g} times as far as it will."
+        reporting.report_findings(self, refused, self.bl_label, done)
+        return {"FINISHED"}
+
+
 class DERMIS_OT_film_remove(Work, bpy.types.Operator):
     """Remove these objects again; fingers are seen in renders as before"""
 
@@ -114,4 +152,4 @@ class DERMIS_OT_film_remove(Work, bpy.types.Operator):
         return f"Removed {counted(count, 'object')}"
 
 
-CLASSES: tuple[type, ...] = (DERMIS_OT_film_skin, DERMIS_OT_film_colours, DERMIS_OT_film_remove)
+CLASSES: tuple[type, ...] = (DERMIS_OT_film_skin, DERMIS_OT_film_colours, DERMIS_OT_film_twins, DERMIS_OT_film_remove)

@@ -4,7 +4,7 @@ import bpy
 
 from .. import choices
 from ..registration import registration
-from . import bake, calibration, design, main, material, menus, object, pins, preview, skin, stream, thimble
+from . import bake, calibration, design, film, main, material, menus, object, pins, preview, skin, stream, thimble
 
 CLASSES: tuple[type, ...] = (
     *main.CLASSES,
@@ -15,6 +15,7 @@ CLASSES: tuple[type, ...] = (
     *design.OBJECT,
     *skin.OBJECT,
     *bake.RESULT,
+    *film.CLASSES,
     *skin.VIEW,
     *preview.CLASSES,
     *design.SCENE,

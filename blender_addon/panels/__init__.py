@@ -4,7 +4,22 @@ import bpy
 
 from .. import choices
 from ..registration import registration
-from . import bake, calibration, design, film, main, material, menus, object, pins, preview, skin, stream, thimble
+from . import (
+    bake,
+    calibration,
+    compare,
+    design,
+    film,
+    main,
+    material,
+    menus,
+    object,
+    pins,
+    preview,
+    skin,
+    stream,
+    thimble,
+)
 
 CLASSES: tuple[type, ...] = (
     *main.CLASSES,
@@ -16,6 +31,7 @@ CLASSES: tuple[type, ...] = (
     *skin.OBJECT,
     *bake.RESULT,
     *film.CLASSES,
+    *compare.CLASSES,
     *skin.VIEW,
     *preview.CLASSES,
     *design.SCENE,

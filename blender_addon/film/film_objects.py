@@ -6,7 +6,7 @@ to its material, its collection or its visibility stays.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, Literal
 
@@ -90,10 +90,10 @@ def remove_others(parent: bpy.types.Object, kind: Kind, kept: set[str]) -> None:
             _remove(child)
 
 
-def fill(mesh: bpy.types.Mesh, vertices: Any, triangles: Any) -> None:
-    """Give a mesh new vertices and triangles, smooth ones; its materials stay."""
+def fill(mesh: bpy.types.Mesh, vertices: Any, faces: Iterable[Any]) -> None:
+    """Give a mesh new vertices and faces, smooth ones; its materials stay."""
     mesh.clear_geometry()
-    mesh.from_pydata(vertices.tolist(), [], triangles.tolist())
+    mesh.from_pydata(vertices.tolist(), [], [list(face) for face in faces])
     mesh.polygons.foreach_set("use_smooth", [True] * len(mesh.polygons))
     mesh.update()
 

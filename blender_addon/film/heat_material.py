@@ -26,6 +26,7 @@ def material() -> bpy.types.Material:
     if found is not None and found.library is None and _nodes(found) is not None:
         return found
     made = bare(NAME)
+    made.diffuse_color = SKIN
     tree = made.node_tree
 
     def node(kind: str, x: float, y: float, name: str = "", **settings: Any) -> Any:

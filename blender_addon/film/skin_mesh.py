@@ -13,8 +13,10 @@ import numpy as np
 
 from .._core import DermisError, core
 from ..devices import skin_models
+from ..fingertip_mesh import OURS
 from ..jobs import Steps
 from ..preview.skin_state import SkinState
+from ..quantities import metres_per_unit
 from ..results import store
 from ..viewport import skin_field
 from . import film_objects, heat_material
@@ -22,15 +24,17 @@ from .frame_table import FrameTable, play
 
 ATTRIBUTES = {"stress": "von_mises", "pressure": "pressure", "displacement": "displacement"}
 """Names of the attributes, in SI, and the quantities of the heat map that they hold."""
+NAIL = 1  # material of a fingertip of ours
 TOPS = "dermis_tops"  # the largest value of each over all frames, kept with the object
 
 
 class Made(NamedTuple):
-    """A finger's skin over its frames: triangles, shape (t, 3), and what they do."""
+    """A finger's skin over its frames: triangles, shape (t, 3), what they do, and how far the bone gives way [m]."""
 
     finger: str
     triangles: Any
     table: FrameTable
+    lift: Any
 
 
 def work_out(scene: bpy.types.Scene, fingers: list[str]) -> Steps:
@@ -58,7 +62,8 @@ def work_out(scene: bpy.types.Scene, fingers: list[str]) -> Steps:
         positions = np.stack([r[0] for r in rows])
         values = {n: np.stack([r[1][n] for r in rows]) for n in ATTRIBUTES}
         surface = skin_field.kit(touch.model.mesh).surface
-        made.append(Made(name, surface.triangles, FrameTable(int(_frames(touch)[0]), positions, values)))
+        table = FrameTable(int(_frames(touch)[0]), positions, values)
+        made.append(Made(name, surface.triangles, table, np.array([r[2] for r in rows])))
     return made
 
 
@@ -75,15 +80,44 @@ def place(scene: bpy.types.Scene, made: list[Made], *, hide_finger: bool) -> lis
             continue
         obj = film_objects.named(scene, "skin", finger, "skin", f"{skin.finger} Skin", bpy.types.Mesh)
         film_objects.hang(obj, finger, scene)
-        film_objects.fill(obj.data, skin.table.positions[0], skin.triangles)
-        play(obj, skin.table)
+        table, faces, nails = _with_nail(skin, finger, scene)
+        film_objects.fill(obj.data, table.positions[0], faces)
+        play(obj, table)
         obj[TOPS] = {name: float(values.max()) for name, values in skin.table.values.items()}
         if not obj.data.materials:
             obj.data.materials.append(heat_material.material())
+        if nails:
+            if len(obj.data.materials) < 2:
+                obj.data.materials.append(finger.data.materials[NAIL])
+            obj.data.polygons.foreach_set("material_index", [0] * (len(faces) - nails) + [1] * nails)
         if hide_finger and not finger.hide_render:
             finger.hide_render = obj[film_objects.HIDES] = True
         objects.append(obj)
     return objects
+
+
+def _with_nail(skin: Made, finger: bpy.types.Object, scene: bpy.types.Scene) -> tuple[FrameTable, list[Any], int]:
+    """Return a skin with the nail of a fingertip of ours, which goes with the bone: table, faces, how many are nail.
+
+    Tissue has a bed in the nail's place, and the finger's own shape is not rendered.
+    """
+    faces, data = skin.triangles.tolist(), finger.data
+    if not isinstance(data, bpy.types.Mesh) or not data.get(OURS):
+        return skin.table, faces, 0
+    nails = [list(p.vertices) for p in data.polygons if p.material_index == NAIL]
+    numbers = sorted({i for nail in nails for i in nail})
+    size = np.array(finger.matrix_world.to_scale()) * metres_per_unit(scene)
+    points = np.array([data.vertices[i].co for i in numbers]).reshape(-1, 3) * size
+    lifted = points[None] + skin.lift[:, None, None] * (0.0, 0.0, 1.0)
+    first, frames = skin.table.positions.shape[1], len(lifted)
+    place = {old: first + new for new, old in enumerate(numbers)}
+    nothing = np.zeros((frames, len(numbers)), np.float32)
+    table = FrameTable(
+        skin.table.first,
+        np.concatenate([skin.table.positions, lifted.astype(np.float32)], axis=1),
+        {name: np.concatenate([values, nothing], axis=1) for name, values in skin.table.values.items()},
+    )
+    return table, faces + [[place[i] for i in nail] for nail in nails], len(nails)
 
 
 def top(scene: bpy.types.Scene, name: str) -> float:
@@ -100,9 +134,10 @@ def _frames(touch: Any) -> range:
     return range(math.ceil(touch.frames[0] - 1e-6), math.floor(touch.frames[-1] + 1e-6) + 1)
 
 
-def _row(name: str, touch: Any, frame: int, exaggeration: float) -> tuple[Any, dict[str, Any]]:
-    """Return vertices and values at a frame."""
+def _row(name: str, touch: Any, frame: int, exaggeration: float) -> tuple[Any, dict[str, Any], float]:
+    """Return vertices, values and how far the bone gives way at a frame."""
     step = touch.at(int(np.abs(touch.frames - frame).argmin()))
     state = SkinState.of(name, touch.model, step, "bake", "", {})
     drawn = {a: skin_field.draw_of(state, quantity, exaggeration) for a, quantity in ATTRIBUTES.items()}
-    return drawn["stress"].positions.astype(np.float32), {a: d.values.astype(np.float32) for a, d in drawn.items()}
+    values = {a: d.values.astype(np.float32) for a, d in drawn.items()}
+    return drawn["stress"].positions.astype(np.float32), values, state.lift

@@ -78,7 +78,9 @@ class DERMIS_OT_film_skin(jobs.Job, bpy.types.Operator):
             made = skin_mesh.place(context.scene, result, hide_finger=self.hide_finger)
             said = _coloured(context, self.show, with_legend=self.with_legend)
         frames = max((len(r.table.positions) for r in result), default=0)
-        self.report({"INFO"}, f"{counted(len(made), 'skin')}, {counted(frames, 'frame')}.{said}")
+        reporting.report_findings(
+            self, (), self.bl_label, f"{counted(len(made), 'skin')}, {counted(frames, 'frame')}.{said}"
+        )
         return {"FINISHED"}
 
 

@@ -30,7 +30,7 @@ class DERMIS_PT_compare(DermisPanel, bpy.types.Panel):
             return
         if found.edits != changes.edits():
             paragraph(layout, context, "The scene changed since: compare again.", "ERROR")
-        layout.label(text=f"Touch of {found.table['finger']}", icon="VIEW_PAN")
+        layout.label(text=f"{found.table['finger']}: how far off, target → rendered", icon="VIEW_PAN")
         for row in found.table["rows"]:
             _device(layout.box().column(align=True), row)
         row = layout.row(align=True)
@@ -42,14 +42,14 @@ class DERMIS_PT_compare(DermisPanel, bpy.types.Panel):
 
 def _device(column: Any, row: dict[str, Any]) -> None:
     """Draw one device: its measures, and what of the touch it cannot do."""
+    column.scale_y = 0.85
     column.label(text=row["title"], icon=choices.icon(row["kind"]))
-    grid = column.grid_flow(row_major=True, columns=4, even_columns=False, align=True)
-    for word in ("", "target", "rendered", "off"):
-        grid.label(text=word)
     for measure in row["measures"]:
-        words = (measure["name"], measure["target"], measure["rendered"], f"{100 * measure['off']:.0f} %")
-        for word in words:
-            grid.label(text=word)
+        split = column.split(factor=0.38)
+        split.label(text=measure["name"])
+        rest = split.split(factor=0.28)
+        rest.label(text=f"{100 * measure['off']:.0f} %")
+        rest.label(text=measure["figures"])
     last = column.row()
     last.active = False
     last.label(text=f"clipped {100 * row['clipped']:.0f} %, out of reach {100 * row['out_of_reach']:.0f} %")

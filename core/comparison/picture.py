@@ -14,12 +14,15 @@ from .measures import Measure, PadMap
 LEFT, TOP, PANEL, GAP, FOOT = 62.0, 50.0, 104.0, 54.0, 40.0  # [points]
 PLOT, MAP = 430.0, 132.0
 TARGET, RENDERED = INK, "#d9650a"
+SMALL_LENGTH = 1e-4  # [m] below which lengths are read in micrometres
 UNITS = {"Pa": (1e3, "kPa"), "m": (1e-3, "mm"), "1": (1.0, "")}
 DARK, LIGHT = np.array([0x14, 0x2F, 0x5C]), np.array([0xC4, 0xD3, 0xE8])
 
 
 def shown_unit(measure: Measure) -> tuple[float, str]:
     """Return the factor and the name of the unit in which people read a measure."""
+    if measure.unit == "m" and max(float(measure.target.max()), float(measure.rendered.max())) < SMALL_LENGTH:
+        return 1e-6, "µm"
     return UNITS.get(measure.unit, (1.0, measure.unit))
 
 

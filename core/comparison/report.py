@@ -120,11 +120,7 @@ def _about(found: Comparison) -> Iterator[tuple[str, str]]:
 
 
 def _plain(row: Row) -> dict[str, Any]:
-    measures = [
-        {"name": m.name, "target": target, "rendered": rendered, "off": m.off}
-        for m in row.judged.measures
-        for target, rendered in [_figures(m)]
-    ]
+    measures = [{"name": m.name, "off": m.off, "figures": _both(m)} for m in row.judged.measures]
     return {
         "device": row.device,
         "title": row.title,
@@ -140,6 +136,13 @@ def _figures(measure: Measure) -> tuple[str, str]:
     factor, unit = shown_unit(measure)
     target, rendered = (f"{rms(v) / factor:.3g} {unit}".rstrip() for v in (measure.target, measure.rendered))
     return target, rendered
+
+
+def _both(measure: Measure) -> str:
+    """Return target and rendered in few letters."""
+    factor, unit = shown_unit(measure)
+    target, rendered = (f"{rms(v) / factor:.2g}" for v in (measure.target, measure.rendered))
+    return f"{target} → {rendered} {unit}".rstrip()
 
 
 def _comment(skipped: Any) -> str:

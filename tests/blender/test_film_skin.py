@@ -149,6 +149,24 @@ def test_colours_are_the_views(tmp_path: Path) -> None:
         assert light == pytest.approx(heat_material.linear(skin_colours.at(name, levels)), abs=0.012), name
 
 
+def test_a_fingertip_of_ours_keeps_its_nail() -> None:
+    bpy.ops.dermis.demo_skin_scene()
+    scene = bpy.context.scene
+    hand = scene.objects["Index"]
+    scene.frame_end, scene.dermis.sample_rate = 9, 24.0
+    hand.dermis.finger.skin.level, hand.dermis.finger.skin.contact = "draft", "nodes"
+    hand.dermis.finger.skin.depth_mode = "compliant"
+    assert bpy.ops.dermis.bake() == {"FINISHED"} and bpy.ops.dermis.film_skin() == {"FINISHED"}
+    (obj,) = film_objects.of_kind(scene, "skin")
+    faces: Any = obj.data.polygons
+    nail = [p for p in faces if p.material_index == 1]
+    own = [p for p in hand.data.polygons if p.material_index == 1]
+    assert len(nail) == len(own) > 100 and obj.data.materials[1] == hand.data.materials[1]
+    places = {tuple(round(c, 6) for c in hand.data.vertices[i].co) for p in own for i in p.vertices}
+    assert {tuple(round(c, 6) for c in obj.data.vertices[i].co) for p in nail for i in p.vertices} == places
+    assert len(evaluated(obj)["stress"]) == len(obj.data.vertices)
+
+
 def test_without_a_bake_or_a_camera_it_says_so() -> None:
     span(1, 9)
     hand = finger()

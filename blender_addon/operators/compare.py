@@ -5,7 +5,7 @@ from typing import Any
 
 import bpy
 
-from .. import jobs, reporting
+from .. import jobs, redraw
 from ..comparison import compared
 from ..polls import active_finger, needs
 from .work import Folder, Work, counted
@@ -31,7 +31,8 @@ class DERMIS_OT_compare_devices(jobs.Job, bpy.types.Operator):
         best, skipped = rows[0], len(result.table["skipped"])
         measure = best["measures"][0]
         said = f"{counted(len(rows), 'device')}, {skipped} skipped. {best['title']}: {measure['name']} "
-        reporting.report_findings(self, (), self.bl_label, f"{said}{100 * measure['off']:.0f} % off")
+        self.report({"INFO"}, f"{said}{100 * measure['off']:.0f} % off")
+        redraw.request()
         return {"FINISHED"}
 
 

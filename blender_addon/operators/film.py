@@ -78,9 +78,7 @@ class DERMIS_OT_film_skin(jobs.Job, bpy.types.Operator):
             made = skin_mesh.place(context.scene, result, hide_finger=self.hide_finger)
             said = _coloured(context, self.show, with_legend=self.with_legend)
         frames = max((len(r.table.positions) for r in result), default=0)
-        reporting.report_findings(
-            self, (), self.bl_label, f"{counted(len(made), 'skin')}, {counted(frames, 'frame')}.{said}"
-        )
+        self.report({"INFO"}, f"{counted(len(made), 'skin')}, {counted(frames, 'frame')}.{said}")
         return {"FINISHED"}
 
 
@@ -128,7 +126,10 @@ class DERMIS_OT_film_twins(jobs.Job, bpy.types.Operator):
         times = context.scene.dermis.twin_exaggeration
         if times != 1.0 and any(p.name == "Tactor" for m in made for p in m.pieces):
             done += f" The tactor moves {times:g} times as far as it will."
-        reporting.report_findings(self, refused, self.bl_label, done)
+        if refused:  # without, the list keeps those of the bake
+            reporting.report_findings(self, refused, self.bl_label, done)
+        else:
+            self.report({"INFO"}, done)
         return {"FINISHED"}
 
 

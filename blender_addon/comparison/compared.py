@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -60,6 +59,8 @@ def find(scene: bpy.types.Scene, finger: str) -> Steps:
     Raises:
         DermisError: the scene cannot be sampled or rendered, or no device fits.
     """
+    import tempfile  # not before it is needed: registering shall be quick
+
     yield core.pipeline.bake.Progress("preparing", 0, 1)
     tactile = scene_sweep.sample(scene)
     sweep, chunks = tactile.chunks, []

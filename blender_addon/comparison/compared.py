@@ -13,6 +13,7 @@ import bpy
 from .. import changes
 from .._core import core
 from ..devices import skin_models
+from ..film import film_objects
 from ..jobs import Steps
 from ..preferences import library, presets_folder
 from ..sampling import scene_sweep
@@ -62,23 +63,12 @@ def find(scene: bpy.types.Scene, finger: str) -> Steps:
     import tempfile  # not before it is needed: registering shall be quick
 
     yield core.pipeline.bake.Progress("preparing", 0, 1)
-    tactile = scene_sweep.sample(scene)
-    sweep, chunks = tactile.chunks, []
-    try:
-        while True:
-            if not sweep.advance():
-                yield core.pipeline.bake.Progress("sampling", sweep.done, sweep.total)
-                continue
-            chunk = next(sweep, None)
-            if chunk is None:
-                break
-            chunks.append(chunk)
-    finally:
-        sweep.close()
+    with film_objects.paused(scene):
+        tactile = yield from _sampled(scene)
     yield from skin_models.make_pads(tactile, library())
     with tempfile.TemporaryDirectory(prefix="dermis-compare-", ignore_cleanup_errors=True) as folder:
         path = Path(folder) / "scene.npz"
-        core.scene.scene_file.save(replace(tactile, chunks=chunks), path)
+        core.scene.scene_file.save(tactile, path)
         given = {
             "scene": str(path),
             "finger": finger,
@@ -92,6 +82,24 @@ def find(scene: bpy.types.Scene, finger: str) -> Steps:
                 yield core.pipeline.bake.Progress("comparing", done, max(total, 1))
             made = {name: array.tobytes() for name, array in job.result().items()}
     return Compared(json.loads(made["table"]), made["csv"], made["html"], changes.edits())
+
+
+def _sampled(scene: bpy.types.Scene) -> Steps:
+    """Return a scene with all its chunks."""
+    tactile = scene_sweep.sample(scene)
+    sweep = tactile.chunks
+    chunks: list[Any] = []
+    try:
+        while True:
+            if not sweep.advance():
+                yield core.pipeline.bake.Progress("sampling", sweep.done, sweep.total)
+                continue
+            chunk = next(sweep, None)
+            if chunk is None:
+                return replace(tactile, chunks=chunks)
+            chunks.append(chunk)
+    finally:
+        sweep.close()
 
 
 def save(made: Compared, folder: Path) -> list[Path]:

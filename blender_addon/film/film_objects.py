@@ -18,7 +18,8 @@ from ..quantities import metres_per_unit
 
 Kind = Literal["skin", "twin", "legend"]
 COLLECTIONS: dict[Kind, str] = {"skin": "Dermis Skins", "twin": "Dermis Twins", "legend": "Dermis Legend"}
-MARK, PIECE, DEVICE, HIDES = "dermis_film", "dermis_piece", "dermis_device", "dermis_hides"
+MODIFIER = "Dermis Frames"
+MARK, PIECE, HIDES = "dermis_film", "dermis_piece", "dermis_hides"
 
 
 @contextmanager
@@ -29,6 +30,18 @@ def unnoticed(context: bpy.types.Context) -> Iterator[None]:
             yield
         finally:
             context.view_layer.update()
+
+
+@contextmanager
+def paused(scene: bpy.types.Scene) -> Iterator[None]:
+    """Let a scene's skins and pins rest meanwhile: at each sample of a sweep they would cost more than all else."""
+    uid = scene.session_uid
+    playing = [obj.name for obj in scene.objects if MARK in obj and any(m.show_viewport for m in _players(obj))]
+    try:
+        _let_play(uid, playing, shown=False)
+        yield
+    finally:
+        _let_play(uid, playing, shown=True)
 
 
 def of_kind(scene: bpy.types.Scene, kind: Kind) -> list[bpy.types.Object]:
@@ -96,6 +109,24 @@ def fill(mesh: bpy.types.Mesh, vertices: Any, faces: Iterable[Any]) -> None:
     mesh.from_pydata(vertices.tolist(), [], [list(face) for face in faces])
     mesh.polygons.foreach_set("use_smooth", [True] * len(mesh.polygons))
     mesh.update()
+
+
+def _players(obj: bpy.types.Object) -> list[Any]:
+    """Return the modifiers that play a table."""
+    return [m for m in obj.modifiers if m.name == MODIFIER]
+
+
+def _let_play(uid: int, names: list[str], *, shown: bool) -> None:
+    """Switch players on or off, where they are still there, unnoticed by the bake."""
+    scene = next((s for s in bpy.data.scenes if s.session_uid == uid), None)
+    if scene is None or not names:
+        return
+    with changes.muted():
+        for obj in (scene.objects.get(name) for name in names):
+            for player in _players(obj) if obj is not None else ():
+                player.show_viewport = shown
+        for layer in scene.view_layers:
+            layer.update()
 
 
 def _remove(obj: bpy.types.Object) -> None:

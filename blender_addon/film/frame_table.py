@@ -15,9 +15,7 @@ from typing import Any, NamedTuple
 import bpy
 
 from .._core import Floats32
-
-MODIFIER = "Dermis Frames"
-LIMIT = 2**31 - 1  # an index is a whole number of 32 bits
+from .film_objects import MODIFIER
 
 
 class FrameTable(NamedTuple):

@@ -90,7 +90,7 @@ def place(scene: bpy.types.Scene, made: list[Made], *, hide_finger: bool) -> lis
             if len(obj.data.materials) < 2:
                 obj.data.materials.append(finger.data.materials[NAIL])
             obj.data.polygons.foreach_set("material_index", [0] * (len(faces) - nails) + [1] * nails)
-        if hide_finger and not finger.hide_render:
+        if hide_finger and finger.library is None and not finger.hide_render:
             finger.hide_render = obj[film_objects.HIDES] = True
         objects.append(obj)
     return objects

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import blender_addon
+from blender_addon import baking, preferences
 from blender_addon.film import film_objects, heat_material, skin_mesh
 from blender_addon.preview.skin_state import SkinState
 from blender_addon.results import store
@@ -118,6 +119,21 @@ def test_it_plays_from_a_file_without_the_add_on(tmp_path: Path) -> None:
         assert evaluated(bpy.data.objects["Finger Skin"])["stress"] == pytest.approx(want, rel=1e-6, abs=1e-9)
     finally:
         blender_addon.register()
+
+
+def test_a_bake_does_not_play_skins_and_leaves_them_playing() -> None:
+    scene = press()
+    assert bpy.ops.dermis.film_skin() == {"FINISHED"}
+    (obj,) = film_objects.of_kind(scene, "skin")
+    steps = baking.bake(scene, preferences.library())
+    seen = set()
+    for progress in steps:
+        seen.add((progress.stage, obj.modifiers[0].show_viewport))
+        if len(seen) > 2:
+            break
+    assert not any(playing for _, playing in seen)
+    steps.close()
+    assert obj.modifiers[0].show_viewport and store.state(scene) == "fresh"
 
 
 @pytest.mark.parametrize(("unit", "scale"), [(0.001, 1.0), (1.0, 1.7)])

@@ -90,7 +90,7 @@ ROOMS = (
     # what came of it, what is shown meanwhile, and what is sent
     "results", "preview", "design", "streaming", "viewport",
     # what a person sees and does
-    "demos", "jobs", "baking", "film", "comparison", "panels", "operators", "commands",
+    "demos", "jobs", "film", "baking", "comparison", "panels", "operators", "commands",
     # Blender's callbacks: imported by the package alone
     "handlers", "__init__",
 )  # fmt: skip

@@ -11,6 +11,7 @@ import bpy
 
 from ._core import core
 from .devices import platform_devices, skin_models
+from .film import film_objects
 from .jobs import Steps
 from .sampling import scene_sweep
 
@@ -23,6 +24,11 @@ def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None =
     Raises:
         DermisError: the scene cannot be sampled or rendered.
     """
+    with film_objects.paused(scene):
+        return (yield from _baked(scene, library, span))
+
+
+def _baked(scene: bpy.types.Scene, library: Any, span: tuple[int, int] | None) -> Steps:
     yield core.pipeline.bake.Progress("preparing", 0, 1)
     yield from platform_devices.make_missing(scene)
     tactile = scene_sweep.sample(scene, span=span)

@@ -4,7 +4,22 @@ import bpy
 
 from .. import choices
 from ..registration import registration
-from . import bake, calibration, design, main, material, menus, object, pins, preview, skin, stream, thimble
+from . import (
+    bake,
+    calibration,
+    compare,
+    design,
+    film,
+    main,
+    material,
+    menus,
+    object,
+    pins,
+    preview,
+    skin,
+    stream,
+    thimble,
+)
 
 CLASSES: tuple[type, ...] = (
     *main.CLASSES,
@@ -15,6 +30,8 @@ CLASSES: tuple[type, ...] = (
     *design.OBJECT,
     *skin.OBJECT,
     *bake.RESULT,
+    *film.CLASSES,
+    *compare.CLASSES,
     *skin.VIEW,
     *preview.CLASSES,
     *design.SCENE,

@@ -71,16 +71,16 @@ def state(spec: Any, commands: Array, skin: Any | None, touching: bool) -> State
 
 def parts(at: State) -> Part:
     """Return the whole twin."""
-    pieces = [_rim(at.base), _rim(at.joints), placed(_disc(at.radius), at.pose)]
+    pieces = [rim(at.base), rim(at.joints), placed(disc(at.radius), at.pose)]
     for start, end, share in zip(at.base, at.joints, at.share.tolist(), strict=True):
         pieces.append(bar(start, end, CABLE if at.tension is not None else LEG, heat(share), sides=4))
         if at.tension is not None:
-            pieces.append(_spring(start, end))
+            pieces.append(spring(start, end))
         pieces.append(bar(end, at.pose[:3, 3] + 0.55 * (end - at.pose[:3, 3]), RIM, LINK, sides=4))
     return joined(pieces)
 
 
-def _spring(start: Array, end: Array) -> Part:
+def spring(start: Array, end: Array) -> Part:
     """Return a coil around a cable, as flat ribbons."""
     along = end - start
     length = max(float(np.linalg.norm(along)), 1e-12)
@@ -93,7 +93,7 @@ def _spring(start: Array, end: Array) -> Part:
     return ribbon(middle - wide, middle + wide, np.tile(SPRING, (len(t), 1)))
 
 
-def _rim(points: Array) -> Part:
+def rim(points: Array) -> Part:
     """Return bars from each joint to the next around the middle."""
     middle = points.mean(axis=0)
     order = np.argsort(np.arctan2(points[:, 1] - middle[1], points[:, 0] - middle[0]))
@@ -102,5 +102,5 @@ def _rim(points: Array) -> Part:
 
 
 @cache
-def _disc(radius: float) -> Part:
+def disc(radius: float) -> Part:
     return lathe([(0.0, -DISC_HEIGHT), (radius, -DISC_HEIGHT), (radius, 0.0), (0.0, 0.0)], DISC)

@@ -7,6 +7,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from .._core import Array
+
 COUNT = 256
 # Colours at equal distances from low to high. Source: matplotlib's inferno and viridis (CC0), sampled.
 _STOPS: dict[str, tuple[str, ...]] = {
@@ -45,6 +47,16 @@ _STOPS: dict[str, tuple[str, ...]] = {
 @cache
 def table(name: str) -> NDArray[np.float32]:
     """Return a colour map, red, green and blue from 0 to 1, shape (256, 3)."""
+    return at(name, np.linspace(0.0, 1.0, COUNT)).astype(np.float32)
+
+
+def at(name: str, levels: Array) -> Array:
+    """Return the colours of levels from 0 to 1, shapes (n,) and (n, 3)."""
     stops = np.array([[int(s[i : i + 2], 16) / 255.0 for i in (0, 2, 4)] for s in _STOPS[name]])
-    at, where = np.linspace(0.0, 1.0, COUNT), np.linspace(0.0, 1.0, len(stops))
-    return np.stack([np.interp(at, where, stops[:, k]) for k in range(3)], axis=1).astype(np.float32)
+    where = np.linspace(0.0, 1.0, len(stops))
+    return np.stack([np.interp(levels, where, stops[:, k]) for k in range(3)], axis=1)
+
+
+def segments(name: str) -> int:
+    """Return of how many straight parts a colour map is made."""
+    return len(_STOPS[name]) - 1

@@ -57,9 +57,19 @@ def housing() -> Part:
 @cache
 def cap() -> Part:
     """Return the cap and the tactor, which move together in the pad's plane."""
-    cover = lathe([(0.0, -1.9e-3), (6.0e-3, -1.9e-3), (6.0e-3, -2.6e-3), (0.0, -2.6e-3)], CAP)
-    pin = lathe([(0.0, 0.25e-3), (1.3e-3, 0.15e-3), (TIP, -0.3e-3), (TIP, -1.9e-3)], TACTOR)
-    return joined([cover, pin])
+    return joined([cover(), pin()])
+
+
+@cache
+def cover() -> Part:
+    """Return the cap alone."""
+    return lathe([(0.0, -1.9e-3), (6.0e-3, -1.9e-3), (6.0e-3, -2.6e-3), (0.0, -2.6e-3)], CAP)
+
+
+@cache
+def pin() -> Part:
+    """Return the tactor alone."""
+    return lathe([(0.0, 0.25e-3), (1.3e-3, 0.15e-3), (TIP, -0.3e-3), (TIP, -1.9e-3)], TACTOR)
 
 
 @cache

@@ -62,13 +62,13 @@ def joints(device: Any, angles: Array, start: Array) -> Joints:
 
 def parts(device: Any, at: Joints, shares: Array) -> Part:
     """Return the whole twin; `shares` is how much of its range each servo uses, 0 to 1, shape (3,)."""
-    pieces = [placed(_ring(device.base_radius), device.mount)]
+    pieces = [placed(ring(device.base_radius), device.mount)]
     for i in range(3):
         warm = float(np.clip((shares[i] - NEAR_LIMIT) / (1.0 - NEAR_LIMIT), 0.0, 1.0))
         r, g, b, a = ((1 - warm) * cold + warm * hot for cold, hot in zip(LINK, WARNING, strict=True))
         pieces += [bar(at.servo[i], at.knee[i], CRANK, (r, g, b, a)), bar(at.knee[i], at.platform[i], ROD, LINK)]
         pieces.append(bar(at.platform[i], at.pose[:3, 3] + 0.5 * (at.platform[i] - at.pose[:3, 3]), ROD, LINK))
-    pieces.append(placed(_disc(device.disc_radius), at.pose))
+    pieces.append(placed(disc(device.disc_radius), at.pose))
     return joined(pieces)
 
 
@@ -107,12 +107,12 @@ def shares(row: Row) -> Array:
 
 
 @cache
-def _disc(radius: float) -> Part:
+def disc(radius: float) -> Part:
     return lathe([(0.0, 0.0), (radius, 0.0), (radius, DISC_HEIGHT), (0.0, DISC_HEIGHT)], DISC)
 
 
 @cache
-def _ring(radius: float) -> Part:
+def ring(radius: float) -> Part:
     return lathe(
         [
             (radius - RING, -RING),

@@ -7,12 +7,14 @@ import sys
 
 import numpy as np
 
+from ..comparison import device_comparison, report
 from ..errors import DermisError
 from ..matching import pin_report
 from ..pipeline import outputs
 from ..pipeline import render as pipeline
 from ..presets import Library
 from ..scene import scene_file
+from ..scene.tactile_scene import TactileScene
 from ..surface.curved_scene import curved_scene
 from ..track.export import format_of
 from ..track.file_names import FileNames
@@ -63,10 +65,23 @@ def curve(options: argparse.Namespace) -> int:
 
 
 def compare(options: argparse.Namespace) -> int:
-    """Say how far each matching method of a pin array would miss for a sampled scene."""
+    """Say how far each matching method of a pin array would miss for a sampled scene, or compare all devices."""
     scene, library = scene_file.load(options.scene), Library(options.presets)
+    if options.out is not None:
+        return _devices(options, scene, library)
     compared = pin_report.compare_scene(scene, library, finer=options.finer)
     for name, reports in compared.reports.items():
         print(name)
         print(pin_report.table(reports))
     return tell(compared.findings, sys.stderr)
+
+
+def _devices(options: argparse.Namespace, scene: TactileScene, library: Library) -> int:
+    """Send a finger's touch through every device that fits; write the table and the page."""
+    if options.finer:
+        raise DermisError("a finer mesh judges methods, not devices", value=options.finer, remedy="Leave out --finer")
+    found = drain_shown(device_comparison.compare_devices(scene, library, options.finger), quiet=options.quiet)
+    print(report.text(found))
+    for path in report.write(found, options.out):
+        print(path)
+    return 0

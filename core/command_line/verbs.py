@@ -107,10 +107,20 @@ def parser(program: str) -> argparse.ArgumentParser:
             metavar="LEVEL",
             help="also judge the commands on a finer mesh: fine or reference",
         ),
+        argument(
+            "--out",
+            type=Path,
+            metavar="DIR",
+            help="send one finger's touch through every device instead; folder for the table (CSV) and page (HTML)",
+        ),
+        argument("--finger", type=int, default=0, metavar="I", help="which finger's touch, for --out"),
         PRESETS,
-        help="how far each matching method of a pin array would miss",
-        description="Say how far each matching method of a pin array would miss for a sampled scene.",
+        QUIET,
+        help="how far each matching method of a pin array, or each device, would miss",
+        description="Say how far each matching method of a pin array would miss for a sampled scene; with --out, how "
+        "far each device would.",
         run="command_line.scenes.compare",
+        writes={"out": True},
     )
     add_verb(
         verbs,

@@ -24,6 +24,7 @@ JOBS: Table = {
     "pad": ".skin.job:make_surface",
     "collect": ".design.collect:work",
     "adapt": ".matching.adapt:adapt_job",
+    "compare": ".comparison.job:compare_job",
 }
 _CORE = __package__.rpartition(".")[0]
 

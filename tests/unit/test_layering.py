@@ -69,6 +69,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "experiment": MATCHING,
     "design": MATCHING | {"plot", "work"},
     "pipeline": MATCHING | {"plot"},
+    "comparison": MATCHING | {"plot", "pipeline", "work"},  # the whole way, for one touch and every device
     # live to the hardware
     "stream.protocols": DEVICE,
     "stream.links": DEVICE | {"stream.protocols"},
@@ -89,7 +90,7 @@ ROOMS = (
     # what came of it, what is shown meanwhile, and what is sent
     "results", "preview", "design", "streaming", "viewport", "timeline",
     # what a person sees and does
-    "demos", "jobs", "baking", "panels", "operators", "commands",
+    "demos", "jobs", "film", "baking", "comparison", "panels", "operators", "commands",
     # Blender's callbacks: imported by the package alone
     "handlers", "__init__",
 )  # fmt: skip

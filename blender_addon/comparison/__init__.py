@@ -1,0 +1,1 @@
+"""One touch, every device: asked for in a panel, worked out by a child process."""

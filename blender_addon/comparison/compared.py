@@ -1,0 +1,114 @@
+"""What every device would make of a finger's touch, worked out by a child process and kept for the session."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from .. import changes
+from .._core import core
+from ..devices import skin_models
+from ..film import film_objects
+from ..jobs import Steps
+from ..preferences import library, presets_folder
+from ..sampling import scene_sweep
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One comparison.
+
+    Attributes:
+        table: what the panel shows, see the engine's `comparison.report.as_dict`. csv, html: the files.
+        edits: of `changes` when it was made.
+    """
+
+    table: Mapping[str, Any]
+    csv: bytes
+    html: bytes
+    edits: int
+
+    @property
+    def stem(self) -> str:
+        """What its files are called."""
+        return f"{core.track.file_names.safe(self.table['finger']) or 'finger'}.devices"
+
+
+_compared: dict[int, Compared] = {}
+
+
+def current(scene: bpy.types.Scene) -> Compared | None:
+    """Return the scene's last comparison in this session."""
+    return _compared.get(scene.session_uid)
+
+
+def keep(scene: bpy.types.Scene, made: Compared) -> None:
+    """Keep a comparison for the session."""
+    _compared[scene.session_uid] = replace(made, edits=changes.edits())
+
+
+def find(scene: bpy.types.Scene, finger: str) -> Steps:
+    """Sample a scene and send a finger's touch through all devices that fit; yield progress, return a `Compared`.
+
+    Closing the generator ends the child process.
+
+    Raises:
+        DermisError: the scene cannot be sampled or rendered, or no device fits.
+    """
+    import tempfile  # not before it is needed: registering shall be quick
+
+    yield core.pipeline.bake.Progress("preparing", 0, 1)
+    with film_objects.paused(scene):
+        tactile = yield from _sampled(scene)
+    yield from skin_models.make_pads(tactile, library())
+    with tempfile.TemporaryDirectory(prefix="dermis-compare-", ignore_cleanup_errors=True) as folder:
+        path = Path(folder) / "scene.npz"
+        core.scene.scene_file.save(tactile, path)
+        given = {
+            "scene": str(path),
+            "finger": finger,
+            "presets": str(presets_folder()),
+            "cache": str(skin_models.cache().folder),
+            "cache_bytes": skin_models.LIMIT_BYTES,
+        }
+        with core.work.processes.ProcessExecutor() as executor:
+            job = executor.submit("compare", {}, given)
+            for done, total in job.follow():
+                yield core.pipeline.bake.Progress("comparing", done, max(total, 1))
+            made = {name: array.tobytes() for name, array in job.result().items()}
+    return Compared(json.loads(made["table"]), made["csv"], made["html"], changes.edits())
+
+
+def _sampled(scene: bpy.types.Scene) -> Steps:
+    """Return a scene with all its chunks."""
+    tactile = scene_sweep.sample(scene)
+    sweep = tactile.chunks
+    chunks: list[Any] = []
+    try:
+        while True:
+            if not sweep.advance():
+                yield core.pipeline.bake.Progress("sampling", sweep.done, sweep.total)
+                continue
+            chunk = next(sweep, None)
+            if chunk is None:
+                return replace(tactile, chunks=chunks)
+            chunks.append(chunk)
+    finally:
+        sweep.close()
+
+
+def save(made: Compared, folder: Path) -> list[Path]:
+    """Write the table as CSV and the page as HTML into a folder; return their paths.
+
+    Raises:
+        DermisError: the folder cannot be written.
+    """
+    paths = [folder / f"{made.stem}.csv", folder / f"{made.stem}.html"]
+    for path, content in zip(paths, (made.csv, made.html), strict=True):
+        core.files.write_bytes(path, content)
+    return paths

@@ -1,0 +1,1 @@
+"""What a bake gave, as objects for films and figures; made when somebody asks, and never written by a handler."""

@@ -1,0 +1,58 @@
+"""Every device for one touch, as a table."""
+
+from typing import Any
+
+import bpy
+
+from .. import changes, choices
+from ..comparison import compared
+from ..layouts import paragraph
+from ..polls import needs
+from . import summary
+from .main import DermisPanel
+
+
+@needs(lambda context: summary.of(context.scene).fingers)
+class DERMIS_PT_compare(DermisPanel, bpy.types.Panel):
+    """What each device would make of the active finger's touch."""
+
+    bl_idname = "DERMIS_PT_compare"
+    bl_label = "Compare Devices"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the button, then a box a device, the best first."""
+        layout = self.layout
+        layout.operator("dermis.compare_devices", icon="SPREADSHEET")
+        found = compared.current(context.scene)
+        if found is None:
+            paragraph(layout, context, "One touch of the active finger through every device preset that fits it.")
+            return
+        if found.edits != changes.edits():
+            paragraph(layout, context, "The scene changed since: compare again.", "ERROR")
+        layout.label(text=f"{found.table['finger']}: how far off, target → rendered", icon="VIEW_PAN")
+        for row in found.table["rows"]:
+            _device(layout.box().column(align=True), row)
+        row = layout.row(align=True)
+        row.operator("dermis.open_comparison", icon="URL")
+        row.operator("dermis.save_comparison", icon="EXPORT", text="Save")
+        for skipped in found.table["skipped"]:
+            paragraph(layout, context, f"{skipped['title']}: {skipped['why']}.", "INFO")
+
+
+def _device(column: Any, row: dict[str, Any]) -> None:
+    """Draw one device: its measures, and what of the touch it cannot do."""
+    column.scale_y = 0.85
+    column.label(text=row["title"], icon=choices.icon(row["kind"]))
+    for measure in row["measures"]:
+        split = column.split(factor=0.38)
+        split.label(text=measure["name"])
+        rest = split.split(factor=0.28)
+        rest.label(text=f"{100 * measure['off']:.0f} %")
+        rest.label(text=measure["figures"])
+    last = column.row()
+    last.active = False
+    last.label(text=f"clipped {100 * row['clipped']:.0f} %, out of reach {100 * row['out_of_reach']:.0f} %")
+
+
+CLASSES: tuple[type, ...] = (DERMIS_PT_compare,)

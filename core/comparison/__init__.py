@@ -1,0 +1,1 @@
+"""One touch, every device: which presets fit it, what each makes of it, and the report."""

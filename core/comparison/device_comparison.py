@@ -1,0 +1,111 @@
+"""One touch of one finger goes through every device preset that fits, and each is judged by what it can do."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ..errors import DermisError, Finding
+from ..pipeline.bake import Bake, Output, Progress
+from ..pipeline.render import render
+from ..presets import Library
+from ..scene.tactile_scene import TactileScene
+from .measures import Judged, judge
+from .wearing import Skipped, finger_index, wearing_all
+
+if TYPE_CHECKING:
+    from ..cache import Cache
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """One device.
+
+    Attributes:
+        device, title, kind: the preset's key, its name for people, its kind.
+        judged: target against rendered. method: of its matching, '' where it has but one.
+        clipped: share of the samples that a limit of the device changed, of the channel that it changed most.
+        findings: what its rendering and its track's check say.
+    """
+
+    device: str
+    title: str
+    kind: str
+    method: str
+    judged: Judged
+    clipped: float
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What every device makes of one touch.
+
+    Attributes:
+        scene, finger: names. duration: of the touch's scene [s]. content_hash: of the rendering.
+        rows: devices, the least off in its main measure first among those of one measure. skipped: and why.
+    """
+
+    scene: str
+    finger: str
+    duration: float
+    content_hash: str
+    rows: tuple[Row, ...]
+    skipped: tuple[Skipped, ...]
+
+
+def compare_devices(
+    scene: TactileScene, library: Library, finger: str | int = 0, *, cache: Cache | None = None
+) -> Generator[Progress, None, Comparison]:
+    """Send a finger's touch through every device preset that fits; yield progress, return a `Comparison`.
+
+    Args:
+        finger: its name or number.
+        cache: where skins and tables are kept.
+
+    Raises:
+        DermisError: no such finger, a scene that cannot be rendered, or no device that fits.
+    """
+    number = finger_index(scene, finger)
+    name = scene.fingers[number].name
+    worn, fit, skipped = wearing_all(scene, library, number)
+    bake = yield from render(worn, library, cache=cache)
+    uses = {use.preset: use for use in reversed(worn.fingers[number].devices)}
+    outputs = {o.device: o for o in reversed(bake.outputs) if o.finger == name}
+    rows = []
+    for step, key in enumerate(fit):
+        yield Progress("judging", step, len(fit))
+        title = library.device(key).name
+        output = outputs.get(key)
+        if output is None:
+            skipped.append(Skipped(key, title, _refusal(bake, key)))
+            continue
+        try:
+            judged = judge(output, bake.skins.get(name), uses[key].parameters)
+        except DermisError as error:
+            skipped.append(Skipped(key, title, str(error).rstrip(".")))
+            continue
+        if judged is None:
+            skipped.append(Skipped(key, title, "the touch asks nothing of it"))
+        else:
+            rows.append(_row(output, judged))
+    if not rows:
+        why = "; ".join(f"{s.title}: {s.why}" for s in skipped)
+        raise DermisError("no device fits this touch", where=f"finger '{name}'", value=why, remedy="Let it touch")
+    rows.sort(key=lambda row: (row.judged.measures[0].name != "stress", row.judged.measures[0].off))
+    return Comparison(scene.name, name, scene.duration, bake.content_hash, tuple(rows), tuple(skipped))
+
+
+def _row(output: Output, judged: Judged) -> Row:
+    track = output.track
+    changed = max(track.limited.values(), default=0) / max(len(track.times), 1)
+    clipped = min(max(changed, judged.limited), 1.0)
+    method = str(track.meta.get("method", ""))
+    return Row(output.device, track.spec.name, track.spec.kind, method, judged, clipped, output.findings)
+
+
+def _refusal(bake: Bake, key: str) -> str:
+    """Return why a device was not rendered: what was said of it, else all that was."""
+    said = [f.what for f in bake.findings if f.code == "device-unavailable"]
+    return next((s for s in said if key in s), "; ".join(said) or "it could not be rendered")

@@ -1,0 +1,51 @@
+"""What a device that presses on skin does to the pad's nodes, from its track: the same for every kind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Array
+from ..contact.skin_contact import SkinContact
+from ..devices.coupling import coupling_of
+from ..interpolate import interpolate
+from ..matching import pins
+from ..matching.replay import Replay, configurations
+from ..matching.table import press_of
+from ..matching.thimble_use import calibrated_mechanism
+from ..parameters.device import DEVICE
+from ..track.command_track import CommandTrack
+
+
+def rendered_forces(
+    track: CommandTrack, skin: SkinContact, samples: NDArray[np.intp], parameters: Mapping[str, Any]
+) -> Array:
+    """Return the forces on the pad's nodes while a track is played, shape (k, m, 3) [N].
+
+    A thimble is replayed from the beginning, since friction remembers; a platform is pressed from rest at each sample.
+
+    Args:
+        samples: of the touch, rising, shape (k,). parameters: of the device's use.
+
+    Raises:
+        DermisError: a track that the device cannot play.
+    """
+    times = skin.times[samples]
+    if track.spec.kind == "pin_array":
+        ready = pins.setup(skin.model, track.spec, DEVICE["pin_nodes"].of(parameters))
+        lead = float(track.meta.get("lead_s", 0.0))  # the track is so much ahead of what the pins press
+        pressed = interpolate(track.times, track.values, np.clip(times - lead, track.times[0], track.times[-1]))
+        return np.stack([pins.rendered_force(ready, row) for row in pressed])
+    if track.spec.kind == "thimble":
+        device, friction = calibrated_mechanism(track.spec, skin.model, parameters)
+        replay = Replay(device, skin.model, friction, configurations(track, device))
+        at = np.abs(track.times[None] - times[:, None]).argmin(axis=1)
+        return np.stack([replay.forces(i) for i in at.tolist()])
+    commands = interpolate(track.times, track.values, np.clip(times, track.times[0], track.times[-1]))
+    coupling = coupling_of(track.spec)
+    if coupling is not None:
+        commands = coupling.original(commands)
+    return press_of(skin.model, track.spec).press(commands).force.astype(np.float64)

@@ -1,0 +1,157 @@
+"""A comparison as text, as CSV, as plain JSON values and as one page of HTML with its pictures inside."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from ..files import write_bytes
+from ..track.file_names import safe
+from ..version import version
+from .device_comparison import Comparison, Row
+from .measures import Measure, rms
+from .picture import shown_unit, svg
+
+COLUMNS = ("device", "method", "measure", "target", "rendered", "off", "clipped", "out of reach")
+WORDS = (
+    ("target, rendered", "root of the mean square over the samples that were looked at"),
+    ("off", "RMS of the difference over the RMS of the target; of stress that of the six components under the pad"),
+    ("clipped", "share of all samples that a limit of the device changed, of its channel that was changed most"),
+    (
+        "out of reach",
+        "share of the touched samples at which the device presses less than 5 % of what is asked, or its range ends",
+    ),
+)
+_STYLE = """body{font:14px/1.45 system-ui,sans-serif;color:#20262e;max-width:1000px;margin:2em auto;padding:0 1em}
+table{border-collapse:collapse;width:100%}td,th{text-align:left;padding:4px 10px;border-bottom:1px solid #e4e7eb}
+td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}tr.first td{border-top:2px solid #b9c0c8}
+svg{max-width:100%;height:auto;margin:1em 0}.faint{color:#6b7480}"""
+
+
+def lines(found: Comparison) -> list[tuple[str, ...]]:
+    """Return the table's rows in words, one a measure; device, method and shares stand in each device's first."""
+    out: list[tuple[str, ...]] = []
+    for row in found.rows:
+        for i, measure in enumerate(row.judged.measures):
+            own = (row.title, row.method) if i == 0 else ("", "")
+            shares = (_percent(row.clipped), _percent(row.judged.out_of_reach)) if i == 0 else ("", "")
+            out.append((*own, measure.name, *_figures(measure), f"{100 * measure.off:.0f} %", *shares))
+    return out
+
+
+def text(found: Comparison) -> str:
+    """Return the table for a terminal, and what was skipped."""
+    rows = [COLUMNS, *lines(found)]
+    wide = [max(len(r[i]) for r in rows) for i in range(len(COLUMNS))]
+    made = ["  ".join(cell.ljust(w) for cell, w in zip(row, wide, strict=True)).rstrip() for row in rows]
+    return "\n".join([*made, *(f"skipped: {s.title}: {s.why}" for s in found.skipped)])
+
+
+def csv(found: Comparison) -> str:
+    """Return the table as CSV, in SI, with `# key: value` lines before it as in a track."""
+    head = ["# dermis-comparison 1", *(f"# {k}: {v}" for k, v in _about(found)), *map(_comment, found.skipped)]
+    head.append("device,kind,method,measure,unit,target_rms,rendered_rms,off,clipped,out_of_reach")
+    for row in found.rows:
+        for m in row.judged.measures:
+            figures = (rms(m.target), rms(m.rendered), m.off, row.clipped, row.judged.out_of_reach)
+            words = (row.device, row.kind, row.method, m.name, m.unit)
+            head.append(",".join([*words, *(f"{v:.9g}" for v in figures)]))
+    return "\n".join(head) + "\n"
+
+
+def html(found: Comparison) -> str:
+    """Return one page that needs nothing else: table, what was skipped, what the words mean, pictures."""
+    parts = [
+        f"<!DOCTYPE html><html lang=en><meta charset=utf-8><title>{escape(found.finger)}: devices compared</title>",
+        f"<style>{_STYLE}</style><h1>{escape(found.finger)}: one touch, {len(found.rows)} devices</h1>",
+        f"<p class=faint>{escape(', '.join(f'{k} {v}' for k, v in _about(found)))}. Simulated.</p>",
+        "<table><tr>" + "".join(f"<th{_side(i)}>{c}</th>" for i, c in enumerate(COLUMNS)) + "</tr>",
+        *(
+            f"<tr{' class=first' if line[0] else ''}>"
+            + "".join(f"<td{_side(i)}>{escape(c)}</td>" for i, c in enumerate(line))
+            + "</tr>"
+            for line in lines(found)
+        ),
+        "</table>",
+        "<p class=faint>" + "<br>".join(f"<b>{escape(k)}</b>: {escape(v)}" for k, v in WORDS) + "</p>",
+    ]
+    if found.skipped:
+        items = "".join(f"<li>{escape(s.title)}: {escape(s.why)}</li>" for s in found.skipped)
+        parts.append(f"<h2>Skipped</h2><ul>{items}</ul>")
+    for row in found.rows:
+        parts.append(f"<h2>{escape(row.title)}</h2>{svg(row, found.duration)}")
+        worse = [f for f in row.findings if f.severity != "info"]
+        if worse:
+            parts.append("<ul>" + "".join(f"<li>{escape(str(f))}</li>" for f in worse) + "</ul>")
+    return "\n".join(parts) + "\n</html>\n"
+
+
+def as_dict(found: Comparison) -> dict[str, Any]:
+    """Return what a panel shows, as plain JSON values."""
+    return {
+        "scene": found.scene,
+        "finger": found.finger,
+        "content_hash": found.content_hash,
+        "rows": [_plain(row) for row in found.rows],
+        "skipped": [{"title": s.title, "why": s.why} for s in found.skipped],
+    }
+
+
+def write(found: Comparison, folder: Path) -> tuple[Path, Path]:
+    """Write CSV and HTML into a folder; return their paths.
+
+    Raises:
+        DermisError: the folder cannot be written.
+    """
+    stem = f"{safe(found.finger) or 'finger'}.devices"
+    table, page = Path(folder) / f"{stem}.csv", Path(folder) / f"{stem}.html"
+    write_bytes(table, csv(found).encode())
+    write_bytes(page, html(found).encode())
+    return table, page
+
+
+def _about(found: Comparison) -> Iterator[tuple[str, str]]:
+    yield "scene", found.scene.replace("\n", " ")
+    yield "finger", found.finger.replace("\n", " ")
+    yield "generator", f"dermis {version()}"
+    yield "content_hash", found.content_hash
+
+
+def _plain(row: Row) -> dict[str, Any]:
+    measures = [{"name": m.name, "off": m.off, "figures": _both(m)} for m in row.judged.measures]
+    return {
+        "device": row.device,
+        "title": row.title,
+        "kind": row.kind,
+        "measures": measures,
+        "clipped": row.clipped,
+        "out_of_reach": row.judged.out_of_reach,
+    }
+
+
+def _figures(measure: Measure) -> tuple[str, str]:
+    """Return target and rendered with the unit that people read."""
+    factor, unit = shown_unit(measure)
+    target, rendered = (f"{rms(v) / factor:.3g} {unit}".rstrip() for v in (measure.target, measure.rendered))
+    return target, rendered
+
+
+def _both(measure: Measure) -> str:
+    """Return target and rendered in few letters."""
+    factor, unit = shown_unit(measure)
+    target, rendered = (f"{rms(v) / factor:.2g}" for v in (measure.target, measure.rendered))
+    return f"{target} → {rendered} {unit}".rstrip()
+
+
+def _comment(skipped: Any) -> str:
+    return f"# skipped {skipped.device}: {skipped.why}".replace("\n", " ")
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.1f} %" if 0.0 < share < 0.0995 else f"{100 * share:.0f} %"
+
+
+def _side(column: int) -> str:
+    return " class=n" if column > 2 else ""

@@ -1,0 +1,79 @@
+"""Which device presets fit a finger's touch, and the scene in which the finger wears them all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from ..devices.mechanism import kind_of
+from ..errors import DermisError
+from ..parameters.skin import SKIN_CONTACT
+from ..presets import Library
+from ..scene.tactile_scene import DeviceUse, Finger, TactileScene
+
+
+@dataclass(frozen=True)
+class Skipped:
+    """A device that was left out: the preset's key, its name for people, and why."""
+
+    device: str
+    title: str
+    why: str
+
+
+def finger_index(scene: TactileScene, name: str | int) -> int:
+    """Return which finger of a scene is meant, by its name or number.
+
+    Raises:
+        DermisError: there is none.
+    """
+    names = [finger.name for finger in scene.fingers]
+    if isinstance(name, str) and name in names:
+        return names.index(name)
+    if isinstance(name, int) and 0 <= name < len(names):
+        return name
+    raise DermisError("no such finger", where=f"scene '{scene.name}'", value=name, limit=", ".join(names))
+
+
+def wearing_all(scene: TactileScene, library: Library, finger: int) -> tuple[TactileScene, list[str], list[Skipped]]:
+    """Return a scene in which one finger wears every device that fits, their keys, and those left out.
+
+    A device that the finger wears already keeps its settings, and its place, by which animated ones are found; others
+    have their defaults. Of other fingers only the skin stays, where it is solved: they may hold something together.
+    """
+    worn = scene.fingers[finger]
+    keys = [use.preset for use in worn.devices]
+    fit, skipped = [], []
+    for entry in library.list("devices"):
+        why = str(entry.error).rstrip(".") if entry.error is not None else _misfit(library, entry.key, scene)
+        if why:
+            skipped.append(Skipped(entry.key, entry.name or entry.key, why))
+        else:
+            fit.append(entry.key)
+    added = tuple(DeviceUse(key) for key in fit if key not in keys)
+    fingers = list(_alone(scene, library))
+    fingers[finger] = replace(worn, devices=worn.devices + added)
+    return replace(scene, fingers=tuple(fingers)), fit, skipped
+
+
+def _misfit(library: Library, key: str, scene: TactileScene) -> str:
+    kind = kind_of(library.device(key))
+    if kind.drawn == "screen" and not scene.screens:
+        return "the scene has no touch screen"
+    return ""
+
+
+def _alone(scene: TactileScene, library: Library) -> Iterator[Finger]:
+    """Yield fingers without devices, whose skin is solved as before."""
+    for finger in scene.fingers:
+        shown = SKIN_CONTACT["skin_shown"].of(finger.parameters) or any(
+            _follows(library, use.preset) for use in finger.devices
+        )
+        yield replace(finger, devices=(), parameters={**finger.parameters, "skin_shown": bool(shown)})
+
+
+def _follows(library: Library, key: str) -> bool:
+    try:
+        return library.device(key).follows_skin
+    except DermisError:
+        return False  # of a broken preset rendering made nothing, either

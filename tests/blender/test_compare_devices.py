@@ -1,0 +1,65 @@
+"""Compare Devices in Blender: the touch of the active finger, worked out by a child process, shown and saved."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon.comparison import compared
+from blender_addon.results import store
+
+from .build import cube, finger, keys, span
+
+
+@pytest.fixture
+def touching() -> bpy.types.Scene:
+    """Return a scene with a finger that presses and slides, and nothing baked."""
+    scene = span(1, 9)
+    hand = finger()
+    hand.dermis.finger.skin.level = "draft"
+    cube("Plate", 0.04, (0.0, 0.0, 0.0))
+    z = [0.04, 0.022, *[0.0193] * 7]
+    keys(hand, "location", list(range(1, 10)), np.column_stack([np.zeros(9), np.linspace(0, 2e-3, 9), z]))
+    scene.dermis.sample_rate = 48.0
+    bpy.context.view_layer.objects.active = hand
+    return scene
+
+
+def test_a_child_compares_and_two_files_are_written(touching: bpy.types.Scene, tmp_path: Path) -> None:
+    devices = [d.preset for d in touching.objects["Finger"].dermis.finger.devices]
+    assert not bpy.ops.dermis.save_comparison.poll()
+    assert bpy.ops.dermis.compare_devices() == {"FINISHED"}
+    made: Any = compared.current(touching)
+    rows = {row["device"]: row for row in made.table["rows"]}
+    assert "pin_array_128" in rows and made.table["finger"] == "Finger"
+    assert [m["name"] for m in rows["pin_array_128"]["measures"]] == ["stress", "normal force", "shear force"]
+    assert any("no touch screen" in s["why"] for s in made.table["skipped"])
+    assert [d.preset for d in touching.objects["Finger"].dermis.finger.devices] == devices
+    assert store.current(touching) is None and touching.frame_current == 1
+    assert bpy.ops.dermis.save_comparison(directory=str(tmp_path)) == {"FINISHED"}
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["Finger.devices.csv", "Finger.devices.html"]
+    assert (tmp_path / "Finger.devices.html").read_bytes() == made.html
+    assert bpy.ops.dermis.open_comparison() == {"FINISHED"}
+
+
+def test_esc_ends_the_child_and_leaves_nothing(touching: bpy.types.Scene) -> None:
+    steps = compared.find(touching, "Finger")
+    stages = []
+    for progress in steps:
+        stages.append(progress.stage)
+        if progress.stage == "comparing":
+            break
+    steps.close()
+    assert "sampling" in stages and compared.current(touching) is None
+
+
+def test_what_cannot_be_compared_is_refused_in_words(touching: bpy.types.Scene) -> None:
+    keys(touching.objects["Finger"], "location", [1.0, 9.0], np.full((2, 3), 0.5))
+    with pytest.raises(RuntimeError, match="no device fits this touch"):
+        bpy.ops.dermis.compare_devices()
+    bpy.context.view_layer.objects.active = touching.objects["Plate"]
+    assert not bpy.ops.dermis.compare_devices.poll()

@@ -5,7 +5,7 @@ from .design import design_properties
 from .preview import skin_preview
 from .properties import object_properties, scene_properties
 from .streaming import session_events, streaming_properties
-from .viewport import overlay, shown, skin_view
+from .viewport import cards, overlay, shown, skin_view
 
 MODULES = (
     preferences,
@@ -20,6 +20,7 @@ MODULES = (
     skin_preview,
     shown,
     skin_view,
+    cards,
     handlers,
     session_events,
     commands,

@@ -24,6 +24,11 @@ class DERMIS_PT_preview(DermisPanel, bpy.types.Panel):
         row.prop(settings, "live_preview", toggle=True, icon="PLAY", text="Live")
         row.prop(settings, "show_twin", toggle=True, icon="MOD_WARP", text="Twin")
         row.prop(settings, "show_readout", toggle=True, icon="INFO", text="Readout")
+        fold = row.row(align=True)
+        fold.active = settings.show_readout or settings.skin_view.show
+        fold.prop(
+            settings, "fold_cards", toggle=True, text="", icon="TRIA_RIGHT" if settings.fold_cards else "TRIA_DOWN"
+        )
         if settings.show_twin:
             layout.prop(settings, "twin_exaggeration", slider=True)
         now = shown.now(context.scene)

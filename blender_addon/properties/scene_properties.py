@@ -8,7 +8,7 @@ from bpy.props import BoolProperty, FloatProperty, IntProperty, PointerProperty,
 
 from ..compat import BLEND_RELATIVE
 from ..registration import registration
-from .fields import touched
+from .fields import redrawn, touched
 from .skin_properties import DermisSkinView
 from .thimble_view_properties import DermisThimbleView
 
@@ -64,6 +64,13 @@ class DermisScene(bpy.types.PropertyGroup):
     )
     show_readout: BoolProperty(
         name="Readout", description="Write the devices' values into the view", default=True, options=set()
+    )
+    fold_cards: BoolProperty(
+        name="Fold",
+        description="Show each device and each pad in the view as one line; cards without room are folded anyway",
+        default=False,
+        options=set(),
+        update=redrawn,
     )
     twin_exaggeration: FloatProperty(
         name="Exaggeration",

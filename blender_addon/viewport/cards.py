@@ -9,16 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import Any, NamedTuple
 
 import bpy
 
 from ..hands import bone_names
 from ..layouts import ui_scale
+from ..preview.rows import Preview, Row
 from . import device_cards, obstacles, packing, paint, shown, skin_cards
 from .drawing import Handlers
 from .packing import Box
-from .shown import Frame
 from .skin_shown import Shown
+from .twin import Twin
 
 GAP = 6  # between cards [px at scale 1]
 WIDE, TALL = 0.5, 0.6  # of the view: its width that devices may take, and its height that any cards may
@@ -53,6 +55,54 @@ def order(names: tuple[str, ...], fingers: tuple[str, ...]) -> tuple[int, ...]:
     return tuple(sorted(range(len(names)), key=rank))
 
 
+class Plan(NamedTuple):
+    """Where cards go, in their order.
+
+    Attributes:
+        devices: under a line of words, which comes first. open_devices: how many of them, the line with them, are open.
+        pads: and whether they are open. Fewer places than there are cards: the last is for words that say so.
+    """
+
+    devices: list[Box]
+    open_devices: int
+    pads: list[Box]
+    open_pads: bool
+
+    @classmethod
+    def of(
+        cls, heights: Sequence[float], pads: int, map_size: float, room: Box, taken: Sequence[Box], *, folded: bool
+    ) -> Plan:
+        """Plan for devices of these heights and a number of pads [px at scale 1]; all are folded where that is asked.
+
+        Devices are folded, the last ones first, until they fit, and all of them where pads would have no room else.
+        """
+        low = room._replace(height=TALL * room.height)
+        width = device_cards.WIDTH
+        left = low._replace(width=max(WIDE * room.width, min(width, room.width)))
+        plan = cls([], 0, [], False)
+        for fold in (True,) if folded else (False, True):
+            lines = [device_cards.FOLDED if fold else height for height in heights]
+            kept, devices = packing.folding(
+                [device_cards.FOLDED, *lines] if lines else [],
+                device_cards.FOLDED,
+                lambda lengths: packing.columns(lengths, width, left, taken, GAP),
+            )
+            plan = cls(devices, 1 if fold else kept, *_pads(pads, map_size, low, (*taken, *devices), folded=folded))
+            if len(plan.pads) == pads and plan.open_pads:
+                break
+        return plan
+
+
+def _pads(count: int, map_size: float, room: Box, taken: Sequence[Box], *, folded: bool) -> tuple[list[Box], bool]:
+    """Return places for pads, and whether they are open: smaller where there are many, or folded."""
+    for width, height in () if folded else skin_cards.sizes(map_size):
+        places = packing.rows([width] * count, height, room, taken, GAP)
+        if len(places) == count:
+            return sorted(places, key=lambda box: (-box.bottom, box.left)), True  # to be read from the top
+    lines = [skin_cards.FOLDED] * count
+    return packing.columns(lines, skin_cards.LEGEND_WIDTH, room, taken, GAP, right=True), count == 0
+
+
 def _draw() -> None:
     context = bpy.context
     scene, space = context.scene, context.space_data
@@ -63,94 +113,71 @@ def _draw() -> None:
         return
     import gpu
 
-    scale = ui_scale()
+    settings, scale = scene.dermis, ui_scale()
     room, taken = obstacles.free(context, scale)
     fingers = tuple(obj.name for obj in scene.objects if obj.dermis.role == "FINGER")
+    rows: list[tuple[Row, Twin | None]] = []
+    devices, skins = now.devices, now.skins if settings.skin_view.show else now.skins._replace(states=(), drawn=())
+    if settings.show_readout and devices is not None:
+        rows = [(devices.rows[i], now.twins[i]) for i in order(tuple(row.finger for row in devices.rows), fingers)]
+    pads = order(tuple(state.finger for state in skins.states), fingers) if settings.skin_view.maps else ()
+    heights = [device_cards.height(row) for row, _ in rows]
+    plan = Plan.of(heights, len(pads), settings.skin_view.map_size, room, taken, folded=settings.fold_cards)
     gpu.state.blend_set("ALPHA")
-    said = ""  # already, of where values come from
-    if scene.dermis.show_readout and (
-        places := _devices(now, fingers, room, taken, scale, folded=scene.dermis.fold_cards)
-    ):
-        taken += places
-        said = now.devices.note if places and now.devices is not None else ""
-    if scene.dermis.skin_view.show and now.skins.states:
-        _skins(context, now.skins, fingers, room, taken, scale, said)
+    if devices is not None:
+        _devices(devices, rows, plan, scale)
+    _skins(skins, pads, settings.skin_view, plan, scale)
+    if skins.states and settings.skin_view.legend:
+        said = devices.note if devices is not None and plan.devices else ""
+        _legend(skins, settings.skin_view, room, [*taken, *plan.devices], plan.pads, scale, said)
     gpu.state.blend_set("NONE")
 
 
-def _devices(
-    now: Frame, fingers: tuple[str, ...], room: Box, taken: Sequence[Box], scale: float, *, folded: bool
-) -> list[Box]:
-    """Draw the devices' cards under a line that says where their values come from; return their places."""
-    devices = now.devices
-    if devices is None or not (devices.rows or (devices.source == "live" and not now.skins.states)):
-        return []  # of fingers without devices the skin's legend says where it comes from
-    chosen = order(tuple(row.finger for row in devices.rows), fingers)
-    rows, twins = [devices.rows[i] for i in chosen], [now.twins[i] for i in chosen]
-    line, width = device_cards.FOLDED * scale, device_cards.WIDTH * scale
-    left = Box(room.left, room.bottom, max(WIDE * room.width, min(width, room.width)), TALL * room.height)
-    heights = [line, *(line if folded else device_cards.height(row) * scale for row in rows)]
-    kept, places = packing.folding(
-        heights, line, lambda heights: packing.columns(heights, width, left, taken, GAP * scale)
-    )
-    missing = len(heights) - len(places) + 1 if len(places) < len(heights) else 0
-    for i, at in enumerate(places):
+def _devices(devices: Preview, rows: Sequence[tuple[Row, Twin | None]], plan: Plan, scale: float) -> None:
+    """Draw the devices' cards under a line that says where their values come from."""
+    shown_count = len(rows) if len(plan.devices) > len(rows) else len(plan.devices) - 2
+    for i, at in enumerate(place.scaled(scale) for place in plan.devices):
         if i == 0:
-            x, y = at.left + 2 * scale, at.bottom + 0.3 * line
-            paint.text(devices.note, x, y, SOURCE_COLOURS[devices.source], scale, width=width)
-        elif missing and i == len(places) - 1:
-            _missing(missing, "device", at, scale)
-        elif i < kept and not folded:
-            device_cards.opened(rows[i - 1], twins[i - 1], at, scale)
+            _line(devices.note, at, SOURCE_COLOURS[devices.source], scale)
+        elif i > shown_count:
+            _missing(len(rows) - shown_count, "device", at, scale)
+        elif i < plan.open_devices:
+            device_cards.opened(*rows[i - 1], at, scale)
         else:
-            device_cards.folded(rows[i - 1], at, scale)
-    return places
+            device_cards.folded(rows[i - 1][0], at, scale)
 
 
-def _skins(
-    context: bpy.types.Context,
-    now: Shown,
-    fingers: tuple[str, ...],
-    room: Box,
-    taken: Sequence[Box],
-    scale: float,
-    said: str,
+def _skins(skins: Shown, order: Sequence[int], view: Any, plan: Plan, scale: float) -> None:
+    """Draw a map of each pad, or a line."""
+    shown_count = len(order) if len(plan.pads) == len(order) else len(plan.pads) - 1
+    for i, at in enumerate(place.scaled(scale) for place in plan.pads):
+        if i == shown_count:
+            _missing(len(order) - shown_count, "pad", at, scale)
+        elif plan.open_pads:
+            skin_cards.opened(skins, order[i], view, at, scale)
+        else:
+            skin_cards.folded(skins.states[order[i]], at, scale)
+
+
+def _legend(
+    skins: Shown, view: Any, room: Box, taken: Sequence[Box], pads: Sequence[Box], scale: float, said: str
 ) -> None:
-    """Draw a map of each pad, smaller where there are many, and the legend above them."""
-    view = context.scene.dermis.skin_view
-    gap, count = GAP * scale, len(now.states)
-    chosen = order(tuple(state.finger for state in now.states), fingers)
-    places: list[Box] = []
-    if view.maps:
-        low = room._replace(height=TALL * room.height)
-        for width, height in () if context.scene.dermis.fold_cards else skin_cards.sizes(view.map_size):
-            places = packing.rows([width * scale] * count, height * scale, low, taken, gap)
-            if len(places) == count:
-                break
-        if len(places) == count:
-            for i, at in zip(chosen, places, strict=True):
-                skin_cards.opened(now, i, view, at, scale)
-        else:
-            line, width = skin_cards.FOLDED * scale, skin_cards.LEGEND_WIDTH * scale
-            places = packing.columns([line] * count, width, low, taken, gap, right=True)
-            missing = count - len(places) + 1 if len(places) < count else 0
-            for i, at in zip(chosen, places[: len(places) - 1] if missing else places, strict=False):
-                skin_cards.folded(now.states[i], at, scale)
-            if missing and places:
-                _missing(missing, "pad", places[-1], scale)
-    if view.legend:
-        bottom = max((at.top + gap for at in places), default=room.bottom)
-        above = Box(room.left, bottom, room.width, room.top - bottom)
-        for full in (True, False):
-            legend = skin_cards.Legend.of(now, full=full, said=said)
-            for at in packing.rows([skin_cards.LEGEND_WIDTH * scale], legend.height * scale, above, taken, gap):
-                skin_cards.legend(now, view, legend, at, scale)
-                return
+    """Draw the legend above the pads, without its words where they do not fit."""
+    bottom = max((at.top + GAP for at in pads), default=room.bottom)
+    above = Box(room.left, bottom, room.width, room.top - bottom)
+    for full in (True, False):
+        legend = skin_cards.Legend.of(skins, full=full, said=said)
+        for at in packing.rows([skin_cards.LEGEND_WIDTH], legend.height, above, taken, GAP):
+            skin_cards.legend(skins, view, legend, at.scaled(scale), scale)
+            return
+
+
+def _line(words: str, at: Box, colour: paint.Colour, scale: float) -> None:
+    paint.text(words, at.left + 2 * scale, at.bottom + 0.3 * at.height, colour, scale, width=at.width)
 
 
 def _missing(count: int, what: str, at: Box, scale: float) -> None:
-    words = f"and {count} more {what}{'' if count == 1 else 's'}: enlarge the view"
-    paint.text(words, at.left + 2 * scale, at.bottom + 0.3 * at.height, paint.ORANGE, scale, width=at.width)
+    _line(f"and {count} more {what}{'' if count == 1 else 's'}: enlarge the view", at, paint.ORANGE, scale)
 
 
 def register() -> None:

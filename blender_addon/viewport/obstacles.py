@@ -14,7 +14,7 @@ GIZMO_BELOW = 160  # by which the buttons of the view reach below the ball that 
 
 
 def free(context: bpy.types.Context, scale: float) -> tuple[Box, list[Box]]:
-    """Return the box within a view's side bars and headers, and what Blender draws there by itself [px]."""
+    """Return the box within a view's side bars and headers, and what Blender draws there by itself [px at scale 1]."""
     region, taken = context.region, []
     left, right, top = 0.0, float(region.width), float(region.height)
     for other in context.area.regions:
@@ -30,7 +30,8 @@ def free(context: bpy.types.Context, scale: float) -> tuple[Box, list[Box]]:
             taken.append(box)
     taken += [*_text(context, left, top, scale), *_gizmos(context, right, top, scale)]
     margin = MARGIN * scale
-    return Box(left + margin, margin, max(right - left - 2 * margin, 0.0), max(top - 2 * margin, 0.0)), taken
+    room = Box(left + margin, margin, max(right - left - 2 * margin, 0.0), max(top - 2 * margin, 0.0))
+    return room.scaled(1.0 / scale), [box.scaled(1.0 / scale) for box in taken]
 
 
 def _text(context: bpy.types.Context, left: float, top: float, scale: float) -> list[Box]:

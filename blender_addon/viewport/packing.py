@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 
 class Box(NamedTuple):
-    """A rectangle [px]."""
+    """A rectangle; any unit will do."""
 
     left: float
     bottom: float
@@ -28,6 +28,10 @@ class Box(NamedTuple):
     def top(self) -> float:
         """Its upper end."""
         return self.bottom + self.height
+
+    def scaled(self, scale: float) -> Box:
+        """Return it that many times as large, and as far away."""
+        return Box(*(scale * value for value in self))
 
     def meets(self, other: Box) -> bool:
         """Return whether two boxes have more than an edge in common."""

@@ -100,6 +100,44 @@ def in_a_random_view(draw: random.Random) -> None:
     assert [place.height for place in devices] == pytest.approx(lengths[: len(devices)])
 
 
+TACTORS = [145.0] * 5
+LARGE = Box(70, 12, 1500, 900)
+NARROW = Box(70, 12, 440, 700)
+
+
+def test_in_a_large_view_everything_is_open() -> None:
+    plan = cards.Plan.of(TACTORS[:3], 5, 180, LARGE, (), folded=False)
+    assert plan.open_devices == 4 and plan.open_pads and len(plan.devices) == 4 and len(plan.pads) == 5
+    assert plan.devices[1] == Box(70, 12 + 2 * 151, 260, 145)
+    assert {box.bottom for box in plan.pads} == {12} and plan.pads[-1].right == pytest.approx(1570)
+
+
+def test_devices_are_folded_where_pads_would_have_no_room() -> None:
+    plan = cards.Plan.of(TACTORS, 4, 180, NARROW, (), folded=False)
+    assert plan.open_devices == 1 and plan.open_pads
+    assert [box.height for box in plan.devices] == [22] * 6
+    alone = cards.Plan.of(TACTORS, 0, 180, NARROW, (), folded=False)
+    assert alone.open_devices == 3 and len(alone.devices) == 6  # the line, and two devices
+
+
+def test_what_shall_be_folded_is() -> None:
+    plan = cards.Plan.of(TACTORS, 3, 180, LARGE, (), folded=True)
+    assert (plan.open_devices, plan.open_pads) == (1, False)
+    assert [box.height for box in (*plan.devices, *plan.pads)] == [22] * 9
+    assert cards.Plan.of([], 0, 180, LARGE, (), folded=False) == ([], 0, [], True)
+
+
+def test_any_number_of_cards_keeps_apart_in_any_view() -> None:
+    draw = random.Random(3)
+    for _ in range(300):
+        room = Box(60, 12, draw.uniform(100, 2000), draw.uniform(60, 1300))
+        redo = Box(60, 0, draw.uniform(1, 320), draw.uniform(1, 400))
+        heights = [draw.choice([85.0, 145.0, 240.0]) for _ in range(draw.randrange(7))]
+        plan = cards.Plan.of(heights, draw.randrange(11), draw.uniform(60, 600), room, (redo,), folded=False)
+        for a, b in combinations([*plan.devices, *plan.pads, redo], 2):
+            assert not a._replace(left=a.left + 1e-6, width=a.width - 2e-6).meets(b._replace(height=b.height - 1e-6))
+
+
 def test_cards_stand_in_the_order_of_the_fingers() -> None:
     fingers = ("Index", "Probe", "Little", "Middle", "Ring", "Thumb", "Alpha")
     assert [fingers[i] for i in cards.order(fingers, fingers)] == [

@@ -95,9 +95,10 @@ def active_device(context: bpy.types.Context, family: active_presets.Family) -> 
 
 
 def chosen(context: bpy.types.Context) -> list[bpy.types.Object]:
-    """Return the selected objects, the active one included."""
+    """Return the selected objects, the active one included, but for linked ones: their edits would not be saved."""
     selected, active = list(context.selected_objects), context.object
-    return selected if active is None or active in selected else [*selected, active]
+    both = selected if active is None or active in selected else [*selected, active]
+    return [obj for obj in both if obj.is_editable]
 
 
 def select_only(context: bpy.types.Context, obj: bpy.types.Object) -> None:

@@ -6,21 +6,22 @@ from .. import choices
 from ..registration import registration
 from . import bake, calibration, design, main, material, menus, object, pins, preview, skin, stream, thimble
 
+# In the order of the work: place, touch, wear, preview, bake, export, stream.
 CLASSES: tuple[type, ...] = (
     *main.CLASSES,
-    *object.CLASSES,
+    *object.PLACE,
     *material.CLASSES,
+    *skin.OBJECT,
+    *object.WEAR,
     *pins.CLASSES,
     *thimble.CLASSES,
     *design.OBJECT,
-    *skin.OBJECT,
-    *bake.RESULT,
-    *skin.VIEW,
     *preview.CLASSES,
-    *design.SCENE,
+    *skin.VIEW,
+    *bake.CLASSES,
     *stream.CLASSES,
     *calibration.CLASSES,
-    *bake.SETTINGS,
+    *design.SCENE,
     *menus.CLASSES,
 )
 

@@ -1,42 +1,74 @@
-"""Settings of the bake, what it gave, and what was noticed on the way."""
+"""The bake, what it gave, what was noticed on the way, and the way to files."""
 
 from typing import Any
 
 import bpy
 
 from .. import changes, choices, reporting
-from ..layouts import paragraph
+from ..layouts import paragraph, properties
 from ..polls import needs
 from ..results import store
-from .main import DermisPanel
+from . import summary
+from .main import DermisPanel, working
 
 SEVERITY_ICONS = {"error": "CANCEL", "warning": "ERROR", "info": "INFO"}
 MAX_FINDINGS = 12
 
 
+@needs(lambda context: summary.of(context.scene).fingers)
 class DERMIS_PT_bake(DermisPanel, bpy.types.Panel):
-    """How to bake."""
+    """The bake: its button, or how far it is."""
 
     bl_idname = "DERMIS_PT_bake"
-    bl_label = "Bake Settings"
+    bl_label = "Bake"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the button; while it works, progress in its place."""
+        layout, there = self.layout, summary.of(context.scene)
+        if working(layout, context, "Bake"):
+            return
+        column = layout.column()
+        column.scale_y = 1.35
+        column.active = bool(there.touchables or there.screens) and len(there.idle) < len(there.fingers)
+        column.operator("dermis.bake", icon="REC")
+
+
+class DERMIS_PT_bake_settings(DermisPanel, bpy.types.Panel):
+    """How to bake."""
+
+    bl_idname = "DERMIS_PT_bake_settings"
+    bl_parent_id = "DERMIS_PT_bake"
+    bl_label = "Settings"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw rate, range and output."""
+        """Draw rate and range."""
         settings = context.scene.dermis
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        layout.prop(settings, "sample_rate")
-        layout.prop(settings, "use_range")
+        column = properties(self.layout, settings, "sample_rate", "use_range", keys=False)
         if settings.use_range:
-            column = layout.column(align=True)
             column.prop(settings, "frame_start")
             column.prop(settings, "frame_end")
-        layout.prop(settings, "output_dir")
-        layout.prop(settings, "plots")
-        layout.operator("dermis.export_scene", icon="FILE_CACHE")
-        layout.operator("dermis.export_screen_maps", icon="TEXTURE")
+
+
+@needs(lambda context: summary.of(context.scene).fingers)
+class DERMIS_PT_export(DermisPanel, bpy.types.Panel):
+    """What is written to files, and where."""
+
+    bl_idname = "DERMIS_PT_export"
+    bl_label = "Export"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw tracks first, which need a bake, then what needs none."""
+        layout, settings = self.layout, context.scene.dermis
+        column = layout.column()
+        column.scale_y = 1.35
+        column.enabled = store.state(context.scene) != "none"
+        column.operator("dermis.export_tracks", icon="EXPORT")
+        properties(layout, settings, "output_dir", "plots", keys=False)
+        row = layout.row(align=True)
+        row.operator("dermis.export_scene", icon="FILE_CACHE")
+        row.operator("dermis.export_screen_maps", icon="TEXTURE")
 
 
 @needs(lambda context: store.current(context.scene) is not None or bool(context.scene.dermis.bake_key))
@@ -44,6 +76,7 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
     """What the last bake gave."""
 
     bl_idname = "DERMIS_PT_result"
+    bl_parent_id = "DERMIS_PT_bake"
     bl_label = "Result"
 
     def draw_header(self, context: bpy.types.Context) -> None:
@@ -52,7 +85,7 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
             self.layout.label(text="", icon="ERROR")
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw tracks, counters and times."""
+        """Draw tracks."""
         layout, scene = self.layout, context.scene
         state, result = store.state(scene), store.current(scene)
         if result is None:
@@ -67,7 +100,6 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
         elif state == "earlier":
             paragraph(layout, context, "From an earlier session; the scene may have changed since.", "INFO")
         self._tracks(result.bake)
-        self._figures(result.bake)
 
     def _tracks(self, bake: Any) -> None:
         for output in bake.outputs:
@@ -82,22 +114,37 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
                 if count:
                     box.label(text=f"{count:,} limited: {name.replace('_', ' ').replace('.', ', ')}", icon="ERROR")
 
-    def _figures(self, bake: Any) -> None:
+
+@needs(lambda context: store.current(context.scene) is not None)
+class DERMIS_PT_result_details(DermisPanel, bpy.types.Panel):
+    """What was skipped, and how long it took."""
+
+    bl_idname = "DERMIS_PT_result_details"
+    bl_parent_id = "DERMIS_PT_result"
+    bl_label = "Details"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw counters and times."""
+        result = store.current(context.scene)
+        if result is None:
+            return
         column = self.layout.column(align=True)
         column.active = False
         column.scale_y = 0.85
-        for name, count in bake.skipped.items():
+        for name, count in result.bake.skipped.items():
             if count:
                 column.label(text=f"Skipped, {name.replace('_', ' ')}: {count:,}")
-        if bake.stage_seconds:
-            times = ", ".join(f"{name} {1e3 * seconds:.0f} ms" for name, seconds in bake.stage_seconds.items())
-            paragraph(column, bpy.context, f"Took {times}")
+        if result.bake.stage_seconds:
+            times = ", ".join(f"{name} {1e3 * seconds:.0f} ms" for name, seconds in result.bake.stage_seconds.items())
+            paragraph(column, context, f"Took {times}")
 
 
 class DERMIS_PT_findings(DermisPanel, bpy.types.Panel):
     """What was noticed while sampling, rendering and checking."""
 
     bl_idname = "DERMIS_PT_findings"
+    bl_parent_id = "DERMIS_PT_bake"
     bl_label = "Findings"
 
     @classmethod
@@ -133,5 +180,11 @@ class DERMIS_PT_findings(DermisPanel, bpy.types.Panel):
             self.layout.label(text=f"and {len(numbered) - MAX_FINDINGS} more")
 
 
-RESULT: tuple[type, ...] = (DERMIS_PT_result, DERMIS_PT_findings)
-SETTINGS: tuple[type, ...] = (DERMIS_PT_bake,)
+CLASSES: tuple[type, ...] = (
+    DERMIS_PT_bake,
+    DERMIS_PT_bake_settings,
+    DERMIS_PT_result,
+    DERMIS_PT_result_details,
+    DERMIS_PT_findings,
+    DERMIS_PT_export,
+)

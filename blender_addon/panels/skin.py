@@ -6,7 +6,7 @@ import bpy
 
 from .. import choices
 from .._core import core
-from ..layouts import paragraph, properties
+from ..layouts import editable, paragraph, preset, properties
 from ..polls import needs
 from ..preview import skin_preview
 from ..preview.skin_state import SkinState
@@ -25,21 +25,23 @@ class DERMIS_PT_skin(DermisPanel, bpy.types.Panel):
     """A finger's skin."""
 
     bl_idname = "DERMIS_PT_skin"
-    bl_label = "Skin"
-    bl_parent_id = "DERMIS_PT_object"
+    bl_label = "Touch: Skin"
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw_header(self, context: bpy.types.Context) -> None:
         """Draw the switch."""
+        editable(self.layout, context.object)
         self.layout.prop(_finger(context).skin, "shown", text="")
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw preset, accuracy, stiffness and touch depth."""
         layout, skin = self.layout, _finger(context).skin
         layout.active = skin.shown
+        editable(layout, context.object)
         title = next(
             (e.name for e in choices.entries("skins") if e.key == skin.preset), skin.preset.replace("_", " ").title()
         )
-        layout.operator("dermis.choose_skin", text=title or "From Preset", icon="PRESET")
+        preset(layout, "skins", "dermis.choose_skin", title)
         if skin.mesh_file:
             properties(layout, skin, "mesh_file", keys=False)
         else:
@@ -68,6 +70,7 @@ class DERMIS_PT_skin_size(DermisPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the lengths."""
         skin = _finger(context).skin
+        editable(self.layout, context.object)
         for names in (
             ("width_mm", "thickness_mm", "length_mm", "tip_mm"),
             ("nail_width_mm", "nail_length_mm", "nail_margin_mm"),
@@ -77,12 +80,13 @@ class DERMIS_PT_skin_size(DermisPanel, bpy.types.Panel):
             properties(self.layout, skin, *names, keys=False)
 
 
-@needs(lambda context: summary.of(context.scene).fingers)
+@needs(lambda context: summary.of(context.scene).skins)
 class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
     """How the view shows skins, and what they feel now."""
 
     bl_idname = "DERMIS_PT_skin_view"
     bl_label = "Skin Heat Map"
+    bl_parent_id = "DERMIS_PT_preview"
 
     def draw_header(self, context: bpy.types.Context) -> None:
         """Draw the switch."""
@@ -91,9 +95,6 @@ class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw quantity and range, then each finger's figures."""
         layout, scene = self.layout, context.scene
-        if not summary.of(scene).skins:
-            paragraph(layout, context, "No finger shows its skin: switch Skin on in a finger's Object panel.", "INFO")
-            return
         view = scene.dermis.skin_view
         column = properties(layout, view, "quantity", keys=False)
         column.active = view.show
@@ -139,7 +140,7 @@ class DERMIS_PT_skin_work(DermisPanel, bpy.types.Panel):
     """What was solved, what was skipped, and what did not converge."""
 
     bl_idname = "DERMIS_PT_skin_work"
-    bl_label = "Solved and Skipped"
+    bl_label = "Details"
     bl_parent_id = "DERMIS_PT_skin_view"
     bl_options = {"DEFAULT_CLOSED"}
 

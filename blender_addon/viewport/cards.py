@@ -32,6 +32,7 @@ SOURCE_COLOURS = {
     "device": paint.GREEN,
     "file": paint.GREEN,
 }
+SLIM = 200  # in a view with less room than that for a device, all are folded [px at scale 1]
 _handlers = Handlers()
 
 
@@ -77,8 +78,9 @@ class Plan(NamedTuple):
         Devices are folded, the last ones first, until they fit, and all of them where pads would have no room else.
         """
         low = room._replace(height=TALL * room.height)
-        width = device_cards.WIDTH
-        left = low._replace(width=max(WIDE * room.width, min(width, room.width)))
+        width = min(device_cards.WIDTH, room.width)
+        left = low._replace(width=max(WIDE * room.width, width))
+        folded = folded or width < SLIM
         plan = cls([], 0, [], False)
         for fold in (True,) if folded else (False, True):
             lines = [device_cards.FOLDED if fold else height for height in heights]
@@ -142,9 +144,9 @@ def _devices(devices: Preview, rows: Sequence[tuple[Row, Twin | None]], plan: Pl
         elif i > shown_count:
             _missing(len(rows) - shown_count, "device", at, scale)
         elif i < plan.open_devices:
-            device_cards.opened(*rows[i - 1], at, scale)
+            device_cards.card(*rows[i - 1], at, scale)
         else:
-            device_cards.folded(rows[i - 1][0], at, scale)
+            device_cards.line(rows[i - 1][0], at, scale)
 
 
 def _skins(skins: Shown, order: Sequence[int], view: Any, plan: Plan, scale: float) -> None:
@@ -154,9 +156,9 @@ def _skins(skins: Shown, order: Sequence[int], view: Any, plan: Plan, scale: flo
         if i == shown_count:
             _missing(len(order) - shown_count, "pad", at, scale)
         elif plan.open_pads:
-            skin_cards.opened(skins, order[i], view, at, scale)
+            skin_cards.card(skins, order[i], view, at, scale)
         else:
-            skin_cards.folded(skins.states[order[i]], at, scale)
+            skin_cards.line(skins.states[order[i]], at, scale)
 
 
 def _legend(

@@ -27,7 +27,7 @@ def height(row: Row) -> float:
     return DIAL + 3.0 * MARGIN + LINE if tall else 3 * LINE + 2 * MARGIN
 
 
-def opened(row: Row, twin: Twin | None, place: Box, scale: float) -> None:
+def card(row: Row, twin: Twin | None, place: Box, scale: float) -> None:
     """Draw a device's card into a place."""
     left, bottom, *_ = place
     paint.rectangle(*place, PANEL)
@@ -49,7 +49,7 @@ def opened(row: Row, twin: Twin | None, place: Box, scale: float) -> None:
             platform_card.card(row, state, x, low, width, scale)
 
 
-def folded(row: Row, place: Box, scale: float) -> None:
+def line(row: Row, place: Box, scale: float) -> None:
     """Draw a device's name and what it does now in one line."""
     paint.rectangle(*place, PANEL)
     x, y = place.left + MARGIN * scale, place.bottom + 0.3 * place.height

@@ -25,7 +25,7 @@ def sizes(map_size: float) -> list[tuple[float, float]]:
     return [(width, min(map_size, width / ASPECT) + _beneath(width)) for width in (wide, NARROW, COMPACT)]
 
 
-def opened(now: Shown, i: int, view: Any, place: Box, scale: float) -> None:
+def card(now: Shown, i: int, view: Any, place: Box, scale: float) -> None:
     """Draw a pad's map and figures into a place."""
     state, drawn = now.states[i], now.drawn[i]
     beneath = _beneath(place.width / scale) * scale
@@ -43,7 +43,7 @@ def _beneath(width: float) -> float:
     return (5.2 if width >= 0.99 * NARROW else 3.0) * LINE + MARGIN
 
 
-def folded(state: SkinState, place: Box, scale: float) -> None:
+def line(state: SkinState, place: Box, scale: float) -> None:
     """Draw a pad's name, forces and depth in one line."""
     paint.rectangle(*place, paint.PANEL)
     x, y, width = place.left + 9 * scale, place.bottom + 0.3 * place.height, place.width - 18 * scale

@@ -46,7 +46,7 @@ def of(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> tuple[Doubt, 
 
 def look(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> tuple[Doubt, ...]:
     """Look for doubts at the current frame, as it was evaluated last: a panel may ask while it is drawn."""
-    fingers = [obj for obj in scene.objects if obj.dermis.role == "FINGER"]
+    fingers = [obj for obj in scene.objects if obj.dermis.role == "FINGER" and obj.is_editable]
     if not fingers:
         return ()
     unit, solids = metres_per_unit(scene), bodies(scene, view_layer)
@@ -80,8 +80,8 @@ def mend(context: bpy.types.Context, code: str, name: str) -> None:
         for finger in scene.objects:
             if finger.dermis.role == "FINGER":
                 fingertip_mesh.fit(finger, skin_properties.lengths(finger.dermis.finger.skin), metres_per_unit(scene))
-    elif obj is None or obj.dermis.role != "FINGER":
-        raise DermisError("there is no such finger any more", value=name)
+    elif obj is None or obj.dermis.role != "FINGER" or not obj.is_editable:
+        raise DermisError("there is no such finger in this file", value=name)
     elif code == "finger-scale":
         place, turn, _ = obj.matrix_world.decompose()
         obj.matrix_world = Matrix.LocRotScale(place, turn, None)

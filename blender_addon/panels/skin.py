@@ -110,8 +110,9 @@ class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
         states = now.skins.states if now is not None else ()
         if not states and not skin_preview.failure():
             paragraph(layout, context, "Move along the timeline to see what the skin feels.")
+        said = now.devices.note if now is not None and now.devices is not None else ""
         for state in states:
-            _figures(layout.box().column(align=True), context, state)
+            _figures(layout.box().column(align=True), context, state, said)
         if states:
             deepest = max(s.depth for s in states)
             text = skin_field.error_text(states)
@@ -159,11 +160,11 @@ class DERMIS_PT_skin_work(DermisPanel, bpy.types.Panel):
             _pair(column, f"stress {name}", f"{count:,}", "BLANK1")
 
 
-def _figures(column: Any, context: bpy.types.Context, state: SkinState) -> None:
+def _figures(column: Any, context: bpy.types.Context, state: SkinState, said: str) -> None:
     column.scale_y = 0.85
     icon = {"bake": "CHECKMARK", "live": "PLAY", "none": "TIME"}.get(state.source, "ERROR")
     column.label(text=state.finger, icon=icon)
-    if state.note:
+    if state.note not in ("", said):  # which stands above
         paragraph(column, context, state.note[:1].upper() + state.note[1:], inset=20.0)
     if not state.touching:
         return

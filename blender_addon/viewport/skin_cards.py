@@ -118,7 +118,8 @@ class Legend(NamedTuple):
         deep = max((s.depth for s in now.states), default=0.0) > 2e-3
         noted = next((s for s in now.states if s.note not in ("", said) and s.work != "rendered"), None)
         off = paint.wrapped(skin_field.error_text(now.states), 42) if full else []
-        note = paint.wrapped(noted.note, 42) if noted is not None and full else []
+        own = "skin: " if said else ""  # of which both frames are, where devices began at another one
+        note = paint.wrapped(own + noted.note, 42) if noted is not None and full else []
         return cls(off, deep, note, noted.source if noted is not None else "")
 
     @property

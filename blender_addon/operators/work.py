@@ -109,6 +109,17 @@ def select_only(context: bpy.types.Context, obj: bpy.types.Object) -> None:
     context.view_layer.objects.active = obj
 
 
+def zoom(context: bpy.types.Context) -> None:
+    """Bring what was added into view: a fingertip is a speck in a view made for a two-metre cube."""
+    area = context.area
+    if area is None or area.type != "VIEW_3D" or bpy.app.background:
+        return
+    region = next((r for r in area.regions if r.type == "WINDOW"), None)
+    if region is not None:
+        with context.temp_override(area=area, region=region):
+            bpy.ops.view3d.view_selected()
+
+
 def counted(number: int, what: str = "file") -> str:
     """Return '1 file', '2 files'."""
     return f"{number} {what}{'' if number == 1 else 's'}"

@@ -1,5 +1,6 @@
 """The presets that menus offer, read when a menu is opened or a finger is first shown, and never while drawing."""
 
+import re
 from typing import Any
 
 from ._core import core
@@ -14,6 +15,7 @@ ICONS = {
     "platform": "CON_KINEMATIC",
 }
 
+_PAGE = re.compile(r"\s*See \S+\.md\.?")  # which readers of files find beside them
 _cache: dict[str, tuple[Any, ...]] = {}
 _kinds: dict[str, str] = {}
 _words: dict[tuple[str, str], str] = {}
@@ -27,7 +29,7 @@ def refresh() -> None:
         _cache[group] = presets.list(group)
         for entry in _cache[group]:
             text = presets.load(group, entry.key).get("description", "") if entry.error is None else ""
-            _words[group, entry.key] = str(text)
+            _words[group, entry.key] = _PAGE.sub("", str(text))
     _kinds.clear()
     for entry in _cache["devices"]:
         if entry.error is None:

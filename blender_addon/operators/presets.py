@@ -94,7 +94,7 @@ class DERMIS_OT_save_preset(_Preset, bpy.types.Operator):
         entry = choices.entry(self.group, found.preset) if found is not None else None
         if entry is not None:
             self.name = entry.name if entry.user else f"My {entry.name}"
-        return context.window_manager.invoke_props_dialog(self)
+        return context.window_manager.invoke_props_dialog(self, confirm_text="Save")
 
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw the name alone: the button says of what."""

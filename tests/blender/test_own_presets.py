@@ -117,5 +117,6 @@ def test_settings_in_a_device_file_are_checked(folder: Path) -> None:
 def test_a_device_button_says_what_the_device_is() -> None:
     props = type("Properties", (), {"preset": "haptip"})
     operator = bpy.types.DERMIS_OT_add_device
-    assert operator.description(bpy.context, props).startswith("Wearable 2-DoF tactor")
+    said = operator.description(bpy.context, props)
+    assert said.startswith("Wearable 2-DoF tactor") and ".md" not in said
     assert len({choices.icon(kind) for kind in ("shear_tactor", "friction_screen", "thimble", "hexapod")}) == 4

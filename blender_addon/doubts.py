@@ -188,18 +188,22 @@ def _pressed(
 ) -> Iterator[Doubt]:
     """Doubt presses: how deep, and from which side; now, and at the finger's keys in what keeps still."""
     thick, bone = (length / unit for length in _to_nail_and_bone(finger))
-    still = [body for body in solids if not presses.moves(body)]
+    reach = _NEAR / unit
+    balls = [(body, *presses.ball(body)) for body in solids]
+    still = [ball for ball in balls if not presses.moves(ball[0])]
     deepest, sides, through = 0.0, [], ""
-    poses = [(finger.matrix_world.copy(), solids), *((p, still) for p in presses.keyed(finger, _KEYS).values())]
+    poses = [(finger.matrix_world.copy(), balls), *((p, still) for p in presses.keyed(finger, _KEYS).values())]
     for pose, near in poses:
-        for body in near:
+        for body, middle, radius in near:
+            if (pose.translation - middle).length > radius + thick + reach:
+                continue
             deep = presses.depth(body, pose, thick, depsgraph)
             inside = deep > 0.0 and surfaces.inside(body, pose.translation, depsgraph)
             if deep > bone and not inside:
                 through = body.name
             elif deep <= 0.5 * thick:  # deeper is inside, not pressed
                 deepest = max(deepest, deep)
-            side = 1.0 if deep > 0.0 else presses.side(body, pose, thick, _NEAR / unit, depsgraph)
+            side = 1.0 if deep > 0.0 else presses.side(body, pose, thick, reach, depsgraph)
             sides += [side] if side is not None else []
     if sides and max(sides) < _AWAY:
         text = f"{finger.name} passes things with its nail, not with its pad"

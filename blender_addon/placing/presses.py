@@ -40,6 +40,13 @@ def keyed(finger: bpy.types.Object, most: int) -> dict[float, Matrix]:
     return {frame: _pose(finger, curves, frame) for frame in frames}
 
 
+def ball(body: bpy.types.Object) -> tuple[Vector, float]:
+    """Return middle and radius of a ball about an object, in scene units."""
+    corners = [body.matrix_world @ Vector(corner) for corner in body.bound_box]
+    middle = sum(corners, Vector()) / len(corners)
+    return middle, max((corner - middle).length for corner in corners)
+
+
 def depth(body: bpy.types.Object, pose: Matrix, thickness: float, depsgraph: bpy.types.Depsgraph) -> float:
     """Return how far a body's surface is above the pad, within the finger and from its pad's side; 0 where it is not.
 

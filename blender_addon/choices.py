@@ -59,6 +59,8 @@ def description(group: str, key: str) -> str:
 
 def search(group: str, text: str) -> list[str]:
     """Return the keys of presets in whose key or name a text stands, for fields that offer them while one types."""
+    if not known():
+        refresh()
     return [entry.key for entry in entries(group) if text.lower() in f"{entry.key} {entry.name}".lower()]
 
 

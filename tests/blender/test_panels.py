@@ -166,6 +166,7 @@ def test_the_tab_reads_from_top_to_bottom() -> None:
 def test_a_preset_has_a_name_before_presets_were_read() -> None:
     choices.forget()
     assert choices.title("materials", "grill_plate") == "Grill Plate" and choices.description("devices", "haptip") == ""
+    assert not choices.known() and choices.search("devices", "HapTip") == ["haptip"]  # a field that is typed into
 
 
 def test_presets_are_read_again_only_when_a_file_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -71,9 +71,18 @@ class Plan(NamedTuple):
 
     @classmethod
     def of(
-        cls, heights: Sequence[float], pads: int, map_size: float, room: Box, taken: Sequence[Box], *, folded: bool
+        cls,
+        heights: Sequence[float] | None,
+        pads: int,
+        map_size: float,
+        room: Box,
+        taken: Sequence[Box],
+        *,
+        folded: bool,
     ) -> Plan:
         """Plan for devices of these heights and a number of pads [px at scale 1]; all are folded where that is asked.
+
+        None instead of heights: not even the line of words.
 
         Devices are folded, the last ones first, until they fit, and all of them where pads would have no room else.
         """
@@ -83,9 +92,9 @@ class Plan(NamedTuple):
         folded = folded or width < SLIM
         plan = cls([], 0, [], False)
         for fold in (True,) if folded else (False, True):
-            lines = [device_cards.FOLDED if fold else height for height in heights]
+            lines = [device_cards.FOLDED if fold else height for height in heights or ()]
             kept, devices = packing.folding(
-                [device_cards.FOLDED, *lines] if lines else [],
+                [device_cards.FOLDED, *lines] if heights is not None else [],
                 device_cards.FOLDED,
                 lambda lengths: packing.columns(lengths, width, left, taken, GAP),
             )
@@ -123,15 +132,17 @@ def _draw() -> None:
     if settings.show_readout and devices is not None:
         rows = [(devices.rows[i], now.twins[i]) for i in order(tuple(row.finger for row in devices.rows), fingers)]
     pads = order(tuple(state.finger for state in skins.states), fingers) if settings.skin_view.maps else ()
-    heights = [device_cards.height(row) for row, _ in rows]
+    alone = devices is not None and devices.source == "live" and not skins.states  # else the legend says it
+    said = settings.show_readout and (rows or alone)
+    heights = [device_cards.height(row) for row, _ in rows] if said else None
     plan = Plan.of(heights, len(pads), settings.skin_view.map_size, room, taken, folded=settings.fold_cards)
     gpu.state.blend_set("ALPHA")
     if devices is not None:
         _devices(devices, rows, plan, scale)
     _skins(skins, pads, settings.skin_view, plan, scale)
     if skins.states and settings.skin_view.legend:
-        said = devices.note if devices is not None and plan.devices else ""
-        _legend(skins, settings.skin_view, room, [*taken, *plan.devices], plan.pads, scale, said)
+        note = devices.note if devices is not None and plan.devices else ""
+        _legend(skins, settings.skin_view, room, [*taken, *plan.devices], plan.pads, scale, note)
     gpu.state.blend_set("NONE")
 
 
@@ -140,7 +151,8 @@ def _devices(devices: Preview, rows: Sequence[tuple[Row, Twin | None]], plan: Pl
     shown_count = len(rows) if len(plan.devices) > len(rows) else len(plan.devices) - 2
     for i, at in enumerate(place.scaled(scale) for place in plan.devices):
         if i == 0:
-            _line(devices.note, at, SOURCE_COLOURS[devices.source], scale)
+            place = at if rows else at._replace(width=0.0)  # alone it may be as long as it is
+            _line(devices.note, place, SOURCE_COLOURS[devices.source], scale)
         elif i > shown_count:
             _missing(len(rows) - shown_count, "device", at, scale)
         elif i < plan.open_devices:

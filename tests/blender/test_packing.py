@@ -124,7 +124,8 @@ def test_what_shall_be_folded_is() -> None:
     plan = cards.Plan.of(TACTORS, 3, 180, LARGE, (), folded=True)
     assert (plan.open_devices, plan.open_pads) == (1, False)
     assert [box.height for box in (*plan.devices, *plan.pads)] == [22] * 9
-    assert cards.Plan.of([], 0, 180, LARGE, (), folded=False) == ([], 0, [], True)
+    assert cards.Plan.of(None, 0, 180, LARGE, (), folded=False) == ([], 0, [], True)
+    assert cards.Plan.of([], 0, 180, LARGE, (), folded=False) == ([Box(70, 12, 260, 22)], 1, [], True)
 
 
 def test_any_number_of_cards_keeps_apart_in_any_view() -> None:

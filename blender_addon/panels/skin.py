@@ -15,6 +15,11 @@ from . import summary
 from .main import DermisPanel
 
 
+def _states(context: bpy.types.Context) -> tuple[SkinState, ...]:
+    now = shown.now(context.scene)
+    return now.skins.states if now is not None else ()
+
+
 def _finger(context: bpy.types.Context) -> Any:
     obj = context.object
     return obj.dermis.finger if obj is not None and obj.dermis.role == "FINGER" else None
@@ -93,7 +98,7 @@ class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
         self.layout.prop(context.scene.dermis.skin_view, "show", text="")
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw quantity and range, then each finger's figures."""
+        """Draw quantity and range, and how far off the model is."""
         layout, scene = self.layout, context.scene
         view = scene.dermis.skin_view
         column = properties(layout, view, "quantity", keys=False)
@@ -106,17 +111,30 @@ class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
             column.prop(view, "maximum", text=f"Maximum [{skin_field.QUANTITIES[view.quantity].unit}]")
         if skin_preview.failure():
             paragraph(layout, context, skin_preview.failure(), "ERROR")
-        now = shown.now(scene)
-        states = now.skins.states if now is not None else ()
+        states = _states(context)
         if not states and not skin_preview.failure():
             paragraph(layout, context, "Move along the timeline to see what the skin feels.")
-        said = now.devices.note if now is not None and now.devices is not None else ""
-        for state in states:
-            _figures(layout.box().column(align=True), context, state, said)
         if states:
             deepest = max(s.depth for s in states)
             text = skin_field.error_text(states)
             paragraph(layout, context, text[:1].upper() + text[1:], "ERROR" if deepest > 2e-3 else "INFO")
+
+
+@needs(lambda context: bool(_states(context)))
+class DERMIS_PT_skin_values(DermisPanel, bpy.types.Panel):
+    """What each pad feels, in figures."""
+
+    bl_idname = "DERMIS_PT_skin_values"
+    bl_label = "Values"
+    bl_parent_id = "DERMIS_PT_skin_view"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw a box a finger."""
+        now = shown.now(context.scene)
+        said = now.devices.note if now is not None and now.devices is not None else ""
+        for state in _states(context):
+            _figures(self.layout.box().column(align=True), context, state, said)
 
 
 class DERMIS_PT_skin_style(DermisPanel, bpy.types.Panel):
@@ -149,8 +167,7 @@ class DERMIS_PT_skin_work(DermisPanel, bpy.types.Panel):
         """Draw the counters of each finger."""
         column = self.layout.column(align=True)
         column.scale_y = 0.85
-        now = shown.now(context.scene)
-        for state in now.skins.states if now is not None else ():
+        for state in _states(context):
             column.label(text=state.finger)
             for name, count in state.counters.items():
                 if count:
@@ -207,4 +224,10 @@ class DERMIS_MT_skins(bpy.types.Menu):
 
 
 OBJECT: tuple[type, ...] = (DERMIS_PT_skin, DERMIS_PT_skin_size)
-VIEW: tuple[type, ...] = (DERMIS_PT_skin_view, DERMIS_PT_skin_style, DERMIS_PT_skin_work, DERMIS_MT_skins)
+VIEW: tuple[type, ...] = (
+    DERMIS_PT_skin_view,
+    DERMIS_PT_skin_values,
+    DERMIS_PT_skin_style,
+    DERMIS_PT_skin_work,
+    DERMIS_MT_skins,
+)

@@ -6,7 +6,7 @@ from .preview import skin_preview
 from .properties import object_properties, scene_properties
 from .streaming import session_events, streaming_properties
 from .timeline import strip
-from .viewport import overlay, shown, skin_view
+from .viewport import cards, overlay, shown, skin_view
 
 MODULES = (
     preferences,
@@ -22,6 +22,7 @@ MODULES = (
     shown,
     skin_view,
     strip,
+    cards,
     handlers,
     session_events,
     commands,

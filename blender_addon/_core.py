@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     import core.motion
     import core.npz
     import core.pipeline.bake
+    import core.own_presets
     import core.parameters.device
     import core.parameters.finger
     import core.parameters.material

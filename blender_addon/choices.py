@@ -1,14 +1,24 @@
 """The presets that menus offer, read when a menu is opened or a finger is first shown, and never while drawing."""
 
+import re
 from typing import Any
 
 from ._core import core
 from .preferences import library
 
-ICONS = {"screen": "DESKTOP", "pins": "LIGHTPROBE_VOLUME"}  # by how a kind of device is drawn
+# By how a kind of device is drawn.
+ICONS = {
+    "tactor": "MOD_WARP",
+    "screen": "DESKTOP",
+    "pins": "LIGHTPROBE_VOLUME",
+    "thimble": "CON_ARMATURE",
+    "platform": "CON_KINEMATIC",
+}
 
+_PAGE = re.compile(r"\s*See \S+\.md\.?")  # which readers of files find beside them
 _cache: dict[str, tuple[Any, ...]] = {}
 _kinds: dict[str, str] = {}
+_words: dict[tuple[str, str], str] = {}
 _target = ""
 
 
@@ -17,6 +27,9 @@ def refresh() -> None:
     presets = library()
     for group in ("devices", "materials", "skins"):
         _cache[group] = presets.list(group)
+        for entry in _cache[group]:
+            text = presets.load(group, entry.key).get("description", "") if entry.error is None else ""
+            _words[group, entry.key] = _PAGE.sub("", str(text))
     _kinds.clear()
     for entry in _cache["devices"]:
         if entry.error is None:
@@ -34,13 +47,20 @@ def entry(group: str, key: str) -> Any:
 
 
 def title(group: str, key: str) -> str:
-    """Return a preset's name for people; its key where that is not known."""
+    """Return a preset's name for people; where there is none of that key, the key; before any was read, from it."""
     found = entry(group, key)
-    return str(found.name) if found is not None else key
+    return str(found.name) if found is not None else key if known() else key.replace("_", " ").title()
+
+
+def description(group: str, key: str) -> str:
+    """Return what a preset is, in its own words; '' where that is not known."""
+    return _words.get((group, key), "")
 
 
 def search(group: str, text: str) -> list[str]:
     """Return the keys of presets in whose key or name a text stands, for fields that offer them while one types."""
+    if not known():
+        refresh()
     return [entry.key for entry in entries(group) if text.lower() in f"{entry.key} {entry.name}".lower()]
 
 
@@ -57,7 +77,7 @@ def kind_of(key: str) -> str:
 def icon(kind: str) -> str:
     """Return the icon of a kind of device."""
     row = core.devices.kinds.KINDS.get(kind)
-    return ICONS.get(row.drawn if row is not None else "", "MOD_WARP")
+    return ICONS.get(row.drawn if row is not None else "", "ANIM")
 
 
 def first_of_kind(kind: str) -> str:
@@ -82,3 +102,4 @@ def forget() -> None:
     """Drop what was read."""
     _cache.clear()
     _kinds.clear()
+    _words.clear()

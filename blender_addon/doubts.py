@@ -10,7 +10,8 @@ from mathutils import Matrix
 
 from . import changes, fingertip_mesh
 from ._core import DermisError, core
-from .placing import surfaces
+from .devices import active_presets
+from .placing import presses, surfaces
 from .properties import skin_properties
 from .quantities import metres_per_unit
 from .sampling import participants
@@ -18,6 +19,10 @@ from .sampling import participants
 HUGE = 3.0  # [m] things that a fingertip touches are smaller, as a rule
 UNLIKE = 4.0  # times as long or as short as its bone that a fingertip is doubted
 _ONE = 0.01  # by which a scale may be off 1
+_KEYS = 40  # of a finger that are looked at
+_DEEPEST = 2e-3  # [m] that linear skin is trusted to, as the engine's finding 'too-deep' says
+_PRESS = 1e-3  # [m] that a finger is left in what it went through
+_NEAR, _AWAY = 3e-3, -0.5  # [m] from a finger that something counts as passed, and how much on the nail's side it lies
 _LENGTHS = core.parameters.skin.LENGTHS
 
 _kept: core.recent.Recent[tuple[int, int, int], tuple[Doubt, ...]] = core.recent.Recent(4)
@@ -41,7 +46,7 @@ def of(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> tuple[Doubt, 
 
 def look(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> tuple[Doubt, ...]:
     """Look for doubts at the current frame, as it was evaluated last: a panel may ask while it is drawn."""
-    fingers = [obj for obj in scene.objects if obj.dermis.role == "FINGER"]
+    fingers = [obj for obj in scene.objects if obj.dermis.role == "FINGER" and obj.is_editable]
     if not fingers:
         return ()
     unit, solids = metres_per_unit(scene), bodies(scene, view_layer)
@@ -50,6 +55,7 @@ def look(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> tuple[Doubt
         found += _finger(finger, unit)
         if view_layer.depsgraph is not None:
             found += _swallowed(finger, solids, view_layer.depsgraph, unit)
+            found += _pressed(finger, solids, view_layer.depsgraph, unit)
     return tuple(found)
 
 
@@ -74,8 +80,8 @@ def mend(context: bpy.types.Context, code: str, name: str) -> None:
         for finger in scene.objects:
             if finger.dermis.role == "FINGER":
                 fingertip_mesh.fit(finger, skin_properties.lengths(finger.dermis.finger.skin), metres_per_unit(scene))
-    elif obj is None or obj.dermis.role != "FINGER":
-        raise DermisError("there is no such finger any more", value=name)
+    elif obj is None or obj.dermis.role != "FINGER" or not obj.is_editable:
+        raise DermisError("there is no such finger in this file", value=name)
     elif code == "finger-scale":
         place, turn, _ = obj.matrix_world.decompose()
         obj.matrix_world = Matrix.LocRotScale(place, turn, None)
@@ -89,6 +95,13 @@ def mend(context: bpy.types.Context, code: str, name: str) -> None:
         skin_properties.apply_preset(skin, {n: v * (scale if n in _LENGTHS else 1.0) for n, v in values.items()})
     elif code == "inside":
         into_open(context, obj)
+    elif code == "away":
+        thick = skin_properties.lengths(obj.dermis.finger.skin)["thickness"] / metres_per_unit(scene)
+        presses.repose(obj, lambda pose: presses.turned(pose, thick))
+    elif code == "deep":
+        obj.dermis.finger.skin.depth_mode = "compliant"
+    elif code == "thin":
+        out_of_bone(context, obj)
     changes.mark_dirty(name)
 
 
@@ -105,6 +118,20 @@ def into_open(context: bpy.types.Context, finger: bpy.types.Object) -> None:
             surfaces.lie(finger, spot, 0.0)
             return
     raise DermisError("it is inside nothing", where=f"finger '{finger.name}'")
+
+
+def out_of_bone(context: bpy.types.Context, finger: bpy.types.Object) -> None:
+    """Raise a finger, wherever something went through its bone, until it is only pressed."""
+    unit, depsgraph = metres_per_unit(context.scene), context.evaluated_depsgraph_get()
+    thick, bone = (length / unit for length in _to_nail_and_bone(finger))
+    solids = bodies(context.scene, context.view_layer)
+
+    def raised(pose: Matrix) -> Matrix:
+        deep = max((presses.depth(body, pose, thick, depsgraph) for body in solids), default=0.0)
+        up = pose.to_3x3().col[2].normalized()
+        return Matrix.Translation((deep - _PRESS / unit) * up) @ pose if deep > bone else pose
+
+    presses.repose(finger, raised)
 
 
 def _units(unit: float, solids: list[bpy.types.Object]) -> Iterator[Doubt]:
@@ -154,3 +181,51 @@ def _swallowed(
         if spot is not None and (spot.point - place).length * unit > deep:
             text = f"The pad of {finger.name} is inside {body.name}"
             yield Doubt("inside", finger.name, text, "Put It on the Surface")
+
+
+def _pressed(
+    finger: bpy.types.Object, solids: list[bpy.types.Object], depsgraph: bpy.types.Depsgraph, unit: float
+) -> Iterator[Doubt]:
+    """Doubt presses: how deep, and from which side; now, and at the finger's keys in what keeps still."""
+    thick, bone = (length / unit for length in _to_nail_and_bone(finger))
+    reach = _NEAR / unit
+    balls = [(body, *presses.ball(body)) for body in solids]
+    still = [ball for ball in balls if not presses.moves(ball[0])]
+    deepest, sides, through = 0.0, [], ""
+    poses = [(finger.matrix_world.copy(), balls), *((p, still) for p in presses.keyed(finger, _KEYS).values())]
+    for pose, near in poses:
+        for body, middle, radius in near:
+            if (pose.translation - middle).length > radius + thick + reach:
+                continue
+            deep = presses.depth(body, pose, thick, depsgraph)
+            inside = deep > 0.0 and surfaces.inside(body, pose.translation, depsgraph)
+            if deep > bone and not inside:
+                through = body.name
+            elif deep <= 0.5 * thick:  # deeper is inside, not pressed
+                deepest = max(deepest, deep)
+            side = 1.0 if deep > 0.0 else presses.side(body, pose, thick, reach, depsgraph)
+            sides += [side] if side is not None else []
+    if sides and max(sides) < _AWAY:
+        text = f"{finger.name} passes things with its nail, not with its pad"
+        yield Doubt("away", finger.name, text, "Turn the Pad to Them")
+    if through:
+        text = f"{through} is thinner than {finger.name} presses: it goes through the bone, and is not felt there"
+        yield Doubt("thin", finger.name, text, "Raise It to a Press of 1 mm")
+    elif (
+        deepest * unit > 1.02 * _DEEPEST and _solves_skin(finger) and finger.dermis.finger.skin.depth_mode == "animated"
+    ):
+        text = (
+            f"{finger.name} is pressed {1e3 * deepest * unit:.1f} mm deep; its skin is trusted to {1e3 * _DEEPEST:g} mm"
+        )
+        yield Doubt("deep", finger.name, text, "Let the Bone Give Way")
+
+
+def _to_nail_and_bone(finger: bpy.types.Object) -> tuple[float, float]:
+    """Return how far nail and bone are from the pad [m]."""
+    lengths = skin_properties.lengths(finger.dermis.finger.skin)
+    return lengths["thickness"], lengths["thickness"] - lengths["bone_bed"] - lengths["bone_thickness"]
+
+
+def _solves_skin(finger: bpy.types.Object) -> bool:
+    own = finger.dermis.finger
+    return own.skin.shown or any(d.enabled and active_presets.follows_skin(d.preset) for d in own.devices)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Generator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bpy
 
@@ -20,10 +20,44 @@ WORK_SECONDS = 0.05
 """Of work between two looks at the keyboard."""
 TIMER_SECONDS = 0.01
 """From one timer event to the next."""
+REDRAW_SECONDS = 0.25
+"""From one drawing of the side bars, which show how far a job is, to the next."""
 
 Steps = Generator[Any, None, Any]
 
 _running: list[Steps] = []
+
+
+class Progress(NamedTuple):
+    """How far the job is that runs in the window: its title, a share up to 1, and words."""
+
+    title: str
+    share: float
+    words: str
+
+
+_progress: Progress | None = None
+_drawn = 0.0  # when the side bars were asked to draw that
+
+
+def progress() -> Progress | None:
+    """Return how far the running job is; None without one."""
+    return _progress
+
+
+def _show(now: Progress | None) -> None:
+    """Keep how far a job is, and draw the side bars, but not at every step."""
+    global _progress, _drawn
+    _progress = now
+    clock = time.perf_counter()
+    if now is not None and clock - _drawn < REDRAW_SECONDS:
+        return
+    _drawn = clock
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            for region in area.regions:
+                if area.type == "VIEW_3D" and region.type == "UI":
+                    region.tag_redraw()
 
 
 class Job:
@@ -62,6 +96,7 @@ class Job:
         manager.progress_begin(0.0, 1.0)
         context.window.cursor_modal_set("WAIT")
         manager.modal_handler_add(self)
+        _show(Progress(self.job_title, 0.0, "preparing"))
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -113,6 +148,7 @@ class Job:
         context.window_manager.progress_update(share)
         if context.workspace is not None:
             done = f"{progress.stage} {progress.done} of {progress.total} ({share:.0%})"
+            _show(Progress(self.job_title, share, f"{progress.stage}, {share:.0%}"))
             context.workspace.status_text_set(f"{self.job_title}: {done}   |   Esc: cancel")
 
     def _end(self, context: bpy.types.Context) -> None:
@@ -125,6 +161,7 @@ class Job:
         timer, self._timer = self._timer, None
         if timer is None:
             return
+        _show(None)
         manager = context.window_manager
         manager.event_timer_remove(timer)
         manager.progress_end()
@@ -142,4 +179,5 @@ def unregister() -> None:
     """Stop whatever still runs, so that nothing of the add-on works on after it."""
     while _running:
         _running.pop().close()
+    _show(None)
     scene_sweep.forget()

@@ -41,3 +41,21 @@ def properties(layout: Any, group: Any, *names: str, keys: bool = True) -> Any:
     for name in names:
         column.prop(group, name)
     return column
+
+
+def preset(layout: Any, group: str, choose: str, title: str) -> None:
+    """Draw the button that chooses a preset, one that keeps the settings as one's own, and one that removes that."""
+    row = layout.row(align=True)
+    row.operator(choose, text=title or "From Preset", icon="PRESET")
+    own_presets(row, group)
+
+
+def own_presets(row: Any, group: str) -> None:
+    """Draw + and - for presets of one's own."""
+    row.operator("dermis.save_preset", text="", icon="ADD").group = group
+    row.operator("dermis.remove_preset", text="", icon="REMOVE").group = group
+
+
+def editable(layout: Any, obj: bpy.types.Object) -> None:
+    """Grey out what would not be saved: a linked object's settings are its own file's."""
+    layout.enabled = obj.is_editable

@@ -1,6 +1,7 @@
 # mypy: disable-error-code="valid-type"
 """Settings of the extension, and the folders that it writes to."""
 
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -34,8 +35,13 @@ def presets_folder() -> Path:
 
 
 def library() -> "core.presets.Library":
-    """Return the presets at hand: the built-in ones and the user's own."""
-    return core.presets.Library(presets_folder())
+    """Return the presets at hand: the built-in ones and the user's own; a file is read again when it has changed."""
+    return _library(presets_folder())
+
+
+@lru_cache(maxsize=2)
+def _library(folder: Path) -> "core.presets.Library":
+    return core.presets.Library(folder)
 
 
 class DermisPreferences(bpy.types.AddonPreferences):

@@ -17,6 +17,7 @@ from .devices.spec import DEVICE_SCHEMA, DeviceSpec, from_preset
 from .errors import DermisError
 from .files import read_json
 from .foreign import damage_told, is_newer
+from .parameters.device import DEVICE
 from .parameters.material import MATERIAL
 from .parameters.parameter import Table
 from .parameters.skin import SKIN
@@ -115,6 +116,14 @@ class Library:
         """
         return from_preset(key, self.load("devices", key))
 
+    def device_settings(self, key: str) -> dict[str, Any]:
+        """Return what a person's own device preset sets of a finger's device, in SI; nothing for a built-in one.
+
+        Raises:
+            DermisError: no such preset, or it is broken.
+        """
+        return device_settings(key, self.load("devices", key))
+
     def material(self, key: str) -> dict[str, Any]:
         """Return the parameters of a haptic material, in SI, by the names of `Body.parameters`.
 
@@ -195,6 +204,7 @@ def check(group: str, key: str, preset: Mapping[str, Any]) -> None:
         raise DermisError("'name' is missing or not a text", where=where, value=preset.get("name"))
     if group == "devices":
         check_device(from_preset(key, preset))
+        device_settings(key, preset)
     else:
         settings(group, key, preset)
 
@@ -205,9 +215,23 @@ def settings(group: str, key: str, preset: Mapping[str, Any]) -> dict[str, Any]:
     Raises:
         DermisError: an unknown parameter, or a value of another kind or unit than it has, or out of its range.
     """
-    where, table = f"{group[:-1]} preset '{key}'", TABLES[group]
+    where = f"{group[:-1]} preset '{key}'"
+    return _read(_group(preset, "parameters", where), TABLES[group], where)
+
+
+def device_settings(key: str, preset: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a device preset sets of a finger's device, in SI.
+
+    Raises:
+        DermisError: see `settings`.
+    """
+    where = f"device preset '{key}'"
+    return _read(_group(preset, "settings", where) if "settings" in preset else {}, DEVICE, where)
+
+
+def _read(fields: Mapping[str, Any], table: Table, where: str) -> dict[str, Any]:
     found: dict[str, Any] = {}
-    for name, field in _parameters(preset, where).items():
+    for name, field in fields.items():
         place = f"{where}, {name}"
         if name not in table:
             raise DermisError("unknown parameter", where=where, value=name, limit=", ".join(table))
@@ -217,8 +241,8 @@ def settings(group: str, key: str, preset: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _parameters(preset: Mapping[str, Any], where: str) -> Mapping[str, Any]:
-    parameters = preset.get("parameters")
-    if not isinstance(parameters, Mapping):
-        raise DermisError("'parameters' is missing or not an object", where=where, value=parameters)
-    return parameters
+def _group(preset: Mapping[str, Any], name: str, where: str) -> Mapping[str, Any]:
+    group = preset.get(name)
+    if not isinstance(group, Mapping):
+        raise DermisError(f"'{name}' is missing or not an object", where=where, value=group)
+    return group

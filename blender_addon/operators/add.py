@@ -10,7 +10,7 @@ from ..fingertip_mesh import mesh
 from ..polls import needs
 from ..properties import scene_properties
 from ..quantities import metres_per_unit
-from .work import select_only
+from .work import select_only, zoom
 
 
 def _place(context: bpy.types.Context, obj: bpy.types.Object) -> None:
@@ -19,17 +19,6 @@ def _place(context: bpy.types.Context, obj: bpy.types.Object) -> None:
     obj.matrix_world = Matrix.LocRotScale(context.scene.cursor.location, Euler((0.0, 0.0, 0.0)), None)
     select_only(context, obj)
     scene_properties.stamp(context.scene)
-
-
-def _zoom(context: bpy.types.Context) -> None:
-    """Bring what was added into view: a fingertip is a speck in a view made for a two-metre cube."""
-    area = context.area
-    if area is None or area.type != "VIEW_3D" or bpy.app.background:
-        return
-    region = next((r for r in area.regions if r.type == "WINDOW"), None)
-    if region is not None:
-        with context.temp_override(area=area, region=region):
-            bpy.ops.view3d.view_selected()
 
 
 @needs(lambda context: context.mode == "OBJECT", "Leave edit mode first")
@@ -51,7 +40,7 @@ class DERMIS_OT_add_finger(bpy.types.Operator):
         if self.device:
             obj.dermis.finger.devices.add().preset = self.device
         if self.frame_view:
-            _zoom(context)
+            zoom(context)
         return {"FINISHED"}
 
 
@@ -79,7 +68,7 @@ class DERMIS_OT_add_screen(bpy.types.Operator):
         obj = demo_scene.screen_object(size, image, metres_per_unit(context.scene))
         _place(context, obj)
         if self.frame_view:
-            _zoom(context)
+            zoom(context)
         return {"FINISHED"}
 
 

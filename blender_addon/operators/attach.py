@@ -14,7 +14,7 @@ from ..hands.skeleton import Hand
 from ..polls import needs
 from ..preferences import library
 from ..properties import scene_properties
-from .work import Work, counted, select_only
+from .work import Work, counted, select_only, zoom
 
 SIDES = {LEFT: "left hand", RIGHT: "right hand"}
 
@@ -45,7 +45,7 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
         name="Hand",
         description="Which hand of the armature",
         items=(
-            ("AUTO", "As Selected", "The hand of the active bone, else the right one"),
+            ("AUTO", "Auto", "The hand of the active bone, else the right one"),
             (LEFT, "Left", "The left hand"),
             (RIGHT, "Right", "The right hand"),
             ("BOTH", "Both", "Both hands"),
@@ -154,6 +154,7 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
             select_only(context, made[0])
             for obj in made:
                 obj.select_set(True)
+            zoom(context)
         scene_properties.stamp(context.scene)
 
 

@@ -10,13 +10,13 @@ from .. import animation_paths, changes, choices
 from .._core import DermisError
 from ..polls import needs
 from ..preferences import library
-from ..properties import scene_properties
+from ..properties import object_properties, scene_properties
 from .work import Chooser, Work, chosen
 
 
 def _finger(context: bpy.types.Context, name: str) -> Any:
     obj = context.scene.objects.get(name) if name else context.object
-    return obj if obj is not None and obj.dermis.role == "FINGER" else None
+    return obj if obj is not None and obj.dermis.role == "FINGER" and obj.is_editable else None
 
 
 class DERMIS_OT_choose_device(Chooser, bpy.types.Operator):
@@ -44,17 +44,27 @@ class DERMIS_OT_add_device(Work, bpy.types.Operator):
     preset: StringProperty(name="Device", description="Key of a device preset")
     finger: StringProperty(name="Finger", description="Object name; empty for the active object")
 
+    @classmethod
+    def description(cls, _context: bpy.types.Context, properties: Any) -> str:
+        """Say what the device is, then what the button does."""
+        what = choices.description("devices", properties.preset)
+        return "\n".join(text for text in (what, cls.__doc__) if text)
+
     def work(self, context: bpy.types.Context) -> str | None:
-        """Add it, if its preset can be used."""
+        """Add it, if its preset can be used, with the settings that a preset of one's own has."""
         obj = _finger(context, self.finger)
         if obj is None:
             where = f"object '{self.finger}'" if self.finger else ""
-            raise DermisError("not a finger", where=where, remedy="Select a finger")
-        library().device(self.preset)
+            raise DermisError("not a finger of this file", where=where, remedy="Select a finger that is not linked")
+        presets = library()
+        presets.device(self.preset)
+        settings = presets.device_settings(self.preset)
         fingers = [o for o in chosen(context) if o.dermis.role == "FINGER"]
         for each in fingers if obj in fingers else [obj]:
             devices = each.dermis.finger.devices
-            devices.add().preset = self.preset
+            device = devices.add()
+            device.preset = self.preset
+            object_properties.apply_parameters(device, settings)
             each.dermis.finger.active_device = len(devices) - 1
             changes.mark_dirty(each.name)
         scene_properties.stamp(context.scene)
@@ -63,7 +73,7 @@ class DERMIS_OT_add_device(Work, bpy.types.Operator):
 
 @needs(
     lambda context: _finger(context, "") is not None and bool(context.object.dermis.finger.devices),
-    "The active object is no finger with a device",
+    "The active object is no finger of this file with a device",
 )
 class DERMIS_OT_remove_device(bpy.types.Operator):
     """Take the selected device off the finger"""

@@ -25,8 +25,8 @@ class DERMIS_OT_mend(Work, bpy.types.Operator):
     bl_label = "Mend"
     bl_options = {"REGISTER", "UNDO", "INTERNAL"}
 
-    code: StringProperty(name="Code", description="What is doubtful", options={"SKIP_SAVE"})
-    name: StringProperty(name="Object", description="Whose", options={"SKIP_SAVE"})
+    code: StringProperty(name="Code", description="What is doubtful", options={"HIDDEN", "SKIP_SAVE"})
+    name: StringProperty(name="Object", description="Whose", options={"HIDDEN", "SKIP_SAVE"})
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Mend it."""

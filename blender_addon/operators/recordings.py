@@ -9,18 +9,22 @@ from mathutils import Matrix
 
 from .. import changes
 from .._core import DermisError
+from ..layouts import properties, words
 from ..placing import keyed_poses, recording
 from ..polls import needs
 from ..quantities import metres_per_unit
 from .work import File
 
 
-@needs(lambda context: context.object is not None and context.mode == "OBJECT", "Select the object that shall move")
+@needs(
+    lambda context: context.object is not None and context.object.is_editable and context.mode == "OBJECT",
+    "Select the object that shall move, one of this file",
+)
 class DERMIS_OT_import_poses(File, bpy.types.Operator):
     """Key the active object, such as a finger, by recorded poses: columns of time, x, y, z and a quaternion"""
 
     bl_idname = "dermis.import_poses"
-    bl_label = "Import Recorded Poses"
+    bl_label = "Import Poses"
     bl_options = {"REGISTER", "UNDO"}
     suffix = ".csv"
 
@@ -36,6 +40,16 @@ class DERMIS_OT_import_poses(File, bpy.types.Operator):
     )
     y_up: BoolProperty(name="Y Is Up", description="As WebXR and many trackers write; else Z is up, as in Blender")
     w_last: BoolProperty(name="W Comes Last", description="Quaternions are x, y, z, w; else w, x, y, z")
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw what a file holds, then how it is read."""
+        words(
+            self.layout,
+            "One row a pose: x, y, z in 3 columns; before them a time; after them a quaternion",
+            230.0,
+            "INFO",
+        )
+        properties(self.layout, self, "first", "rate", "unit", "y_up", "w_last", keys=False)
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Read the file and key it."""

@@ -11,7 +11,7 @@ from ..polls import needs
 from ..properties import scene_properties
 
 
-@needs(lambda context: context.object is not None, "Select an object")
+@needs(lambda context: context.object is not None and context.object.is_editable, "Select an object of this file")
 class DERMIS_OT_set_role(bpy.types.Operator):
     """Change what the active object is to Dermis; its settings are kept"""
 

@@ -95,9 +95,10 @@ def active_device(context: bpy.types.Context, family: active_presets.Family) -> 
 
 
 def chosen(context: bpy.types.Context) -> list[bpy.types.Object]:
-    """Return the selected objects, the active one included."""
+    """Return the selected objects, the active one included, but for linked ones: their edits would not be saved."""
     selected, active = list(context.selected_objects), context.object
-    return selected if active is None or active in selected else [*selected, active]
+    both = selected if active is None or active in selected else [*selected, active]
+    return [obj for obj in both if obj.is_editable]
 
 
 def select_only(context: bpy.types.Context, obj: bpy.types.Object) -> None:
@@ -106,6 +107,17 @@ def select_only(context: bpy.types.Context, obj: bpy.types.Object) -> None:
         other.select_set(False)
     obj.select_set(True)
     context.view_layer.objects.active = obj
+
+
+def zoom(context: bpy.types.Context) -> None:
+    """Bring what was added into view: a fingertip is a speck in a view made for a two-metre cube."""
+    area = context.area
+    if area is None or area.type != "VIEW_3D" or bpy.app.background:
+        return
+    region = next((r for r in area.regions if r.type == "WINDOW"), None)
+    if region is not None:
+        with context.temp_override(area=area, region=region):
+            bpy.ops.view3d.view_selected()
 
 
 def counted(number: int, what: str = "file") -> str:

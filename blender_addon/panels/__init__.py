@@ -21,23 +21,24 @@ from . import (
     thimble,
 )
 
+# In the order of the work: place, touch, wear, preview, bake, export, stream.
 CLASSES: tuple[type, ...] = (
     *main.CLASSES,
-    *object.CLASSES,
+    *object.PLACE,
     *material.CLASSES,
+    *skin.OBJECT,
+    *object.WEAR,
     *pins.CLASSES,
     *thimble.CLASSES,
     *design.OBJECT,
-    *skin.OBJECT,
-    *bake.RESULT,
+    *preview.CLASSES,
+    *skin.VIEW,
+    *bake.CLASSES,
     *film.CLASSES,
     *compare.CLASSES,
-    *skin.VIEW,
-    *preview.CLASSES,
-    *design.SCENE,
     *stream.CLASSES,
     *calibration.CLASSES,
-    *bake.SETTINGS,
+    *design.SCENE,
     *menus.CLASSES,
 )
 

@@ -1,43 +1,75 @@
-"""Settings of the bake, what it gave, and what was noticed on the way."""
+"""The bake, what it gave, what was noticed on the way, and the way to files."""
 
 from typing import Any
 
 import bpy
 
 from .. import changes, choices, reporting
-from ..layouts import paragraph
+from ..layouts import paragraph, properties
 from ..polls import needs
 from ..results import command_curves, store
-from .main import DermisPanel
+from . import exported, summary
+from .main import DermisPanel, working
 
 SEVERITY_ICONS = {"error": "CANCEL", "warning": "ERROR", "info": "INFO"}
 MAX_FINDINGS = 12
 
 
+@needs(lambda context: summary.of(context.scene).fingers)
 class DERMIS_PT_bake(DermisPanel, bpy.types.Panel):
-    """How to bake."""
+    """The bake: its button, or how far it is."""
 
     bl_idname = "DERMIS_PT_bake"
-    bl_label = "Bake Settings"
+    bl_label = "Bake"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the button; while it works, progress in its place."""
+        layout, there = self.layout, summary.of(context.scene)
+        if working(layout, context, "Bake"):
+            return
+        column = layout.column()
+        column.scale_y = 1.35
+        column.active = bool(there.touchables or there.screens) and len(there.idle) < len(there.fingers)
+        column.operator("dermis.bake", icon="REC")
+
+
+class DERMIS_PT_bake_settings(DermisPanel, bpy.types.Panel):
+    """How to bake."""
+
+    bl_idname = "DERMIS_PT_bake_settings"
+    bl_parent_id = "DERMIS_PT_bake"
+    bl_label = "Settings"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw rate, range and output."""
+        """Draw rate and range."""
         settings = context.scene.dermis
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        layout.prop(settings, "sample_rate")
-        layout.prop(settings, "use_range")
+        column = properties(self.layout, settings, "sample_rate", "use_range", keys=False)
         if settings.use_range:
-            column = layout.column(align=True)
             column.prop(settings, "frame_start")
             column.prop(settings, "frame_end")
-        layout.prop(settings, "output_dir")
-        layout.prop(settings, "export_format")
-        layout.prop(settings, "plots")
-        layout.operator("dermis.export_scene", icon="FILE_CACHE")
-        layout.operator("dermis.export_screen_maps", icon="TEXTURE")
+
+
+@needs(lambda context: summary.of(context.scene).fingers)
+class DERMIS_PT_export(DermisPanel, bpy.types.Panel):
+    """What is written to files, and where."""
+
+    bl_idname = "DERMIS_PT_export"
+    bl_label = "Export"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw tracks first, which need a bake, then what needs none."""
+        layout, settings = self.layout, context.scene.dermis
+        column = layout.column()
+        column.scale_y = 1.35
+        column.enabled = store.state(context.scene) != "none"
+        column.operator("dermis.export_tracks", icon="EXPORT")
+        exported.box(layout, context.scene)
+        properties(layout, settings, "output_dir", "export_format", "plots", keys=False)
+        row = layout.row(align=True)
+        row.operator("dermis.export_scene", icon="FILE_CACHE")
+        row.operator("dermis.export_screen_maps", icon="TEXTURE")
 
 
 @needs(lambda context: store.current(context.scene) is not None or bool(context.scene.dermis.bake_key))
@@ -45,6 +77,7 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
     """What the last bake gave."""
 
     bl_idname = "DERMIS_PT_result"
+    bl_parent_id = "DERMIS_PT_bake"
     bl_label = "Result"
 
     def draw_header(self, context: bpy.types.Context) -> None:
@@ -97,11 +130,11 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
 
 @needs(lambda context: store.current(context.scene) is not None)
 class DERMIS_PT_result_details(DermisPanel, bpy.types.Panel):
-    """What the last bake skipped, and where its time went."""
+    """What was skipped, and how long it took."""
 
     bl_idname = "DERMIS_PT_result_details"
-    bl_label = "Details"
     bl_parent_id = "DERMIS_PT_result"
+    bl_label = "Details"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -124,6 +157,7 @@ class DERMIS_PT_findings(DermisPanel, bpy.types.Panel):
     """What was noticed while sampling, rendering and checking."""
 
     bl_idname = "DERMIS_PT_findings"
+    bl_parent_id = "DERMIS_PT_bake"
     bl_label = "Findings"
 
     @classmethod
@@ -160,5 +194,11 @@ class DERMIS_PT_findings(DermisPanel, bpy.types.Panel):
             self.layout.label(text=f"and {len(numbered) - MAX_FINDINGS} more")
 
 
-RESULT: tuple[type, ...] = (DERMIS_PT_result, DERMIS_PT_result_details, DERMIS_PT_findings)
-SETTINGS: tuple[type, ...] = (DERMIS_PT_bake,)
+CLASSES: tuple[type, ...] = (
+    DERMIS_PT_bake,
+    DERMIS_PT_bake_settings,
+    DERMIS_PT_result,
+    DERMIS_PT_result_details,
+    DERMIS_PT_findings,
+    DERMIS_PT_export,
+)

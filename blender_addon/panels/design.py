@@ -27,7 +27,7 @@ class DERMIS_PT_platform(DermisPanel, bpy.types.Panel):
 
     bl_idname = "DERMIS_PT_platform"
     bl_label = "Platform"
-    bl_parent_id = "DERMIS_PT_object"
+    bl_parent_id = "DERMIS_PT_devices"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the table's state, and the way to make it."""

@@ -1,7 +1,10 @@
-"""The Dermis tab's head: what to do next, and the way from here to a track."""
+"""The Dermis tab's head: what to do next, and how far the work is."""
+
+from typing import Any
 
 import bpy
 
+from .. import jobs
 from ..layouts import paragraph
 from ..results import store
 from . import doubtful, exported, hands, summary
@@ -16,13 +19,13 @@ class DermisPanel:
 
 
 class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
-    """Next step, Bake and Export."""
+    """The next step, or how far the work is."""
 
     bl_idname = "DERMIS_PT_main"
     bl_label = "Dermis"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the steps that are left, then the actions."""
+        """Draw the step that is next, with its button, and what is doubtful."""
         layout, scene = self.layout, context.scene
         there = summary.of(scene)
         if there.newer:
@@ -37,19 +40,9 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
         if not there.fingers and not there.touchables and not there.screens:
             self._welcome(context)
             return
-        self._steps(context, there)
-        doubtful.doubts_of(layout, context)
-        ready = bool(there.fingers) and bool(there.touchables or there.screens) and len(there.idle) < len(there.fingers)
-        column = layout.column(align=True)
-        column.scale_y = 1.35
-        column.active = ready
-        column.operator("dermis.bake", icon="REC")
-        row = layout.row(align=True)
-        row.enabled = store.state(scene) != "none"
-        row.operator("dermis.export_tracks", icon="EXPORT")
-        row.prop(scene.dermis, "export_format", text="")
-        row.prop(scene.dermis, "plots", text="", icon="IMAGE_DATA", toggle=True)
-        exported.box(layout, scene)
+        if not working(layout, context):
+            self._steps(context, there)
+            doubtful.doubts_of(layout, context)
 
     def _welcome(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -90,9 +83,45 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
             paragraph(layout, context, f"Next: give {_names(there.idle)} a device.", "RIGHTARROW")
             operator = layout.operator("dermis.choose_device", icon="ADD")
             operator.finger = there.idle[0]
-        elif store.state(context.scene) == "none":
+        else:
+            self._bake(context, there)
+
+    def _bake(self, context: bpy.types.Context, there: summary.Summary) -> None:
+        layout, state = self.layout, store.state(context.scene)
+        if state == "fresh":
+            paragraph(layout, context, "Baked. Play it, export it, or stream it to the device.", "CHECKMARK")
+            row = layout.row(align=True)
+            row.operator("dermis.export_tracks", icon="EXPORT")
+            row.prop(context.scene.dermis, "export_format", text="")
+            row.prop(context.scene.dermis, "plots", text="", icon="IMAGE_DATA", toggle=True)
+            exported.box(layout, context.scene)
+            return
+        if state == "none":
             first = "bake" if there.moving else "animate the finger, then bake; what does not move feels little"
             paragraph(layout, context, f"Next: {first}.", "RIGHTARROW")
+        elif state == "stale":
+            paragraph(layout, context, "The scene has changed: bake again.", "ERROR")
+        column = layout.column(align=True)
+        column.scale_y = 1.35
+        column.operator("dermis.bake", icon="REC")
+
+
+def working(layout: Any, context: bpy.types.Context, title: str = "") -> bool:
+    """Draw how far the job in the window is, where its button was; return whether there is one.
+
+    Args:
+        title: of the only job to draw; of any where empty.
+    """
+    now = jobs.progress()
+    if now is None or title not in ("", now.title):
+        return False
+    column = layout.column(align=True)
+    column.label(text=f"{now.title}: {now.words}")
+    row = column.split(factor=0.68)
+    row.scale_y = 1.35
+    row.progress(factor=now.share, text="", type="BAR")
+    row.label(text="Cancel", icon="EVENT_ESC")
+    return True
 
 
 def _names(names: tuple[str, ...]) -> str:

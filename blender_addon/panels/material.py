@@ -5,7 +5,7 @@ from typing import Any
 import bpy
 
 from .. import choices
-from ..layouts import properties, role
+from ..layouts import editable, preset, properties, role
 from ..polls import needs
 from .main import DermisPanel
 
@@ -15,14 +15,14 @@ class DERMIS_PT_material(DermisPanel, bpy.types.Panel):
     """The haptic material of something touchable."""
 
     bl_idname = "DERMIS_PT_material"
-    bl_label = "Haptic Material"
-    bl_parent_id = "DERMIS_PT_object"
+    bl_label = "Touch: Material"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw preset and friction."""
         material = context.object.dermis.material
         title = choices.title("materials", material.preset)
-        self.layout.operator("dermis.choose_material", text=title or "From Preset", icon="PRESET")
+        editable(self.layout, context.object)
+        preset(self.layout, "materials", "dermis.choose_material", title)
         properties(self.layout, material, "friction", "surface_stiffness_mpa_m", "curved")
 
 
@@ -36,11 +36,13 @@ class _Effect(DermisPanel):
 
     def draw_header(self, context: bpy.types.Context) -> None:
         """Draw the switch."""
+        editable(self.layout, context.object)  # type: ignore[attr-defined]
         self.layout.prop(context.object.dermis.material, self.switch, text="")  # type: ignore[attr-defined]
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the values, greyed while the switch is off."""
         material = context.object.dermis.material
+        editable(self.layout, context.object)  # type: ignore[attr-defined]
         column = properties(self.layout, material, *self.names(material))  # type: ignore[attr-defined]
         column.active = getattr(material, self.switch)
 
@@ -112,6 +114,7 @@ class DERMIS_PT_held(DermisPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the rule and, where it is keyed, the switch; then what simulated skin has to carry."""
         material = context.object.dermis.material
+        editable(self.layout, context.object)
         column = properties(self.layout, material, "held_mode")
         if material.held_mode == "keyed":
             column.prop(material, "held")

@@ -1,4 +1,4 @@
-"""The active object: a finger with its devices, something touchable with its material, or a touch screen."""
+"""The active object: what it is, a touch screen's relief, and the devices that a finger wears."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ import bpy
 
 from .. import choices
 from .._core import core
-from ..layouts import paragraph, properties, role
+from ..layouts import editable, own_presets, paragraph, properties, role
 from ..polls import needs
 from ..sampling import height_maps
 from . import design, hands, thimble
@@ -20,7 +20,7 @@ class DERMIS_PT_object(DermisPanel, bpy.types.Panel):
     """What the active object is to Dermis."""
 
     bl_idname = "DERMIS_PT_object"
-    bl_label = "Object"
+    bl_label = "Place"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the object's role and what belongs to it."""
@@ -28,6 +28,9 @@ class DERMIS_PT_object(DermisPanel, bpy.types.Panel):
         role = obj.dermis.role
         row = layout.row(align=True)
         row.label(text=obj.name, icon=ICONS[role])
+        if role == "NONE" and not obj.is_editable:
+            paragraph(layout, context, "Linked from another file: give it its role there.", "LIBRARY_DATA_DIRECT")
+            return
         if role == "NONE":
             hands.button(layout, context)
             if obj.type == "ARMATURE":
@@ -42,17 +45,29 @@ class DERMIS_PT_object(DermisPanel, bpy.types.Panel):
             row.operator("dermis.set_role", text="Use as Finger", icon="VIEW_PAN").role = "FINGER"
             row.operator("dermis.set_role", text="Use as Screen", icon="DESKTOP").role = "SCREEN"
             return
+        if not obj.is_editable:
+            text = "Linked from another file, which keeps its settings: make a library override of it to edit them here"
+            paragraph(layout, context, text, "LIBRARY_DATA_DIRECT")
+            return
         row.operator("dermis.set_role", text="", icon="X", emboss=False).role = "NONE"
         if role == "FINGER":
             properties(layout, obj.dermis.finger, "touch_distance_mm")
             row = layout.row(align=True)
             row.operator("dermis.place_on_surface", icon="SNAP_FACE")
             row.operator("dermis.add_gesture", icon="KEYINGSET")
-        elif role == "SCREEN":
-            self._screen(context, obj.dermis.screen)
 
-    def _screen(self, context: bpy.types.Context, screen: Any) -> None:
-        layout = self.layout
+
+@needs(lambda context: role(context) == "SCREEN")
+class DERMIS_PT_screen(DermisPanel, bpy.types.Panel):
+    """What a touch screen shows to the finger."""
+
+    bl_idname = "DERMIS_PT_screen"
+    bl_label = "Touch: Screen"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw where the relief comes from, and its heights."""
+        layout, screen = self.layout, context.object.dermis.screen
+        editable(layout, context.object)
         column = properties(layout, screen, "source")
         if screen.source == "IMAGE":
             column.template_ID(screen, "image", new="image.new", open="image.open", text="Image")
@@ -108,12 +123,12 @@ class DERMIS_PT_devices(DermisPanel, bpy.types.Panel):
     """A finger's devices."""
 
     bl_idname = "DERMIS_PT_devices"
-    bl_label = "Devices"
-    bl_parent_id = "DERMIS_PT_object"
+    bl_label = "Wear"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the list, and why the active device cannot be used."""
         layout, finger = self.layout, context.object.dermis.finger
+        editable(layout, context.object)
         if not finger.devices:
             layout.operator("dermis.choose_device", icon="ADD").finger = context.object.name
             return
@@ -202,7 +217,12 @@ class DERMIS_PT_device(DermisPanel, bpy.types.Panel):
         """Draw what this kind of device can be told."""
         layout, finger = self.layout, context.object.dermis.finger
         device = finger.devices[finger.active_device]
-        properties(layout, device, "preset")
+        editable(layout, context.object)
+        row = layout.row(align=True)
+        row.prop(device, "preset", text="", icon=choices.icon(choices.kind_of(device.preset)))
+        own_presets(row, "devices")
+        if what := choices.description("devices", device.preset):
+            paragraph(layout, context, what)
         kind = choices.kind_of(device.preset)
         for name in (kind,) if kind else ("shear_tactor", "friction_screen"):
             if name in SETTINGS:
@@ -218,22 +238,18 @@ class DERMIS_PT_pattern(DermisPanel, bpy.types.Panel):
 
     bl_idname = "DERMIS_PT_pattern"
     bl_label = "Pattern"
-    bl_parent_id = "DERMIS_PT_object"
+    bl_parent_id = "DERMIS_PT_devices"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the pattern's settings."""
         finger = context.object.dermis.finger
+        editable(self.layout, context.object)
         column = properties(self.layout, finger, "pattern")
         if finger.pattern != "none":
             for name in ("pattern_play", "pattern_angle", "pattern_frequency", "pattern_amplitude", "pattern_repeat"):
                 column.prop(finger, name)
 
 
-CLASSES: tuple[type, ...] = (
-    DERMIS_PT_object,
-    DERMIS_UL_devices,
-    DERMIS_PT_devices,
-    DERMIS_PT_device,
-    DERMIS_PT_pattern,
-)
+PLACE: tuple[type, ...] = (DERMIS_PT_object, DERMIS_PT_screen)
+WEAR: tuple[type, ...] = (DERMIS_UL_devices, DERMIS_PT_devices, DERMIS_PT_device, DERMIS_PT_pattern)

@@ -15,7 +15,7 @@ class DERMIS_PT_pins(DermisPanel, bpy.types.Panel):
 
     bl_idname = "DERMIS_PT_pins"
     bl_label = "Pin Array"
-    bl_parent_id = "DERMIS_PT_object"
+    bl_parent_id = "DERMIS_PT_devices"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the personal factor and the table."""

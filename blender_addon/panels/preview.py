@@ -4,10 +4,16 @@ import bpy
 
 from ..layouts import paragraph
 from ..polls import needs
+from ..preview.rows import Row
 from ..quantities import quantity
 from ..viewport import shown
 from . import summary
 from .main import DermisPanel
+
+
+def _rows(context: bpy.types.Context) -> tuple[Row, ...]:
+    now = shown.now(context.scene)
+    return now.devices.rows if now is not None and now.devices is not None else ()
 
 
 @needs(lambda context: summary.of(context.scene).fingers)
@@ -18,12 +24,17 @@ class DERMIS_PT_preview(DermisPanel, bpy.types.Panel):
     bl_label = "Preview"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the view's settings and each device's values."""
+        """Draw the view's settings, and where what it shows comes from."""
         layout, settings = self.layout, context.scene.dermis
         row = layout.row(align=True)
         row.prop(settings, "live_preview", toggle=True, icon="PLAY", text="Live")
         row.prop(settings, "show_twin", toggle=True, icon="MOD_WARP", text="Twin")
         row.prop(settings, "show_readout", toggle=True, icon="INFO", text="Readout")
+        fold = row.row(align=True)
+        fold.active = settings.show_readout or settings.skin_view.show
+        fold.prop(
+            settings, "fold_cards", toggle=True, text="", icon="TRIA_RIGHT" if settings.fold_cards else "TRIA_DOWN"
+        )
         if settings.show_twin:
             layout.prop(settings, "twin_exaggeration", slider=True)
         now = shown.now(context.scene)
@@ -33,8 +44,21 @@ class DERMIS_PT_preview(DermisPanel, bpy.types.Panel):
             return
         icon = {"bake": "CHECKMARK", "live": "PLAY", "device": "LINKED", "file": "FILE"}.get(preview.source, "ERROR")
         paragraph(layout, context, preview.note[:1].upper() + preview.note[1:], icon)
-        for row_of in preview.rows:
-            box = layout.box().column(align=True)
+
+
+@needs(lambda context: bool(_rows(context)))
+class DERMIS_PT_preview_values(DermisPanel, bpy.types.Panel):
+    """Each device's values, channel by channel."""
+
+    bl_idname = "DERMIS_PT_preview_values"
+    bl_parent_id = "DERMIS_PT_preview"
+    bl_label = "Values"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw a box a device."""
+        for row_of in _rows(context):
+            box = self.layout.box().column(align=True)
             box.scale_y = 0.85
             box.label(text=f"{row_of.finger}: {row_of.title}")
             for name, value in row_of.values.items():
@@ -43,4 +67,4 @@ class DERMIS_PT_preview(DermisPanel, bpy.types.Panel):
                 split.label(text=quantity(value, row_of.units[name]))
 
 
-CLASSES: tuple[type, ...] = (DERMIS_PT_preview,)
+CLASSES: tuple[type, ...] = (DERMIS_PT_preview, DERMIS_PT_preview_values)

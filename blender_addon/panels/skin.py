@@ -6,13 +6,18 @@ import bpy
 
 from .. import choices
 from .._core import core
-from ..layouts import paragraph, properties
+from ..layouts import editable, paragraph, preset, properties
 from ..polls import needs
 from ..preview import skin_preview
 from ..preview.skin_state import SkinState
 from ..viewport import shown, skin_cards, skin_field, skin_shown
 from . import summary
 from .main import DermisPanel
+
+
+def _states(context: bpy.types.Context) -> tuple[SkinState, ...]:
+    now = shown.now(context.scene)
+    return now.skins.states if now is not None else ()
 
 
 def _finger(context: bpy.types.Context) -> Any:
@@ -25,21 +30,23 @@ class DERMIS_PT_skin(DermisPanel, bpy.types.Panel):
     """A finger's skin."""
 
     bl_idname = "DERMIS_PT_skin"
-    bl_label = "Skin"
-    bl_parent_id = "DERMIS_PT_object"
+    bl_label = "Touch: Skin"
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw_header(self, context: bpy.types.Context) -> None:
         """Draw the switch."""
+        editable(self.layout, context.object)
         self.layout.prop(_finger(context).skin, "shown", text="")
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw preset, accuracy, stiffness and touch depth."""
         layout, skin = self.layout, _finger(context).skin
         layout.active = skin.shown
+        editable(layout, context.object)
         title = next(
             (e.name for e in choices.entries("skins") if e.key == skin.preset), skin.preset.replace("_", " ").title()
         )
-        layout.operator("dermis.choose_skin", text=title or "From Preset", icon="PRESET")
+        preset(layout, "skins", "dermis.choose_skin", title)
         if skin.mesh_file:
             properties(layout, skin, "mesh_file", keys=False)
         else:
@@ -68,6 +75,7 @@ class DERMIS_PT_skin_size(DermisPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the lengths."""
         skin = _finger(context).skin
+        editable(self.layout, context.object)
         for names in (
             ("width_mm", "thickness_mm", "length_mm", "tip_mm"),
             ("nail_width_mm", "nail_length_mm", "nail_margin_mm"),
@@ -77,23 +85,21 @@ class DERMIS_PT_skin_size(DermisPanel, bpy.types.Panel):
             properties(self.layout, skin, *names, keys=False)
 
 
-@needs(lambda context: summary.of(context.scene).fingers)
+@needs(lambda context: summary.of(context.scene).skins)
 class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
     """How the view shows skins, and what they feel now."""
 
     bl_idname = "DERMIS_PT_skin_view"
     bl_label = "Skin Heat Map"
+    bl_parent_id = "DERMIS_PT_preview"
 
     def draw_header(self, context: bpy.types.Context) -> None:
         """Draw the switch."""
         self.layout.prop(context.scene.dermis.skin_view, "show", text="")
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw quantity and range, then each finger's figures."""
+        """Draw quantity and range, and how far off the model is."""
         layout, scene = self.layout, context.scene
-        if not summary.of(scene).skins:
-            paragraph(layout, context, "No finger shows its skin: switch Skin on in a finger's Object panel.", "INFO")
-            return
         view = scene.dermis.skin_view
         column = properties(layout, view, "quantity", keys=False)
         column.active = view.show
@@ -105,16 +111,30 @@ class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
             column.prop(view, "maximum", text=f"Maximum [{skin_field.QUANTITIES[view.quantity].unit}]")
         if skin_preview.failure():
             paragraph(layout, context, skin_preview.failure(), "ERROR")
-        now = shown.now(scene)
-        states = now.skins.states if now is not None else ()
+        states = _states(context)
         if not states and not skin_preview.failure():
             paragraph(layout, context, "Move along the timeline to see what the skin feels.")
-        for state in states:
-            _figures(layout.box().column(align=True), context, state)
         if states:
             deepest = max(s.depth for s in states)
             text = skin_field.error_text(states)
             paragraph(layout, context, text[:1].upper() + text[1:], "ERROR" if deepest > 2e-3 else "INFO")
+
+
+@needs(lambda context: bool(_states(context)))
+class DERMIS_PT_skin_values(DermisPanel, bpy.types.Panel):
+    """What each pad feels, in figures."""
+
+    bl_idname = "DERMIS_PT_skin_values"
+    bl_label = "Values"
+    bl_parent_id = "DERMIS_PT_skin_view"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw a box a finger."""
+        now = shown.now(context.scene)
+        said = now.devices.note if now is not None and now.devices is not None else ""
+        for state in _states(context):
+            _figures(self.layout.box().column(align=True), context, state, said)
 
 
 class DERMIS_PT_skin_style(DermisPanel, bpy.types.Panel):
@@ -139,7 +159,7 @@ class DERMIS_PT_skin_work(DermisPanel, bpy.types.Panel):
     """What was solved, what was skipped, and what did not converge."""
 
     bl_idname = "DERMIS_PT_skin_work"
-    bl_label = "Solved and Skipped"
+    bl_label = "Details"
     bl_parent_id = "DERMIS_PT_skin_view"
     bl_options = {"DEFAULT_CLOSED"}
 
@@ -147,8 +167,7 @@ class DERMIS_PT_skin_work(DermisPanel, bpy.types.Panel):
         """Draw the counters of each finger."""
         column = self.layout.column(align=True)
         column.scale_y = 0.85
-        now = shown.now(context.scene)
-        for state in now.skins.states if now is not None else ():
+        for state in _states(context):
             column.label(text=state.finger)
             for name, count in state.counters.items():
                 if count:
@@ -158,11 +177,11 @@ class DERMIS_PT_skin_work(DermisPanel, bpy.types.Panel):
             _pair(column, f"stress {name}", f"{count:,}", "BLANK1")
 
 
-def _figures(column: Any, context: bpy.types.Context, state: SkinState) -> None:
+def _figures(column: Any, context: bpy.types.Context, state: SkinState, said: str) -> None:
     column.scale_y = 0.85
     icon = {"bake": "CHECKMARK", "live": "PLAY", "none": "TIME"}.get(state.source, "ERROR")
     column.label(text=state.finger, icon=icon)
-    if state.note:
+    if state.note not in ("", said):  # which stands above
         paragraph(column, context, state.note[:1].upper() + state.note[1:], inset=20.0)
     if not state.touching:
         return
@@ -205,4 +224,10 @@ class DERMIS_MT_skins(bpy.types.Menu):
 
 
 OBJECT: tuple[type, ...] = (DERMIS_PT_skin, DERMIS_PT_skin_size)
-VIEW: tuple[type, ...] = (DERMIS_PT_skin_view, DERMIS_PT_skin_style, DERMIS_PT_skin_work, DERMIS_MT_skins)
+VIEW: tuple[type, ...] = (
+    DERMIS_PT_skin_view,
+    DERMIS_PT_skin_values,
+    DERMIS_PT_skin_style,
+    DERMIS_PT_skin_work,
+    DERMIS_MT_skins,
+)

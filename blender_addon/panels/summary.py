@@ -6,9 +6,8 @@ import bpy
 
 from .. import changes
 from .._core import core
+from ..placing import presses
 from ..properties.scene_properties import FILE_VERSION
-
-MOVERS = frozenset({"ARMATURE", "CLOTH", "HOOK", "LATTICE", "MESH_CACHE", "MESH_DEFORM", "NODES", "SOFT_BODY", "WAVE"})
 
 
 class Summary(NamedTuple):
@@ -40,7 +39,7 @@ def _count(scene: bpy.types.Scene) -> Summary:
         if role == "NONE":
             continue
         named[role].append(obj.name)
-        moving = moving or _moves(obj)
+        moving = moving or presses.moves(obj)
         finger = obj.dermis.finger
         skins = skins or (role == "FINGER" and finger.skin.shown)
         busy = finger.skin.shown or any(d.enabled and d.preset for d in finger.devices)
@@ -56,14 +55,3 @@ def _count(scene: bpy.types.Scene) -> Summary:
         moving,
         version if version > FILE_VERSION else 0,
     )
-
-
-def _moves(obj: bpy.types.Object | None) -> bool:
-    while obj is not None:
-        keys = obj.animation_data
-        if keys is not None and (keys.action is not None or len(keys.drivers) or len(keys.nla_tracks)):
-            return True
-        if len(obj.constraints) or obj.rigid_body is not None or any(m.type in MOVERS for m in obj.modifiers):
-            return True
-        obj = obj.parent
-    return False

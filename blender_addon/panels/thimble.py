@@ -33,7 +33,7 @@ class DERMIS_PT_thimble(DermisPanel, bpy.types.Panel):
 
     bl_idname = "DERMIS_PT_thimble"
     bl_label = "Thimble"
-    bl_parent_id = "DERMIS_PT_object"
+    bl_parent_id = "DERMIS_PT_devices"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the adaptation's state, the mismatch of this frame and the view's switches."""

@@ -131,5 +131,6 @@ def apply(group: Any, table: core.parameters.parameter.Table, given: Mapping[str
     for name, value in given.items():
         if name in table:
             row = table[name]
-            setattr(group, row.saved, value / row.factor if row.factor != 1.0 else value)
+            shown = value / row.factor if row.factor != 1.0 else value
+            setattr(group, row.saved, int(shown) if row.whole else shown)
     return [name for name in given if name not in table]

@@ -9,7 +9,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 from .._core import core
 from ..compat import BLEND_RELATIVE
 from ..registration import registration
-from .fields import touched
+from .fields import redrawn, touched
 from .skin_properties import DermisSkinView
 from .thimble_view_properties import DermisThimbleView
 
@@ -75,6 +75,13 @@ class DermisScene(bpy.types.PropertyGroup):
         description="Draw touch, mismatch, limits and findings along the bottom of timeline and graph editor",
         default=True,
         options=set(),
+    )
+    fold_cards: BoolProperty(
+        name="Fold",
+        description="Show each device and each pad in the view as one line; cards without room are folded anyway",
+        default=False,
+        options=set(),
+        update=redrawn,
     )
     twin_exaggeration: FloatProperty(
         name="Exaggeration",

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import os
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple, TypeVar
 
 import bpy
 
+from .._core import DermisError
 from . import built_devices, streamed_track
 from .calibration_rows import Rows, calibrated, calibration, fill, quietly, rows_of, same
 
+T = TypeVar("T")
 _SESSION = os.urandom(16).hex()  # a list that does not say this is from a file
 
 
@@ -66,10 +69,10 @@ def keep_offer(scene: bpy.types.Scene, index: int, name: str) -> Any:
     """Save a calibration that came with the file as a built device's; it is put on no finger. Return what was saved.
 
     Raises:
-        DermisError: a name that cannot be, a calibration that fits no preset, or the file cannot be written.
+        DermisError: it is gone, its name or preset will not do, or the file cannot be written.
     """
     adopt(scene)
-    offer = offers(scene)[index]
+    offer = _at(offers(scene), index)
     key = offer.name.rpartition(": ")[2] or streamed_track.device_key(scene)
     made = calibration(key, offer.channels).owned_by(name.strip())
     saved = built_devices.save(made)
@@ -78,10 +81,14 @@ def keep_offer(scene: bpy.types.Scene, index: int, name: str) -> Any:
 
 
 def drop_offer(scene: bpy.types.Scene, index: int) -> None:
-    """Forget a calibration that came with the file."""
+    """Forget a calibration that came with the file.
+
+    Raises:
+        DermisError: it is gone.
+    """
     adopt(scene)
     shelf = scene.dermis_stream.shelf
-    at = [i for i, entry in enumerate(shelf) if entry.found][index]
+    at = _at([i for i, entry in enumerate(shelf) if entry.found], index)
     with quietly(scene):
         shelf.remove(at)
 
@@ -96,6 +103,13 @@ def shelve(scene: bpy.types.Scene, what: Shelved) -> None:
 def shelved(entry: Any) -> Shelved:
     """Return what was put by."""
     return Shelved(entry.name, entry.owner, entry.found, entry.file, rows_of(entry.channels))
+
+
+def _at(found: Sequence[T], index: int) -> T:
+    """Return one of what came with the file; a button may be older than what it is about."""
+    if not 0 <= index < len(found):
+        raise DermisError("this file holds no such calibration any more", value=index)
+    return found[index]
 
 
 def _is_kept(offer: Offer) -> bool:

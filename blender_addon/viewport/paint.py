@@ -5,7 +5,6 @@ from __future__ import annotations
 import textwrap
 from typing import Any
 
-import bpy
 import numpy as np
 from numpy.typing import NDArray
 
@@ -106,11 +105,6 @@ def strip(left: float, bottom: float, width: float, height: float, colours: NDAr
         {"pos": np.vstack([low, high]).astype(np.float32), "color": rgba},
         indices=np.ascontiguousarray(faces, np.int32),
     ).draw(shader)
-
-
-def width_of(area: bpy.types.Area, kind: str) -> float:
-    """Return the width of an area's region of a kind, such as 'UI', where it is open [px]."""
-    return float(next((r.width for r in area.regions if r.type == kind and r.width > 1), 0))
 
 
 def _fill(points: NDArray[Any], triangles: NDArray[np.int32], colour: Colour) -> None:

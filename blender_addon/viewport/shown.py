@@ -69,8 +69,8 @@ def renew(scene: bpy.types.Scene) -> Frame:
     _frames.pop(uid, None)
     shown = devices(scene)
     ready = readiness.of(active) if active is not None and active.dermis.role == "FINGER" else {}
-    if active is not None and active.dermis.role == "FINGER" and not choices.known():
-        choices.refresh()  # panels call its devices by their names
+    if active is not None and active.dermis.role in ("FINGER", "TOUCHABLE") and not choices.known():
+        choices.refresh()  # panels call its devices or its material by their names
     _frames[uid] = Frame(
         device_preview.frame_of(scene),
         shown,

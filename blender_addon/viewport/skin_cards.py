@@ -1,58 +1,60 @@
-"""Beside the heat map: a card with a map and figures for each pad, and the legend."""
+"""Beside the heat map: a card with a map and figures for each pad, or one line, and the legend."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
-import bpy
 import numpy as np
-from mathutils import Matrix, Vector
+from mathutils import Matrix
 
 from ..preview.skin_state import SkinState
 from . import paint, skin_colours, skin_field, skin_shader
+from .packing import Box
 from .skin_field import QUANTITIES, Drawn
 from .skin_shown import Shown, colour_table
 
-LEGEND_WIDTH, BAR, LINE, MARGIN, NARROW = 270, 11, 16, 11, 132
+LEGEND_WIDTH, BAR, LINE, MARGIN, NARROW, COMPACT = 270, 11, 16, 11, 132, 98
+FOLDED = 22  # how tall a card of one line is [px at scale 1]
+ASPECT = 0.76  # of a map: its width over its height
 SOURCES = {"bake": paint.GREEN, "live": paint.BLUE, "stale": paint.ORANGE, "earlier": paint.ORANGE}
 
 
-def columns(context: bpy.types.Context, now: Shown, right: float, bottom: float, scale: float) -> float:
-    """Draw a card for each finger, in the order of the view, smaller where there are many; return where to go on."""
-    view = context.scene.dermis.skin_view
-    gap, count = 6 * scale, len(now.states)
-    room = right - paint.width_of(context.area, "TOOLS") - 2 * MARGIN * scale
-    fitting = max(min(count, int((room + gap) // (NARROW * scale + gap))), 1)
-    width = min(max(NARROW, 0.76 * view.map_size) * scale, (room + gap) / fitting - gap)
-    size = min(view.map_size * scale, width / 0.76)
-    height = size + (5.2 * LINE + MARGIN) * scale
-    left = right - fitting * width - (fitting - 1) * gap
-    for i in _from_the_left(context, now.states)[:fitting]:
-        state, drawn = now.states[i], now.drawn[i]
-        paint.rectangle(left, bottom, width, height, paint.PANEL)
-        if drawn is not None:
-            middle = np.array([left + 0.5 * width, bottom + 5.0 * LINE * scale + 0.5 * size])
-            _pad_map(state, drawn, now, view, middle, size, scale)
-        _figures(state, left + 9 * scale, bottom + 4.2 * LINE * scale, width - 18 * scale, scale)
-        left += width + gap
-    if count > fitting:
-        paint.text(f"and {count - fitting} more", right - width, bottom + height + 4 * scale, paint.FAINT, scale)
-        height += LINE * scale
-    return bottom + height + gap
+def sizes(map_size: float) -> list[tuple[float, float]]:
+    """Return widths and heights of a card [px at scale 1] to try, the wanted one first."""
+    wide = max(NARROW, ASPECT * map_size)
+    return [(width, min(map_size, width / ASPECT) + _beneath(width)) for width in (wide, NARROW, COMPACT)]
 
 
-def _from_the_left(context: bpy.types.Context, states: tuple[SkinState, ...]) -> list[int]:
-    """Return the numbers of the fingers as they stand in the view, so that cards and fingers are easily matched."""
-    look = context.region_data.perspective_matrix
+def card(now: Shown, i: int, view: Any, place: Box, scale: float) -> None:
+    """Draw a pad's map and figures into a place."""
+    state, drawn = now.states[i], now.drawn[i]
+    beneath = _beneath(place.width / scale) * scale
+    size = place.height - beneath
+    paint.rectangle(*place, paint.PANEL)
+    if drawn is not None:
+        middle = np.array([place.left + 0.5 * place.width, place.bottom + beneath - 0.9 * LINE * scale + 0.5 * size])
+        _pad_map(state, drawn, now, view, middle, size, scale)
+    y, width = place.bottom + beneath - (MARGIN + LINE) * scale, place.width - 18 * scale
+    _figures(state, place.left + 9 * scale, y, width, scale, short=place.width < 0.99 * NARROW * scale)
 
-    def place(i: int) -> tuple[float, int]:
-        obj = context.scene.objects.get(states[i].finger)
-        if obj is None:
-            return (0.0, i)
-        at = look @ Vector((*obj.matrix_world.translation, 1.0))
-        return (round(at.x / at.w, 1) if at.w > 0.0 else 0.0, i)
 
-    return sorted(range(len(states)), key=place)
+def _beneath(width: float) -> float:
+    """Return how much of a card is text [px at scale 1]."""
+    return (5.2 if width >= 0.99 * NARROW else 3.0) * LINE + MARGIN
+
+
+def line(state: SkinState, place: Box, scale: float) -> None:
+    """Draw a pad's name, forces and depth in one line."""
+    paint.rectangle(*place, paint.PANEL)
+    x, y, width = place.left + 9 * scale, place.bottom + 0.3 * place.height, place.width - 18 * scale
+    paint.text(state.finger, x, y, paint.INK, scale, width=0.4 * width)
+    words, colour = "in the air", paint.FAINT
+    if state.model is None:
+        words, colour = "no skin", paint.ORANGE
+    elif state.touching:
+        words = f"N {force(state.normal_force)}  T {force(state.tangential_force)}  {1e3 * state.depth:.2f} mm"
+        colour = paint.INK if state.depth <= 2e-3 and state.converged else paint.ORANGE
+    paint.text(words, x + width, y, colour, scale, align=1.0)
 
 
 def _pad_map(state: SkinState, drawn: Drawn, now: Shown, view: Any, at: np.ndarray, size: float, scale: float) -> None:
@@ -75,7 +77,7 @@ def _pad_map(state: SkinState, drawn: Drawn, now: Shown, view: Any, at: np.ndarr
         paint.arrow(start, end, paint.INK, 2.0, scale)
 
 
-def _figures(state: SkinState, x: float, y: float, width: float, scale: float) -> None:
+def _figures(state: SkinState, x: float, y: float, width: float, scale: float, *, short: bool) -> None:
     colour = SOURCES.get(state.source, paint.FAINT)
     paint.text(state.finger, x, y, paint.INK, scale, width=width - 12 * scale)
     if state.model is None:
@@ -90,41 +92,62 @@ def _figures(state: SkinState, x: float, y: float, width: float, scale: float) -
         ]
         if state.work == "rendered":
             rows[-1] = (state.note, paint.FAINT if state.converged else paint.ORANGE)
+        if short:
+            rows = [(force(state.normal_force), rows[1][1])]
     for text, ink in rows:
         y -= LINE * scale
         paint.text(text, x, y, ink, scale, width=width + 4 * scale)
     paint.disc(np.array([x + width - 4 * scale, y + (len(rows) * LINE + 4) * scale]), 3.2 * scale, colour)
 
 
-def legend(now: Shown, view: Any, right: float, bottom: float, scale: float) -> None:
+class Legend(NamedTuple):
+    """What the legend says beneath the colours, in lines.
+
+    Attributes:
+        off: how far off the model is. deep: it is deeper than it is good for. note, source: where forces come from.
+    """
+
+    off: list[str]
+    deep: bool
+    note: list[str]
+    source: str
+
+    @classmethod
+    def of(cls, now: Shown, *, full: bool, said: str) -> Legend:
+        """Return the legend of skins; a short one says only what their colours mean. `said` stands elsewhere."""
+        deep = max((s.depth for s in now.states), default=0.0) > 2e-3
+        noted = next((s for s in now.states if s.note not in ("", said) and s.work != "rendered"), None)
+        off = paint.wrapped(skin_field.error_text(now.states), 42) if full else []
+        own = "skin: " if said else ""  # of which both frames are, where devices began at another one
+        note = paint.wrapped(own + noted.note, 42) if noted is not None and full else []
+        return cls(off, deep, note, noted.source if noted is not None else "")
+
+    @property
+    def height(self) -> float:
+        """How tall it is [px at scale 1]."""
+        return (1.9 + len(self.off) + len(self.note)) * LINE + BAR + 2 * MARGIN
+
+
+def legend(now: Shown, view: Any, words: Legend, place: Box, scale: float) -> None:
     """Draw the colours with their range and unit, where the forces come from, and how far off the model is."""
-    quantity = QUANTITIES[view.quantity]
-    deepest = max((s.depth for s in now.states), default=0.0)
-    said = paint.wrapped(skin_field.error_text(now.states), 42)
-    noted = next((s for s in now.states if s.note), None)
-    note = paint.wrapped(noted.note, 42) if noted is not None else []
-    width, height = LEGEND_WIDTH * scale, ((1.9 + len(said) + max(len(note), 1)) * LINE + BAR + 2 * MARGIN) * scale
-    left, x = right - width, right - width + MARGIN * scale
-    inner = width - 2 * MARGIN * scale
-    paint.rectangle(left, bottom, width, height, paint.PANEL)
-    y = bottom + height - (MARGIN + 8) * scale
+    quantity, x = QUANTITIES[view.quantity], place.left + MARGIN * scale
+    inner = place.width - 2 * MARGIN * scale
+    paint.rectangle(*place, paint.PANEL)
+    y = place.top - (MARGIN + 8) * scale
     how = {"auto": "largest so far", "frame": "this frame", "fixed": "fixed"}[view.range_mode]
     paint.text(f"{quantity.title}  [{quantity.unit}]", x, y, paint.INK, scale)
-    paint.text(how, right - (MARGIN + 82) * scale, y, paint.FAINT, scale)
+    paint.text(how, x + inner, y, paint.FAINT, scale, align=1.0)
     y -= (BAR + 7) * scale
     paint.strip(x, y, inner, BAR * scale, skin_colours.table(colour_table(view)))
     y -= LINE * scale
     for share in (0.0, 0.5, 1.0):
         value = (now.low + share * (now.high - now.low)) / quantity.factor
         paint.text(f"{value:.4g}", x + share * inner, y, paint.INK, scale, align=share)
-    y -= 1.15 * LINE * scale
-    for line in said:
-        paint.text(line, x, y, paint.ORANGE if deepest > 2e-3 else paint.FAINT, scale, width=inner)
+    y -= 0.15 * LINE * scale
+    off, note = paint.ORANGE if words.deep else paint.FAINT, SOURCES.get(words.source, paint.ORANGE)
+    for line, colour in (*((text, off) for text in words.off), *((text, note) for text in words.note)):
         y -= LINE * scale
-    y = bottom + (MARGIN - 3 + LINE * (len(note) - 1)) * scale
-    for line in note:
-        paint.text(line, x, y, SOURCES.get(noted.source, paint.ORANGE) if noted else paint.FAINT, scale, width=inner)
-        y -= LINE * scale
+        paint.text(line, x, y, colour, scale, width=inner)
 
 
 def friction(state: SkinState) -> str:

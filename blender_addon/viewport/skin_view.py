@@ -1,4 +1,4 @@
-"""The heat map in the 3D view: the deformed skin over the artist's finger, a map of each pad, and the legend.
+"""The heat map in the 3D view: the deformed skin over the artist's finger.
 
 Where the skin touches, an object hides it from every side, so what is hidden is drawn once more, through whatever is
 in front. The draw handlers read what `shown` has kept.
@@ -9,9 +9,8 @@ from __future__ import annotations
 import bpy
 from mathutils import Matrix
 
-from ..layouts import ui_scale
 from ..quantities import metres_per_unit
-from . import paint, shown, skin_cards, skin_shader
+from . import shown, skin_shader
 from .drawing import Handlers, finger_matrix
 
 BIAS = 0.3e-3  # [m] by which the skin is brought forward, so that the artist's finger does not cover it
@@ -56,35 +55,9 @@ def _draw_view() -> None:
         gpu.state.blend_set("NONE")
 
 
-def _draw_pixels() -> None:
-    context = bpy.context
-    if not _visible(context):
-        return
-    scene = context.scene
-    view = scene.dermis.skin_view
-    if not (view.legend or view.maps):
-        return
-    kept = shown.now(scene)
-    if kept is None or not kept.skins.states:
-        return
-    now = kept.skins
-    import gpu
-
-    scale = ui_scale()
-    gpu.state.blend_set("ALPHA")
-    right = context.region.width - skin_cards.MARGIN * scale - paint.width_of(context.area, "UI")
-    bottom = skin_cards.MARGIN * scale
-    if view.maps:
-        bottom = skin_cards.columns(context, now, right, bottom, scale)
-    if view.legend:
-        skin_cards.legend(now, view, right, bottom, scale)
-    gpu.state.blend_set("NONE")
-
-
 def register() -> None:
     """Draw skins from now on."""
     _handlers.add(_draw_view)
-    _handlers.add(_draw_pixels, "POST_PIXEL")
 
 
 def unregister() -> None:

@@ -22,7 +22,7 @@ from .spec import DeviceSpec
 
 # What may be stated of single channels, as 'bandwidth.motor_1': judged before a track leaves.
 OF_CHANNELS = ("acceleration", "bandwidth", "resolution")
-FIELDS = "schema name kind rate channels parameters safe wire description sources display".split()
+FIELDS = "schema name kind rate channels parameters safe wire description sources display settings".split()
 CHANNEL_FIELDS = "name unit actuator low high slew rest repeat description source".split()
 
 

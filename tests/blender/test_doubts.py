@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import radians
 
 import bpy
@@ -10,6 +11,10 @@ import pytest
 from mathutils import Vector
 
 from blender_addon import doubts
+from blender_addon.demos import demo_motors, demo_thimble
+from blender_addon.placing import presses
+from blender_addon.properties import skin_properties
+from core.contact.solver import path
 
 from .build import cube, keys, mesh_object
 from .hand_rigs import hand, unreal
@@ -138,3 +143,97 @@ def test_what_is_disabled_is_not_looked_at() -> None:
     cube(size=2.0).hide_viewport = True
     mesh_object("Empty", [], []).dermis.role = "TOUCHABLE"
     assert found() == {}
+
+
+def plate(thickness: float, name: str = "Plate") -> bpy.types.Object:
+    """Add a touchable plate of 0.2 x 0.2 m whose upper side is at height 0."""
+    obj = cube(name, location=(0.0, 0.0, -0.5 * thickness))
+    obj.scale = (0.2, 0.2, thickness)
+    return obj
+
+
+def test_a_pad_that_faces_away_from_all_that_it_passes_is_turned_at_its_keys() -> None:
+    finger = new_finger((0.0, 0.0, 0.001))
+    thick = skin_properties.lengths(finger.dermis.finger.skin)["thickness"]
+    plate(0.02)
+    assert found() == {}
+    finger.location.z, finger.rotation_euler.y = thick, np.pi  # on its nail
+    for frame, x in ((1, -0.05), (20, 0.05)):
+        finger.location.x = x
+        finger.keyframe_insert("location", frame=frame)
+        finger.keyframe_insert("rotation_euler", frame=frame)
+    bpy.context.scene.frame_set(1)
+    mend("away")
+    bpy.context.scene.frame_set(20)
+    assert tuple(finger.matrix_world.translation) == pytest.approx((0.05, 0.0, 0.0), abs=1e-6)
+    assert tuple(finger.matrix_world.col[2].to_3d()) == pytest.approx((0.0, 0.0, 1.0), abs=1e-6)
+    assert {p.interpolation for c in presses._curves(finger).values() for p in c.keyframe_points} == {"BEZIER"}
+
+
+def test_a_tip_or_a_side_that_touches_does_not_face_away() -> None:
+    finger = new_finger((0.0, 0.0, 0.01))
+    plate(0.02)
+    for turn in ((np.pi / 2, 0.0, 0.0), (-np.pi / 2, 0.0, 0.0), (0.0, np.pi / 2, 0.0)):
+        finger.rotation_euler = turn
+        assert "away" not in found()
+
+
+def test_a_press_deeper_than_skin_is_trusted_gets_a_compliant_bone_where_skin_is_solved() -> None:
+    finger = new_finger((0.0, 0.0, -0.0015))
+    plate(0.02)
+    finger.dermis.finger.skin.shown = True
+    assert found() == {}
+    finger.keyframe_insert("location", frame=1)
+    finger.location.z = -0.0031
+    finger.keyframe_insert("location", frame=30)
+    bpy.context.scene.frame_set(1)
+    assert found() == {"deep": "Finger"}  # at a key that is not shown now
+    assert doubts._DEEPEST == path.DEPTH_LIMIT
+    finger.dermis.finger.skin.shown = False
+    assert found() == {}  # whose skin is not solved needs none
+    finger.dermis.finger.devices.add().preset = "thimble_3rrs"
+    mend("deep")
+    assert finger.dermis.finger.skin.depth_mode == "compliant"
+
+
+def test_what_is_thin_may_be_pressed_but_not_pass_the_bone() -> None:
+    finger = new_finger((0.0, 0.0, -0.0015))
+    sheet = plate(0.0005)
+    finger.dermis.finger.skin.shown = True
+    assert found() == {}  # the engine keeps the sides of a thin thing apart
+    finger.location.z = -0.010
+    assert found() == {"thin": "Finger"}
+    mend("thin")
+    assert finger.location.z == pytest.approx(-0.001, abs=1e-6)
+    assert sheet.location.z == pytest.approx(-0.00025)
+
+
+def test_what_moves_by_itself_is_looked_at_where_it_is_now() -> None:
+    finger = new_finger((0.0, 0.0, 0.05))
+    finger.dermis.finger.skin.shown = True
+    finger.keyframe_insert("location", frame=1)
+    finger.location.z = -0.004
+    finger.keyframe_insert("location", frame=30)
+    block = plate(0.02)
+    assert "deep" in found()
+    keys(block, "location", (1, 30), [(0.0, 0.0, 0.0), (0.0, 0.0, -0.05)])
+    bpy.context.scene.frame_set(1)
+    assert found() == {}
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        lambda: bpy.ops.dermis.demo_scene(),
+        lambda: bpy.ops.dermis.demo_skin_scene(fingers="FIVE"),
+        lambda: bpy.ops.dermis.demo_pins_scene(),
+        *(lambda touch=touch: bpy.ops.dermis.demo_thimble_scene(touch=touch) for touch in demo_thimble.SCENES),
+        *(lambda touch=touch: bpy.ops.dermis.demo_motors_scene(touch=touch) for touch in demo_motors.TITLES),
+    ],
+)
+def test_nothing_is_doubted_about_a_demo(scene: Callable[[], None]) -> None:
+    scene()
+    last = bpy.context.scene.frame_end
+    for frame in (1, last // 3, last // 2, last):
+        bpy.context.scene.frame_set(frame)
+        assert found() == {}

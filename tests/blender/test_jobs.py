@@ -123,3 +123,10 @@ def test_disabling_the_add_on_stops_what_runs(scene):
     assert scene.frame_current == 1 and not jobs._running
     with pytest.raises(StopIteration):
         next(steps)
+
+
+def test_how_far_a_job_is_goes_with_it(scene):
+    jobs._show(jobs.Progress("Bake", 0.25, "sampling, 25%"))
+    assert jobs.progress().share == 0.25
+    jobs.unregister()
+    assert jobs.progress() is None

@@ -142,3 +142,41 @@ def test_presets_are_read_on_demand_and_broken_ones_keep_their_reason(tmp_path, 
 )
 def test_figures_have_the_units_that_people_use(value: float, unit: str, shown: str) -> None:
     assert quantities.quantity(value, unit) == shown
+
+
+def test_the_tab_reads_from_top_to_bottom() -> None:
+    tops = [c for c in panels.CLASSES if issubclass(c, bpy.types.Panel) and not getattr(c, "bl_parent_id", "")]
+    assert [c.bl_label for c in tops] == [
+        "Dermis",
+        "Place",
+        "Touch: Screen",
+        "Touch: Material",
+        "Touch: Skin",
+        "Wear",
+        "Preview",
+        "Bake",
+        "Export",
+        "Stream",
+        "How Many Motors?",
+    ]
+    folded = {c.bl_label for c in panels.CLASSES if "DEFAULT_CLOSED" in getattr(c, "bl_options", ())}
+    assert {"Details", "Values", "Settings", "Export", "Stream", "How Many Motors?"} <= folded
+
+
+def test_a_preset_has_a_name_before_presets_were_read() -> None:
+    choices.forget()
+    assert choices.title("materials", "grill_plate") == "Grill Plate" and choices.description("devices", "haptip") == ""
+    assert not choices.known() and choices.search("devices", "HapTip") == ["haptip"]  # a field that is typed into
+
+
+def test_presets_are_read_again_only_when_a_file_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from blender_addon import preferences
+
+    monkeypatch.setattr(preferences, "presets_folder", lambda: tmp_path)
+    assert preferences.library() is preferences.library()
+    (tmp_path / "materials").mkdir()
+    path = tmp_path / "materials" / "mine.json"
+    for friction in (0.5, 0.75):
+        text = f'{{"schema": "dermis-material 1", "name": "Mine", "parameters": {{"friction": {friction}}}}}'
+        path.write_text(text, encoding="utf-8")
+        assert preferences.library().material("mine")["friction"] == friction

@@ -15,7 +15,7 @@ from blender_addon import changes
 from blender_addon._core import core
 from blender_addon.results import export_parts, store
 from blender_addon.streaming import calibration_rows, device_calibration, session
-from blender_addon.viewport import overlay
+from blender_addon.viewport import cards
 from blender_addon.viewport import shown as views
 
 from .build import finger
@@ -96,7 +96,7 @@ def test_connect_arm_follow_stop(scene: Any) -> None:
     status = wait(lambda s: s["armed"] and np.allclose(heard(s), wanted, atol=1e-4))
     assert status["state"] == "streaming" and status["watchdog"]
     shown = views.devices(scene)
-    assert shown.source == "device" and shown.source in overlay.SOURCE_COLOURS
+    assert shown.source == "device" and shown.source in cards.SOURCE_COLOURS
     assert shown.rows[0].values["tactor_x"] == pytest.approx(-5e-4, abs=2e-6), "the twin shows what the device reports"
     scene.frame_set(7)
     wanted = a_track().values[250, 2:]

@@ -8,7 +8,7 @@ import pytest
 from mathutils import Matrix, Vector
 
 from blender_addon.preview.rows import NO_PATH, Row
-from blender_addon.viewport import drawing, overlay, parts, tactor_twin
+from blender_addon.viewport import cards, drawing, overlay, parts, tactor_twin
 
 from .build import finger
 
@@ -69,8 +69,8 @@ def test_the_frame_has_the_fingers_pose_but_not_its_scale() -> None:
     assert drawing.finger_matrix(bpy.context.scene, "Gone") is None
 
 
-def test_all_devices_are_drawn_by_one_pair_of_callbacks() -> None:
-    assert len(overlay._handlers._handles) == 2
+def test_all_devices_are_drawn_by_one_callback_and_all_cards_by_another() -> None:
+    assert len(overlay._handlers._handles) == len(cards._handlers._handles) == 1
 
 
 def row(values: dict[str, float], unit: str, high: float | None, kind: str = "") -> Row:

@@ -53,6 +53,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "devices.spec": {"errors", "units", "parameters"},  # only its description: tracks carry it
     "devices.mechanisms": GROUND | {"devices.spec"},
     "presets": DEVICE,
+    "own_presets": DEVICE | {"presets"},
     "track": TRACK,
     "plot": TRACK,
     # what is felt

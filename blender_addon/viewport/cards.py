@@ -1,0 +1,204 @@
+"""The cards of devices and skins in the 3D view: which, in which order, and where, so that nothing lies over another.
+
+Devices stand in columns at the left, pads in rows at the right with the legend above them; both in the order of the
+fingers, thumb first. Where there is no room cards are folded to a line, and where not even that fits, a line says so.
+Draws what `shown` has kept, and changes nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import bpy
+
+from ..hands import bone_names
+from ..layouts import ui_scale
+from ..preview.rows import Preview, Row
+from . import device_cards, obstacles, packing, paint, shown, skin_cards
+from .drawing import Handlers
+from .packing import Box
+from .skin_shown import Shown
+from .twin import Twin
+
+GAP = 6  # between cards [px at scale 1]
+WIDE, TALL = 0.5, 0.6  # of the view: its width that devices may take, and its height that any cards may
+SOURCE_COLOURS = {
+    "bake": paint.GREEN,
+    "live": paint.BLUE,
+    "stale": paint.ORANGE,
+    "earlier": paint.ORANGE,
+    "device": paint.GREEN,
+    "file": paint.GREEN,
+}
+SLIM = 200  # in a view with less room than that for a device, all are folded [px at scale 1]
+_handlers = Handlers()
+
+
+@lru_cache(maxsize=32)
+def order(names: tuple[str, ...], fingers: tuple[str, ...]) -> tuple[int, ...]:
+    """Return in which order cards stand: a hand's fingers from the thumb on, then others as the scene has them.
+
+    Args:
+        names: of fingers, or of what is theirs, as 'Index: thimble'. fingers: all of the scene's.
+    """
+    said = bone_names.labels(fingers)
+
+    def rank(i: int) -> tuple[str, int, int, int]:
+        whose = names[i] if names[i] in fingers else names[i].partition(": ")[0]
+        place = fingers.index(whose) if whose in fingers else len(fingers)
+        label = said.get(whose)
+        if label is None:
+            return ("~", len(bone_names.FINGERS), place, i)
+        return (label.side, bone_names.FINGERS.index(label.finger), place, i)
+
+    return tuple(sorted(range(len(names)), key=rank))
+
+
+class Plan(NamedTuple):
+    """Where cards go, in their order.
+
+    Attributes:
+        devices: under a line of words, which comes first. open_devices: how many of them, the line with them, are open.
+        pads: and whether they are open. Fewer places than there are cards: the last is for words that say so.
+    """
+
+    devices: list[Box]
+    open_devices: int
+    pads: list[Box]
+    open_pads: bool
+
+    @classmethod
+    def of(
+        cls,
+        heights: Sequence[float] | None,
+        pads: int,
+        map_size: float,
+        room: Box,
+        taken: Sequence[Box],
+        *,
+        folded: bool,
+    ) -> Plan:
+        """Plan for devices of these heights and a number of pads [px at scale 1]; all are folded where that is asked.
+
+        None instead of heights: not even the line of words.
+
+        Devices are folded, the last ones first, until they fit, and all of them where pads would have no room else.
+        """
+        low = room._replace(height=TALL * room.height)
+        width = min(device_cards.WIDTH, room.width)
+        left = low._replace(width=max(WIDE * room.width, width))
+        folded = folded or width < SLIM
+        plan = cls([], 0, [], False)
+        for fold in (True,) if folded else (False, True):
+            lines = [device_cards.FOLDED if fold else height for height in heights or ()]
+            kept, devices = packing.folding(
+                [device_cards.FOLDED, *lines] if heights is not None else [],
+                device_cards.FOLDED,
+                lambda lengths: packing.columns(lengths, width, left, taken, GAP),
+            )
+            plan = cls(devices, 1 if fold else kept, *_pads(pads, map_size, low, (*taken, *devices), folded=folded))
+            if len(plan.pads) == pads and plan.open_pads:
+                break
+        return plan
+
+
+def _pads(count: int, map_size: float, room: Box, taken: Sequence[Box], *, folded: bool) -> tuple[list[Box], bool]:
+    """Return places for pads, and whether they are open: smaller where there are many, or folded."""
+    for width, height in () if folded else skin_cards.sizes(map_size):
+        places = packing.rows([width] * count, height, room, taken, GAP)
+        if len(places) == count:
+            return sorted(places, key=lambda box: (-box.bottom, box.left)), True  # to be read from the top
+    lines = [skin_cards.FOLDED] * count
+    return packing.columns(lines, skin_cards.LEGEND_WIDTH, room, taken, GAP, right=True), count == 0
+
+
+def _draw() -> None:
+    context = bpy.context
+    scene, space = context.scene, context.space_data
+    if not getattr(space.overlay, "show_overlays", True):
+        return
+    now = shown.now(scene)
+    if now is None:
+        return
+    import gpu
+
+    settings, scale = scene.dermis, ui_scale()
+    room, taken = obstacles.free(context, scale)
+    fingers = tuple(obj.name for obj in scene.objects if obj.dermis.role == "FINGER")
+    rows: list[tuple[Row, Twin | None]] = []
+    devices, skins = now.devices, now.skins if settings.skin_view.show else now.skins._replace(states=(), drawn=())
+    if settings.show_readout and devices is not None:
+        rows = [(devices.rows[i], now.twins[i]) for i in order(tuple(row.finger for row in devices.rows), fingers)]
+    pads = order(tuple(state.finger for state in skins.states), fingers) if settings.skin_view.maps else ()
+    alone = devices is not None and devices.source == "live" and not skins.states  # else the legend says it
+    said = settings.show_readout and (rows or alone)
+    heights = [device_cards.height(row) for row, _ in rows] if said else None
+    plan = Plan.of(heights, len(pads), settings.skin_view.map_size, room, taken, folded=settings.fold_cards)
+    gpu.state.blend_set("ALPHA")
+    if devices is not None:
+        _devices(devices, rows, plan, scale)
+    _skins(skins, pads, settings.skin_view, plan, scale)
+    if skins.states and settings.skin_view.legend:
+        note = devices.note if devices is not None and plan.devices else ""
+        _legend(skins, settings.skin_view, room, [*taken, *plan.devices], plan.pads, scale, note)
+    gpu.state.blend_set("NONE")
+
+
+def _devices(devices: Preview, rows: Sequence[tuple[Row, Twin | None]], plan: Plan, scale: float) -> None:
+    """Draw the devices' cards under a line that says where their values come from."""
+    shown_count = len(rows) if len(plan.devices) > len(rows) else len(plan.devices) - 2
+    for i, at in enumerate(place.scaled(scale) for place in plan.devices):
+        if i == 0:
+            place = at if rows else at._replace(width=0.0)  # alone it may be as long as it is
+            _line(devices.note, place, SOURCE_COLOURS[devices.source], scale)
+        elif i > shown_count:
+            _missing(len(rows) - shown_count, "device", at, scale)
+        elif i < plan.open_devices:
+            device_cards.card(*rows[i - 1], at, scale)
+        else:
+            device_cards.line(rows[i - 1][0], at, scale)
+
+
+def _skins(skins: Shown, order: Sequence[int], view: Any, plan: Plan, scale: float) -> None:
+    """Draw a map of each pad, or a line."""
+    shown_count = len(order) if len(plan.pads) == len(order) else len(plan.pads) - 1
+    for i, at in enumerate(place.scaled(scale) for place in plan.pads):
+        if i == shown_count:
+            _missing(len(order) - shown_count, "pad", at, scale)
+        elif plan.open_pads:
+            skin_cards.card(skins, order[i], view, at, scale)
+        else:
+            skin_cards.line(skins.states[order[i]], at, scale)
+
+
+def _legend(
+    skins: Shown, view: Any, room: Box, taken: Sequence[Box], pads: Sequence[Box], scale: float, said: str
+) -> None:
+    """Draw the legend above the pads, without its words where they do not fit."""
+    bottom = max((at.top + GAP for at in pads), default=room.bottom)
+    above = Box(room.left, bottom, room.width, room.top - bottom)
+    for full in (True, False):
+        legend = skin_cards.Legend.of(skins, full=full, said=said)
+        for at in packing.rows([skin_cards.LEGEND_WIDTH], legend.height, above, taken, GAP):
+            skin_cards.legend(skins, view, legend, at.scaled(scale), scale)
+            return
+
+
+def _line(words: str, at: Box, colour: paint.Colour, scale: float) -> None:
+    paint.text(words, at.left + 2 * scale, at.bottom + 0.3 * at.height, colour, scale, width=at.width)
+
+
+def _missing(count: int, what: str, at: Box, scale: float) -> None:
+    _line(f"and {count} more {what}{'' if count == 1 else 's'}: enlarge the view", at, paint.ORANGE, scale)
+
+
+def register() -> None:
+    """Draw cards from now on."""
+    _handlers.add(_draw, "POST_PIXEL")
+
+
+def unregister() -> None:
+    """Draw them no more."""
+    _handlers.clear()

@@ -1,0 +1,137 @@
+"""Where cards go in a view: boxes in, places out. Knows nothing of Blender.
+
+Cards are stacked in strips: columns from the left, or rows from the bottom. A strip takes the longest stretch that
+nothing else covers, as many cards as go into it, in their order, and leaves the free rest before them; so columns stand
+on the view's lower edge, and rows end at its right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+
+class Box(NamedTuple):
+    """A rectangle; any unit will do."""
+
+    left: float
+    bottom: float
+    width: float
+    height: float
+
+    @property
+    def right(self) -> float:
+        """Its right end."""
+        return self.left + self.width
+
+    @property
+    def top(self) -> float:
+        """Its upper end."""
+        return self.bottom + self.height
+
+    def scaled(self, scale: float) -> Box:
+        """Return it that many times as large, and as far away."""
+        return Box(*(scale * value for value in self))
+
+    def meets(self, other: Box) -> bool:
+        """Return whether two boxes have more than an edge in common."""
+        across = self.left < other.right and other.left < self.right
+        return across and self.bottom < other.top and other.bottom < self.top
+
+
+Place = Callable[[Sequence[float]], list[Box]]
+
+
+def columns(
+    heights: Sequence[float], width: float, room: Box, taken: Sequence[Box], gap: float, *, right: bool = False
+) -> list[Box]:
+    """Place cards of one width from top to bottom, in columns from the left, or from the right.
+
+    Returns:
+        Places of the first cards, as many as fit.
+    """
+    if right:
+        turned = columns(heights, width, _mirrored(room), [_mirrored(box) for box in taken], gap)
+        return [_mirrored(box) for box in turned]
+    return [_raised(box) for box in _strips(heights, width, _laid(room), [_laid(box) for box in taken], gap)]
+
+
+def rows(widths: Sequence[float], height: float, room: Box, taken: Sequence[Box], gap: float) -> list[Box]:
+    """Place cards of one height from left to right, in rows from the bottom; return places of the first that fit."""
+    return _strips(widths, height, room, taken, gap)
+
+
+def folding(opened: Sequence[float], folded: float, place: Place) -> tuple[int, list[Box]]:
+    """Fold as few of the last cards as it takes to show all.
+
+    Args:
+        opened: how long each card is. folded: how long any is that is folded to a line. place: see `columns`.
+
+    Returns:
+        How many stay open, and the places. Fewer places than cards: not even folded ones all fit, and the last place,
+        where there is any, is for words that say how many are missing.
+    """
+    count = len(opened)
+    for kept in range(count, -1, -1):
+        lengths = [*opened[:kept], *[folded] * (count - kept)]
+        places = place(lengths)
+        if len(places) == count:
+            return kept, places
+    return 0, places
+
+
+def _mirrored(box: Box) -> Box:
+    return box._replace(left=-box.right)
+
+
+def _laid(box: Box) -> Box:
+    """Lay a box on its side: downwards becomes to the right, and to the right upwards."""
+    return Box(-box.top, box.left, box.height, box.width)
+
+
+def _raised(box: Box) -> Box:
+    """Undo `_laid`."""
+    return Box(box.bottom, -box.right, box.height, box.width)
+
+
+def _strips(lengths: Sequence[float], thickness: float, room: Box, taken: Sequence[Box], gap: float) -> list[Box]:
+    """Stack cards along X in strips of a thickness, from the room's bottom upwards."""
+    places: list[Box] = []
+    bottom = room.bottom
+    while len(places) < len(lengths) and bottom + thickness <= room.top:
+        strip = Box(room.left, bottom, room.width, thickness)
+        here = _stacked(lengths[len(places) :], _longest(strip, taken, gap), gap)
+        places += here
+        if here:
+            bottom += thickness + gap
+        else:
+            bottom = min((b.top + gap for b in taken if b.top + gap > bottom), default=room.top)
+    return places
+
+
+def _stacked(lengths: Sequence[float], free: Box, gap: float) -> list[Box]:
+    """Return places for as many cards as go into a strip, at its end."""
+    used, count = 0.0, 0
+    for length in lengths:
+        more = used + length + (gap if count else 0.0)
+        if more > free.width:
+            break
+        used, count = more, count + 1
+    left, places = free.right - used, []
+    for length in lengths[:count]:
+        places.append(Box(left, free.bottom, length, free.height))
+        left += length + gap
+    return places
+
+
+def _longest(strip: Box, taken: Sequence[Box], gap: float) -> Box:
+    """Return the longest part of a strip along X that keeps a gap from what is taken; the last of equal ones."""
+    best, left = Box(strip.right, strip.bottom, 0.0, strip.height), strip.left
+    wide = [Box(b.left - gap, b.bottom - gap, b.width + 2 * gap, b.height + 2 * gap) for b in taken]
+    ends = sorted((b.left, b.right) for b in wide if b.meets(strip))
+    for start, end in (*ends, (strip.right, strip.right)):
+        free = min(start, strip.right) - left
+        if free >= best.width:
+            best = Box(left, strip.bottom, free, strip.height)
+        left = max(left, end)
+    return best

@@ -21,17 +21,18 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..cache import cache_key
 from ..devices.press import Press
+from ..devices.press_problem import PressPoints
 from ..devices.spec import DeviceSpec, from_preset
 from ..errors import DermisError
 from ..files import write_npz
 from ..matching.platforms import mechanism, original_key
+from ..matching.press_points import press_points
 from ..matching.readings import Counts, quantised, readings_of
 from ..matching.sweep import commands_swept, reached, sweep
 from ..matching.table import SkinTable, assemble, press_of, tabulate
 from ..npz import opened_npz
 from ..skin.material import Elastic
 from ..skin.model import SkinModel, fingertip_skin
-from ..skin.press_points import PressPoints, press_points
 from ..skin.shape import FingertipShape
 from ..work.executor import POLL_SECONDS, InlineExecutor, JobExecutor
 

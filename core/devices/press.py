@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 
 from ..arrays import Array, Floats32, Indices
 from ..errors import DermisError
-from ..skin.press_points import PressPoints
 from .poses import Poses
-from .press_problem import Carrier, PressProblem
+from .press_problem import Carrier, PressPoints, PressProblem
 from .press_state import PressState
 
 STEPS = 3

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from copy import copy
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -45,6 +46,26 @@ class Carrier(Protocol):
     def rest_poses(self, count: int) -> Poses:
         """Return the reference configuration, `count` times."""
         ...
+
+
+@dataclass(frozen=True, eq=False)
+class PressPoints:
+    """Points of a pad that carry a platform's press.
+
+    Attributes:
+        positions: of undeformed skin in the finger's frame [m], shape (n, 3).
+        compliance: between them, symmetric [m/N], shape (3 n, 3 n).
+        nodal: forces on the nodes of the skin's mesh for forces on them, shape (3 m, 3 n); None where they are these.
+    """
+
+    positions: Array
+    compliance: Array
+    nodal: Array | None = None
+
+    @property
+    def on(self) -> str:
+        """'points' of the smooth skin, or 'nodes' of the mesh."""
+        return "nodes" if self.nodal is None else "points"
 
 
 class PressProblem:

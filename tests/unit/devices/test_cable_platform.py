@@ -11,10 +11,10 @@ from core.devices import cable_platform
 from core.devices.cable_platform import mechanism
 from core.devices.poses import Poses, rotation
 from core.devices.press import Press
+from core.devices.press_problem import PressPoints
 from core.errors import DermisError
 from core.matching.sweep import platform_poses, sweep
 from core.presets import Library
-from core.skin.press_points import PressPoints
 
 
 @pytest.fixture(scope="module")

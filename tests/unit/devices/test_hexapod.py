@@ -13,11 +13,11 @@ from core.devices import hexapod
 from core.devices.disc_pose import Disc
 from core.devices.poses import Poses, rotation
 from core.devices.press import Press
+from core.devices.press_problem import PressPoints
 from core.errors import DermisError
 from core.matching.sweep import platform_poses, sweep
 from core.presets import Library
 from core.skin.model import fingertip_skin
-from core.skin.press_points import PressPoints
 
 FLIP = np.diag([1.0, -1.0, -1.0])  # the thimble's disc touches with -Z
 

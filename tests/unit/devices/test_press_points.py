@@ -9,14 +9,15 @@ from core.contact.solver.bodies import ContactBody
 from core.contact.solver.point_path import PointSolver
 from core.devices.disc_pose import Disc
 from core.devices.press import Press
+from core.devices.press_problem import PressPoints
 from core.matching.platforms import mechanism
+from core.matching.press_points import press_points
 from core.matching.readings import readings_of
 from core.matching.sweep import platform_poses, sweep
 from core.matching.table import build, press_of
 from core.presets import Library
 from core.skin.model import fingertip_skin, skin_from_parameters
 from core.skin.nodal_forces import NodalForces
-from core.skin.press_points import PressPoints, press_points
 from core.skin.surface_store import smooth_pad
 
 FLIP = np.diag([1.0, -1.0, -1.0])  # the thimble's disc touches with -Z

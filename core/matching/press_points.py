@@ -1,4 +1,4 @@
-"""PressPoints: where a flat platform's press is solved on a skin, and what that makes on the nodes of its mesh.
+"""Where a flat platform's press is solved on a skin, and what that makes on the nodes of its mesh.
 
 A touch is solved on points of the smooth skin. What a device does to the skin must be solved on like points, or the
 look-up would render the difference between two meshes: of a draft skin, a fifth of the touch. A disc is flat, so one
@@ -8,38 +8,16 @@ its mean displacement, so that work is the same on both sides.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from ..arrays import Array
+from ..devices.press_problem import PressPoints
 from ..recent import Recent
-from .model import SkinModel
-from .nodal_forces import NodalForces
-from .surface_compliance import SurfaceCompliance
-from .surface_store import smooth_pad
+from ..skin.model import SkinModel
+from ..skin.nodal_forces import NodalForces
+from ..skin.surface_compliance import SurfaceCompliance
+from ..skin.surface_store import smooth_pad
 
 TOGETHER = 2  # cells of level 0 along each side of a point's part of the skin, beside the pad's centre
-
-
-@dataclass(frozen=True, eq=False)
-class PressPoints:
-    """Points of a pad that carry a platform's press.
-
-    Attributes:
-        positions: of undeformed skin in the finger's frame [m], shape (n, 3).
-        compliance: between them, symmetric [m/N], shape (3 n, 3 n).
-        nodal: forces on the nodes of the skin's mesh for forces on them, shape (3 m, 3 n); None where they are these.
-    """
-
-    positions: Array
-    compliance: Array
-    nodal: Array | None = None
-
-    @property
-    def on(self) -> str:
-        """'points' of the smooth skin, or 'nodes' of the mesh."""
-        return "nodes" if self.nodal is None else "points"
 
 
 def press_points(skin: SkinModel) -> PressPoints:

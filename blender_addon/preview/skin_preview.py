@@ -116,8 +116,6 @@ def step(context: bpy.types.Context, sample: Any = None) -> tuple[SkinState, ...
         return _live.states
     try:
         if sample is None:
-            if _live.edits != changes.edits():
-                scene_sweep.forget()
             sample = scene_sweep.sample_now(scene, context.evaluated_depsgraph_get())
         posed, again = _prepare(scene, sample, frame)
         with skin_models.one_thread():
@@ -145,11 +143,11 @@ def request() -> None:
     redraw.request()
 
 
-def refresh() -> None:
-    """Solve the current frame anew, if somebody has asked for it."""
+def refresh(sample: Any = None) -> None:
+    """Solve the current frame anew, if somebody has asked for it; `sample` as for `step`."""
     requested, _live.requested = _live.requested, False
     if requested and bpy.context.scene is not None:
-        on_frame(bpy.context.scene)
+        on_frame(bpy.context.scene, sample)
 
 
 def _is_solved(shown: bool, presets: Iterable[str]) -> bool:

@@ -45,6 +45,7 @@ class _Played(NamedTuple):
     replay: Any
 
 
+_settings: core.recent.Recent[tuple[str, str, int], tuple[Any, ...]] = core.recent.Recent(16)
 _paths: dict[str, _FingerPath] = {}
 _played: dict[str, _Played] = {}
 _states: dict[str, tuple[Any, Any, SkinState]] = {}
@@ -80,9 +81,7 @@ def live_rows(scene: bpy.types.Scene) -> tuple[Row, ...]:
 def follow(scene: bpy.types.Scene, target: SkinState, device: Any) -> _FingerPath:
     """Let a finger's thimble follow the skin of the current frame, once."""
     frame, fps = float(scene.frame_current_final), scene.render.fps / scene.render.fps_base
-    settings = tuple(
-        sorted((k, v) for k, v in thimble_devices.parameters_of(device).items() if k.startswith("thimble_"))
-    )
+    settings = _settings.make((target.finger, device.preset, changes.edits()), lambda: _settings_of(device))
     key = (device.preset, settings, target.model.key, repr(target.model.material), changes.generation())
     path = _paths.get(target.finger)
     if path is None or path.key != key:
@@ -109,8 +108,13 @@ def failure(finger: str) -> str:
 
 def reset() -> None:
     """Forget every way through the frames."""
-    for kept in (_paths, _played, _states):
+    for kept in (_paths, _played, _states, _settings):
         kept.clear()
+
+
+def _settings_of(device: Any) -> tuple[Any, ...]:
+    values = thimble_devices.parameters_of(device).items()
+    return tuple(sorted((name, value) for name, value in values if name.startswith("thimble_")))
 
 
 def _step(path: _FingerPath, target: SkinState, frame: float, fps: float) -> None:

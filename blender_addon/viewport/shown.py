@@ -116,7 +116,8 @@ def work() -> None:
     if changes.sweeping():
         return
     built_devices.read()
-    skin_preview.refresh()
+    device_preview.refresh()
+    skin_preview.refresh(device_preview.take_sample())
     scenes = {window.scene.session_uid: window.scene for window in bpy.context.window_manager.windows}
     for gone in set(_keys) - set(scenes):
         del _keys[gone]

@@ -198,5 +198,5 @@ def test_the_live_preview_keeps_a_relief_until_told():
     first = now()
     assert now() is first
     picture.pixels.foreach_set(np.tile(np.array([0, 0, 0, 1], np.float32), 20))
-    height_maps.forget()
+    scene_sweep.forget()
     assert now().max() == 0.0

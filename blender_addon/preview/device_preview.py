@@ -23,10 +23,11 @@ from ..devices import active_presets
 from ..preferences import library
 from ..results import store
 from ..sampling import scene_header, scene_sweep
-from . import pin_preview, platform_preview, thimble_preview
+from . import moment, pin_preview, platform_preview, skin_preview, thimble_preview
 from .rows import Preview, Row, by_channel, goes_on, row_of
 
 TRAIL_SECONDS = 0.12  # how much of a tactor's path the view shows
+FOLLOWERS = (pin_preview, thimble_preview, platform_preview)
 KEPT = 1000  # frames that were visited are shown again as they were
 
 
@@ -49,15 +50,10 @@ _memo: tuple[Any, ...] = ()
 _memo_preview: Preview | None = None
 
 
-def frame_of(scene: bpy.types.Scene) -> float:
-    """Return the scene's frame with its sub-frame."""
-    return float(scene.frame_current_final)
-
-
 def computed(scene: bpy.types.Scene) -> Preview | None:
     """Return what bake or trail give for the current frame, or None where nothing is known."""
     global _memo, _memo_preview
-    frame, state = frame_of(scene), store.state(scene)
+    frame, state = moment.frame_of(scene), store.state(scene)
     if state != "fresh" and scene.dermis.live_preview and _trail_ends_at(scene, frame):
         return _with_followers(scene, _live.preview)
     result = store.current(scene)
@@ -90,7 +86,7 @@ def on_frame(scene: bpy.types.Scene) -> None:
 def step(context: bpy.types.Context) -> Preview:
     """Extend the trail by the scene as it is now, or start a new one, and render it."""
     scene = context.scene
-    frame = frame_of(scene)
+    frame = moment.frame_of(scene)
     same = _live.scene == scene.session_uid and _live.generation == changes.generation()
     edited = not same or _live.edits != changes.edits()
     if edited:
@@ -112,17 +108,16 @@ def step(context: bpy.types.Context) -> Preview:
     return _live.preview
 
 
-def refresh() -> None:
-    """Compute the current frame anew where something changed that no frame change told."""
-    scene = bpy.context.scene
-    if scene is not None and not (_live.edits == changes.edits() and _trail_ends_at(scene, frame_of(scene))):
+def refresh(scene: bpy.types.Scene) -> None:
+    """Compute the current frame where it is another than the last, or something has changed."""
+    if not (_live.edits == changes.edits() and _trail_ends_at(scene, moment.frame_of(scene))):
         on_frame(scene)
 
 
 def _note(scene: bpy.types.Scene, text: str) -> Preview:
     """Show a sentence in place of devices; the trail ends here."""
     _live.trail, _live.scene, _live.generation = None, scene.session_uid, changes.generation()
-    _live.preview = Preview(frame_of(scene), "live", text, ())
+    _live.preview = Preview(moment.frame_of(scene), "live", text, ())
     return _live.preview
 
 
@@ -209,8 +204,8 @@ def _header(sample: core.scene.tactile_scene.TactileScene) -> core.scene.tactile
 
 def _with_followers(scene: bpy.types.Scene, shown: Preview | None) -> Preview | None:
     """Add pin arrays, thimbles and platforms: they follow the skin that `skin_preview` solves."""
-    followers = (pin_preview, thimble_preview, platform_preview)
-    rows = tuple(row for kind in followers for row in kind.live_rows(scene)) if shown is not None else ()
+    skins = skin_preview.own(scene)
+    rows = tuple(row for kind in FOLLOWERS for row in kind.live_rows(scene, skins)) if shown is not None else ()
     return replace(shown, rows=(*shown.rows, *rows)) if shown is not None and rows else shown
 
 

@@ -17,7 +17,7 @@ from .. import changes
 from .._core import Array, DermisError, core
 from ..devices import active_presets, skin_models
 from ..properties import skin_properties
-from . import followers, skin_preview
+from . import followers
 from .rows import Row, by_channel, row_of
 from .skin_state import SkinState
 
@@ -67,10 +67,10 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
     return states
 
 
-def live_rows(scene: bpy.types.Scene) -> tuple[Row, ...]:
+def live_rows(scene: bpy.types.Scene, skins: Sequence[SkinState]) -> tuple[Row, ...]:
     """Return what the pin arrays of fingers whose skin is solved press at the current frame, without a bake."""
     rows = []
-    for target, _, device, spec in followers.wearers_of(scene, skin_preview.own(scene), "pins"):
+    for target, _, device, spec in followers.wearers_of(scene, skins, "pins"):
         if target.source != "live":
             continue
         low = np.array([-np.inf if c.low is None else c.low for c in spec.channels])

@@ -8,18 +8,19 @@ be done anew.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import bpy
 
 from .. import changes, choices, redraw
 from ..devices import readiness, thimble_devices
-from ..preview import device_preview, pin_preview, platform_preview, skin_preview, thimble_preview
+from ..preview import device_preview, moment, pin_preview, platform_preview, skin_preview, thimble_preview
 from ..preview.rows import Preview
 from ..preview.skin_state import SkinState
 from ..results import store
 from ..streaming import built_devices, reported_values, streamed_track
-from . import skin_shown, twins
+from . import skin_shown, slices, twins
 from .twin import Twin
 
 
@@ -46,6 +47,7 @@ class Frame(NamedTuple):
 
 _frames: dict[int, Frame] = {}  # by the scene's session uid
 _keys: dict[int, tuple[Any, ...]] = {}  # what they were worked out for
+_slices = slices.Slices(lambda: _steps())
 
 
 def devices(scene: bpy.types.Scene) -> Preview | None:
@@ -62,6 +64,33 @@ def skins(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
     return (*targets, *rendered)
 
 
+def on_frame(scene: bpy.types.Scene) -> None:
+    """Work out what is shown at a new frame for as long as a view may wait; go on in a timer."""
+    if scene == bpy.context.scene:
+        _slices.start(scene)
+    else:
+        renew(scene)
+
+
+def _steps() -> slices.Steps:
+    """Work everything out piece by piece; what was worked out is kept, so that `renew` finds it done."""
+    scene = yield
+    device_preview.refresh(scene)
+    scene = yield
+    for _ in skin_preview.on_frame(scene, device_preview.take_sample()):
+        scene = yield
+    for target in skin_preview.own(scene):
+        for kind in device_preview.FOLLOWERS:
+            kind.live_rows(scene, (target,))
+        scene = yield
+    for state in skins(scene) if scene.dermis.skin_view.show else ():
+        view = scene.dermis.skin_view
+        if state.model is not None:
+            skin_shown.values(state, view.quantity, view.exaggeration)
+        scene = yield
+    renew(scene)
+
+
 def renew(scene: bpy.types.Scene) -> Frame:
     """Work out everything that is shown at the current frame, and keep it."""
     uid, active = scene.session_uid, _active(scene)
@@ -72,7 +101,7 @@ def renew(scene: bpy.types.Scene) -> Frame:
     if active is not None and active.dermis.role == "FINGER" and not choices.known():
         choices.refresh()  # panels call its devices by their names
     _frames[uid] = Frame(
-        device_preview.frame_of(scene),
+        moment.frame_of(scene),
         shown,
         tuple(twins.twin_of(scene, row) for row in shown.rows) if shown is not None else (),
         skin_shown.shown(scene, skins(scene)),
@@ -87,7 +116,17 @@ def renew(scene: bpy.types.Scene) -> Frame:
 def now(scene: bpy.types.Scene) -> Frame | None:
     """Return what is shown at the current frame, None where it has not been worked out. Reads; for drawing."""
     kept = _read(scene)
-    return kept if kept is not None and kept.frame == device_preview.frame_of(scene) else None
+    if kept is None or kept.frame == moment.frame_of(scene):
+        return kept
+    return _late(kept, scene) if _slices.busy(scene) else None
+
+
+def _late(kept: Frame, scene: bpy.types.Scene) -> Frame:
+    """Return what is shown until the current frame is worked out; it says so."""
+    note = f"frame {kept.frame:g}: {moment.frame_of(scene):g} is being worked out"
+    states = tuple(replace(state, note=note) for state in kept.skins.states)
+    shown = None if kept.devices is None else replace(kept.devices, note=note)
+    return kept._replace(devices=shown, skins=kept.skins._replace(states=states))
 
 
 def active_device(scene: bpy.types.Scene, obj: bpy.types.Object | None, family: str) -> Any | None:
@@ -116,18 +155,17 @@ def work() -> None:
     if changes.sweeping():
         return
     built_devices.read()
-    device_preview.refresh()
-    skin_preview.refresh(device_preview.take_sample())
     scenes = {window.scene.session_uid: window.scene for window in bpy.context.window_manager.windows}
     for gone in set(_keys) - set(scenes):
         del _keys[gone]
         _frames.pop(gone, None)
     for scene in scenes.values():
-        renew(scene)
+        on_frame(scene)
 
 
 def forget() -> None:
     """Forget what was worked out: another file is opened."""
+    _slices.cancel()
     _frames.clear()
     _keys.clear()
 
@@ -165,7 +203,7 @@ def _key(scene: bpy.types.Scene) -> tuple[Any, ...]:
     settings, active = scene.dermis, _active(scene)
     view, thimble = settings.skin_view, settings.thimble_view
     return (
-        device_preview.frame_of(scene),
+        moment.frame_of(scene),
         store.state(scene),
         id(store.current(scene)),
         changes.edits(),

@@ -147,17 +147,10 @@ def _blender() -> Iterator[Callable[[Any], None]]:
     blender_addon.register()
     try:
         from blender_addon import choices
-        from blender_addon.preview import device_preview, skin_preview
         from blender_addon.viewport import shown
 
         choices.refresh()
-
-        def handler(scene: Any) -> None:
-            device_preview.on_frame(scene)
-            skin_preview.on_frame(scene, device_preview.take_sample())
-            shown.renew(scene)
-
-        yield handler
+        yield shown.on_frame  # without a window all of it: what a view would get in slices too
     finally:
         blender_addon.unregister()
         bpy.ops.wm.read_factory_settings(use_empty=True)

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.sampling import height_maps, scene_sweep
+from blender_addon.sampling import scene_sweep
 from tests.blender import build
 
 N = 257  # odd, so that one ray goes through the middle

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import bpy
 
 from .. import changes, choices, redraw
+from .. import doubts as doubtful
 from ..devices import readiness, thimble_devices
 from ..preview import device_preview, moment, pin_preview, platform_preview, skin_preview, thimble_preview
 from ..preview.rows import Preview
@@ -46,6 +47,7 @@ class Frame(NamedTuple):
 
 
 _frames: dict[int, Frame] = {}  # by the scene's session uid
+_doubts: dict[int, tuple[doubtful.Doubt, ...]] = {}  # about the scene itself
 _keys: dict[int, tuple[Any, ...]] = {}  # what they were worked out for
 _slices = slices.Slices(lambda: _steps())
 
@@ -89,6 +91,8 @@ def _steps() -> slices.Steps:
             skin_shown.values(state, view.quantity, view.exaggeration)
         scene = yield
     renew(scene)
+    scene = yield
+    _doubts[scene.session_uid] = doubtful.of(scene, _layer(scene))
 
 
 def renew(scene: bpy.types.Scene) -> Frame:
@@ -150,6 +154,12 @@ def doubts(scene: bpy.types.Scene) -> str:
     return kept.doubts if kept is not None else ""
 
 
+def scene_doubts(scene: bpy.types.Scene) -> tuple[doubtful.Doubt, ...]:
+    """Return what is doubtful about a scene, as it was worked out last. Reads; for drawing."""
+    _read(scene)
+    return _doubts.get(scene.session_uid, ())
+
+
 def work() -> None:
     """Work out what every window shows."""
     if changes.sweeping():
@@ -159,6 +169,7 @@ def work() -> None:
     for gone in set(_keys) - set(scenes):
         del _keys[gone]
         _frames.pop(gone, None)
+        _doubts.pop(gone, None)
     for scene in scenes.values():
         on_frame(scene)
 
@@ -167,6 +178,7 @@ def forget() -> None:
     """Forget what was worked out: another file is opened."""
     _slices.cancel()
     _frames.clear()
+    _doubts.clear()
     _keys.clear()
 
 
@@ -194,8 +206,11 @@ def _read(scene: bpy.types.Scene) -> Frame | None:
 
 
 def _active(scene: bpy.types.Scene) -> bpy.types.Object | None:
-    layer = bpy.context.view_layer if scene == bpy.context.scene else scene.view_layers[0]
-    return layer.objects.active
+    return _layer(scene).objects.active
+
+
+def _layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
+    return bpy.context.view_layer if scene == bpy.context.scene else scene.view_layers[0]
 
 
 def _key(scene: bpy.types.Scene) -> tuple[Any, ...]:

@@ -7,6 +7,7 @@ plays: they wait until it is done, and the newest of them comes next.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Generator
 
@@ -23,6 +24,11 @@ PAUSE = 0.001  # [s] between slices: Blender handles what came in
 Steps = Generator[None, bpy.types.Scene, None]
 
 
+def budget() -> float:
+    """Return how long a view waits [s]; without a window nobody does."""
+    return math.inf if bpy.app.background else BUDGET
+
+
 class Slices:
     """The work on what is shown of a scene, one piece at a time.
 
@@ -35,6 +41,7 @@ class Slices:
         self._work: Steps | None = None
         self._of: tuple[int, int] = (0, 0)  # scene and edits that the work is for
         self._frame = 0.0
+        self._timer = self._on_timer  # Blender knows a timer by its very object, and a method is another one each time
 
     def busy(self, scene: bpy.types.Scene) -> bool:
         """Return whether there is work left for a scene."""
@@ -54,8 +61,8 @@ class Slices:
         if self._work is not None:
             self._work.close()
         self._work = None
-        if bpy.app.timers.is_registered(self._on_timer):
-            bpy.app.timers.unregister(self._on_timer)
+        if bpy.app.timers.is_registered(self._timer):
+            bpy.app.timers.unregister(self._timer)
 
     def _renew(self, scene: bpy.types.Scene, frame: float) -> None:
         self.cancel()
@@ -64,7 +71,7 @@ class Slices:
 
     def _spend(self, scene: bpy.types.Scene) -> None:
         """Work until it is done or the budget is spent; without a window nobody waits."""
-        end = time.perf_counter() + BUDGET
+        end = time.perf_counter() + budget()
         while self._work is not None:
             try:
                 with moment.held(self._frame):
@@ -77,10 +84,10 @@ class Slices:
                 self._work = None
                 if float(scene.frame_current_final) != self._frame:  # the play has gone on meanwhile
                     self._renew(scene, float(scene.frame_current_final))
-            if not bpy.app.background and time.perf_counter() > end:
+            if time.perf_counter() >= end:
                 break
-        if self._work is not None and not bpy.app.timers.is_registered(self._on_timer):
-            bpy.app.timers.register(self._on_timer, first_interval=PAUSE)
+        if self._work is not None and not bpy.app.timers.is_registered(self._timer):
+            bpy.app.timers.register(self._timer, first_interval=PAUSE)
 
     def _on_timer(self) -> float | None:
         scene = next((s for s in bpy.data.scenes if s.session_uid == self._of[0]), None)

@@ -69,7 +69,7 @@ def on_frame(scene: bpy.types.Scene) -> None:
     """Take the new frame into the trail; called after every frame change in the window."""
     if scene != bpy.context.scene or not scene.dermis.live_preview:
         return
-    if not any(o.dermis.role == "FINGER" for o in scene.objects):
+    if not skin_preview.any_finger(scene):
         return
     if store.state(scene) == "fresh":
         _live.trail = None

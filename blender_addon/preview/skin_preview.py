@@ -50,17 +50,27 @@ class _Live:
 
 
 _live = _Live()
-_any: tuple[Any, bool] = ((), False)  # what was looked up, and whether any skin is solved
+_any: tuple[Any, bool, bool] = ((), False, False)  # what was looked up, whether any finger is there, and any solved
+
+
+def any_finger(scene: bpy.types.Scene) -> bool:
+    """Return whether there is any finger; looked up once after each change."""
+    return _looked_up(scene)[1]
 
 
 def any_solved(scene: bpy.types.Scene) -> bool:
     """Return whether the skin of any finger is solved; looked up once after each change."""
+    return _looked_up(scene)[2]
+
+
+def _looked_up(scene: bpy.types.Scene) -> tuple[Any, bool, bool]:
     global _any
     key = (scene.session_uid, changes.edits(), len(scene.objects))
     if _any[0] != key:
-        fingers = (obj.dermis.finger for obj in scene.objects if obj.dermis.role == "FINGER")
-        _any = key, any(_is_solved(f.skin.shown, (d.preset for d in f.devices if d.enabled)) for f in fingers)
-    return _any[1]
+        fingers = [obj.dermis.finger for obj in scene.objects if obj.dermis.role == "FINGER"]
+        solved = any(_is_solved(f.skin.shown, (d.preset for d in f.devices if d.enabled)) for f in fingers)
+        _any = key, bool(fingers), solved
+    return _any
 
 
 def solved(finger: core.scene.tactile_scene.Finger) -> bool:

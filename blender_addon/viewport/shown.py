@@ -68,9 +68,10 @@ def skins(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
 
 def on_frame(scene: bpy.types.Scene) -> None:
     """Work out what is shown at a new frame for as long as a view may wait; go on in a timer."""
-    if scene == bpy.context.scene:
+    if scene == bpy.context.scene and skin_preview.any_finger(scene):
         _slices.start(scene)
     else:
+        _doubts.pop(scene.session_uid, None)
         renew(scene)
 
 

@@ -80,8 +80,10 @@ class Slices:
                             self._work.send(scene)
                     else:
                         self._work.send(scene)
-            except StopIteration:
+            except Exception as error:
                 self._work = None
+                if not isinstance(error, StopIteration):
+                    raise
                 if float(scene.frame_current_final) != self._frame:  # the play has gone on meanwhile
                     self._renew(scene, float(scene.frame_current_final))
             if time.perf_counter() >= end:

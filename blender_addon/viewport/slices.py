@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Generator
+from contextlib import nullcontext
 
 import bpy
 
@@ -72,24 +73,25 @@ class Slices:
     def _spend(self, scene: bpy.types.Scene) -> None:
         """Work until it is done or the budget is spent; without a window nobody waits."""
         end = time.perf_counter() + budget()
-        while self._work is not None:
-            try:
-                with moment.held(self._frame):
-                    if skin_preview.any_solved(scene):
-                        with skin_models.one_thread():
-                            self._work.send(scene)
-                    else:
-                        self._work.send(scene)
-            except Exception as error:
-                self._work = None
-                if not isinstance(error, StopIteration):
-                    raise
-                if float(scene.frame_current_final) != self._frame:  # the play has gone on meanwhile
-                    self._renew(scene, float(scene.frame_current_final))
-            if time.perf_counter() >= end:
-                break
+        with skin_models.one_thread() if skin_preview.any_solved(scene) else nullcontext():
+            while self._work is not None:
+                self._step(scene)
+                if time.perf_counter() >= end:
+                    break
         if self._work is not None and not bpy.app.timers.is_registered(self._timer):
             bpy.app.timers.register(self._timer, first_interval=PAUSE)
+
+    def _step(self, scene: bpy.types.Scene) -> None:
+        assert self._work is not None
+        try:
+            with moment.held(self._frame):
+                self._work.send(scene)
+        except Exception as error:
+            self._work = None
+            if not isinstance(error, StopIteration):
+                raise
+            if float(scene.frame_current_final) != self._frame:  # the play has gone on meanwhile
+                self._renew(scene, float(scene.frame_current_final))
 
     def _on_timer(self) -> float | None:
         scene = next((s for s in bpy.data.scenes if s.session_uid == self._of[0]), None)

@@ -93,7 +93,8 @@ def step(context: bpy.types.Context) -> Preview:
         _live.kept.clear()
     _live.taken = None
     gap = None if not same or _live.trail is None or _live.last is None else frame - _frame(_live.last)
-    if frame in _live.kept and (gap is None or not goes_on(gap * scene.render.fps_base / scene.render.fps)):
+    again = gap is None or not goes_on(gap * scene.render.fps_base / scene.render.fps)
+    if again and frame in _live.kept and not skin_preview.any_solved(scene):  # skins begin at rest, and so do devices
         kept = _live.kept[frame]
         _live.preview = replace(kept, note=kept.note.replace("live, from", "live, as it was played from"))
         return _live.preview

@@ -197,3 +197,15 @@ def test_a_scene_that_cannot_be_rendered_says_why_in_the_preview() -> None:
     finger()
     shown = device_preview.step(bpy.context)
     assert shown.rows == () and "nothing to touch" in shown.note
+
+
+def test_where_a_skin_is_solved_devices_begin_at_rest_with_it(holding: bpy.types.Scene) -> None:
+    bpy.data.objects["Finger"].dermis.finger.skin.shown = True
+    for frame in (3, 4, 5):
+        holding.frame_set(frame)
+        views.on_frame(holding)
+    holding.frame_set(4)
+    views.on_frame(holding)
+    now = views.now(holding)
+    assert now.devices.note == "live, from rest at frame 4: play or step forward"
+    assert now.skins.states[0].note.startswith("live, from rest at frame 4")

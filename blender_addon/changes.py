@@ -38,6 +38,7 @@ _muted = 0
 _generation = 0
 _ticks = 0
 _edits = 0
+_forms = 0
 
 
 def dirty() -> frozenset[str]:
@@ -60,12 +61,18 @@ def edits() -> int:
     return _edits + _generation
 
 
+def forms() -> int:
+    """Return a number that rises with every change of the scene but those of places: shapes, pictures, settings."""
+    return _forms + _generation
+
+
 def mark_dirty(name: str = "settings") -> None:
     """Note that something changed."""
-    global _edits, _ticks
+    global _edits, _forms, _ticks
     _ticks += 1
     if not _muted:
         _edits += 1
+        _forms += 1
         _dirty.add(name)
 
 
@@ -81,7 +88,7 @@ def clear_dirty() -> None:
 
 def note_updates(depsgraph: bpy.types.Depsgraph | None) -> bool:
     """Note what Blender has evaluated anew; return whether any of it is a change that a bake would see."""
-    global _edits, _ticks
+    global _edits, _forms, _ticks
     _ticks += 1
     if _muted or depsgraph is None:
         return False
@@ -96,6 +103,7 @@ def note_updates(depsgraph: bpy.types.Depsgraph | None) -> bool:
         ):
             _dirty.add(update.id.name)
             _edits += 1
+            _forms += update.is_updated_geometry or not isinstance(update.id, bpy.types.Object)
             changed = True
     return changed
 

@@ -45,7 +45,7 @@ def of(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> tuple[Doubt, 
 
 
 def look(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> tuple[Doubt, ...]:
-    """Look for doubts at the current frame, as it was evaluated last: a panel may ask while it is drawn."""
+    """Look for doubts at the current frame, as it was evaluated last."""
     fingers = [obj for obj in scene.objects if obj.dermis.role == "FINGER" and obj.is_editable]
     if not fingers:
         return ()

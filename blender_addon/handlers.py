@@ -12,7 +12,7 @@ from bpy.app.handlers import persistent
 
 from . import changes, reporting
 from .devices import skin_models
-from .preview import device_preview, skin_preview
+from .preview import skin_preview
 from .properties.scene_properties import stamp
 from .results import exported, recall, store
 from .streaming import finger_ids
@@ -30,9 +30,7 @@ def _on_frame(scene: bpy.types.Scene, depsgraph: Any = None) -> None:
     # Without a window nobody looks; a sweep or a render job must not pay for a preview.
     if changes.sweeping() or depsgraph is None or bpy.app.background or bpy.app.is_job_running("RENDER"):
         return
-    device_preview.on_frame(scene)
-    skin_preview.on_frame(scene, device_preview.take_sample())
-    shown.renew(scene)
+    shown.on_frame(scene)
 
 
 @persistent

@@ -1,6 +1,7 @@
 """What layouts of panels and dialogs have in common: words wrapped to their width, and columns of properties."""
 
 import textwrap
+from functools import lru_cache
 from typing import Any
 
 import bpy
@@ -22,11 +23,16 @@ def words(layout: Any, text: str, width: float, icon: str = "NONE") -> None:
     letters = max(int((width - (52.0 if icon == "NONE" else 74.0)) / 6.2), 16)
     column = layout.column(align=True)
     column.scale_y = 0.85
-    for i, line in enumerate(textwrap.wrap(text, letters) or [""]):
+    for i, line in enumerate(_wrapped(text, letters)):
         if icon == "NONE":
             column.label(text=line)
         else:
             column.label(text=line, icon=icon if i == 0 else "BLANK1")
+
+
+@lru_cache(256)
+def _wrapped(text: str, letters: int) -> list[str]:
+    return textwrap.wrap(text, letters) or [""]
 
 
 def role(context: bpy.types.Context) -> str:

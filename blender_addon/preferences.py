@@ -56,20 +56,12 @@ class DermisPreferences(bpy.types.AddonPreferences):
         min=16,
         max=1_000_000,
     )
-    live_trail: IntProperty(
-        name="Live Trail [frames]",
-        description="How many frames back the live preview remembers the movement",
-        default=48,
-        min=2,
-        max=1000,
-    )
 
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw the settings."""
         column = self.layout.column()
         column.use_property_split = True
         column.prop(self, "cache_megabytes")
-        column.prop(self, "live_trail")
         row = self.layout.row()
         row.operator("dermis.open_presets", icon="FILE_FOLDER")
         row.operator("dermis.clear_results", icon="TRASH")

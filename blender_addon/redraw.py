@@ -30,12 +30,17 @@ def cancel() -> None:
         bpy.app.timers.unregister(_on_timer)
 
 
+def views() -> None:
+    """Let every editor that shows something of ours draw again."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type in DRAWN:
+                area.tag_redraw()
+
+
 def _on_timer() -> None:
     try:
         if work is not None:
             work()
     finally:
-        for window in bpy.context.window_manager.windows:
-            for area in window.screen.areas:
-                if area.type in DRAWN:
-                    area.tag_redraw()
+        views()

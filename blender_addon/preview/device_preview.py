@@ -1,15 +1,17 @@
 """What the devices do at the current frame, without a bake.
 
 Where a fresh bake covers the frame, its track is read. Otherwise the frames visited last form a trail: a step forward
-extends it, anything else (a jump, a step back, undo) starts a new one from rest, and the preview says so. The engine
-renders that trail as it renders a bake; only the sampling is coarser, one sample a visited frame. Devices that follow
-a skin take another road, in `pin_preview`, `thimble_preview` and `platform_preview`: they match this one frame.
+extends it, a change within a frame takes its last sample anew, and what was shown is kept until something changes, so
+that it is there again on the way back. Anything else (a jump, a step back to where nobody has been, undo) starts a new
+trail from rest, and the preview says so. The engine renders the trail's end as it renders a bake; only the sampling is
+coarser, one sample a visited frame. Devices that follow a skin take another road, in `pin_preview`, `thimble_preview`
+and `platform_preview`: they match this one frame.
 """
 
 from __future__ import annotations
 
 import traceback
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import bpy
@@ -18,13 +20,15 @@ import numpy as np
 from .. import changes
 from .._core import DermisError, core
 from ..devices import active_presets
-from ..preferences import library, setting
+from ..preferences import library
 from ..results import store
 from ..sampling import scene_header, scene_sweep
-from . import pin_preview, platform_preview, thimble_preview
+from . import moment, pin_preview, platform_preview, skin_preview, thimble_preview
 from .rows import Preview, Row, by_channel, goes_on, row_of
 
 TRAIL_SECONDS = 0.12  # how much of a tactor's path the view shows
+FOLLOWERS = (pin_preview, thimble_preview, platform_preview)
+KEPT = 1000  # frames that were visited are shown again as they were
 
 
 @dataclass
@@ -34,8 +38,9 @@ class _Live:
     trail: core.pipeline.trail.Trail | None = None
     first: float = 0.0  # frame that it began at
     last: core.scene.tactile_scene.TactileScene | None = None  # the sample that it ends with
-    edits: int = -1  # of `changes`, when `scene_sweep` last forgot its surfaces and reliefs
+    edits: int = -1  # of `changes`, when the last sample was taken
     preview: Preview | None = None
+    kept: core.recent.Recent[float, Preview] = field(default_factory=lambda: core.recent.Recent(KEPT))
     failure: Exception | None = None
     taken: core.scene.tactile_scene.TactileScene | None = None  # the last sample, until `take_sample` hands it on
 
@@ -45,15 +50,10 @@ _memo: tuple[Any, ...] = ()
 _memo_preview: Preview | None = None
 
 
-def frame_of(scene: bpy.types.Scene) -> float:
-    """Return the scene's frame with its sub-frame."""
-    return float(scene.frame_current_final)
-
-
 def computed(scene: bpy.types.Scene) -> Preview | None:
     """Return what bake or trail give for the current frame, or None where nothing is known."""
     global _memo, _memo_preview
-    frame, state = frame_of(scene), store.state(scene)
+    frame, state = moment.frame_of(scene), store.state(scene)
     if state != "fresh" and scene.dermis.live_preview and _trail_ends_at(scene, frame):
         return _with_followers(scene, _live.preview)
     result = store.current(scene)
@@ -69,7 +69,7 @@ def on_frame(scene: bpy.types.Scene) -> None:
     """Take the new frame into the trail; called after every frame change in the window."""
     if scene != bpy.context.scene or not scene.dermis.live_preview:
         return
-    if not any(o.dermis.role == "FINGER" for o in scene.objects):
+    if not skin_preview.any_finger(scene):
         return
     if store.state(scene) == "fresh":
         _live.trail = None
@@ -86,28 +86,39 @@ def on_frame(scene: bpy.types.Scene) -> None:
 def step(context: bpy.types.Context) -> Preview:
     """Extend the trail by the scene as it is now, or start a new one, and render it."""
     scene = context.scene
-    frame = frame_of(scene)
-    if _live.edits != changes.edits():
-        scene_sweep.forget()
-        _live.edits = changes.edits()
+    frame = moment.frame_of(scene)
+    same = _live.scene == scene.session_uid and _live.generation == changes.generation()
+    edited = not same or _live.edits != changes.edits()
+    if edited:
+        _live.kept.clear()
     _live.taken = None
+    gap = None if not same or _live.trail is None or _live.last is None else frame - _frame(_live.last)
+    again = gap is None or not goes_on(gap * scene.render.fps_base / scene.render.fps)
+    if again and frame in _live.kept and not skin_preview.any_solved(scene):  # skins begin at rest, and so do devices
+        kept = _live.kept[frame]
+        _live.preview = replace(kept, note=kept.note.replace("live, from", "live, as it was played from"))
+        return _live.preview
+    _live.edits, _live.generation, _live.scene = changes.edits(), changes.generation(), scene.session_uid
     try:
         sample = _live.taken = scene_sweep.sample_now(scene, context.evaluated_depsgraph_get())
-        if not _continues(scene, sample, frame):
-            _live.trail, _live.first = _begun(sample), frame
-        assert _live.trail is not None
-        _live.trail.add(_chunk(sample))
-        _live.generation, _live.scene, _live.last = changes.generation(), scene.session_uid, sample
-        _live.preview = _rendered(_live.trail, frame)
+        trail, outputs = _extended(sample, gap, edited)
+        _live.trail, _live.last = trail, sample
+        _live.preview = _live.kept[frame] = _rendered(trail, outputs, frame)
     except DermisError as error:
         return _note(scene, str(scene_header.reason(_live.taken, error) if _live.taken else error))
     return _live.preview
 
 
+def refresh(scene: bpy.types.Scene) -> None:
+    """Compute the current frame where it is another than the last, or something has changed."""
+    if not (_live.edits == changes.edits() and _trail_ends_at(scene, moment.frame_of(scene))):
+        on_frame(scene)
+
+
 def _note(scene: bpy.types.Scene, text: str) -> Preview:
     """Show a sentence in place of devices; the trail ends here."""
     _live.trail, _live.scene, _live.generation = None, scene.session_uid, changes.generation()
-    _live.preview = Preview(frame_of(scene), "live", text, ())
+    _live.preview = Preview(moment.frame_of(scene), "live", text, ())
     return _live.preview
 
 
@@ -121,6 +132,7 @@ def reset() -> None:
     """Forget the trail; the next frame starts from rest."""
     global _memo, _memo_preview
     _live.trail, _live.preview, _live.taken = None, None, None
+    _live.kept.clear()
     _memo, _memo_preview = (), None
 
 
@@ -130,13 +142,24 @@ def _trail_ends_at(scene: bpy.types.Scene, frame: float) -> bool:
     return same and shown is not None and abs(shown.frame - frame) < 1e-6
 
 
-def _continues(scene: bpy.types.Scene, sample: core.scene.tactile_scene.TactileScene, frame: float) -> bool:
-    before = _live.last
-    if _live.trail is None or before is None:
-        return False
-    if _live.scene != scene.session_uid or _live.generation != changes.generation():
-        return False
-    return goes_on((frame - _frame(before)) / float(sample.fps)) and _signature(before) == _signature(sample)
+def _extended(
+    sample: core.scene.tactile_scene.TactileScene, gap: float | None, edited: bool
+) -> tuple[core.pipeline.trail.Trail, tuple[core.pipeline.bake.Output, ...]]:
+    """Take a sample into the trail, or into a new one; return that and the tracks up to the sample.
+
+    Args:
+        gap: frames since the trail's end; None where it has none. edited: whether settings may be others.
+    """
+    trail, chunk = _live.trail, _chunk(sample)
+    if trail is not None and _live.last is not None and _signature(_live.last) == _signature(sample):
+        if gap == 0.0:
+            return trail, trail.again(_header(sample), chunk)
+        if gap is not None and goes_on(gap / float(sample.fps)):
+            if edited:
+                trail.renew(_header(sample))
+            return trail, trail.add(chunk)
+    trail, _live.first = core.pipeline.trail.Trail(_header(sample), library()), _frame(sample)
+    return trail, trail.add(chunk)
 
 
 def _frame(sample: core.scene.tactile_scene.TactileScene) -> float:
@@ -159,16 +182,15 @@ def _signature(sample: core.scene.tactile_scene.TactileScene) -> tuple[Any, ...]
     )
 
 
-def _rendered(trail: core.pipeline.trail.Trail, frame: float) -> Preview:
-    outputs = trail.outputs()
+def _rendered(trail: core.pipeline.trail.Trail, outputs: tuple[Any, ...], frame: float) -> Preview:
     bake = core.pipeline.bake.Bake(outputs, (), {}, "")
     result = store.Result(bake, trail.frames_per_second, trail.first, -1, ())
-    note = f"live, from rest at frame {_live.first:g}" + (": play or step forward" if len(trail) == 1 else "")
+    note = f"live, from rest at frame {_live.first:g}" + (": play or step forward" if trail.taken == 1 else "")
     return Preview(frame, "live", note, tuple(baked_row(result, output, frame) for output in outputs))
 
 
-def _begun(sample: core.scene.tactile_scene.TactileScene) -> core.pipeline.trail.Trail:
-    """Return a new trail, for devices that nothing else shows."""
+def _header(sample: core.scene.tactile_scene.TactileScene) -> core.scene.tactile_scene.TactileScene:
+    """Return the header of a trail, for devices that nothing else shows."""
     # Skins have a path of their own, in `skin_preview`, and so have the devices that follow one.
     fingers = tuple(
         replace(
@@ -178,14 +200,13 @@ def _begun(sample: core.scene.tactile_scene.TactileScene) -> core.pipeline.trail
         )
         for f in sample.fingers
     )
-    header = replace(sample, fingers=fingers, rate=float(sample.fps), chunks=())
-    return core.pipeline.trail.Trail(header, library(), int(setting("live_trail")))
+    return replace(sample, fingers=fingers, rate=float(sample.fps), chunks=())
 
 
 def _with_followers(scene: bpy.types.Scene, shown: Preview | None) -> Preview | None:
     """Add pin arrays, thimbles and platforms: they follow the skin that `skin_preview` solves."""
-    followers = (pin_preview, thimble_preview, platform_preview)
-    rows = tuple(row for kind in followers for row in kind.live_rows(scene)) if shown is not None else ()
+    skins = skin_preview.own(scene)
+    rows = tuple(row for kind in FOLLOWERS for row in kind.live_rows(scene, skins)) if shown is not None else ()
     return replace(shown, rows=(*shown.rows, *rows)) if shown is not None and rows else shown
 
 

@@ -15,10 +15,9 @@ import numpy as np
 
 from .. import changes
 from .._core import Array, DermisError, core
-from ..devices import skin_models
-from ..preferences import library
+from ..devices import active_presets, skin_models
 from ..properties import skin_properties
-from . import followers, skin_preview
+from . import followers
 from .rows import Row, by_channel, row_of
 from .skin_state import SkinState
 
@@ -44,14 +43,16 @@ _states: dict[str, tuple[SkinState, tuple[Any, ...], tuple[SkinState, Array]]] =
 
 
 def pins_of(obj: bpy.types.Object, device: str) -> Pins | None:
-    """Return the pins of a device on a finger; None while the skin is being made.
+    """Return the pins of a device on a finger; None while the skin is being made, or where the preset cannot be read.
 
     Raises:
         DermisError: a skin or a layout that cannot be used.
     """
-    skin, spec = skin_properties.parameters(obj.dermis.finger.skin), library().device(device)
+    skin, spec = skin_properties.parameters(obj.dermis.finger.skin), active_presets.spec_of(device, "pins")
     model = skin_models.get(skin["skin"], skin["skin_level"])
-    return None if model is None else _pins.make((model.key, spec.hash), lambda: _pins_on(model, spec))
+    if model is None or spec is None:
+        return None
+    return _pins.make((model.key, spec.hash), lambda: _pins_on(model, spec))
 
 
 def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[SkinState, ...]:
@@ -66,10 +67,10 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
     return states
 
 
-def live_rows(scene: bpy.types.Scene) -> tuple[Row, ...]:
+def live_rows(scene: bpy.types.Scene, skins: Sequence[SkinState]) -> tuple[Row, ...]:
     """Return what the pin arrays of fingers whose skin is solved press at the current frame, without a bake."""
     rows = []
-    for target, _, device, spec in followers.wearers_of(scene, skin_preview.own(scene), "pins"):
+    for target, _, device, spec in followers.wearers_of(scene, skins, "pins"):
         if target.source != "live":
             continue
         low = np.array([-np.inf if c.low is None else c.low for c in spec.channels])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import bpy
@@ -10,17 +11,17 @@ from numpy.typing import NDArray
 
 from .._core import DermisError, core
 from ..devices import platform_devices, skin_models
-from . import followers, skin_preview
+from . import followers
 from .rows import Row, by_channel, row_of
 from .skin_state import SkinState
 
 _commands: dict[str, tuple[SkinState, tuple[Any, ...], NDArray[np.float64] | None]] = {}
 
 
-def live_rows(scene: bpy.types.Scene) -> tuple[Row, ...]:
+def live_rows(scene: bpy.types.Scene, skins: Sequence[SkinState]) -> tuple[Row, ...]:
     """Return what the platforms of fingers whose skin is shown do at the current frame; none without a table."""
     rows = []
-    for target, obj, device, spec in followers.wearers_of(scene, skin_preview.own(scene), "platform"):
+    for target, obj, device, spec in followers.wearers_of(scene, skins, "platform"):
         values = commands(obj, device, spec, target) if target.source == "live" else None
         if values is not None:
             rows.append(row_of(target.finger, device.preset, spec, by_channel(spec, values), float(target.touching)))

@@ -8,7 +8,8 @@ back, undo) starts from rest, and the view says so. A change within a frame solv
 from __future__ import annotations
 
 import traceback
-from collections.abc import Iterable
+from collections import deque
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,7 +21,7 @@ from .._core import DermisError, core
 from ..devices import active_presets, skin_models
 from ..results import store
 from ..sampling import scene_sweep
-from . import baked_skins
+from . import baked_skins, moment
 from .rows import goes_on
 from .skin_state import SkinState
 
@@ -46,21 +47,30 @@ class _Live:
     posed: core.contact.posed_scene.PosedScene | None = None  # for all fingers
     states: tuple[SkinState, ...] = ()
     failure: str = ""
-    requested: bool = False  # the frame shall be solved anew, without a change of the frame
 
 
 _live = _Live()
-_any: tuple[Any, bool] = ((), False)  # what was looked up, and whether any skin is solved
+_any: tuple[Any, bool, bool] = ((), False, False)  # what was looked up, whether any finger is there, and any solved
+
+
+def any_finger(scene: bpy.types.Scene) -> bool:
+    """Return whether there is any finger; looked up once after each change."""
+    return _looked_up(scene)[1]
 
 
 def any_solved(scene: bpy.types.Scene) -> bool:
     """Return whether the skin of any finger is solved; looked up once after each change."""
+    return _looked_up(scene)[2]
+
+
+def _looked_up(scene: bpy.types.Scene) -> tuple[Any, bool, bool]:
     global _any
     key = (scene.session_uid, changes.edits(), len(scene.objects))
     if _any[0] != key:
-        fingers = (obj.dermis.finger for obj in scene.objects if obj.dermis.role == "FINGER")
-        _any = key, any(_is_solved(f.skin.shown, (d.preset for d in f.devices if d.enabled)) for f in fingers)
-    return _any[1]
+        fingers = [obj.dermis.finger for obj in scene.objects if obj.dermis.role == "FINGER"]
+        solved = any(_is_solved(f.skin.shown, (d.preset for d in f.devices if d.enabled)) for f in fingers)
+        _any = key, bool(fingers), solved
+    return _any
 
 
 def solved(finger: core.scene.tactile_scene.Finger) -> bool:
@@ -72,7 +82,7 @@ def own(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
     """Return the skins at the current frame as they are touched, hidden ones that a thimble follows among them."""
     if not any_solved(scene):
         return ()
-    frame, state = float(scene.frame_current_final), store.state(scene)
+    frame, state = moment.frame_of(scene), store.state(scene)
     result = store.current(scene)
     baked = result is not None and bool(result.bake.skins)
     if not (baked and state == "fresh") and scene.dermis.live_preview and _holds(scene, frame):
@@ -87,8 +97,8 @@ def failure() -> str:
     return _live.failure
 
 
-def on_frame(scene: bpy.types.Scene, sample: Any = None) -> None:
-    """Take in the new frame; called after every frame change in the window."""
+def on_frame(scene: bpy.types.Scene, sample: Any = None) -> Iterator[None]:
+    """Take in the new frame, after every frame change in the window; yield after each finger."""
     if scene != bpy.context.scene or not any_solved(scene) or not scene.dermis.live_preview:
         return
     result = store.current(scene)
@@ -96,7 +106,7 @@ def on_frame(scene: bpy.types.Scene, sample: Any = None) -> None:
         reset()
         return
     try:
-        step(bpy.context, sample)
+        yield from _solved(bpy.context, sample)
     except Exception as error:  # a defect of ours must be seen, but not once a frame in the console
         text = f"{type(error).__name__}: {error}"
         if text != _live.failure:
@@ -110,26 +120,37 @@ def step(context: bpy.types.Context, sample: Any = None) -> tuple[SkinState, ...
     Args:
         sample: the scene as `scene_sweep.sample_now` gives it, where somebody has just taken it.
     """
+    deque(_solved(context, sample), maxlen=0)
+    return _live.states
+
+
+def _solved(context: bpy.types.Context, sample: Any) -> Iterator[None]:
+    """Solve the scene, yield after each finger; who does not come back leaves each finger as it was before."""
     scene = context.scene
-    frame = float(scene.frame_current_final)
+    frame = moment.frame_of(scene)
     if frame == _live.frame and changes.edits() == _live.edits and _holds(scene, frame) and not _pending():
-        return _live.states
+        return
+    advanced: list[_FingerPath] = []
     try:
         if sample is None:
-            if _live.edits != changes.edits():
-                scene_sweep.forget()
             sample = scene_sweep.sample_now(scene, context.evaluated_depsgraph_get())
         posed, again = _prepare(scene, sample, frame)
-        with skin_models.one_thread():
-            _live.states = tuple(
-                _solve(f, finger, posed, frame, again) for f, finger in enumerate(sample.fingers) if solved(finger)
-            )
-        _live.failure = ""
+        states = []
+        for f, finger in enumerate(sample.fingers):
+            if solved(finger):
+                with skin_models.one_thread():
+                    states.append(_solve(f, finger, posed, frame, again))
+                advanced += [_live.paths[finger.name]] if finger.name in _live.paths else []
+                yield
+        _live.states, _live.failure = tuple(states), ""
+    except GeneratorExit:
+        for path in advanced:
+            path.stepper.restore(path.before)
+        raise
     except DermisError as error:
         _live.states, _live.failure = (), str(error)
         _live.paths.clear()
     _live.frame, _live.edits = frame, changes.edits()
-    return _live.states
 
 
 def reset() -> None:
@@ -141,15 +162,7 @@ def reset() -> None:
 
 def request() -> None:
     """Ask for the current frame to be solved anew: something changed that no frame change told."""
-    _live.requested = True
     redraw.request()
-
-
-def refresh() -> None:
-    """Solve the current frame anew, if somebody has asked for it."""
-    requested, _live.requested = _live.requested, False
-    if requested and bpy.context.scene is not None:
-        on_frame(bpy.context.scene)
 
 
 def _is_solved(shown: bool, presets: Iterable[str]) -> bool:

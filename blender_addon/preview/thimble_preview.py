@@ -18,7 +18,7 @@ from .. import changes
 from .._core import DermisError, core
 from ..devices import skin_models, thimble_devices
 from ..results import store
-from . import followers, skin_preview
+from . import followers, moment
 from .rows import Row, goes_on, row_of
 from .skin_state import SkinState
 
@@ -45,6 +45,7 @@ class _Played(NamedTuple):
     replay: Any
 
 
+_settings: core.recent.Recent[tuple[str, str, int], tuple[Any, ...]] = core.recent.Recent(16)
 _paths: dict[str, _FingerPath] = {}
 _played: dict[str, _Played] = {}
 _states: dict[str, tuple[Any, Any, SkinState]] = {}
@@ -64,10 +65,10 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
     return tuple(out)
 
 
-def live_rows(scene: bpy.types.Scene) -> tuple[Row, ...]:
+def live_rows(scene: bpy.types.Scene, skins: Sequence[SkinState]) -> tuple[Row, ...]:
     """Return what the thimbles of fingers whose skin is shown do at the current frame, without a bake."""
     rows = []
-    for target, _, device, spec in followers.wearers_of(scene, skin_preview.own(scene), "thimble"):
+    for target, _, device, spec in followers.wearers_of(scene, skins, "thimble"):
         if target.source != "live" or (path := follow(scene, target, device)).rendered is None:
             continue
         values = core.devices.thimble.channel_values(path.rendered.angles, path.rendered.x)
@@ -79,10 +80,8 @@ def live_rows(scene: bpy.types.Scene) -> tuple[Row, ...]:
 
 def follow(scene: bpy.types.Scene, target: SkinState, device: Any) -> _FingerPath:
     """Let a finger's thimble follow the skin of the current frame, once."""
-    frame, fps = float(scene.frame_current_final), scene.render.fps / scene.render.fps_base
-    settings = tuple(
-        sorted((k, v) for k, v in thimble_devices.parameters_of(device).items() if k.startswith("thimble_"))
-    )
+    frame, fps = moment.frame_of(scene), scene.render.fps / scene.render.fps_base
+    settings = _settings.make((target.finger, device.preset, changes.edits()), lambda: _settings_of(device))
     key = (device.preset, settings, target.model.key, repr(target.model.material), changes.generation())
     path = _paths.get(target.finger)
     if path is None or path.key != key:
@@ -109,8 +108,13 @@ def failure(finger: str) -> str:
 
 def reset() -> None:
     """Forget every way through the frames."""
-    for kept in (_paths, _played, _states):
+    for kept in (_paths, _played, _states, _settings):
         kept.clear()
+
+
+def _settings_of(device: Any) -> tuple[Any, ...]:
+    values = thimble_devices.parameters_of(device).items()
+    return tuple(sorted((name, value) for name, value in values if name.startswith("thimble_")))
 
 
 def _step(path: _FingerPath, target: SkinState, frame: float, fps: float) -> None:
@@ -147,7 +151,7 @@ def _baked_state(scene: bpy.types.Scene, target: SkinState, device: Any) -> Skin
     played = _replay(result, target, device)
     if played is None:
         return None
-    frame = float(scene.frame_current_final)
+    frame = moment.frame_of(scene)
     kept = _states.get(target.finger)
     if kept is not None and kept[0] is played and kept[1] == frame:
         return kept[2]

@@ -163,7 +163,10 @@ def sample_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> core.s
     Raises:
         DermisError: a value that is not a finite number.
     """
-    global _live
+    global _live, _forms
+    if _forms != changes.forms():
+        forget()
+        _forms = changes.forms()
     fps, span = frames_per_second(scene), frame_range(scene)
     key = (
         scene.session_uid,
@@ -208,12 +211,13 @@ class _Live(NamedTuple):
 
 
 _live: _Live | None = None
+_forms = -1  # of `changes`, when surfaces and reliefs were forgotten last
 
 
 def _read_live(
     scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, span: tuple[int, int], key: tuple[Any, ...]
 ) -> _Live:
-    """Find out who takes part: once a change, and once a frame only where instances, reliefs or visibility vary."""
+    """Find out who takes part: once a change, and once a frame only where instances or visibility vary."""
     view_layer = scene.view_layers[depsgraph.view_layer.name]
     findings = scene_header.scene_findings(scene)
     has = participants.has_instancers(scene)
@@ -224,7 +228,7 @@ def _read_live(
     scene_header.gravity(scene, findings)
     varies = any(e.blinking or e.mirrored for e in header.participants.entries)
     varies |= any(f.code == "mesh-unusable" for f in header.participants.findings)  # it may get its faces later
-    lasting = not has and not header.screens and not varies
+    lasting = not has and not varies
     return _Live(key, header, presence, tuple(findings), lasting)
 
 

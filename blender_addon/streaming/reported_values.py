@@ -9,7 +9,7 @@ import numpy as np
 
 from .._core import core
 from ..preferences import library
-from ..preview import device_preview
+from ..preview import device_preview, moment
 from ..preview.rows import Preview, Row
 from ..results import store
 from . import session, streamed_track
@@ -77,5 +77,5 @@ def of_file(scene: bpy.types.Scene) -> Preview | None:
     output = core.pipeline.bake.Output(named if named in fingers else fingers[0], track.spec.key, track, {}, ())
     first, fps = streamed_track.origin(scene)
     result = store.Result(core.pipeline.bake.Bake((output,), (), {}, ""), fps, first, -1, ())
-    frame = device_preview.frame_of(scene)
+    frame = moment.frame_of(scene)
     return Preview(frame, "file", "from a track file", (device_preview.baked_row(result, output, frame),))

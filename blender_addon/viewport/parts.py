@@ -75,12 +75,25 @@ def lathe(profile: list[tuple[float, float]], colour: Colour) -> Part:
 
 def bar(start: Array, end: Array, half: float, colour: Colour, sides: int = 6) -> Part:
     """Return a bar of a half width between two points [m], closed at both ends."""
-    side, up = across((end - start) / max(float(np.linalg.norm(end - start)), 1e-12))
-    angle = np.arange(sides + 1) * (2.0 * np.pi / sides)
-    normals = np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * up
-    sleeve, i = _band(start + half * normals, end + half * normals, normals, colour), np.arange(1, sides - 1)
-    cap = np.stack([np.zeros_like(i), i, i + 1], axis=1)
-    return sleeve._replace(triangles=np.vstack([sleeve.triangles, cap, cap + sides + 1]).astype(np.int32))
+    return bars(start[None], end[None], np.array([half]), np.array([colour]), sides)
+
+
+def bars(starts: Array, ends: Array, halves: Array, colours: Array, sides: int = 6) -> Part:
+    """Return bars between points [m], closed at both ends; shapes (n, 3), (n, 3), (n,) and (n, 4)."""
+    side, up = across((ends - starts) / np.maximum(np.linalg.norm(ends - starts, axis=1), 1e-12)[:, None])
+    angle = np.arange(sides + 1)[:, None] * (2.0 * np.pi / sides)
+    normals = np.cos(angle) * side[:, None] + np.sin(angle) * up[:, None]
+    rims = np.concatenate([p[:, None] + halves[:, None, None] * normals for p in (starts, ends)], axis=1)
+    shades = np.repeat(colours[:, None], sides + 1, axis=1)
+    shades[:, :, :3] *= _light(normals)[:, :, None]
+    i, k = np.arange(sides), np.arange(1, sides - 1)
+    j = i + sides + 1
+    corners = ((i, i + 1, j + 1), (i, j + 1, j), (0 * k, k, k + 1), (0 * k + sides + 1, k + sides + 1, k + sides + 2))
+    one = np.concatenate([np.stack(three, axis=1) for three in corners])
+    triangles = one + (2 * (sides + 1) * np.arange(len(starts)))[:, None, None]
+    return part_of(
+        rims.reshape(-1, 3), np.concatenate([shades, shades], axis=1).reshape(-1, 4), triangles.reshape(-1, 3)
+    )
 
 
 def ribbon(first: Array, second: Array, colours: Array) -> Part:
@@ -91,10 +104,10 @@ def ribbon(first: Array, second: Array, colours: Array) -> Part:
 
 
 def across(along: Array) -> tuple[Array, Array]:
-    """Return two unit vectors that are perpendicular to a unit vector and to each other."""
-    other = np.array([0.0, 1.0, 0.0] if abs(along[1]) < 0.9 else [1.0, 0.0, 0.0])
+    """Return two unit vectors that are perpendicular to each unit vector and to each other, shape (n, 3) each."""
+    other = np.where(np.abs(along[:, 1:2]) < 0.9, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0])
     side = np.asarray(np.cross(along, other), np.float64)
-    side /= np.linalg.norm(side)
+    side /= np.linalg.norm(side, axis=1)[:, None]
     return side, np.asarray(np.cross(along, side), np.float64)
 
 
@@ -120,5 +133,9 @@ def faint(part: Part, opacity: float) -> Part:
 
 def _band(start: Array, end: Array, normals: Array, colour: Colour) -> Part:
     """Return a lit band between two rings."""
-    shade = 0.55 + 0.45 * np.abs(normals @ LIGHT)
+    shade = _light(normals)
     return ribbon(start, end, np.column_stack([shade[:, None] * np.array(colour[:3]), np.full(len(shade), colour[3])]))
+
+
+def _light(normals: Array) -> Array:
+    return np.asarray(0.55 + 0.45 * np.abs(normals @ LIGHT))

@@ -15,7 +15,7 @@ import numpy as np
 
 from .._core import Array, core
 from ..devices import skin_models
-from .parts import Colour, Part, across, bar, heat, joined, lathe, placed, ribbon
+from .parts import Colour, Part, across, bars, heat, joined, lathe, placed, ribbon
 from .thimble_twin import BASE, DISC, DISC_HEIGHT, LINK
 
 CABLE, LEG, RIM, COIL = 0.45e-3, 0.9e-3, 1.0e-3, 0.25e-3  # half widths [m]
@@ -72,11 +72,13 @@ def state(spec: Any, commands: Array, skin: Any | None, touching: bool) -> State
 def parts(at: State) -> Part:
     """Return the whole twin."""
     pieces = [rim(at.base), rim(at.joints), placed(disc(at.radius), at.pose)]
-    for start, end, share in zip(at.base, at.joints, at.share.tolist(), strict=True):
-        pieces.append(bar(start, end, CABLE if at.tension is not None else LEG, heat(share), sides=4))
-        if at.tension is not None:
-            pieces.append(spring(start, end))
-        pieces.append(bar(end, at.pose[:3, 3] + 0.55 * (end - at.pose[:3, 3]), RIM, LINK, sides=4))
+    count, middle = len(at.base), at.pose[:3, 3]
+    thick = np.full(count, CABLE if at.tension is not None else LEG)
+    pieces.append(bars(at.base, at.joints, thick, np.array([heat(share) for share in at.share.tolist()]), sides=4))
+    if at.tension is not None:
+        pieces += [spring(start, end) for start, end in zip(at.base, at.joints, strict=True)]
+    inner = middle + 0.55 * (at.joints - middle)
+    pieces.append(bars(at.joints, inner, np.full(count, RIM), np.tile(LINK, (count, 1)), sides=4))
     return joined(pieces)
 
 
@@ -84,7 +86,7 @@ def spring(start: Array, end: Array) -> Part:
     """Return a coil around a cable, as flat ribbons."""
     along = end - start
     length = max(float(np.linalg.norm(along)), 1e-12)
-    side, up = across(along / length)
+    side, up = (vectors[0] for vectors in across(along[None] / length))
     t = np.linspace(0.0, 1.0, TURNS * PER_TURN + 1)
     angle = 2.0 * np.pi * TURNS * t
     out = np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * up
@@ -98,7 +100,7 @@ def rim(points: Array) -> Part:
     middle = points.mean(axis=0)
     order = np.argsort(np.arctan2(points[:, 1] - middle[1], points[:, 0] - middle[0]))
     ring = points[order]
-    return joined([bar(a, b, RIM, BASE, sides=4) for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True)])
+    return bars(ring, np.roll(ring, -1, axis=0), np.full(len(ring), RIM), np.tile(BASE, (len(ring), 1)), sides=4)
 
 
 @cache

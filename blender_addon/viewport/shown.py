@@ -8,18 +8,20 @@ be done anew.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import bpy
 
 from .. import changes, choices, redraw
+from .. import doubts as doubtful
 from ..devices import readiness, thimble_devices
-from ..preview import device_preview, live_lanes, pin_preview, platform_preview, skin_preview, thimble_preview
+from ..preview import device_preview, live_lanes, moment, pin_preview, platform_preview, skin_preview, thimble_preview
 from ..preview.rows import Preview
 from ..preview.skin_state import SkinState
 from ..results import store
 from ..streaming import built_devices, reported_values, streamed_track
-from . import skin_shown, twins
+from . import skin_shown, slices, twins
 from .twin import Twin
 
 
@@ -45,7 +47,9 @@ class Frame(NamedTuple):
 
 
 _frames: dict[int, Frame] = {}  # by the scene's session uid
+_doubts: dict[int, tuple[doubtful.Doubt, ...]] = {}  # about the scene itself
 _keys: dict[int, tuple[Any, ...]] = {}  # what they were worked out for
+_slices = slices.Slices(lambda: _steps())
 
 
 def devices(scene: bpy.types.Scene) -> Preview | None:
@@ -62,6 +66,36 @@ def skins(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
     return (*targets, *rendered)
 
 
+def on_frame(scene: bpy.types.Scene) -> None:
+    """Work out what is shown at a new frame for as long as a view may wait; go on in a timer."""
+    if scene == bpy.context.scene and skin_preview.any_finger(scene):
+        _slices.start(scene)
+    else:
+        _doubts.pop(scene.session_uid, None)
+        renew(scene)
+
+
+def _steps() -> slices.Steps:
+    """Work everything out piece by piece; what was worked out is kept, so that `renew` finds it done."""
+    scene = yield
+    device_preview.refresh(scene)
+    scene = yield
+    for _ in skin_preview.on_frame(scene, device_preview.take_sample()):
+        scene = yield
+    for target in skin_preview.own(scene):
+        for kind in device_preview.FOLLOWERS:
+            kind.live_rows(scene, (target,))
+        scene = yield
+    for state in skins(scene) if scene.dermis.skin_view.show else ():
+        view = scene.dermis.skin_view
+        if state.model is not None:
+            skin_shown.values(state, view.quantity, view.exaggeration)
+        scene = yield
+    renew(scene)
+    scene = yield
+    _doubts[scene.session_uid] = doubtful.of(scene, _layer(scene))
+
+
 def renew(scene: bpy.types.Scene) -> Frame:
     """Work out everything that is shown at the current frame, and keep it."""
     uid, active = scene.session_uid, _active(scene)
@@ -72,7 +106,7 @@ def renew(scene: bpy.types.Scene) -> Frame:
     if active is not None and active.dermis.role in ("FINGER", "TOUCHABLE") and not choices.known():
         choices.refresh()  # panels call its devices or its material by their names
     _frames[uid] = Frame(
-        device_preview.frame_of(scene),
+        moment.frame_of(scene),
         shown,
         tuple(twins.twin_of(scene, row) for row in shown.rows) if shown is not None else (),
         skin_shown.shown(scene, skins(scene)),
@@ -88,7 +122,17 @@ def renew(scene: bpy.types.Scene) -> Frame:
 def now(scene: bpy.types.Scene) -> Frame | None:
     """Return what is shown at the current frame, None where it has not been worked out. Reads; for drawing."""
     kept = _read(scene)
-    return kept if kept is not None and kept.frame == device_preview.frame_of(scene) else None
+    if kept is None or kept.frame == moment.frame_of(scene):
+        return kept
+    return _late(kept, scene) if _slices.busy(scene) else None
+
+
+def _late(kept: Frame, scene: bpy.types.Scene) -> Frame:
+    """Return what is shown until the current frame is worked out; it says so."""
+    note = f"frame {kept.frame:g}: {moment.frame_of(scene):g} is being worked out"
+    states = tuple(replace(state, note=note) for state in kept.skins.states)
+    shown = None if kept.devices is None else replace(kept.devices, note=note)
+    return kept._replace(devices=shown, skins=kept.skins._replace(states=states))
 
 
 def active_device(scene: bpy.types.Scene, obj: bpy.types.Object | None, family: str) -> Any | None:
@@ -112,23 +156,31 @@ def doubts(scene: bpy.types.Scene) -> str:
     return kept.doubts if kept is not None else ""
 
 
+def scene_doubts(scene: bpy.types.Scene) -> tuple[doubtful.Doubt, ...]:
+    """Return what is doubtful about a scene, as it was worked out last. Reads; for drawing."""
+    _read(scene)
+    return _doubts.get(scene.session_uid, ())
+
+
 def work() -> None:
     """Work out what every window shows."""
     if changes.sweeping():
         return
     built_devices.read()
-    skin_preview.refresh()
     scenes = {window.scene.session_uid: window.scene for window in bpy.context.window_manager.windows}
     for gone in set(_keys) - set(scenes):
         del _keys[gone]
         _frames.pop(gone, None)
+        _doubts.pop(gone, None)
     for scene in scenes.values():
-        renew(scene)
+        on_frame(scene)
 
 
 def forget() -> None:
     """Forget what was worked out: another file is opened."""
+    _slices.cancel()
     _frames.clear()
+    _doubts.clear()
     _keys.clear()
 
 
@@ -156,8 +208,11 @@ def _read(scene: bpy.types.Scene) -> Frame | None:
 
 
 def _active(scene: bpy.types.Scene) -> bpy.types.Object | None:
-    layer = bpy.context.view_layer if scene == bpy.context.scene else scene.view_layers[0]
-    return layer.objects.active
+    return _layer(scene).objects.active
+
+
+def _layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
+    return bpy.context.view_layer if scene == bpy.context.scene else scene.view_layers[0]
 
 
 def _key(scene: bpy.types.Scene) -> tuple[Any, ...]:
@@ -165,7 +220,7 @@ def _key(scene: bpy.types.Scene) -> tuple[Any, ...]:
     settings, active = scene.dermis, _active(scene)
     view, thimble = settings.skin_view, settings.thimble_view
     return (
-        device_preview.frame_of(scene),
+        moment.frame_of(scene),
         store.state(scene),
         id(store.current(scene)),
         changes.edits(),

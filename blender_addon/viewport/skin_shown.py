@@ -32,7 +32,7 @@ def shown(scene: bpy.types.Scene, states: tuple[SkinState, ...]) -> Shown:
     """Return skins with their values, and the range of the colours; no values where the heat map is off."""
     view = scene.dermis.skin_view
     drawn = tuple(
-        _values(s, view.quantity, view.exaggeration) if s.model is not None and view.show else None for s in states
+        values(s, view.quantity, view.exaggeration) if s.model is not None and view.show else None for s in states
     )
     for gone in set(_drawn) - {s.finger for s in states}:
         del _drawn[gone]
@@ -50,7 +50,8 @@ def forget_range() -> None:
     _largest.clear()
 
 
-def _values(state: SkinState, quantity: str, exaggeration: float) -> Drawn:
+def values(state: SkinState, quantity: str, exaggeration: float) -> Drawn:
+    """Return a skin with its values, worked out once while it stays."""
     kept = _drawn.get(state.finger)
     key = (quantity, round(float(exaggeration), 4))
     if kept is not None and kept[1] == key:

@@ -12,7 +12,7 @@ import numpy as np
 
 from .._core import Array, core
 from ..preview.rows import Row
-from .parts import Colour, Part, bar, joined, lathe, placed
+from .parts import Colour, Part, bars, joined, lathe, placed
 
 BASE: Colour = (0.24, 0.27, 0.31, 0.55)
 LINK: Colour = (0.62, 0.66, 0.70, 0.95)
@@ -62,14 +62,15 @@ def joints(device: Any, angles: Array, start: Array) -> Joints:
 
 def parts(device: Any, at: Joints, shares: Array) -> Part:
     """Return the whole twin; `shares` is how much of its range each servo uses, 0 to 1, shape (3,)."""
-    pieces = [placed(ring(device.base_radius), device.mount)]
-    for i in range(3):
-        warm = float(np.clip((shares[i] - NEAR_LIMIT) / (1.0 - NEAR_LIMIT), 0.0, 1.0))
-        r, g, b, a = ((1 - warm) * cold + warm * hot for cold, hot in zip(LINK, WARNING, strict=True))
-        pieces += [bar(at.servo[i], at.knee[i], CRANK, (r, g, b, a)), bar(at.knee[i], at.platform[i], ROD, LINK)]
-        pieces.append(bar(at.platform[i], at.pose[:3, 3] + 0.5 * (at.platform[i] - at.pose[:3, 3]), ROD, LINK))
-    pieces.append(placed(disc(device.disc_radius), at.pose))
-    return joined(pieces)
+    warm = np.clip((shares - NEAR_LIMIT) / (1.0 - NEAR_LIMIT), 0.0, 1.0)[:, None]
+    middle = at.pose[:3, 3] + 0.5 * (at.platform - at.pose[:3, 3])
+    links = bars(
+        np.concatenate([at.servo, at.knee, at.platform]),
+        np.concatenate([at.knee, at.platform, middle]),
+        np.repeat([CRANK, ROD, ROD], 3),
+        np.concatenate([(1.0 - warm) * LINK + warm * WARNING, np.tile(LINK, (6, 1))]),
+    )
+    return joined([placed(ring(device.base_radius), device.mount), links, placed(disc(device.disc_radius), at.pose)])
 
 
 def pointer(pose: Array) -> Array:

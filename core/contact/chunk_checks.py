@@ -54,6 +54,8 @@ def check_animated(scene: TactileScene, chunk: Chunk) -> None:
     Raises:
         DermisError: with the frame.
     """
+    if not chunk.animated:
+        return
     groups: tuple[tuple[str, str, Sequence[Finger | Body | Screen], Table], ...] = (
         ("finger", "finger", scene.fingers, FINGER),
         ("body", "object", scene.bodies, BODY),

@@ -81,7 +81,8 @@ class DeformingSurfaces:
     def velocity(self, b: int, chunk: Chunk, i: int, carry: Array) -> Array | None:
         """Return the velocity of a surface's vertices in carried space since the last sample [m/s], shape (V, 3).
 
-        None where there is no last sample, or where its points cannot be followed because the topology is another.
+        None where there is no last sample, where it is the same surface, or where its points cannot be followed because
+        the topology is another.
 
         Args:
             carry: linear map from the object's space into carried space, shape (3, 3).
@@ -93,8 +94,10 @@ class DeformingSurfaces:
             time, before = self._previous[b]
         else:
             return None
-        if before.vertices.shape != now.vertices.shape or not (
-            before.triangles is now.triangles or np.array_equal(before.triangles, now.triangles)
+        if (
+            before is now
+            or before.vertices.shape != now.vertices.shape
+            or not (before.triangles is now.triangles or np.array_equal(before.triangles, now.triangles))
         ):
             return None
         return (now.vertices - before.vertices) @ carry.T / (float(chunk.times[i]) - time)

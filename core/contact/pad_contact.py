@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -11,9 +12,10 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import Finding
+from ..memory import Carry, Memory
 from ..motion import Motion, MotionSamples, Spline
 from ..parameters.parameter import Parameter
-from ..scene.tactile_scene import Mesh
+from ..scene.tactile_scene import Mesh, TactileScene, device_times
 from ..surface.centre import centre_of
 
 
@@ -53,6 +55,7 @@ class PadContact:
         skipped: how much work the scene did not need, by name.
         findings: what was repaired or refused.
         kept: what was derived from all this once, so that several devices share it.
+        memory: of the time before, where all this is the end of something longer; None where it begins at rest.
     """
 
     frames: Array
@@ -66,6 +69,7 @@ class PadContact:
     skipped: Mapping[str, int] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
     kept: dict[Any, Any] = field(default_factory=dict, repr=False)
+    memory: Memory | None = None
 
     @cached_property
     def gap(self) -> Array:
@@ -82,6 +86,19 @@ class PadContact:
         for (f, b), pair in self.pairs.items():
             dense[f, b] = pair.normal
         return dense
+
+    def device_times(self, scene: TactileScene, rate: float) -> Array:
+        """Return the times of a device's commands [s], the same array for all devices of a rate [Hz]."""
+
+        def made() -> Array:
+            return device_times(scene, rate) if self.memory is None else self.memory.times(rate)
+
+        times: Array = self.keep(("device times", rate), made)
+        return times
+
+    def carry(self, key: Hashable, times: Array) -> AbstractContextManager[Carry]:
+        """Give the state that something at device times begins with, and note how it ends; rest without a memory."""
+        return nullcontext(Carry()) if self.memory is None else self.memory.carry(key, times)
 
     def finger_motion(self, finger: int) -> Motion:
         """Return the smooth motion of a finger, computed once."""

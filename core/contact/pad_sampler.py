@@ -20,7 +20,7 @@ from ..motion import rotations, singular
 from ..motion.vectors import dot, turn_back
 from ..motion.vectors import turn as turned
 from ..parameters.material import BODY
-from ..scene.tactile_scene import Chunk, TactileScene
+from ..scene.tactile_scene import Chunk, Mesh, TactileScene
 from ..surface.centre import centres_of, held_centres
 from ..surface.gap import GapQuery, Surface
 from ..surface.repairs import Repairs
@@ -42,22 +42,26 @@ class PadSampler:
     """
 
     def __init__(self, scene: TactileScene) -> None:
-        self._scene = scene
-        self._radius = SearchRadius(scene)
-        # fingers with a device that follows the surface's own normals
-        self._smooth = {
-            i for i, f in enumerate(scene.fingers) if any(d.parameters.get("relief") == "mesh" for d in f.devices)
-        }
+        self.renew(scene)
         self._chunks: list[Chunk] = []
         self._first = self._count = 0  # samples that are kept: from the first, below the other
         self._pairs: dict[tuple[int, int], PairRecord] = {}
-        self._stretched: dict[int, tuple[Array, Surface]] = {}
+        self._stretched: dict[int, tuple[Mesh, Array, Surface]] = {}
         self._centres: dict[int, list[Array]] = {}
         self._repairs = Repairs()
         self._rates = StretchRates()
         self._skipped = {"pair_samples_far": 0, "surfaces_far": 0}
         self._noted: dict[int, tuple[Finding, ...]] = {}
         self._deforming = DeformingSurfaces([body.name for body in scene.bodies], self._repairs)
+
+    def renew(self, scene: TactileScene) -> None:
+        """Go on with other settings of the same fingers, bodies and screens."""
+        self._scene = scene
+        self._radius = SearchRadius(scene)
+        # fingers with a device that follows the surface's own normals
+        self._smooth = {
+            i for i, f in enumerate(scene.fingers) if any(d.parameters.get("relief") == "mesh" for d in f.devices)
+        }
 
     def add(self, chunk: Chunk) -> Chunk:
         """Take in the next samples; return them as they were taken, with poses and surfaces mended.
@@ -214,7 +218,7 @@ class PadSampler:
         mesh = self._scene.bodies[b].mesh
         if b in chunk.surfaces:
             for i, carry in zip(near_samples, stretch, strict=True):
-                surface = carried(chunk.surfaces[b][i], carry)
+                surface = self._deformed(b, chunk.surfaces[b][i], carry)
                 self._deforming.look(b, chunk.surfaces[b][i], surface)
                 yield surface, np.array([i]), self._deforming.velocity(b, chunk, int(i), carry)
             return
@@ -225,17 +229,24 @@ class PadSampler:
             if last_surface is None:
                 first = stretch[left[0]]
                 plain = bool(alike(first[None], np.eye(3))[0])
-                last_surface = (np.eye(3), surface_of(mesh)) if plain else (first, surface_of(mesh, first))
+                last_surface = (mesh, np.eye(3), surface_of(mesh)) if plain else (mesh, first, surface_of(mesh, first))
                 self._stretched[b] = last_surface
-                self._noted[b] = last_surface[1].findings(f"object '{self._scene.bodies[b].name}'")
-            same = alike(stretch[left], last_surface[0])
+                self._noted[b] = last_surface[2].findings(f"object '{self._scene.bodies[b].name}'")
+            same = alike(stretch[left], last_surface[1])
             if not same.any():  # the scale is animated: this one serves until it changes again
                 carry = stretch[left[0]]
-                last_surface = (carry, carried(mesh, carry))
+                last_surface = (mesh, carry, carried(mesh, carry))
                 self._stretched[b] = last_surface
                 same = alike(stretch[left], carry)
-            yield last_surface[1], near_samples[left[same]], None
+            yield last_surface[2], near_samples[left[same]], None
             left = left[~same]
+
+    def _deformed(self, b: int, mesh: Mesh, carry: Array) -> Surface:
+        """Return the surface of a body that may deform: the last one where neither mesh nor scale has changed."""
+        last = self._stretched.get(b)
+        if last is None or last[0] is not mesh or not alike(carry[None], last[1])[0]:
+            last = self._stretched[b] = (mesh, carry, carried(mesh, carry))
+        return last[2]
 
     def _measure(
         self,

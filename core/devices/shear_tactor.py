@@ -97,15 +97,19 @@ class ShearTactor:
         return np.asarray(angles) + np.array([self.heading - math.pi / 4.0, self.heading + math.pi / 4.0])
 
 
-def within_speed(target: Array, step: float) -> tuple[Array, int]:
+def within_speed(target: Array, step: float, start: Array | None = None) -> tuple[Array, int]:
     """Return a path that follows another one by at most `step` a sample, and how many samples differ.
 
     The cap goes straight towards where it should be, at top speed, until it has caught up. It starts at the first
-    target. Limiting the cap itself, not each pulley, keeps pulleys and cap in step.
+    target, or where it was. Limiting the cap itself, not each pulley, keeps pulleys and cap in step.
 
     Args:
         target: shape (n, 2). step: largest distance between two samples, in the same unit.
+        start: where it is at the first sample, shape (2,).
     """
+    asked = target
+    if start is not None:
+        target = np.vstack([start, target[1:]])
     jumps, far = np.diff(target, axis=0), step * (1.0 + 1e-9)
     leaps = np.flatnonzero(np.einsum("ij,ij->i", jumps, jumps) > far**2) + 1
 
@@ -115,4 +119,4 @@ def within_speed(target: Array, step: float) -> tuple[Array, int]:
         return None if distance <= far else [place[0] + dx * step / distance, place[1] + dy * step / distance]
 
     path = follow(target, leaps, advance)
-    return path, int(np.count_nonzero((path != target).any(axis=1)))
+    return path, int(np.count_nonzero((path != asked).any(axis=1)))

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import DermisError
+from ..memory import Carry
 
 # Bounces within one step; a body that would bounce more often lies still until the next.
 MAX_BOUNCES = 8
@@ -32,7 +33,9 @@ def displacement(offset: Array, amplitude: float | Array) -> Array:
     return np.reshape(np.asarray(amplitude), (-1, 1)) * offset
 
 
-def pendulum(times: Array, acceleration: Array, gravity: Array, length: float, damping: float) -> Array:
+def pendulum(
+    times: Array, acceleration: Array, gravity: Array, length: float, damping: float, carry: Carry | None = None
+) -> Array:
     """Return the offset of a point mass that hangs on a rod from a moving pivot [m], in world axes, shape (n, 3).
 
     Kicks by gravity and the pivot's acceleration alternate with exact arcs on the sphere (Strang splitting): the
@@ -43,6 +46,7 @@ def pendulum(times: Array, acceleration: Array, gravity: Array, length: float, d
         acceleration: of the pivot [m/s^2], shape (n, 3).
         gravity: [m/s^2], shape (3,); must not be 0.
         length: [m]. damping: ratio to the critical damping of a small swing.
+        carry: how it goes on from a window of times before, and into the next; None: from rest.
 
     Raises:
         DermisError: no gravity, a length that is not above 0, or a damping below 0.
@@ -55,10 +59,16 @@ def pendulum(times: Array, acceleration: Array, gravity: Array, length: float, d
     wx = wy = wz = 0.0
     keep = math.exp(-2.0 * damping * math.sqrt(g / length) * step)
     impulses = (np.asarray(gravity) - acceleration) * (step / length)
-    impulses[0] *= 0.5  # velocities live between the samples
+    carry = carry or Carry()
+    if carry.start is None:
+        impulses[0] *= 0.5  # velocities live between the samples
+    else:
+        ux, uy, uz, wx, wy, wz = carry.start
     sin, cos, sqrt = math.sin, math.cos, math.sqrt
     for k, (ax, ay, az) in enumerate(impulses.tolist()):
         offset[k] = ux, uy, uz
+        if k == carry.index:
+            carry.found = ux, uy, uz, wx, wy, wz
         wx, wy, wz = wx * keep + ax, wy * keep + ay, wz * keep + az
         along = wx * ux + wy * uy + wz * uz  # what would stretch the rod, rounding of the arc before included
         wx, wy, wz = wx - along * ux, wy - along * uy, wz - along * uz
@@ -82,7 +92,13 @@ def pendulum(times: Array, acceleration: Array, gravity: Array, length: float, d
 
 
 def slosh(
-    times: Array, acceleration: Array, gravity: Array, length: float, damping: float, size: float
+    times: Array,
+    acceleration: Array,
+    gravity: Array,
+    length: float,
+    damping: float,
+    size: float,
+    carry: Carry | None = None,
 ) -> tuple[Array, int]:
     """Return the offset of a liquid's centre of gravity [m], in world axes, shape (n, 3), and how often it was limited.
 
@@ -94,6 +110,7 @@ def slosh(
         times: equally spaced [s], shape (n,).
         acceleration: of the container [m/s^2], shape (n, 3). gravity: [m/s^2], shape (3,); must not be 0.
         length: of the pendulum of the same frequency [m]. damping: ratio. size: half size of the room [m].
+        carry: how it goes on from a window of times before, and into the next; None: from rest.
 
     Raises:
         DermisError: no gravity, a length or size that is not above 0, or a damping below 0.
@@ -103,7 +120,7 @@ def slosh(
     _room(size)
     down = np.asarray(gravity) / g
     level = acceleration - (acceleration @ down)[:, None] * down
-    offset = oscillator(_step(times), -level, math.sqrt(g / length), damping)
+    offset = oscillator(_step(times), -level, math.sqrt(g / length), damping, carry)
     distance = np.sqrt(np.einsum("ij,ij->i", offset, offset))
     over = distance > size
     if over.any():
@@ -111,30 +128,35 @@ def slosh(
     return offset, int(over.sum())
 
 
-def oscillator(step: float, force: Array, omega: float, damping: float) -> Array:
+def oscillator(step: float, force: Array, omega: float, damping: float, carry: Carry | None = None) -> Array:
     """Return x of x'' + 2 zeta omega x' + omega^2 x = force from rest, exact for a force linear between steps.
 
     The recursion is summed by doubling: after j passes every sample knows the last 2^j, in whole-array operations.
 
     Args:
         step: [s]. force: per mass, shape (n, k). omega: [rad/s]. damping: zeta.
+        carry: how it goes on from a window of times before, and into the next; None: from rest.
     """
     # Place, speed, force and, as the fourth unknown, the change of force over one step; time in steps.
     system = np.zeros((4, 4))
     system[0, 1] = step
     system[1, :3] = -omega * omega * step, -2.0 * damping * omega * step, step
     system[2, 3] = 1.0
-    carry = exponential(system)
+    grown = exponential(system)
     x, v = np.zeros_like(force), np.zeros_like(force)
     change = np.diff(force, axis=0)
-    x[1:] = carry[0, 2] * force[:-1] + carry[0, 3] * change
-    v[1:] = carry[1, 2] * force[:-1] + carry[1, 3] * change
-    power, shift = carry[:2, :2], 1
+    x[1:] = grown[0, 2] * force[:-1] + grown[0, 3] * change
+    v[1:] = grown[1, 2] * force[:-1] + grown[1, 3] * change
+    if carry is not None and carry.start is not None:
+        x[0], v[0] = carry.start
+    power, shift = grown[:2, :2], 1
     while shift < len(force) and np.abs(power).max() > 1e-18:
         early_x, early_v = x[:-shift].copy(), v[:-shift].copy()
         x[shift:] += power[0, 0] * early_x + power[0, 1] * early_v
         v[shift:] += power[1, 0] * early_x + power[1, 1] * early_v
         power, shift = power @ power, shift * 2
+    if carry is not None:
+        carry.found = x[carry.index].copy(), v[carry.index].copy()
     return x
 
 
@@ -160,6 +182,7 @@ def loose(
     gravity: Array,
     damping: float,
     size: float,
+    carry: Carry | None = None,
 ) -> Array:
     """Return the offset of a body that flies and bounces in a cubic room [m], in world axes, shape (n, 3).
 
@@ -173,6 +196,7 @@ def loose(
         rotation: of the room, shape (n, 3, 3). angular_velocity: in world axes [rad/s], shape (n, 3).
         acceleration: of the room's centre [m/s^2], shape (n, 3). gravity: [m/s^2], shape (3,).
         damping: 1 - restitution, 0 to 1. size: half size of the room [m].
+        carry: how it goes on from a window of times before, and into the next; None: from rest.
 
     Raises:
         DermisError: a damping outside 0 to 1, or a size that is not above 0.
@@ -188,9 +212,13 @@ def loose(
     turns, half = bool(turn.any()), 0.5 * step
     spins = ((turn[1:] + turn[:-1]) / 2.0).tolist() if turns else []
     changes = (np.diff(turn, axis=0) / step).tolist() if turns else []
-    place, speed = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
+    carry = carry or Carry()
+    place, speed = ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0]) if carry.start is None else map(list, carry.start)
     local = np.zeros((len(times), 3))
+    local[0] = place
     for k, push in enumerate(mean.tolist()):
+        if k == carry.index:
+            carry.found = tuple(place), tuple(speed)
         if turns:
             w, dw = spins[k], changes[k]
             x, y, z = _turning(push, w, dw, place, speed)

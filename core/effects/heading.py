@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from copy import copy
 
 STILL_SPEED = 1e-4  # [m/s]; slower is rest: float32 poses of a parented finger tremble by up to some 2e-5 m/s
 REST_RADIUS = 8e-4  # [m]; a resting finger that a panel reports with 0.1 mm (RMS) of jitter stays within this
@@ -38,6 +39,12 @@ class Heading:
         self._anchor: tuple[float, float] | None = None
         self._time = 0.0
         self._direction = (0.0, 0.0)
+
+    def copied(self) -> Heading:
+        """Return another one that has seen the same."""
+        other = copy(self)
+        other._moves = self._moves.copy()
+        return other
 
     def move(self, time: float, x: float, y: float, *, resting: bool = False) -> tuple[float, float]:
         """Take where the finger is [m] at a time [s] and return its direction.

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import DermisError
+from ..memory import Carry
 
 # Periods of each pattern in one 1/f: eq. 8 has twice the frequency, so that both have the mean speed 4 A f.
 PERIODS = {"orientation": 1.0, "direction": 2.0}
@@ -56,6 +57,7 @@ def played(
     angle: float | Array,
     *,
     repeat: bool,
+    carry: Carry | None = None,
 ) -> Array:
     """Return a pattern that every rising edge of a switch starts, shape (n, 2), in the unit of `amplitude`.
 
@@ -66,6 +68,7 @@ def played(
         kind: 'none', 'orientation' or 'direction'.
         times: [s], shape (n,).
         play: the switch, on above 0.5; on at the first sample counts as an edge.
+        carry: how it goes on from a window of times before, and into the next; None: nothing was on.
 
     Raises:
         DermisError: an unknown pattern, or a frequency that is not above 0.
@@ -76,20 +79,31 @@ def played(
     if kind not in PERIODS:
         raise DermisError("unknown pattern", value=kind, limit="none, " + ", ".join(PERIODS))
     on = np.broadcast_to(np.asarray(play) > 0.5, times.shape)
-    edges = np.flatnonzero(on & ~np.concatenate([[False], on[:-1]]))
+    carry = carry or Carry()
+    was_on, running = carry.start or (False, None)
+    edges = np.flatnonzero(on & ~np.concatenate([[was_on], on[:-1]])).tolist()
     columns = [np.broadcast_to(np.asarray(v, dtype=np.float64), times.shape) for v in (frequency, amplitude, angle)]
     wave = orientation if kind == "orientation" else direction
-    for edge, until in zip(edges, np.append(edges, len(times))[1:], strict=True):
-        hertz, size, theta = (float(c[edge]) for c in columns)
+    # from which sample on, since when, until when the switch was on, frequency, amplitude, angle
+    plays = [(edge, float(times[edge]), math.inf, *(float(c[edge]) for c in columns)) for edge in edges]
+    if running is not None:
+        plays.insert(0, (0, *running))
+    ends = [*(first for first, *_ in plays), len(times)][1:]
+    for (first, began, fell, hertz, size, theta), until in zip(plays, ends, strict=True):
         if not hertz > 0.0:
             raise DermisError("a pattern's frequency must be above 0", value=hertz, limit="> 0 Hz")
         period = 1.0 / (hertz * PERIODS[kind])
-        t = times[edge:until] - times[edge]
+        t = times[first:until] - began
+        off = np.flatnonzero(~on[first:until])
+        if first < carry.index or (first == 0 and running is not None):
+            early = fell == math.inf and off.size and first + off[0] < carry.index
+            carry.found = began, float(times[first + off[0]]) if early else fell, hertz, size, theta
         if repeat:
-            off = np.flatnonzero(~on[edge:until])
-            lasts = math.inf if off.size == 0 else math.ceil(t[off[0]] / period - 1e-9) * period
+            lasted = float(t[off[0]]) if fell == math.inf and off.size else fell - began
+            lasts = lasted if lasted == math.inf else math.ceil(lasted / period - 1e-9) * period
         else:
             lasts = period
         count = int(np.searchsorted(t, lasts * (1.0 + 1e-12), side="right"))
-        out[edge : edge + count] = wave(t[:count], hertz, size, theta)
+        out[first : first + count] = wave(t[:count], hertz, size, theta)
+    carry.found = bool(on[carry.index - 1]) if carry.index else was_on, carry.found
     return out

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..errors import DermisError
+from ..memory import Carry
 from ..parameters.device import DEVICE
 from .heading import Heading
 
@@ -23,6 +24,7 @@ def directions(
     window: float,
     resting: NDArray[np.bool_] | None = None,
     radius: float = 0.0,
+    carry: Carry | None = None,
 ) -> Array:
     """Return the unit direction of motion in contact, shape (n, 2); zero before the first movement of a touch.
 
@@ -35,16 +37,21 @@ def directions(
         window: length of the moving average [s]; 0 is eq. 4 itself.
         resting: where the finger is known to be at rest at the end of a step, whatever x and y say, shape (n,).
         radius: of the jitter to bear [m], as a live panel does; 0 for positions that are exact.
+        carry: how it goes on from a window of times before, and into the next; None: there was no touch.
 
     Source: [S4] eq. 4
     """
     result = np.zeros((len(x), 2))
     still = np.zeros(len(x), bool) if resting is None else resting
-    heading, period, down = Heading(window, radius), 1.0 / rate, False
+    carry = carry or Carry()
+    heading, down, first = carry.start or (Heading(window, radius), False, 0)
+    heading, period = heading.copied(), 1.0 / rate
     samples = zip(x.tolist(), y.tolist(), touching.tolist(), still.tolist(), strict=True)
     for index, (at_x, at_y, touches, rests) in enumerate(samples):
+        if index == carry.index:
+            carry.found = heading.copied(), down, first + index
         if touches:
-            result[index] = heading.move(index * period, at_x, at_y, resting=rests)
+            result[index] = heading.move((first + index) * period, at_x, at_y, resting=rests)
         elif down:
             heading.lift()
         down = touches

@@ -46,7 +46,7 @@ def displacement(
     return scaled(direction, np.broadcast_to(-friction * wave, len(place)))
 
 
-def held_direction(velocity: Array, threshold: float | Array) -> Array:
+def held_direction(velocity: Array, threshold: float | Array, before: Array | None = None) -> Array:
     """Return sigma: the direction of movement, or that of the last movement while the speed is below the threshold.
 
     It is zero before the first movement. At threshold 0 a speed of exactly 0 is no movement either.
@@ -54,6 +54,7 @@ def held_direction(velocity: Array, threshold: float | Array) -> Array:
     Args:
         velocity: tangential velocity [m/s], shape (n, k).
         threshold: k [m/s].
+        before: sigma of the time before, shape (k,); None: there was no movement.
 
     Source: [S3] eq. 3
     """
@@ -64,7 +65,10 @@ def held_direction(velocity: Array, threshold: float | Array) -> Array:
     last = np.maximum.accumulate(np.where(moves, np.arange(len(speed)), -1))
     held = np.maximum(last, 0)
     scale = np.where(last >= 0, 1.0 / np.where(speed[held] > 0.0, speed[held], 1.0), 0.0)
-    return scaled(velocity[held], scale)
+    direction = scaled(velocity[held], scale)
+    if before is not None:
+        direction[last < 0] = before
+    return direction
 
 
 def tangential(velocity: Array, normal: Array) -> Array:

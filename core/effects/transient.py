@@ -62,6 +62,12 @@ def displacement(
     return total
 
 
+def rings(tap: tuple[float, Array, float, float, float], time: float) -> bool:
+    """Return whether a tap of an instant, velocity, amplitude and decay still moves anything at a time [s]."""
+    onset, velocity, amplitude, decay = tap[:4]
+    return abs(amplitude) * math.sqrt(float(velocity @ velocity)) * math.exp(-decay * (time - onset)) > END
+
+
 def tilted(velocities: Array, axis: Array) -> Array:
     """Return impact velocities with their normal part turned into the plane of the pad.
 

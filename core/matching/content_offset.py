@@ -33,14 +33,15 @@ def content_offset(
     length, damping, size = (_constant(pad_contact, scene, b, name, times) for name in names)
     gravity = np.asarray(scene.gravity)
     try:
-        if kind == "pendulum":
-            return content.pendulum(times, acceleration, gravity, length, damping), ()
-        if kind == "slosh":
-            offset, limited = content.slosh(times, acceleration, gravity, length, damping, size)
-            return offset, _walls(body.name, limited)
-        there = pad_contact.body_at(b, times)
-        turning = there.rotation, there.angular_velocity
-        return content.loose(times, *turning, acceleration, gravity, damping, size), ()
+        with pad_contact.carry(("content", b), times) as carry:
+            if kind == "pendulum":
+                return content.pendulum(times, acceleration, gravity, length, damping, carry), ()
+            if kind == "slosh":
+                offset, limited = content.slosh(times, acceleration, gravity, length, damping, size, carry)
+                return offset, _walls(body.name, limited)
+            there = pad_contact.body_at(b, times)
+            turning = there.rotation, there.angular_velocity
+            return content.loose(times, *turning, acceleration, gravity, damping, size, carry), ()
     except DermisError as error:
         raise error.changed(where=f"object '{body.name}'") from error
 

@@ -9,6 +9,7 @@ Source: [S3] section 4
 from __future__ import annotations
 
 import math
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -21,12 +22,14 @@ from ..contact.holding_times import holding_times, meet
 from ..contact.pad_contact import PadContact
 from ..effects import content, patterns, texture, transient, weight
 from ..errors import Finding
+from ..memory import Carry
 from ..parameters.device import DEVICE
 from ..parameters.finger import FINGER
 from ..parameters.material import BODY
 from ..scene.tactile_scene import DeviceUse, TactileScene
 from .content_offset import content_offset
 
+Tap = tuple[float, Array, float, float, float]  # instant, velocity, amplitude, decay, frequency
 PLAYED = ("pattern_play", "pattern_frequency", "pattern_amplitude", "pattern_angle")
 
 
@@ -57,9 +60,12 @@ class EffectSum:
         self.sum: Array | None = None
         self.contact = np.zeros(count, dtype=bool)
         self.held = np.zeros(count, dtype=bool)
+        self._taps: list[Tap] = []
 
     def add_body(self, b: int) -> None:
         """Add what the finger feels of one body."""
+        if self.pad_contact.memory is not None and self._wants_content(b):
+            self._content(b, np.zeros(0, dtype=np.intp))  # it goes on while nobody holds it
         met = meet(self.pad_contact, self.scene, self.finger, b, self.times)
         if met is None:
             self._skip("bodies_never_touched")
@@ -94,11 +100,21 @@ class EffectSum:
             self._skip("effects_off")
             return
         at = (self.pad_contact.series(f"finger/{self.finger}", FINGER[name], own, self.times) for name in PLAYED)
-        shape = patterns.played(kind, self.times, *at, repeat=bool(FINGER["pattern_repeat"].of(own)))
+        repeat = bool(FINGER["pattern_repeat"].of(own))
+        with self._carry("pattern") as carry:
+            shape = patterns.played(kind, self.times, *at, repeat=repeat, carry=carry)
         if np.ndim(on):  # a pattern goes on unheard while its switch is off
             shape *= on[:, None]
         if shape.any():
             self._total[:, :2] += shape
+
+    def add_earlier_taps(self) -> None:
+        """Add the taps of the time before that still ring."""
+        with self._carry("taps") as carry:
+            taps = [tap for tap in carry.start or () if transient.rings(tap, self.times[0])]
+            if taps:
+                self._add_taps(*(np.array(column) for column in zip(*taps, strict=True)))
+            carry.found = [*taps, *(tap for tap in self._taps if tap[0] <= self.times[carry.index])]
 
     # -- effects -------------------------------------------------------------------------------------------------
 
@@ -123,12 +139,8 @@ class EffectSum:
             there = self.pad_contact.finger_motion(self.finger).at(onsets)
             local = turned_back(there, slice(None), velocities)
             velocities = transient.tilted(local, np.asarray(self.tap_axis))
-        shape = transient.displacement(self.times, onsets, velocities, alpha * live, decay, hertz)
-        if self.axis == "tilted":
-            self._total[:] += shape
-        else:
-            index = np.flatnonzero(shape.any(axis=1))
-            self._add_world(index, shape[index])
+        self._add_taps(onsets, velocities, alpha * live, decay, hertz)
+        self._taps += zip(onsets, velocities, alpha * live, decay, hertz, strict=True)
 
     def _add_texture(self, met: Encounter, b: int) -> None:
         amplitudes = self._parameter(b, "texture_amplitude_x"), self._parameter(b, "texture_amplitude_y")
@@ -140,7 +152,11 @@ class EffectSum:
         normal = met.normal
         place = texture.coordinates(met.point, normal)
         velocity = texture.tangential(met.velocity, normal)
-        direction = texture.held_direction(velocity, self._at(self._parameter(b, "texture_speed_threshold"), which))
+        threshold = self._at(self._parameter(b, "texture_speed_threshold"), which)
+        with self._carry("texture", b) as carry:
+            direction = texture.held_direction(velocity, threshold, carry.start)
+            earlier = met.touching[: carry.index].sum()
+            carry.found = direction[earlier - 1] if earlier else carry.start
         friction = self._at(self._parameter(b, "friction"), which) * self._at(on, which)
         shape = texture.displacement(
             place,
@@ -153,6 +169,14 @@ class EffectSum:
             ),
         )
         self._add_world(which, turned(self.pad_contact.body_at(b, self.times), which, shape))
+
+    def _add_taps(self, onsets: Array, velocities: Array, amplitude: Array, decay: Array, hertz: Array) -> None:
+        shape = transient.displacement(self.times, onsets, velocities, amplitude, decay, hertz)
+        if self.axis == "tilted":
+            self._total[:] += shape
+        else:
+            index = np.flatnonzero(shape.any(axis=1))
+            self._add_world(index, shape[index])
 
     def _wants_weight(self, b: int) -> bool:
         return self._switch(b, "weight") is not None and bool(
@@ -182,7 +206,9 @@ class EffectSum:
         key = ("weight factor", self.use.preset, len(self.times))
         known: float | None = self.pad_contact.kept.get(key)
         if known is None:
-            known = self.pad_contact.kept[key] = weight.fitting(self._strongest_weight())
+            with self.pad_contact.carry(key[:2], self.times) as carry:
+                carry.found = max(self._strongest_weight(), carry.start or 0.0)
+            known = self.pad_contact.kept[key] = weight.fitting(carry.found)
         if known < 1.0 and not any(f.code == "auto-range" for f in self.findings):
             self.findings.append(
                 Finding(
@@ -249,6 +275,9 @@ class EffectSum:
             lambda: self.pad_contact.centre(b, self.scene.bodies[b].mesh).at(self.times, 2),
         )
 
+    def _carry(self, effect: str, b: int | None = None) -> AbstractContextManager[Carry]:
+        return self.pad_contact.carry((effect, self.finger, self.device, b), self.times)
+
     def _parameter(self, b: int, name: str) -> Any:
         return self.pad_contact.series(f"body/{b}", BODY[name], self.scene.bodies[b].parameters, self.times)
 
@@ -259,13 +288,14 @@ class EffectSum:
 
     def _used(self, effect: str) -> Any:
         """Whether this device renders an effect: all the time, or at each time, shape (n,)."""
-        owner, row = f"device/{self.finger}/{self._device}", DEVICE[f"use_{effect}"]
+        owner, row = f"device/{self.finger}/{self.device}", DEVICE[f"use_{effect}"]
         return np.asarray(self.pad_contact.series(owner, row, self.use.parameters, self.times)) > 0.5
 
     @property
-    def _device(self) -> int:
+    def device(self) -> int:
+        """Which of the finger's devices this is."""
         devices = self.scene.fingers[self.finger].devices
-        return next((i for i, device in enumerate(devices) if device is self.use), 0)
+        return next((i for i, use in enumerate(devices) if use is self.use), 0)
 
     def _at(self, value: Any, index: slice | NDArray[np.intp]) -> Any:
         return value[index] if np.ndim(value) else value

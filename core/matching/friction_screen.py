@@ -55,11 +55,8 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
     scale = settings.series("scale") if settings.constant("scale_mode") == "manual" else None
     if scale is not None and scale.any():  # keyed, it may begin at zero
         largest = float(scale[np.argmax(np.abs(scale))])
-        maps = screen_maps(
-            scene, pad_contact.screens, replace(use, parameters={**use.parameters, "scale": largest}), spec
-        )
-    else:
-        maps = screen_maps(scene, pad_contact.screens, use, spec)
+        use = replace(use, parameters={**use.parameters, "scale": largest})
+    maps = settings.lasting("maps", lambda: screen_maps(scene, pad_contact.screens, use, spec))
     for index in maps:
         findings += scale_findings(pad_contact.screens[index], scene.screens[index].name)
 
@@ -82,8 +79,11 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
             signals[name][mine] = values[mine]
         touching = mine & contact
         if not touching.any():
+            with settings.carry(("heading", index)):
+                pass  # off the screen nothing is carried on: the next touch begins anew
             continue
-        direction = directions(path.x, path.y, touching, spec.rate, window, path.resting)[touching]
+        with settings.carry(("heading", index)) as carry:
+            direction = directions(path.x, path.y, touching, spec.rate, window, path.resting, carry=carry)[touching]
         relief = maps[index].relief(
             path.x[touching],
             path.y[touching],

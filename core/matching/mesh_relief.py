@@ -92,9 +92,14 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
             _put(steps, _velocity(pad_contact, finger, m), m, contact & (chosen == k))
             signals["x"] += np.cumsum(steps[:, 0]) / spec.rate
             signals["y"] += np.cumsum(steps[:, 1]) / spec.rate
+        with settings.carry("way") as carry:
+            way = np.stack([signals["x"], signals["y"]])
+            way += 0.0 if carry.start is None else (carry.start - way[:, 0])[:, None]
+            carry.found, (signals["x"], signals["y"]) = way[:, carry.index], way
     normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
     window = float(settings.constant("direction_window"))
-    direction = directions(signals["x"], signals["y"], contact, spec.rate, window, resting)
+    with settings.carry("heading") as carry:
+        direction = directions(signals["x"], signals["y"], contact, spec.rate, window, resting, carry=carry)
     slopes = -normal[contact, :2] / np.maximum(normal[contact, 2:], STEEPEST_NORMAL)
     if formula == "printed":
         signed, limited = friction_of_normal_printed(normal[contact], direction[contact], 1.0), 0
@@ -156,6 +161,8 @@ def _scale(settings: Settings, mode: str, slopes: Array, contact: NDArray[np.boo
     """Return f0, of the whole bake or of each touching time; motions are multiplied by `slopes`, shape (k, 2)."""
     if mode == "auto":
         steepest = float(np.linalg.norm(slopes, axis=1).max(initial=0.0))
+        with settings.carry("steepest") as carry:
+            carry.found = steepest = max(steepest, carry.start or 0.0)
         return MAX_FRICTION / steepest if steepest > 1e-12 else 0.0
     manual = settings.series("scale")
     if manual is None or not np.isfinite(manual).all() or not manual.any():

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,15 +15,17 @@ from ..devices.friction_screen import AMPLITUDE, CARRIER, FrictionScreen
 from ..devices.spec import DeviceSpec
 from ..effects.heading import STILL_SPEED
 from ..errors import DermisError, Finding
+from ..memory import Carry
 from ..motion import Spline
 from ..parameters.device import DEVICE
 from ..parameters.finger import FINGER
-from ..scene.tactile_scene import DeviceUse, TactileScene, device_times
+from ..scene.tactile_scene import DeviceUse, TactileScene
 
 if TYPE_CHECKING:
     from ..contact.pad_contact import PadContact
 
 
+T = TypeVar("T")
 BEHIND = 0.02  # [m]; a pad deeper than a fingertip is thick lies behind the screen and does not touch it
 SCALE_CHANGE = 1e-4  # relative; float32 matrices differ by less
 SHEAR = 1e-3
@@ -123,13 +126,23 @@ class Settings:
         self, pad_contact: PadContact, scene: TactileScene, finger: int, use: DeviceUse, rate: float, where: str
     ) -> None:
         # Those of every other device: the sweep's last sample may lie before the end of the range.
-        self.times: Array = pad_contact.keep(("device times", rate), lambda: device_times(scene, rate))
+        self.times = pad_contact.device_times(scene, rate)
         self._pad_contact, self._scene, self._finger, self._where = pad_contact, scene, finger, where
         self._given: Mapping[str, Any] = use.parameters
         devices = scene.fingers[finger].devices
         place = next((i for i, d in enumerate(devices) if d is use), None)
         place = place if place is not None else (devices.index(use) if use in devices else 0)
         self._prefix = f"device/{finger}/{place}/"
+
+    def carry(self, key: Hashable) -> AbstractContextManager[Carry]:
+        """Give the state that something of this use begins with, see `PadContact.carry`."""
+        return self._pad_contact.carry((self._prefix, key), self.times)
+
+    def lasting(self, name: str, make: Callable[[], T]) -> T:
+        """Return what holds for the whole scene, made once where it is computed window by window."""
+        memory = self._pad_contact.memory
+        made: T = make() if memory is None else memory.lasting((self._prefix, name), make)
+        return made
 
     def constant(self, name: str) -> Any:
         """Return a setting that does not change over a scene."""

@@ -17,7 +17,7 @@ from ..devices.shear_tactor import ShearTactor, within_speed
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError
 from ..parameters.device import DEVICE
-from ..scene.tactile_scene import DeviceUse, TactileScene, device_times
+from ..scene.tactile_scene import DeviceUse, TactileScene
 from ..track.command_track import CommandTrack
 from .effect_sum import EffectSum
 from .rendered import Rendered
@@ -38,16 +38,19 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
     """
     method = DEVICE["projection"].of(use.parameters, f"finger '{scene.fingers[finger].name}'")
     tactor = ShearTactor.from_spec(spec)
-    times: Array = pad_contact.keep(("device times", spec.rate), lambda: device_times(scene, spec.rate))
+    times = pad_contact.device_times(scene, spec.rate)
     sums = EffectSum(pad_contact, scene, finger, use, tactor.tap_axis, times)
     for body in range(len(scene.bodies)):
         sums.add_body(body)
     sums.add_pattern()
+    sums.add_earlier_taps()
     if sums.sum is None:
         position, magnitude, limited = np.zeros((len(times), 2)), np.zeros(len(times)), 0
     else:
         position, magnitude, limited = projected(sums.sum, tactor.radius, method)
-    position, slowed = within_speed(position, tactor.speed / spec.rate)
+    with pad_contact.carry(("cap", finger, sums.device), times) as carry:
+        position, slowed = within_speed(position, tactor.speed / spec.rate, carry.start)
+        carry.found = position[carry.index]
     angles = np.zeros_like(position)
     moved = np.flatnonzero(position.any(axis=1))
     if moved.size:

@@ -7,6 +7,7 @@ same sum and moment. The disc is flat and wide, so that contact at nodes is righ
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,7 @@ from ..parameters.material import FRICTION
 from ..recent import Recent
 from ..scene.tactile_scene import DeviceUse, TactileScene, device_times
 from ..skin.model import SkinModel
+from ..skin.store import read_table, write_table
 from ..steps import drain
 from ..surrogate.dataset import record
 from ..surrogate.forward import DirectModel, ForwardModel
@@ -27,6 +29,7 @@ from ..surrogate.learned import Descriptors, descriptors
 from ..surrogate.store import contact_of, device_key
 from ..surrogate.subspace import TOLERANCE
 from ..track.command_track import CommandTrack
+from ..version import version
 from .baselines import contact_patch, fit_plane, total_force
 from .rendered import Rendered
 from .stress import MISTRUST, StressMatcher, ThimbleFrame
@@ -58,6 +61,21 @@ def describe(device: Thimble, skin: SkinModel, friction: float, tolerance: float
         return descriptors(data, skin.stress_components(), tolerance=tolerance)
 
     return _known.make((skin.key, device_key(device), friction, tolerance), made)
+
+
+def observation_of(device: Thimble, skin: SkinModel, friction: float) -> Array:
+    """Return the observation matrix of `describe`, from the skin's cache where it is there; shape (k, 3 m)."""
+    if skin.cache is None:
+        return describe(device, skin, friction).observation_matrix
+    key = cache_key(version(), skin.key, device_key(device), repr(friction), "observation")
+    path = skin.cache.get(key)
+    kept = None if path is None else read_table(path, (None, 3 * skin.pad_count), np.float64)
+    if kept is not None:
+        return kept
+    made = describe(device, skin, friction).observation_matrix
+    with suppress(DermisError):  # a folder that cannot be written costs the time again, and nothing else
+        skin.cache.put(key, lambda part: write_table(part, made))
+    return made
 
 
 def matcher(
@@ -97,7 +115,7 @@ def matcher(
     if method == "force":
         observation_matrix = total_force(skin.pad_count)
     elif observation_matrix is None:
-        observation_matrix = describe(device, skin, friction).observation_matrix
+        observation_matrix = observation_of(device, skin, friction)
     table, learned = None, model if method in LEARNED else None
     if learned is None:  # five fingers of one hand start from the same table
         key = cache_key(skin.key, repr(skin.material), device_key(device), repr(friction), observation_matrix.tobytes())

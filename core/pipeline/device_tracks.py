@@ -20,7 +20,7 @@ from .bake import Output
 if TYPE_CHECKING:
     from ..matching.rendered import Rendered
 
-    Renderer = Callable[..., Rendered]
+Renderer = Callable[..., "Rendered"]
 
 
 def usable(

@@ -1,82 +1,137 @@
 """Trail: the last moments of a scene while it is played, and what the devices do at their end.
 
-Contact of the pads' centres is measured once a sample and kept; tracks are short and computed anew with each, by what
-a bake computes them with. Devices that follow a skin are left out: whoever shows skins solves them frame by frame.
+Contact of the pads' centres is measured once a sample and kept. The paths' splines bend with every further sample, but
+only near their end: what lies further back is settled. There the devices' state is noted, and carried on from; only
+what comes after it is computed anew with each sample, by what a bake computes tracks with. Devices that follow a skin
+are left out: whoever shows skins solves them frame by frame.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Hashable, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from ..contact.chunk_checks import check_device
 from ..contact.pad_sampler import PadSampler
+from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
+from ..memory import Memory
 from ..presets import Library
-from ..scene.tactile_scene import Chunk, TactileScene
+from ..scene.tactile_scene import Chunk, DeviceUse, TactileScene
 from .bake import Output
-from .device_tracks import finished, renderer, usable
+from .device_tracks import Renderer, renderer, usable
+
+# Samples from the end after which a path bends by less than 1 % of what it does there: a spline forgets 3/4 a knot.
+SETTLED = 4
+SHOWN = 0.13  # [s] of a track before its end that must be there to be drawn
+State = tuple[float, Mapping[Hashable, Any]]
 
 
 class Trail:
     """Devices on the way through samples that come one at a time; the first is taken as rest.
 
     Args:
-        scene: its header. library: the presets; they are read here, and not again.
-        longest: so many samples are kept.
+        scene: its header. library: the presets; they are read here and by `renew`.
+        settled: so many samples from the end a state is noted; None: as many as `SETTLED` and `SHOWN` need.
+
+    Attributes:
+        taken: how many samples were taken.
 
     Raises:
         DermisError: the scene cannot be rendered at all (see `TactileScene.validate`).
     """
 
-    def __init__(self, scene: TactileScene, library: Library, longest: int) -> None:
+    def __init__(self, scene: TactileScene, library: Library, settled: int | None = None) -> None:
         scene.validate()
-        ignored: list[Finding] = []  # whoever bakes is told
-        self._uses = [use for use in usable(scene, library, ignored) if not use[2].follows_skin]
-        self._scene, self._longest = scene, longest
+        self._scene, self._library = scene, library
+        self._uses = self._used()
+        self._settled = max(SETTLED, math.ceil(SHOWN * scene.fps)) if settled is None else settled
         self._sampler = PadSampler(scene)
-        self._count = 0
-        self.first = 0.0  # frame of the tracks' time 0
+        self._chunks: list[Chunk] = []  # the samples that are kept
+        # where the next window begins, and what is noted there; the same as it was before the last sample
+        self._state: State = (-math.inf, {})
+        self._before: State = self._state
+        self._lasting: dict[Hashable, Any] = {}
+        self.taken = 0
+
+    @property
+    def first(self) -> float:
+        """The frame of the tracks' time 0: the range's first."""
+        return float(self._scene.frame_range[0])
 
     @property
     def frames_per_second(self) -> float:
         """The scene's."""
         return float(self._scene.fps)
 
-    def __len__(self) -> int:
-        return self._count
+    def add(self, chunk: Chunk) -> tuple[Output, ...]:
+        """Take one more sample, whose time is told by its frame; return the tracks up to it.
 
-    def add(self, chunk: Chunk) -> None:
-        """Take one more sample; its time is told by its frame."""
-        if not self._uses:
-            self._count = min(self._count + 1, self._longest)
-            return
-        seconds = 1.0 / float(self._scene.fps)
-        frames = np.asarray(chunk.frames, dtype=np.float64)
-        if self._count == 0:  # it starts one frame earlier, at rest in the first pose
-            self._sampler.add(replace(chunk, frames=frames - 1.0, times=(frames - 1.0) * seconds))
-        self._sampler.add(replace(chunk, frames=frames, times=frames * seconds))
-        self._count += 1
-        if self._count > self._longest:
-            self._sampler.forget(1)
-            self._count -= 1
-
-    def outputs(self) -> tuple[Output, ...]:
-        """Return the devices' tracks; they begin where the trail does, at time 0."""
+        They begin where the devices' state was noted last; times are those of the scene's range.
+        """
+        self.taken += 1
         if not self._uses:
             return ()
-        contact = self._sampler.finish()
-        self.first = float(contact.frames[0])
-        contact = replace(contact, times=contact.times - contact.times[0])
-        span = int(np.floor(contact.frames[0])), int(np.ceil(contact.frames[-1]))
-        scene = replace(self._scene, frame_range=span)
+        frames = np.asarray(chunk.frames, dtype=np.float64)
+        for one in (frames - 1.0, frames) if self.taken == 1 else (frames,):  # it starts a frame earlier, at rest
+            times = (one - self.first) / self.frames_per_second
+            self._chunks.append(replace(chunk, frames=one, times=times))
+            self._sampler.add(self._chunks[-1])
+        if len(self._chunks) > 2 * self._settled:  # as many again, for the splines to begin with
+            self._sampler.forget(1)
+            del self._chunks[0]
+        return self._outputs()
+
+    def again(self, scene: TactileScene, chunk: Chunk) -> tuple[Output, ...]:
+        """Take the last sample anew, since something has changed; return the tracks up to it."""
+        chunks, self._state, self.taken = self._chunks[:-1], self._before, self.taken - 1
+        if self.taken == 0:
+            chunks = []
+        self._chunks, self._sampler = chunks.copy(), PadSampler(scene)
+        for earlier in chunks:
+            self._sampler.add(earlier)
+        self.renew(scene)
+        return self.add(chunk)
+
+    def renew(self, scene: TactileScene) -> None:
+        """Go on with other settings of the same fingers, objects and screens."""
+        scene.validate()
+        self._scene, self._lasting = scene, {}
+        self._sampler.renew(scene)
+        self._uses = self._used()
+
+    def _used(self) -> list[tuple[int, DeviceUse, DeviceSpec, Renderer]]:
+        ignored: list[Finding] = []  # whoever bakes is told
+        used = (use for use in usable(self._scene, self._library, ignored) if not use[2].follows_skin)
+        return [(*use, renderer(use[2])) for use in used]
+
+    def _outputs(self) -> tuple[Output, ...]:
+        times = [float(chunk.times[0]) for chunk in self._chunks]
+        now, until = times[-1], times[max(len(times) - 1 - self._settled, 0)]
+        self._before = self._state
+        start, noted = self._before
+        start = max(start, times[0])
+        memory = Memory(start, max(until, start), now, noted, self._lasting)
+        contact = replace(self._sampler.finish(), memory=memory)
+        end = math.ceil(self.first + now * self.frames_per_second)
+        scene = replace(self._scene, frame_range=(self._scene.frame_range[0], max(end, self._scene.frame_range[0])))
         found = []
-        for finger, use, spec in self._uses:
+        for n, (finger, use, spec, render) in enumerate(self._uses):
             try:
                 check_device(contact, scene.fingers[finger], finger, use)
-                rendered = renderer(spec)(contact, scene, finger, use, spec)
-                found.append(finished(rendered, scene, finger, use, ""))
+                rendered = render(contact, scene, finger, use, spec)
             except DermisError:  # the panel and the bake say why
                 continue
+            track = rendered.track
+            with contact.carry(("track", finger, n), track.times) as carry:
+                if carry.start is not None:
+                    track = replace(track, values=np.vstack([carry.start, track.values[1:]]))
+                track = track.within_limits()
+                carry.found = track.values[carry.index]
+            found.append(Output(scene.fingers[finger].name, use.preset, track, rendered.signals, ()))
+        self._state = max(until, start), memory.noted
         return tuple(found)

@@ -7,17 +7,31 @@ and restored afterwards.
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
 
 
-def one_thread() -> AbstractContextManager[Any]:
-    """Hold the BLAS of numpy and scipy at one thread while a block runs, then give each back what it had."""
-    return pools().limit(limits=1)
+_held = 0
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Hold the BLAS of numpy and scipy at one thread while a block runs, then give each back what it had.
+
+    Asking the libraries takes a fifth of a millisecond, so only the outermost of nested blocks does.
+    """
+    global _held
+    with pools().limit(limits=1) if not _held else nullcontext():
+        _held += 1
+        try:
+            yield
+        finally:
+            _held -= 1
 
 
 @cache

@@ -37,14 +37,14 @@ def read_model(path: Path) -> dict[str, NDArray[Any]] | None:
     return arrays if arrays["compliance"].shape == (size, size) else None
 
 
-def write_table(path: Path, table: NDArray[np.float32]) -> None:
+def write_table(path: Path, table: NDArray[Any]) -> None:
     """Write one array."""
     with zipfile.ZipFile(path, "w", allowZip64=True) as archive:
         put_array(archive, "table", table)
 
 
-def read_table(path: Path, shape: tuple[int, ...]) -> NDArray[np.float32] | None:
-    """Read a table; None where the file is gone or damaged.
+def read_table(path: Path, shape: tuple[int | None, ...], kind: type = np.float32) -> NDArray[Any] | None:
+    """Read a table; None where the file is gone or damaged, or is of another shape or kind.
 
     Read whole, not mapped: a mapped file that shrinks or whose disk vanishes ends the process, and Blender with it.
     """
@@ -53,4 +53,5 @@ def read_table(path: Path, shape: tuple[int, ...]) -> NDArray[np.float32] | None
             table = archive.array("table")
     except DermisError:
         return None
-    return table if table.shape == shape and table.dtype == np.float32 else None
+    fits = table.ndim == len(shape) and all(n in (None, m) for n, m in zip(shape, table.shape, strict=True))
+    return table if fits and table.dtype == kind else None

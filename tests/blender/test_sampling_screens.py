@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.sampling import height_maps, scene_sweep
+from blender_addon.sampling import scene_sweep
 from tests.blender import build
 
 N = 257  # odd, so that one ray goes through the middle
@@ -198,5 +198,5 @@ def test_the_live_preview_keeps_a_relief_until_told():
     first = now()
     assert now() is first
     picture.pixels.foreach_set(np.tile(np.array([0, 0, 0, 1], np.float32), 20))
-    height_maps.forget()
+    scene_sweep.forget()
     assert now().max() == 0.0

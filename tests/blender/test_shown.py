@@ -6,29 +6,26 @@ Without a window Blender draws nothing, so a graphics card that takes everything
 from __future__ import annotations
 
 import builtins
-import inspect
 import io
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import bpy
 import numpy as np
 import pytest
-from mathutils import Matrix
 
-import blender_addon
-from blender_addon import choices, panels, redraw
+from blender_addon import choices, doubts, redraw
 from blender_addon._core import core
 from blender_addon.demos import demo_motors, demo_pins, demo_scene, demo_thimble
 from blender_addon.devices import platform_devices, skin_models, thimble_adaptation
 from blender_addon.preview import device_preview, pin_preview, skin_preview, thimble_preview
 from blender_addon.sampling import scene_sweep
 from blender_addon.streaming import built_devices, device_calibration
-from blender_addon.viewport import drawing, parts, platform_twin, shown, skin_field, tactor_twin, thimble_twin
+from blender_addon.viewport import parts, platform_twin, shown, skin_field, tactor_twin, thimble_twin
+
+from .stand_in import Anything, draw, draw_callbacks, graphics_card
 
 # Whatever solves, searches, looks up, reads a file or works out what is drawn: none of it runs while something draws.
 WORK = (
@@ -47,6 +44,7 @@ WORK = (
     (core.skin.stimulus, "Stimulus"),
     (core.track.check, "preset_findings"),
     (device_preview, "baked_row"),
+    (doubts, "look"),
     (pin_preview, "pins_of"),
     (platform_devices, "table"),
     (platform_twin, "state"),
@@ -69,64 +67,11 @@ WORK = (
 FRAME = {"thimble": 30, "pins": 15, "platform": 38, "tactor": 20, "baked": 15}
 
 
-class Anything:
-    """Takes every call and gives itself; counts what is drawn, and keeps what is written."""
-
-    def __init__(self) -> None:
-        self.drawn = 0
-        self.words: list[str] = []
-
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("__"):
-            raise AttributeError(name)
-        return self
-
-    def __call__(self, *_: Any, **more: Any) -> Any:
-        self.drawn += 1
-        self.words += [more["text"]] if "text" in more else []
-        return self
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if name in ("drawn", "words"):
-            self.__dict__[name] = value
-
-
-class Panel:
-    """Stands for an instance of a panel, which only Blender can make."""
-
-    def __init__(self, cls: type, layout: Anything) -> None:
-        self._cls, self.layout = cls, layout
-
-    def __getattr__(self, name: str) -> Any:
-        found = inspect.getattr_static(self._cls, name)
-        return found.__get__(self) if inspect.isfunction(found) else getattr(self._cls, name)
-
-
 @pytest.fixture
 def card(monkeypatch: pytest.MonkeyPatch) -> Anything:
     """Return the graphics card: it takes everything."""
-
-    @contextmanager
-    def push_pop() -> Iterator[None]:
-        yield
-
-    made, gpu, text, batch = Anything(), ModuleType("gpu"), ModuleType("blf"), ModuleType("gpu_extras.batch")
-    gpu.state = SimpleNamespace(viewport_get=lambda: (0, 0, 800, 600))
-    for name in ("blend_set", "depth_test_set", "depth_mask_set", "face_culling_set"):
-        setattr(gpu.state, name, lambda _value: None)
-    gpu.matrix = SimpleNamespace(
-        push_pop=push_pop,
-        translate=lambda _by: None,
-        multiply_matrix=lambda _by: None,
-        get_model_view_matrix=lambda: Matrix.Identity(4),
-        get_projection_matrix=lambda: Matrix.Identity(4),
-    )
-    gpu.shader = gpu.types = made
-    batch.batch_for_shader = made
-    text.size = text.color = text.position = lambda *_: None
-    text.dimensions = lambda _font, words: (6.0 * len(words), 10.0)
-    text.draw = lambda _font, words: made.words.append(words)
-    for name, module in (("gpu", gpu), ("blf", text), ("gpu_extras.batch", batch)):
+    made, modules = graphics_card()
+    for name, module in modules.items():
         monkeypatch.setitem(sys.modules, name, module)
     return made
 
@@ -134,12 +79,7 @@ def card(monkeypatch: pytest.MonkeyPatch) -> Anything:
 @pytest.fixture
 def callbacks(monkeypatch: pytest.MonkeyPatch) -> list[Callable[[], None]]:
     """Return the draw callbacks of all views."""
-    found: list[Callable[[], None]] = []
-    monkeypatch.setattr(drawing.Handlers, "add", lambda _self, draw, when="POST_VIEW": found.append(draw))
-    for module in blender_addon.MODULES:
-        if isinstance(getattr(module, "_handlers", None), drawing.Handlers):
-            module.register()
-    return found
+    return draw_callbacks(monkeypatch)
 
 
 def build(which: str) -> bpy.types.Scene:
@@ -168,21 +108,6 @@ def build(which: str) -> bpy.types.Scene:
     skin_preview.step(bpy.context)
     shown.work()
     return scene
-
-
-def draw(callbacks: list[Callable[[], None]], layout: Anything) -> None:
-    """Draw every view and every panel that would be shown."""
-    window = bpy.context.window_manager.windows[0]
-    area = next(a for a in window.screen.areas if a.type == "VIEW_3D")
-    region = next(r for r in area.regions if r.type == "WINDOW")
-    with bpy.context.temp_override(window=window, area=area, region=region):
-        for callback in callbacks:
-            callback()
-        for cls in panels.CLASSES:
-            if issubclass(cls, bpy.types.Panel) and getattr(cls, "poll", lambda _context: True)(bpy.context):
-                for name in ("draw_header", "draw"):
-                    if name in vars(cls) or any(name in vars(base) for base in cls.__mro__[1:-3]):
-                        getattr(Panel(cls, layout), name)(bpy.context)
 
 
 def draw_only(callbacks: list[Callable[[], None]], layout: Anything) -> None:

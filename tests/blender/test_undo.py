@@ -56,5 +56,5 @@ def test_undo_makes_a_bake_out_of_date_and_ends_the_trail() -> None:
     assert not device_preview._trail_ends_at(scene, 3.0)
     bpy.context.scene.frame_set(4)
     shown = device_preview.step(bpy.context)
-    assert len(device_preview._live.trail) == 1
+    assert device_preview._live.trail.taken == 1
     assert "from rest at frame 4" in shown.note

@@ -1,0 +1,106 @@
+"""What stands in for a window: a graphics card and a layout that take everything, and all that is drawn on them."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import bpy
+import pytest
+from mathutils import Matrix
+
+import blender_addon
+from blender_addon import panels
+from blender_addon.viewport import drawing
+
+
+class Anything:
+    """Takes every call and gives itself; counts what is drawn, and keeps what is written."""
+
+    def __init__(self) -> None:
+        self.drawn = 0
+        self.words: list[str] = []
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return self
+
+    def __call__(self, *_: Any, **more: Any) -> Any:
+        self.drawn += 1
+        self.words += [more["text"]] if "text" in more else []
+        return self
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in ("drawn", "words"):
+            self.__dict__[name] = value
+
+
+class Panel:
+    """Stands for an instance of a panel, which only Blender can make."""
+
+    def __init__(self, cls: type, layout: Anything) -> None:
+        self._cls, self.layout = cls, layout
+
+    def __getattr__(self, name: str) -> Any:
+        found = inspect.getattr_static(self._cls, name)
+        return found.__get__(self) if inspect.isfunction(found) else getattr(self._cls, name)
+
+
+def graphics_card() -> tuple[Anything, dict[str, Any]]:
+    """Return a graphics card, and the modules of Blender that draw on it, by name."""
+
+    @contextmanager
+    def push_pop() -> Iterator[None]:
+        yield
+
+    made, gpu, text, batch = Anything(), ModuleType("gpu"), ModuleType("blf"), ModuleType("gpu_extras.batch")
+    gpu.state = SimpleNamespace(viewport_get=lambda: (0, 0, 800, 600))
+    for name in ("blend_set", "depth_test_set", "depth_mask_set", "face_culling_set"):
+        setattr(gpu.state, name, lambda _value: None)
+    gpu.matrix = SimpleNamespace(
+        push_pop=push_pop,
+        translate=lambda _by: None,
+        multiply_matrix=lambda _by: None,
+        get_model_view_matrix=lambda: Matrix.Identity(4),
+        get_projection_matrix=lambda: Matrix.Identity(4),
+    )
+    gpu.shader = gpu.types = made
+    batch.batch_for_shader = made
+    text.size = text.color = text.position = lambda *_: None
+    text.dimensions = lambda _font, words: (6.0 * len(words), 10.0)
+    text.draw = lambda _font, words: made.words.append(words)
+    return made, {"gpu": gpu, "blf": text, "gpu_extras.batch": batch}
+
+
+def draw_callbacks(patch: pytest.MonkeyPatch) -> list[Callable[[], None]]:
+    """Return the draw callbacks of all views."""
+    found: list[Callable[[], None]] = []
+    patch.setattr(drawing.Handlers, "add", lambda _self, draw, when="POST_VIEW": found.append(draw))
+    for module in blender_addon.MODULES:
+        if isinstance(getattr(module, "_handlers", None), drawing.Handlers):
+            module.register()
+    return found
+
+
+def draw(callbacks: list[Callable[[], None]], layout: Anything) -> None:
+    """Draw every view and every panel that would be shown."""
+    window = bpy.context.window_manager.windows[0]
+    area = next(a for a in window.screen.areas if a.type == "VIEW_3D")
+    region = next(r for r in area.regions if r.type == "WINDOW")
+    with bpy.context.temp_override(window=window, area=area, region=region):
+        for callback in callbacks:
+            callback()
+        draw_panels(layout)
+
+
+def draw_panels(layout: Anything) -> None:
+    """Draw every panel that would be shown."""
+    for cls in panels.CLASSES:
+        if issubclass(cls, bpy.types.Panel) and getattr(cls, "poll", lambda _context: True)(bpy.context):
+            for name in ("draw_header", "draw"):
+                if name in vars(cls) or any(name in vars(base) for base in cls.__mro__[1:-3]):
+                    getattr(Panel(cls, layout), name)(bpy.context)

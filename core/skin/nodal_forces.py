@@ -47,9 +47,9 @@ class NodalForces:
     def spread(self, cells: Indices, force: Floats) -> Array:
         """Return the forces on the pad nodes [N], shape (m, 3), for forces on cells, shape (n, 3)."""
         nodes, weights = self._weights(cells)
-        out = np.zeros((len(self.mesh.pad), 3))
-        np.add.at(out, nodes, np.einsum("nkab,nb->nka", weights, np.asarray(force, np.float64)))
-        return out
+        on = np.einsum("nkab,nb->nka", weights, np.asarray(force, np.float64)).reshape(-1, 3)
+        count = len(self.mesh.pad)
+        return np.stack([np.bincount(nodes.reshape(-1), on[:, k], count) for k in range(3)], axis=1)
 
     def gather(self, cells: Indices, displacement: Floats) -> Array:
         """Return the displacement of cells [m], shape (n, 3), for that of the pad nodes, shape (m, 3)."""

@@ -23,6 +23,8 @@ from .point_set import PointSet
 TURNED = 0.3
 # Normals that differ by more than this cosine says are of the two sides of something thin.
 OPPOSITE = -0.7
+# Cells may do so in the next frame that are so many times as far off as those that do now, or turned by this share.
+FARTHER, LESS = 1.5, 0.6
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +34,9 @@ class _Turned:
     own: Indices
     axis: Indices
     others: Indices
+
+    def take(self, which: Indices) -> _Turned:
+        return _Turned(self.own[which], self.axis[which], self.others[:, which])
 
     def halves(self, points: Array, places: Array, sides: Array) -> Array:
         """Return the middles of either half of each cell [m], shape (2, k, 3)."""
@@ -89,9 +94,11 @@ class CellGaps:
         Args:
             gaps: of the centres. places: where they were looked for [m], shape (n, 3).
         """
-        turned = _turned(gaps, points.sides, points.beside)
-        own, last, found = turned.own, self.last, self._found
-        self.last, self._found = (turned if len(own) else None), None
+        near, touching = _turned(gaps, points.sides, points.beside)
+        last, found = self.last, self._found
+        self.last, self._found = (near if len(near.own) else None), None
+        turned = near.take(touching)
+        own = turned.own
         if not len(own):
             return gaps
         clearance, body, new = np.empty((2, len(own))), np.empty((2, len(own)), dtype=np.int64), np.arange(len(own))
@@ -103,8 +110,7 @@ class CellGaps:
                 told[:, known] = values[:, place[own[known]]]
             new = np.flatnonzero(~known)
         if len(new):
-            some = _Turned(own[new], turned.axis[new], turned.others[:, new])
-            halves = some.halves(points.positions, places, points.sides).reshape(-1, 3)
+            halves = turned.take(new).halves(points.positions, places, points.sides).reshape(-1, 3)
             more = node_gaps(halves, gaps.bodies, self._search_radius, self._bone)
             clearance[:, new], body[:, new] = more.clearance.reshape(2, -1), more.body.reshape(2, -1)
         nearer = clearance.mean(axis=0) - gaps.clearance[own]
@@ -115,8 +121,11 @@ class CellGaps:
         return out
 
 
-def _turned(gaps: NodeGaps, sides: Array, beside: Indices) -> _Turned:
-    """Return the cells that a surface turns beside; where there is no cell, a cell stands for its own neighbour."""
+def _turned(gaps: NodeGaps, sides: Array, beside: Indices) -> tuple[_Turned, Indices]:
+    """Return the cells that a surface turns beside, and which of them are so near that they touch as a whole.
+
+    Where there is no cell, a cell stands for its own neighbour.
+    """
     others = np.where(beside == NONE, np.arange(len(beside))[:, None], beside)
     cosine = np.einsum("nkj,nj->nk", gaps.normal[others], gaps.normal)
     alike = (gaps.body[others] == gaps.body[:, None]) & (gaps.body[:, None] >= 0) & (cosine > OPPOSITE)
@@ -125,6 +134,8 @@ def _turned(gaps: NodeGaps, sides: Array, beside: Indices) -> _Turned:
     # across an edge cells are narrow, and both neighbours tell of it: along it one may by chance
     axis = (turned.sum(axis=2) / width).argmax(axis=1)
     rows = np.arange(len(axis))
-    near = gaps.clearance < width[rows, axis]
-    own = np.flatnonzero(near & (turned[rows, axis].max(axis=1) > TURNED**2))
-    return _Turned(own, axis[own], others.reshape(-1, 2, 2)[own, axis[own]].T)
+    off = gaps.clearance / width[rows, axis]
+    most = turned[rows, axis].max(axis=1)
+    own = np.flatnonzero((off < FARTHER) & (most > (LESS * TURNED) ** 2))
+    touching = np.flatnonzero((off[own] < 1.0) & (most[own] > TURNED**2))
+    return _Turned(own, axis[own], others.reshape(-1, 2, 2)[own, axis[own]].T), touching

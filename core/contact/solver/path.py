@@ -275,7 +275,8 @@ class PathSolver:
         soft = gaps.compliance(self.areas, self.name)
         solution, y, image, work = self._solve(b, gaps, soft)
         self._remember(solution, y, image, gaps, soft)
-        step = PathStep(solution, image, gaps, work, from_rest, self.nodal(solution.force))
+        nodal = self._zero if part else self.nodal(solution.force)
+        step = PathStep(solution, image, gaps, work, from_rest, nodal)
         if part:
             self.counters["parts"] += 1
         else:

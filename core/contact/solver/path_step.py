@@ -29,7 +29,7 @@ class PathStep:
             (nothing near).
         from_rest: there was no history: the first frame, or a jump.
         nodal: the forces on the nodes of the skin's mesh [N]: those of the solution, brought to the nodes where the
-            solver's points are others, shape (m, 3).
+            solver's points are others, shape (m, 3); none of a part of a frame.
     """
 
     solution: Solution

@@ -210,6 +210,26 @@ def test_skin_is_within_reach_wherever_it_is_pressed_out(pad, surface):
     assert solver.reach[np.abs(solver.places[:, 0]) > 7.5e-3].max() < 2.5e-3
 
 
+def test_what_is_measured_together_is_what_is_measured_apart(pad, monkeypatch):
+    """Halves of cells that are guessed from the last frame give the same path, with fewer questions."""
+    asked, query = [], Surface.query
+    monkeypatch.setattr(Surface, "query", lambda self, *a: asked.append(1) or query(self, *a))
+
+    def slid(apart):
+        asked.clear()
+        solver = PointSolver(pad)
+        stepper, surface = SubStepper(solver, 6e-3), Surface.edge()
+        for depth, shift in [(1e-4 * k, 0.0) for k in range(9)] + [(8e-4, 3e-5 * k) for k in range(1, 12)]:
+            if apart:
+                solver._cell_gaps.last = None
+            force = stepper.step([body(surface, depth, 0.6, (shift, 0.0))]).solution.force
+        return force, len(asked)
+
+    (together, few), (alone, many) = slid(False), slid(True)
+    np.testing.assert_allclose(together, alone, atol=1e-9 * np.abs(alone).max())
+    assert few < 0.95 * many
+
+
 @pytest.mark.parametrize("height", [-3e-3, -1e-4, 0.0, 8e-4, 5e-3])
 def test_the_smallest_gap_is_that_of_all_skin(pad, height):
     """It is looked for where it can be: the same as if all had been asked."""

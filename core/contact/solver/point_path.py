@@ -155,7 +155,9 @@ class PointSolver(PathSolver):
         part: bool = False,
     ) -> PathStep:
         """Solve the next frame, as `PathSolver.step` does."""
-        if gaps is None and (part or not self.unmoved(bodies)):
+        # gaps of a frame that moves far were measured at the points of the last one
+        late = gaps is None or not part and self._asks(self._moved(tuple(bodies)))
+        if late and (part or not self.unmoved(bodies)):
             gaps = self._over_cells(self._looked(tuple(bodies), True))
         return super().step(bodies, scene_frame=scene_frame, gaps=gaps, part=part)
 
@@ -163,11 +165,11 @@ class PointSolver(PathSolver):
         """Measure gaps, at other points where the tree asks for them and bodies move slowly."""
         moved = self._moved(bodies)
         if self.fresh:
-            if moved is None or self._tree.asks(moved):
+            if self._asks(moved):
                 self._survey(bodies, moved, None)
             return super().look(bodies) if len(self.cells) else NodeGaps.nothing(bodies, 0)
         gaps = super().look(bodies)
-        if slow and (moved is None or self._tree.asks(moved)):
+        if slow and self._asks(moved):
             found = self._survey(bodies, moved, gaps)
             assert found is not None
             return found
@@ -195,6 +197,9 @@ class PointSolver(PathSolver):
         if loaded.size and self._step is not None and self._step.gaps is not None:
             points, normal = self.points[loaded], self._step.gaps.normal[loaded]
         return self._asked.moved(bodies, self._skin().common, points, normal)
+
+    def _asks(self, moved: Array | None) -> bool:
+        return moved is None or self._tree.asks(moved)
 
     def _survey(self, bodies: tuple[ContactBody, ...], moved: Array | None, gaps: NodeGaps | None) -> NodeGaps | None:
         """Ask the tree which cells may touch, and go over to them; return their gaps if those of the last are given."""

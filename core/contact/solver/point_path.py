@@ -210,15 +210,6 @@ class PointSolver(PathSolver):
         loaded = self.cells[self.loaded]
         found = self._tree.survey(sight.look, glance, np.zeros(2) if moved is None else moved, loaded)
         self._asked = Asked(bodies, sight.skin.common)
-        if self._tree.finest < OFTEN:
-            self.notes.warn(
-                "too-fine",
-                "contact has more edges than points may follow: it is solved on coarser ones",
-                self.frames,
-                value=f"{len(found)} points",
-                limit=f"<= {MANY}",
-                remedy="Press less deep, or touch with fewer edges at once",
-            )
         leaving, entering = self._points.difference(found)
         if len(leaving) == 0 and len(entering) == 0:
             return gaps
@@ -286,6 +277,18 @@ class PointSolver(PathSolver):
             new, self._new = slice(self._new, None), len(force)
             start[new], y[new] = force[new], -w[new] / self._rho[new]
         return start, y
+
+    def _report(self, step: PathStep, where: float) -> None:
+        super()._report(step, where)
+        if self._tree.finest < OFTEN:
+            self.notes.warn(
+                "too-fine",
+                "contact has more edges than points may follow: it is solved on coarser ones",
+                where,
+                value=f"{len(self.cells)} points",
+                limit=f"<= {MANY}",
+                remedy="Press less deep, or touch with fewer edges at once",
+            )
 
     def _apply(self, force: Array) -> Array:
         return self._points.matrix.displacement(force)

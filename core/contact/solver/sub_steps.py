@@ -22,6 +22,7 @@ from .bodies import AWAY, ContactBody, NodeGaps, node_gaps, travel
 from .near_surface import NearTriangles
 from .path import PathSolver
 from .path_step import PathStep
+from .press_watch import PressWatch
 
 # A part of a frame presses by no more than this [m]; where the surface turns, it moves by no more than TURNING.
 PRESSING, TURNING = 0.1e-3, 0.1e-3
@@ -52,6 +53,7 @@ class SubStepper:
         self.solver, self.deepest = solver, deepest
         self._left: frozenset[int] = frozenset()  # bodies that are not felt until the finger is outside of them
         self._facing: dict[int, float] = {}  # above zero where a body's normals point out of it, below where in
+        self._press = PressWatch()
         self._number = 0.0  # of the frame, for findings
 
     def idle(self, count: int = 1) -> PathStep:
@@ -60,12 +62,13 @@ class SubStepper:
 
     def save(self) -> dict[str, Any]:
         """Return the state between two frames, for `restore`."""
-        return {"solver": self.solver.save(), "left": self._left, "facing": dict(self._facing)}
+        own = {"left": self._left, "facing": dict(self._facing), "most": self._press.most}
+        return {"solver": self.solver.save(), **own}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go back to a saved state."""
         self.solver.restore(state["solver"])
-        self._left, self._facing = state["left"], dict(state["facing"])
+        self._left, self._facing, self._press.most = state["left"], dict(state["facing"]), state["most"]
 
     def step(
         self,
@@ -87,15 +90,25 @@ class SubStepper:
         bodies = self._felt(bodies)
         if self.solver.unmoved(bodies):
             return self.solver.step(bodies, scene_frame=scene_frame)
-        gaps = self.solver.look(bodies)
-        start: Sequence[ContactBody] = (*self.solver.bodies, *bodies[len(self.solver.bodies) :])  # others came since
+        came, gaps = self.solver.bodies, self.solver.look(bodies)
+        start: Sequence[ContactBody] = (*came, *bodies[len(came) :])  # others came since
         if self.solver.fresh:
             start = self._start(bodies, before, gaps)
         ways = self._ways(start, bodies, gaps)
         for way in ways:
             self.solver.step(way, part=True)
         step = self.solver.step(bodies, scene_frame=scene_frame, gaps=None if ways else gaps)
-        return self._through(step, bodies)
+        step = self._through(step, bodies)
+        lost = self._press.lost(came, step, self.solver.points)
+        if lost:
+            self.solver.notes.warn(
+                "slips-in",
+                "something small slips into the skin: it pushes back less, the deeper it is",
+                self._number,
+                value=f"{lost:.0%} less",
+                remedy="Press less deep, or give it more friction",
+            )
+        return step
 
     # -- the way -------------------------------------------------------------------------------------------------
 

@@ -170,3 +170,17 @@ def test_pressing_deeper_never_pulls(pad, seed):
     forces = np.array([total(steps.step([at(surface, 0.0, depth)])) for depth in depths])
     assert (np.diff(forces[:, 2]) >= (-1e-2 if seed == 3 else 0.0)).all()
     assert forces[-1, 2] > 0.1
+
+
+def test_what_slips_into_the_skin_is_a_finding(pad):
+    """A frictionless ball of 1 mm parts linear skin; one of 5 mm does not, nor what is drawn aside."""
+    steps, small = stepper(pad), Surface.sphere(1e-3, 2000)
+    forces = [total(steps.step([at(small, 0.0, 0.05e-3 * k, 0.0)], scene_frame=float(k)))[2] for k in range(34)]
+    (told,) = steps.solver.findings
+    assert told.code == "slips-in"
+    worst = int(np.argmax(np.maximum.accumulate(forces) - forces > 0.02 * np.maximum.accumulate(forces)))
+    assert told.frame == worst > 10
+    for surface in (BALL, EDGE):
+        steps = stepper(pad)
+        walk(steps, surface, [*way(20, far=4e-3), *((4e-3, 0.6e-3 - 0.05e-3 * k) for k in range(13))])
+        assert not steps.solver.findings

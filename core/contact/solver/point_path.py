@@ -18,7 +18,8 @@ from ...skin.nodal_forces import NodalForces
 from ...skin.surface_compliance import SurfaceCompliance
 from .admm import State, iterate
 from .asked import Asked
-from .bodies import ContactBody, NodeGaps, moved, same_places, travel
+from .between import matter_moved
+from .bodies import ContactBody, NodeGaps, same_places, travel
 from .candidates import CandidateInverse
 from .cell_gaps import over_cells
 from .compliance import Linear
@@ -122,16 +123,16 @@ class PointSolver(PathSolver):
     def pressing(self, start: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices) -> float:
         """Return how far matter moves along its own normal at points [m].
 
-        Gaps would tell it only of bodies that change their shape: where a surface turns they jump.
+        Gaps tell it only of bodies whose triangles are others: where a surface turns they jump.
         """
         far, which = 0.0, gaps.body[nodes]
         for i in np.unique(which).tolist():
             a, b, own = start[i], gaps.bodies[i], nodes[which == i]
-            if a.surface is b.surface:
-                way = np.einsum("ij,ij->i", moved(a, b, self.points[own]), gaps.normal[own])
-                far = max(far, float(np.abs(way).max()))
-            else:
+            way = matter_moved(a, b, self.points[own], gaps.triangle[own])
+            if way is None:
                 far = max(far, super().pressing(start, gaps, own))
+            else:
+                far = max(far, float(np.abs(np.einsum("ij,ij->i", way, gaps.normal[own])).max()))
         return far
 
     def nodal(self, force: Array) -> Array:

@@ -244,17 +244,18 @@ class SubStepper:
         """Advance from where nothing touches by what the smallest gap allows, until that is nothing."""
         share, both = 0.0, list(zip(before, bodies, strict=True))
         near, far = [self._near(a, b, self.solver.pad) for a, b in both], max(self._far(a, b) for a, b in both)
+        gap = self.solver.search_radius
         for _ in range(SEARCHES):
             here = [between(a, b, share, some) for (a, b), some in zip(both, near, strict=True)]
-            gap = self._gap(here)
+            gap = min(self._gap(here, 2.0 * gap), 2.0 * gap)  # it was advanced by the last, and may be twice that
             if gap <= OUTSIDE:
                 break
             share = min(share + gap / max(far, 1e-12), 1.0)
         return here
 
-    def _gap(self, bodies: Sequence[ContactBody]) -> float:
-        """Return the smallest gap of the undeformed skin [m]."""
-        return float(node_gaps(self.solver.pad, bodies, np.inf, self.solver.bone).gap.min())
+    def _gap(self, bodies: Sequence[ContactBody], reach: float = np.inf) -> float:
+        """Return the smallest gap of the undeformed skin [m], inf where there is none within reach."""
+        return float(node_gaps(self.solver.pad, bodies, reach, self.solver.bone).gap.min())
 
     # -- all the way through -------------------------------------------------------------------------------------
 

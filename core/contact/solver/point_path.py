@@ -32,6 +32,7 @@ from .point_history import Succession, succession
 from .point_set import PointSet
 from .point_sight import PointSight
 from .point_tree import MANY, OFTEN, PointTree
+from .rims import over_rims
 
 TOLERANCE = 3e-4
 # Points join the iteration ahead of time below the first of these shares of their cell's side, and leave it above the
@@ -182,7 +183,8 @@ class PointSolver(PathSolver):
             return gaps
         places = self.history.expected(gaps.bodies, self.points + self._image, self.search_radius).places
         own = self._points
-        return over_cells(gaps, self.points, places, own.sides, own.beside, self.search_radius, self.bone)
+        gaps = over_cells(gaps, self.points, places, own.sides, own.beside, self.search_radius, self.bone)
+        return over_rims(gaps, self.points, places, -own.normals)
 
     # -- the points ----------------------------------------------------------------------------------------------
 

@@ -184,7 +184,7 @@ class PointSolver(PathSolver):
         places = self.history.expected(gaps.bodies, self.points + self._image, self.search_radius).places
         own = self._points
         gaps = over_cells(gaps, self.points, places, own.sides, own.beside, self.search_radius, self.bone)
-        return over_rims(gaps, self.points, places, -own.normals)
+        return over_rims(gaps, self.points, places, -own.normals, self.search_radius, self.bone)
 
     # -- the points ----------------------------------------------------------------------------------------------
 

@@ -12,25 +12,26 @@ from dataclasses import replace
 import numpy as np
 
 from ...arrays import Array
-from ...surface.gap import Surface
-from .bodies import NodeGaps
+from .bodies import NodeGaps, node_gaps
 from .sides import dot
 
 # Faces are walls where their normal and the way to the bone differ by more than this cosine says; what lies behind a
 # rim by less than the second.
-WALL, TOP = 0.3, 0.7
+WALL, TOP = 0.45, 0.7
 # Skin slips over a rim that it lies this many times less deep below than it is drawn aside; not below so little [m].
 HOLD, LEAST = 2.0, 0.02e-3
 # So far behind a wall its rim is looked for [m].
 BEHIND = 0.02e-3
 
 
-def over_rims(gaps: NodeGaps, points: Array, places: Array, inward: Array) -> NodeGaps:
+def over_rims(
+    gaps: NodeGaps, points: Array, places: Array, inward: Array, search_radius: float, bone: Array
+) -> NodeGaps:
     """Return gaps with those of points that slip over a rim taken to what lies behind it.
 
     Args:
         gaps: of points. points: at rest [m], shape (n, 3). places: where they were looked for [m], shape (n, 3).
-        inward: directions into the finger, shape (n, 3).
+        inward: directions into the finger, shape (n, 3). search_radius, bone: as for `node_gaps`.
     """
     normal = gaps.normal
     drawn = dot(places - points, normal)
@@ -39,17 +40,13 @@ def over_rims(gaps: NodeGaps, points: Array, places: Array, inward: Array) -> No
         return gaps
     out = replace(gaps, **{name: getattr(gaps, name).copy() for name in ("gap", "clearance", "normal", "triangle")})
     for index in np.unique(gaps.body[hung]).tolist():
-        body, own = gaps.bodies[index], hung[gaps.body[hung] == index]
-        if not isinstance(body.surface, Surface) or not body.surface.closed:
-            continue
+        own = hung[gaps.body[hung] == index]
         behind = places[own] - (gaps.clearance[own] + BEHIND)[:, None] * normal[own]
-        above = behind + (drawn[own] / HOLD)[:, None] * inward[own]
-        found = body.surface.query((above - body.translation) @ body.rotation)
-        top = found.normal @ body.rotation.T
-        free = (found.gap > 0.0) & (dot(top, inward[own]) > TOP)
-        own, top = own[free], top[free]
-        foot = found.point[free] @ body.rotation.T + body.translation
-        out.clearance[own] = dot(places[own] - foot, top)
-        out.gap[own] = dot(points[own] - foot, top)
+        up = inward[own] - dot(normal[own], inward[own])[:, None] * normal[own]
+        above = behind + (drawn[own] / HOLD / np.sqrt(dot(up, up)))[:, None] * up
+        found = node_gaps(above, [gaps.bodies[index]], search_radius, bone)
+        free = (found.clearance > 0.0) & (dot(found.normal, inward[own]) > TOP)
+        own, top, foot = own[free], found.normal[free], (above - found.clearance[:, None] * found.normal)[free]
+        out.clearance[own], out.gap[own] = dot(places[own] - foot, top), dot(points[own] - foot, top)
         out.normal[own], out.triangle[own] = top, found.triangle[free]
     return out

@@ -33,16 +33,17 @@ def over_rims(
         gaps: of points. points: at rest [m], shape (n, 3). places: where they were looked for [m], shape (n, 3).
         inward: directions into the finger, shape (n, 3). search_radius, bone: as for `node_gaps`.
     """
-    normal = gaps.normal
-    drawn = dot(places - points, normal)
-    hung = np.flatnonzero((gaps.clearance < drawn) & (drawn > HOLD * LEAST) & (np.abs(dot(normal, inward)) < WALL))
+    normal, way = gaps.normal, places - points
+    steep = dot(normal, inward)
+    drawn = dot(way, normal) - dot(way, inward) * steep  # along the skin: what is pressed in is not drawn
+    hung = np.flatnonzero((gaps.clearance < drawn) & (drawn > HOLD * LEAST) & (np.abs(steep) < WALL))
     if not hung.size:
         return gaps
     out = replace(gaps, **{name: getattr(gaps, name).copy() for name in ("gap", "clearance", "normal", "triangle")})
     for index in np.unique(gaps.body[hung]).tolist():
         own = hung[gaps.body[hung] == index]
         behind = places[own] - (gaps.clearance[own] + BEHIND)[:, None] * normal[own]
-        up = inward[own] - dot(normal[own], inward[own])[:, None] * normal[own]
+        up = inward[own] - steep[own, None] * normal[own]
         above = behind + (drawn[own] / HOLD / np.sqrt(dot(up, up)))[:, None] * up
         found = node_gaps(above, [gaps.bodies[index]], search_radius, bone)
         free = (found.clearance > 0.0) & (dot(found.normal, inward[own]) > TOP)

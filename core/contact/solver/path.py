@@ -184,9 +184,9 @@ class PathSolver:
         """Points of the undeformed skin that tell where anything first touches [m], shape (n, 3)."""
         return self.points
 
-    def outside(self, bodies: Sequence[ContactBody]) -> float:
-        """Return the smallest gap of the undeformed skin [m]."""
-        return float(node_gaps(self.pad, bodies, np.inf, self.bone).gap.min())
+    def outside(self, bodies: Sequence[ContactBody], reach: float = np.inf) -> float:
+        """Return the smallest gap of the undeformed skin [m], inf where there is none within reach."""
+        return float(node_gaps(self.pad, bodies, reach, self.bone).gap.min())
 
     @property
     def gaps(self) -> NodeGaps | None:

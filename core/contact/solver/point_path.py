@@ -19,7 +19,8 @@ from ...skin.surface_compliance import SurfaceCompliance
 from ...surface.plane import Plane
 from .admm import State, iterate
 from .asked import Asked
-from .bodies import ContactBody, Expected, NodeGaps, moved, node_gaps, same_places, travel
+from .between import matter_moved
+from .bodies import ContactBody, Expected, NodeGaps, node_gaps, same_places, travel
 from .candidates import CandidateInverse
 from .cell_gaps import CellGaps
 from .compliance import Linear
@@ -33,6 +34,7 @@ from .point_reach import PointReach
 from .point_set import PointSet
 from .point_sight import PointSight
 from .point_tree import MANY, OFTEN, PointTree
+from .rims import over_rims
 
 TOLERANCE = 3e-4
 # Points join the iteration ahead of time below the first of these shares of their cell's side, and leave it above the
@@ -96,14 +98,18 @@ class PointSolver(PathSolver):
         """Points of the undeformed skin that tell where anything first touches [m], shape (n, 3)."""
         return self._pad
 
-    def outside(self, bodies: Sequence[ContactBody]) -> float:
-        """Return the smallest gap of the undeformed skin [m]."""
+    def outside(self, bodies: Sequence[ContactBody], reach: float = np.inf) -> float:
+        """Return the smallest gap of the undeformed skin [m], inf where there is none within reach."""
         if not all(body.away or isinstance(body.surface, Plane) or body.surface.closed for body in bodies):
-            return super().outside(bodies)
+            return super().outside(bodies, reach)
         # no gap changes by more than the way to another point, so skin far from what is closest need not be asked
-        gap = node_gaps(self.places, bodies, np.inf, self.bone).gap
-        near = np.flatnonzero(gap - self._reach.sizes <= (gap + self._reach.sizes).min())
-        return float(node_gaps(self._pad.reshape(-1, 4, 3)[near].reshape(-1, 3), bodies, np.inf, self.bone).gap.min())
+        sizes = self._reach.sizes
+        gap = node_gaps(self.places, bodies, reach + float(sizes.max()), self.bone).gap
+        closest = float((gap + sizes).min())
+        if not np.isfinite(closest):
+            return np.inf
+        near = np.flatnonzero(gap - sizes <= closest)
+        return float(node_gaps(self._pad.reshape(-1, 4, 3)[near].reshape(-1, 3), bodies, reach, self.bone).gap.min())
 
     @property
     def places(self) -> Array:
@@ -142,16 +148,16 @@ class PointSolver(PathSolver):
     def pressing(self, start: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices) -> float:
         """Return how far matter moves along its own normal at points [m].
 
-        Gaps would tell it only of bodies that change their shape: where a surface turns they jump.
+        Gaps tell it only of bodies whose triangles are others: where a surface turns they jump.
         """
         far, which = 0.0, gaps.body[nodes]
         for i in np.unique(which).tolist():
             a, b, own = start[i], gaps.bodies[i], nodes[which == i]
-            if a.surface is b.surface:
-                way = np.einsum("ij,ij->i", moved(a, b, self.points[own]), gaps.normal[own])
-                far = max(far, float(np.abs(way).max()))
-            else:
+            way = matter_moved(a, b, self.points[own], gaps.triangle[own])
+            if way is None:
                 far = max(far, super().pressing(start, gaps, own))
+            else:
+                far = max(far, float(np.abs(np.einsum("ij,ij->i", way, gaps.normal[own])).max()))
         return far
 
     def nodal(self, force: Array) -> Array:
@@ -175,14 +181,16 @@ class PointSolver(PathSolver):
         part: bool = False,
     ) -> PathStep:
         """Solve the next frame, as `PathSolver.step` does."""
-        if gaps is None and (part or not self.unmoved(bodies)):
+        # gaps of a frame that moves far were measured at the points of the last one
+        late = gaps is None or not part and self._asks(self._moved(tuple(bodies)))
+        if late and (part or not self.unmoved(bodies)):
             gaps = self._looked(tuple(bodies), True)
         return super().step(bodies, scene_frame=scene_frame, gaps=gaps, part=part)
 
     def _looked(self, bodies: tuple[ContactBody, ...], slow: bool) -> NodeGaps:
         """Measure gaps, at other points where the tree asks for them and bodies move slowly."""
         moved = self._moved(bodies)
-        asks = moved is None or self._tree.asks(moved)
+        asks = self._asks(moved)
         if self.fresh and asks:
             self._survey(bodies, moved, None)
         if self.fresh and not len(self.cells):
@@ -194,7 +202,10 @@ class PointSolver(PathSolver):
             if order is not None:
                 expected = self._expected(bodies)
                 gaps = completed(gaps, order, self.points, bodies, expected, self.search_radius, self.bone)
-        return self._cell_gaps.over(gaps, self._points, expected.places) if len(self.cells) else gaps
+        if not len(self.cells):
+            return gaps
+        gaps = self._cell_gaps.over(gaps, self._points, expected.places)
+        return over_rims(gaps, self.points, expected.places, -self._points.normals, self.search_radius, self.bone)
 
     def _expected(self, bodies: tuple[ContactBody, ...]) -> Expected:
         return self.history.expected(bodies, self.points + self._image, self.search_radius)
@@ -214,6 +225,9 @@ class PointSolver(PathSolver):
             points, normal = self.points[loaded], self._step.gaps.normal[loaded]
         return self._asked.moved(bodies, self._skin().common, points, normal)
 
+    def _asks(self, moved: Array | None) -> bool:
+        return moved is None or self._tree.asks(moved)
+
     def _survey(self, bodies: tuple[ContactBody, ...], moved: Array | None, gaps: NodeGaps | None) -> Indices | None:
         """Ask the tree which cells may touch, and go over to them.
 
@@ -230,15 +244,6 @@ class PointSolver(PathSolver):
         loaded = self.cells[self.loaded]
         found = self._tree.survey(sight.look, glance, np.zeros(2) if moved is None else moved, loaded)
         self._asked = Asked(bodies, sight.skin.common)
-        if self._tree.finest < OFTEN:
-            self.notes.warn(
-                "too-fine",
-                "contact has more edges than points may follow: it is solved on coarser ones",
-                self.frames,
-                value=f"{len(found)} points",
-                limit=f"<= {MANY}",
-                remedy="Press less deep, or touch with fewer edges at once",
-            )
         leaving, entering = self._points.difference(found)
         if len(leaving) == 0 and len(entering) == 0:
             return None
@@ -304,6 +309,18 @@ class PointSolver(PathSolver):
             new, self._new = slice(self._new, None), len(force)
             start[new], y[new] = force[new], -w[new] / self._rho[new]
         return start, y
+
+    def _report(self, step: PathStep, where: float) -> None:
+        super()._report(step, where)
+        if self._tree.finest < OFTEN:
+            self.notes.warn(
+                "too-fine",
+                "contact has more edges than points may follow: it is solved on coarser ones",
+                where,
+                value=f"{len(self.cells)} points",
+                limit=f"<= {MANY}",
+                remedy="Press less deep, or touch with fewer edges at once",
+            )
 
     def _apply(self, force: Array) -> Array:
         return self._points.matrix.displacement(force)

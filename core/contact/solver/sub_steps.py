@@ -9,19 +9,19 @@ rim, is pressed anew from beneath.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ...arrays import Array, Indices
-from ...motion import matrices, quaternions
 from ...surface.crossing import first_crossing
 from ...surface.gap import Surface
+from .between import between, lowered, matter_moved, reshaped, vertices_moved
 from .bodies import AWAY, ContactBody, NodeGaps, travel
 from .near_surface import NearTriangles
 from .path import PathSolver
 from .path_step import PathStep
+from .press_watch import PressWatch
 
 # A part of a frame presses by no more than this [m]; where the surface turns, it moves by no more than TURNING.
 PRESSING, TURNING = 0.1e-3, 0.1e-3
@@ -52,6 +52,7 @@ class SubStepper:
         self.solver, self.deepest = solver, deepest
         self._left: frozenset[int] = frozenset()  # bodies that are not felt until the finger is outside of them
         self._facing: dict[int, float] = {}  # above zero where a body's normals point out of it, below where in
+        self._press = PressWatch()
         self._number = 0.0  # of the frame, for findings
 
     def idle(self, count: int = 1) -> PathStep:
@@ -60,12 +61,13 @@ class SubStepper:
 
     def save(self) -> dict[str, Any]:
         """Return the state between two frames, for `restore`."""
-        return {"solver": self.solver.save(), "left": self._left, "facing": dict(self._facing)}
+        own = {"left": self._left, "facing": dict(self._facing), "most": self._press.most}
+        return {"solver": self.solver.save(), **own}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go back to a saved state."""
         self.solver.restore(state["solver"])
-        self._left, self._facing = state["left"], dict(state["facing"])
+        self._left, self._facing, self._press.most = state["left"], dict(state["facing"]), state["most"]
 
     def step(
         self,
@@ -87,15 +89,25 @@ class SubStepper:
         bodies = self._felt(bodies)
         if self.solver.unmoved(bodies):
             return self.solver.step(bodies, scene_frame=scene_frame)
-        gaps = self.solver.look(bodies)
-        start: Sequence[ContactBody] = (*self.solver.bodies, *bodies[len(self.solver.bodies) :])  # others came since
+        came, gaps = self.solver.bodies, self.solver.look(bodies)
+        start: Sequence[ContactBody] = (*came, *bodies[len(came) :])  # others came since
         if self.solver.fresh:
             start = self._start(bodies, before, gaps)
         ways = self._ways(start, bodies, gaps)
         for way in ways:
             self.solver.step(way, part=True)
         step = self.solver.step(bodies, scene_frame=scene_frame, gaps=None if ways else gaps)
-        return self._through(step, bodies)
+        step = self._through(step, bodies)
+        lost = self._press.lost(came, step, self.solver.points)
+        if lost:
+            self.solver.notes.warn(
+                "slips-in",
+                "something small slips into the skin: it pushes back less, the deeper it is",
+                self._number,
+                value=f"{lost:.0%} less",
+                remedy="Press less deep, or give it more friction",
+            )
+        return step
 
     # -- the way -------------------------------------------------------------------------------------------------
 
@@ -119,29 +131,42 @@ class SubStepper:
             parts = min(parts, DEEP_PARTS)
         if parts == 1:
             return []
-        near = [self._near(a, b, gaps) for a, b in zip(start, bodies, strict=True)]
+        inside, points = self._inside(gaps), self.solver.points
+        near = [self._near(a, b, points, *inside) for a, b in zip(start, bodies, strict=True)]
         return [
             [between(a, b, k / parts, n) for a, b, n in zip(start, bodies, near, strict=True)] for k in range(1, parts)
         ]
 
-    def _near(self, a: ContactBody, b: ContactBody, gaps: NodeGaps) -> NearTriangles | None:
-        """Return the triangles of a deforming surface that the finger may meet on the way; None for all."""
-        if not _deforms(a, b):
-            return None
-        pad, seen = self.solver.points, (gaps, self.solver.gaps or gaps)
-        # loaded skin lies on the surface, pressed in towards the bone; other skin about where it is undeformed
+    def _inside(self, gaps: NodeGaps) -> tuple[float, float]:
+        """Return how deep skin lies in what it touches, undeformed and where it is, in this frame or the last [m]."""
+        seen = (gaps, self.solver.gaps or gaps)
         pressed, inside = (max(-min(float(getattr(g, name).min()) for g in seen), 0.0) for name in ("gap", "clearance"))
-        skin = np.concatenate([pad, pad + self.solver.bone * (pressed / np.linalg.norm(self.solver.bone))])
-        reach = self.solver.search_radius + min(inside, self.deepest) + travel(a, b, pad)
+        return pressed, inside
+
+    def _near(
+        self, a: ContactBody, b: ContactBody, points: Array, pressed: float = 0.0, inside: float = 0.0
+    ) -> NearTriangles | None:
+        """Return the triangles of a deforming surface that skin may meet on the way; None for all."""
+        if not reshaped(a, b):
+            return None
+        # loaded skin lies on the surface, pressed in towards the bone; other skin about where it is undeformed
+        bone = self.solver.bone
+        skin = np.concatenate([points, points + bone * (pressed / np.linalg.norm(bone))])
+        reach = self.solver.search_radius + min(inside, self.deepest) + travel(a, b, points)
         places = np.concatenate([(skin - c.translation) @ c.rotation for c in (a, b)])
         box = np.stack([places.min(axis=0) - reach, places.max(axis=0) + reach])
         assert isinstance(a.surface, Surface) and isinstance(b.surface, Surface)
         return NearTriangles.about(a.surface, b.surface, box)
 
+    def _far(self, a: ContactBody, b: ContactBody) -> float:
+        """Return how far a body moves about the pad, at most [m]."""
+        near = self._near(a, b, self.solver.pad)
+        return travel(a, b, self.solver.pad) if near is None else vertices_moved(near, a, b)
+
     def _parts(self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], gaps: NodeGaps) -> int:
         last = self.solver.gaps
         if last is None:
-            far = max(travel(a, b, self.solver.pad) for a, b in zip(start, bodies, strict=True))
+            far = max(self._far(a, b) for a, b in zip(start, bodies, strict=True))
             return max(int(np.ceil(far / PRESSING)), 1)
         pressed = np.flatnonzero((gaps.body >= 0) & ((gaps.clearance < 0.0) | self.solver.loaded))
         if pressed.size == 0:
@@ -158,10 +183,16 @@ class SubStepper:
         self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices
     ) -> float:
         """Return how far the bodies' matter moves at the nodes that it is closest to [m]."""
-        which = gaps.body[nodes]
-        return max(
-            travel(start[i], bodies[i], self.solver.points[nodes[which == i]]) for i in np.unique(which).tolist()
-        )
+        far, which = 0.0, gaps.body[nodes]
+        for i in np.unique(which).tolist():
+            own = nodes[which == i]
+            way = (
+                None
+                if start[i].away
+                else matter_moved(start[i], bodies[i], self.solver.points[own], gaps.triangle[own])
+            )
+            far = far if way is None else max(far, float(np.sqrt((way * way).sum(axis=1)).max()))
+        return far
 
     # -- the first touch -----------------------------------------------------------------------------------------
 
@@ -211,19 +242,20 @@ class SubStepper:
 
     def _first_touch(self, before: Sequence[ContactBody], bodies: Sequence[ContactBody]) -> list[ContactBody]:
         """Advance from where nothing touches by what the smallest gap allows, until that is nothing."""
-        share = 0.0
+        share, both = 0.0, list(zip(before, bodies, strict=True))
+        near, far = [self._near(a, b, self.solver.pad) for a, b in both], max(self._far(a, b) for a, b in both)
+        gap = self.solver.search_radius
         for _ in range(SEARCHES):
-            here = [between(a, b, share) for a, b in zip(before, bodies, strict=True)]
-            gap = self._gap(here)
+            here = [between(a, b, share, some) for (a, b), some in zip(both, near, strict=True)]
+            gap = min(self._gap(here, 2.0 * gap), 2.0 * gap)  # it was advanced by the last, and may be twice that
             if gap <= OUTSIDE:
                 break
-            far = max(travel(a, b, self.solver.pad) for a, b in zip(before, bodies, strict=True))
             share = min(share + gap / max(far, 1e-12), 1.0)
         return here
 
-    def _gap(self, bodies: Sequence[ContactBody]) -> float:
-        """Return the smallest gap of the undeformed skin [m]."""
-        return self.solver.outside(bodies)
+    def _gap(self, bodies: Sequence[ContactBody], reach: float = np.inf) -> float:
+        """Return the smallest gap of the undeformed skin [m], inf where there is none within reach."""
+        return self.solver.outside(bodies, reach)
 
     # -- all the way through -------------------------------------------------------------------------------------
 
@@ -303,48 +335,6 @@ class SubStepper:
 
     def _last(self, bodies: list[ContactBody]) -> PathStep:
         return self.solver.step(bodies, scene_frame=self._number)
-
-
-def between(a: ContactBody, b: ContactBody, share: float, near: NearTriangles | None = None) -> ContactBody:
-    """Return a body on its way from one pose and shape to another, with the second's friction.
-
-    Args:
-        share: of the way. near: the triangles that are wanted of a shape between; all where None.
-    """
-    if a.away or b.away or share == 1.0:
-        return b
-    if np.array_equal(a.rotation, b.rotation):
-        rotation: Array = b.rotation
-    else:
-        ends = quaternions(np.stack([a.rotation, b.rotation]))
-        last = ends[1] if ends[0] @ ends[1] >= 0.0 else -ends[1]
-        rotation = matrices(((1.0 - share) * ends[0] + share * last)[None])[0]
-    translation = (1.0 - share) * a.translation + share * b.translation
-    surface, carry = b.surface, b.carry
-    if near is not None or _deforms(a, b):
-        assert isinstance(a.surface, Surface) and isinstance(surface, Surface)
-        if near is not None:
-            surface = near.at(share)
-        else:
-            vertices = (1.0 - share) * a.surface.vertices + share * surface.vertices
-            surface = Surface.build(vertices, surface.triangles)
-        if a.carry is not None or carry is not None:
-            one, other = (np.eye(3) if c is None else c for c in (a.carry, carry))
-            carry = (1.0 - share) * one + share * other
-    return replace(b, surface=surface, rotation=rotation, translation=translation, carry=carry)
-
-
-def _deforms(a: ContactBody, b: ContactBody) -> bool:
-    """Return whether a body has another shape of the same triangles."""
-    one, other = a.surface, b.surface
-    if a.away or b.away or one is other or not isinstance(one, Surface) or not isinstance(other, Surface):
-        return False
-    return len(one.vertices) == len(other.vertices) and np.array_equal(one.triangles, other.triangles)
-
-
-def lowered(body: ContactBody, far: float) -> ContactBody:
-    """Return a body moved away from the pad, down the finger's Z [m]."""
-    return replace(body, translation=body.translation - np.array([0.0, 0.0, far]))
 
 
 def _meets(surface: Surface, start: Array, end: Array) -> bool:

@@ -164,9 +164,13 @@ def test_an_objects_scale_equals_scaled_vertices(reference, skin, mirror):
     assert np.linalg.norm(again.force - reference.force) <= 1e-4 * np.linalg.norm(reference.force)
 
 
-@pytest.mark.parametrize("kind", ["stretched", "sheared", "scaled from the start"])
-def test_an_animated_scale_drags_the_skin_as_a_mesh_of_that_shape_does(skin, kind):
+@pytest.mark.parametrize(
+    ("kind", "contact"),
+    [("stretched", "nodes"), ("sheared", "nodes"), ("scaled from the start", "nodes"), ("sheared", "points")],
+)
+def test_an_animated_scale_drags_the_skin_as_a_mesh_of_that_shape_does(skin, kind, contact):
     """A plate at rest under a pressing finger grows along X: it carries the skin with it, up to Coulomb's limit."""
+    where = {"contact": contact}
     n, place = 40, [0.015, 0.0, 0.004]
     grow = 0.2 * np.clip((np.arange(n) - 10) / (n - 11), 0.0, 1.0)
     linear = np.tile(np.eye(3), (n, 1, 1))
@@ -180,12 +184,11 @@ def test_an_animated_scale_drags_the_skin_as_a_mesh_of_that_shape_does(skin, kin
     world[:3, :3] *= np.linalg.det(world[:3, :3])
     fingers = world @ poses(np.tile(place, (n, 1)))
     meshes = tuple(Mesh(PLATE.vertices @ m.T, FACES) for m in linear)
-    deforming = felt(
-        skin, fingers, np.tile(world, (n, 1, 1)), body=Body("plate", None, {"friction": 0.6}), surfaces=meshes
-    )
+    body = Body("plate", None, {"friction": 0.6})
+    deforming = felt(skin, fingers, np.tile(world, (n, 1, 1)), parameters=where, body=body, surfaces=meshes)
     animated = world @ poses(np.zeros((n, 3)), linear)
     for cuts in ((), (5, 11, 12, 30)):
-        got = felt(skin, fingers, animated, cuts=cuts)
+        got = felt(skin, fingers, animated, parameters=where, cuts=cuts)
         assert np.linalg.norm(got.force - deforming.force) <= 1e-4 * np.linalg.norm(deforming.force)
     assert got.tangential_force[9] < 0.05  # nothing moved yet
     assert got.tangential_force[-1] == pytest.approx(0.6 * got.normal_force[-1], rel=1e-2)
@@ -206,11 +209,14 @@ def test_a_scale_that_comes_back_leaves_nothing_behind(skin):
     assert np.abs(last - first).max() <= 1e-4 * np.abs(first).max()
 
 
-def test_a_mesh_given_anew_every_sample_equals_a_rigid_one(reference, skin):
-    path = press_and_slide()
+@pytest.mark.parametrize("contact", ["nodes", "points"])
+def test_a_mesh_given_anew_every_sample_equals_a_rigid_one(skin, contact):
+    """Fast as it slides, too: skin that is rolled down in front of it is met in time."""
+    path, where = press_and_slide(), {"contact": contact}
+    reference = felt(skin, poses(path), still(40), parameters=where)
     surfaces = tuple(Mesh(PLATE.vertices - p, FACES) for p in path)
     body = Body("plate", None, {"friction": 0.6})
-    again = felt(skin, still(40), still(40), body=body, surfaces=surfaces)
+    again = felt(skin, still(40), still(40), parameters=where, body=body, surfaces=surfaces)
     assert np.linalg.norm(again.force - reference.force) <= 1e-3 * np.linalg.norm(reference.force)
 
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from core.contact.solver.between import between
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.near_surface import NearTriangles
 from core.contact.solver.path import PathSolver
-from core.contact.solver.sub_steps import SubStepper, between
+from core.contact.solver.sub_steps import SubStepper
 from core.surface.gap import Surface
 
 REACH = 2.5e-3

@@ -170,3 +170,45 @@ def test_pressing_deeper_never_pulls(pad, seed):
     forces = np.array([total(steps.step([at(surface, 0.0, depth)])) for depth in depths])
     assert (np.diff(forces[:, 2]) >= (-1e-2 if seed == 3 else 0.0)).all()
     assert forces[-1, 2] > 0.1
+
+
+def test_what_slips_into_the_skin_is_a_finding(pad):
+    """A frictionless ball of 1 mm parts linear skin; one of 5 mm does not, nor what is drawn aside."""
+    steps, small = stepper(pad), Surface.sphere(1e-3, 2000)
+    forces = [total(steps.step([at(small, 0.0, 0.05e-3 * k, 0.0)], scene_frame=float(k)))[2] for k in range(34)]
+    (told,) = steps.solver.findings
+    assert told.code == "slips-in"
+    worst = int(np.argmax(np.maximum.accumulate(forces) - forces > 0.02 * np.maximum.accumulate(forces)))
+    assert told.frame == worst > 10
+    for surface in (BALL, EDGE):
+        steps = stepper(pad)
+        walk(steps, surface, [*way(20, far=4e-3), *((4e-3, 0.6e-3 - 0.05e-3 * k) for k in range(13))])
+        assert not steps.solver.findings
+
+
+def drawn(pad, ways, friction, *, beside, width=0.0, rise=0.0):
+    """Return forces on a pad on one block that is drawn to another, so far beside its middle, apart and higher [m]."""
+    steps, block, forces = stepper(pad), Surface.block(0.02, 0.05, 0.01), []
+    for x, depth in ways:
+        places = [beside - x - 0.01, 0.0, depth], [beside - x + width + 0.01, 0.0, depth + rise]
+        bodies = [ContactBody(block, translation=np.array(place), friction=friction) for place in places]
+        forces.append(total(steps.step(bodies)))
+    return np.array(forces), steps
+
+
+def test_a_slot_is_slid_over(pad):
+    """Skin sags into a slot and comes against its wall by some hundredths of a millimetre: that holds no finger."""
+    ways = [*((0.0, 0.05e-3 * k) for k in range(1, 11)), *((0.15e-3 * k, 0.5e-3) for k in range(1, 21))]
+    forces, steps = drawn(pad, ways, 0.3, beside=1e-3, width=0.5e-3)
+    across, press = np.abs(forces[10:, 0]), forces[10:, 2]
+    assert across.max() < 1.4 * 0.3 * press.max()
+    assert across[-1] == pytest.approx(0.3 * press[-1], rel=0.1)
+    assert not steps.solver.findings
+
+
+def test_a_wall_holds_what_lies_deep_below_its_rim(pad):
+    """Drawn against a wall that is higher than it is drawn far, a finger is pushed back ever more."""
+    ways = [*((0.0, 0.05e-3 * k) for k in range(1, 11)), *((0.1e-3 * k, 0.5e-3) for k in range(1, 26))]
+    forces, _ = drawn(pad, ways, 0.0, beside=6e-3, rise=4e-3)
+    back = -forces[9:, 0]
+    assert (np.diff(back) > 0.0).all() and back[-1] > back[0] + 0.5 * forces[9, 2]

@@ -168,11 +168,12 @@ def test_there_is_an_end_to_points(pad):
     solver = PointSolver(pad)
     forces = []
     for k in range(15):
-        last = solver.step([body(comb, 1e-4 * k, 0.5)])
+        last = solver.step([body(comb, 1e-4 * k, 0.5)], scene_frame=100.0 + k)
         assert len(solver.cells) <= MOST and last.solution.converged
         forces.append(last.solution.force[:, 2].sum())
     assert (np.diff(forces) > 0.0).all()
-    assert "too-fine" in [finding.code for finding in solver.findings]
+    told = {finding.code: finding for finding in solver.findings}
+    assert 100.0 < told["too-fine"].frame < 115.0
 
 
 def test_what_rests_is_not_solved_again(pad):

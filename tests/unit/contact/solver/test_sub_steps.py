@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from core.contact.solver.between import between
 from core.contact.solver.bodies import ContactBody, travel
 from core.contact.solver.path import PathSolver
-from core.contact.solver.sub_steps import DEEP_PARTS, PRESSING, SubStepper, between
+from core.contact.solver.sub_steps import DEEP_PARTS, PRESSING, SubStepper
 from core.surface.gap import Surface
 
 FRICTION = 0.6
@@ -107,6 +108,27 @@ def test_an_oblique_jump_comes_from_where_it_was(skin):
     scale = np.abs(slow).max()
     np.testing.assert_allclose(fast, slow, atol=0.05 * scale)
     assert np.abs(straight - slow).max() > 0.2 * scale  # what it would be had the way not been known
+
+
+def test_what_moves_by_its_vertices_comes_along_their_way(skin):
+    """As it does when its pose says so, into the skin in one frame and, an edge under it, aside in the next."""
+    edge, ways = Surface.edge(), [(-1e-3, 0.0, -0.5e-3), (0.0, 0.0, 1e-3), (0.6e-3, 0.0, 1e-3)]
+
+    def bodies(posed):
+        at = [replace(below(skin, edge, 0.0), translation=below(skin, edge, 0.0).translation + w) for w in ways]
+        if posed:
+            return at
+        moved = [Surface.build(edge.vertices + body.translation, edge.triangles) for body in at]
+        return [ContactBody(surface, friction=FRICTION, deforms=True) for surface in moved]
+
+    def felt(away, *path):
+        steps = stepper(skin)
+        forces = np.array([steps.step([body], lambda: [away]).solution.force for body in path])
+        assert steps.solver.counters["parts"] > 8
+        return forces
+
+    rigid = felt(*bodies(True))
+    np.testing.assert_allclose(felt(*bodies(False)), rigid, atol=1e-3 * np.abs(rigid).max())
 
 
 def test_what_went_through_the_finger_is_let_go_and_said(skin):

@@ -1,0 +1,82 @@
+"""Bodies on their way from one frame to the next, and how far what they are made of moves there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...arrays import Array, Indices
+from ...motion import matrices, quaternions
+from ...surface.gap import Surface
+from .bodies import ContactBody, from_material, moved, to_material
+from .near_surface import NearTriangles
+
+
+def between(a: ContactBody, b: ContactBody, share: float, near: NearTriangles | None = None) -> ContactBody:
+    """Return a body on its way from one pose and shape to another, with the second's friction.
+
+    Args:
+        share: of the way. near: the triangles that are wanted of a shape between; all where None.
+    """
+    if a.away or b.away or share == 1.0:
+        return b
+    if np.array_equal(a.rotation, b.rotation):
+        rotation: Array = b.rotation
+    else:
+        ends = quaternions(np.stack([a.rotation, b.rotation]))
+        last = ends[1] if ends[0] @ ends[1] >= 0.0 else -ends[1]
+        rotation = matrices(((1.0 - share) * ends[0] + share * last)[None])[0]
+    translation = (1.0 - share) * a.translation + share * b.translation
+    surface, carry = b.surface, b.carry
+    if near is not None or reshaped(a, b):
+        assert isinstance(a.surface, Surface) and isinstance(surface, Surface)
+        if near is not None:
+            surface = near.at(share)
+        else:
+            vertices = (1.0 - share) * a.surface.vertices + share * surface.vertices
+            surface = Surface.build(vertices, surface.triangles)
+        if a.carry is not None or carry is not None:
+            one, other = (np.eye(3) if c is None else c for c in (a.carry, carry))
+            carry = (1.0 - share) * one + share * other
+    return replace(b, surface=surface, rotation=rotation, translation=translation, carry=carry)
+
+
+def reshaped(a: ContactBody, b: ContactBody) -> bool:
+    """Return whether a body has another shape of the same triangles."""
+    one, other = a.surface, b.surface
+    if a.away or b.away or one is other or not isinstance(one, Surface) or not isinstance(other, Surface):
+        return False
+    return len(one.vertices) == len(other.vertices) and np.array_equal(one.triangles, other.triangles)
+
+
+def lowered(body: ContactBody, far: float) -> ContactBody:
+    """Return a body moved away from the pad, down the finger's Z [m]."""
+    return replace(body, translation=body.translation - np.array([0.0, 0.0, far]))
+
+
+def matter_moved(a: ContactBody, b: ContactBody, points: Array, triangle: Indices) -> Array | None:
+    """Return how the matter that points lie on moves from one state of a body to another [m], shape (n, 3).
+
+    Args:
+        points: [m], shape (n, 3). triangle: of the second state that each is closest to, shape (n,).
+
+    Returns:
+        None where the surface is of other triangles.
+    """
+    if a.surface is b.surface:
+        return moved(a, b, points)
+    if not reshaped(a, b):
+        return None
+    own = np.zeros(len(points), dtype=np.int64)
+    return points - from_material((a,), own, to_material((b,), own, triangle, points), triangle)
+
+
+def vertices_moved(near: NearTriangles, a: ContactBody, b: ContactBody) -> float:
+    """Return how far a body moves that changes its shape, at most, in some of its triangles [m]."""
+    some = np.unique(near.end.triangles[near.chosen])
+    one, other = (
+        surface.vertices[some] @ body.rotation.T + body.translation
+        for surface, body in ((near.start, a), (near.end, b))
+    )
+    return float(np.sqrt(((other - one) ** 2).sum(axis=1).max()))

@@ -1,0 +1,55 @@
+"""PressWatch: whether what presses into a finger pushes back less, the deeper it is.
+
+Linear skin parts about what is much smaller than it is pressed deep: a needle, a frictionless ball, the tip of a horn.
+Then force falls where real skin would hold. Nothing but the force itself tells it from what is right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...arrays import Array
+from .bodies import ContactBody, moved
+from .path_step import PathStep
+
+# So much of the largest force may be lost while everything presses deeper, and so much in any case [N].
+LOST, LEAST = 0.02, 1e-3
+
+
+class PressWatch:
+    """Follows the force on a finger from frame to frame.
+
+    Attributes:
+        most: the largest since everything that touches began to press deeper [N].
+    """
+
+    def __init__(self) -> None:
+        self.most = 0.0
+
+    def lost(self, came: Sequence[ContactBody], step: PathStep, points: Array) -> float:
+        """Return which share of the force a frame has lost although it presses deeper; zero where that is little.
+
+        Args:
+            came: the bodies in the frame before. points: of the skin, undeformed [m], shape (m, 3).
+        """
+        pushed = float(step.solution.force[:, 2].sum())
+        self.most = max(self.most, pushed) if _deeper(came, step, points) else pushed
+        missing = self.most - pushed
+        return missing / self.most if missing > max(LOST * self.most, LEAST) else 0.0
+
+
+def _deeper(came: Sequence[ContactBody], step: PathStep, points: Array) -> bool:
+    """Return whether all that touches came nearer to the nail, and moved less to the side."""
+    gaps, loaded = step.gaps, np.flatnonzero(step.solution.force.any(axis=1))
+    if gaps is None or loaded.size == 0 or [body.away for body in came] != [body.away for body in gaps.bodies]:
+        return False
+    for index in np.unique(gaps.body[loaded]).tolist():
+        before, now = came[index], gaps.bodies[index]
+        if before.surface is not now.surface:
+            return False
+        way = moved(before, now, points[loaded[gaps.body[loaded] == index]])
+        if not ((way[:, 2] > 0.0) & (np.hypot(way[:, 0], way[:, 1]) <= way[:, 2])).all():
+            return False
+    return True

@@ -44,7 +44,7 @@ DEPTH_LIMIT = 2e-3
 # In a frame skin comes out by no more than this multiple of its displacement in the last, and a margin [m].
 BULGE, MARGIN = 1.5, 0.3e-3
 # What a frame changes, besides the history; each is replaced, never written into.
-_STATE = ("_force", "_y", "_last", "_image", "_step", "_bodies", "_at_rest", "frames")
+_STATE = ("_force", "_y", "_last", "_image", "_step", "_bodies", "_at_rest", "frames", "_soft", "_rho")
 
 
 class PathSolver:
@@ -92,7 +92,8 @@ class PathSolver:
             )
         self._c = c
         low, high = ends(c, name)
-        self._rho = np.full((m, 1), np.sqrt(low * high))
+        self._skin_rho = self._rho = np.full((m, 1), np.sqrt(low * high))
+        self._soft = np.zeros(m)  # of what lies below each node [m/N]
         extent = np.sort(np.ptp(self.points, axis=0))
         spacing = float(np.sqrt(max(extent[-1] * extent[-2], 1e-12) / m))
         self._spacing = np.full(m, spacing)
@@ -151,6 +152,7 @@ class PathSolver:
             setattr(self, name, state[name])
         self.history = state["history"].copy()
         self.counters, self.notes = dict(state["counters"]), state["_notes"].copy()
+        self._candidates.rho = self._rho[:, 0]
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -273,6 +275,8 @@ class PathSolver:
         b = self.history.offset(gaps, self.points)
         b += self.operator.offset(self._force)
         soft = gaps.compliance(self.areas, self.name)
+        if not np.array_equal(soft, self._soft):
+            self._weigh(soft)
         solution, y, image, work = self._solve(b, gaps, soft)
         self._remember(solution, y, image, gaps, soft)
         nodal = self._zero if part else self.nodal(solution.force)
@@ -310,6 +314,14 @@ class PathSolver:
         return self._step
 
     # -- one frame -----------------------------------------------------------------------------------------------
+
+    def _weigh(self, soft: Array) -> None:
+        """Weigh steps by what lies below the nodes, too: a soft thing gives way by far more than the skin."""
+        rho = self._skin_rho + soft[:, None]
+        share = self._rho / rho
+        self._y = self._y * share
+        self._last = self._last and (self._last[0], self._last[1] * share)
+        self._soft, self._rho, self._candidates.rho = soft, rho, rho[:, 0]
 
     def _solve(self, b: Array, gaps: NodeGaps, soft: Array) -> tuple[Solution, Array, Array, str]:
         normal, mu, rho = gaps.normal, gaps.friction, self._rho

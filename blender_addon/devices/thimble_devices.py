@@ -40,7 +40,8 @@ def prepared(device: Any, model: Any) -> Any:
     if spec is None:
         raise DermisError("no such thimble", where="thimble", value=device.preset)
     values = {k: v for k, v in parameters_of(device).items() if k.startswith("thimble_")}
-    key = json.dumps([spec.hash, model.key, repr(model.material), values], sort_keys=True)
+    on = core.surrogate.press_points.pressed_on(model)
+    key = json.dumps([spec.hash, model.key, on, repr(model.material), values], sort_keys=True)
     with skin_models.one_thread():
         return _uses.make(key, lambda: core.matching.thimble_use.prepare(spec, model, values, device.preset))
 

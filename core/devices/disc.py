@@ -1,13 +1,13 @@
 """A rigid disc against the skin: contact forces for a pose of the disc, and how they change with the pose.
 
 The disc's material moves with it, so what sticks is sheared when the disc tilts, shifts or turns. What friction
-remembers is a `FrictionState`: for every node near the disc the point of the disc's material that it sticks to. It is
+remembers is a `FrictionState`: for every point of the skin near the disc the place of the disc that it sticks to. It is
 fixed while poses are tried and renewed by `DiscContact.settle` once a pose is chosen (staggering). How far the rim
-falls away under a node is asked where the skin is, not where it would be untouched: at the anchor of a node that
-sticks, else where the last step left the node, as in `contact.solver.history`.
+falls away under a point is asked where the skin is, not where it would be untouched: at the anchor of a point that
+sticks, else where the last step left it, as in `contact.solver.history`.
 
 A pose is tried by solving the frictional contact on the condensed compliance with a semi-smooth Newton method. With a
-rigid flat disc all nodes share one normal, Coulomb's projection is homogeneous of degree one, and the Newton system
+rigid flat disc all points share one normal, Coulomb's projection is homogeneous of degree one, and the Newton system
 reduces to A f = -D b with A = (I - D) / r + D C. The same factors give the exact derivative (implicit
 differentiation): in a frame that turns with the disc the law does not change, so with the turning part taken out,
 h = df - Omega f obeys A h = -D (C Omega f - Omega C f + db'), where db' is the change of b as the disc sees it.
@@ -26,6 +26,7 @@ from ..arrays import Array
 from ..contact.solver.cone import OPEN, SLIP, STICK
 from ..contact.solver.solve import solve as solve_contact
 from .disc_pose import FALLBACK_TOLERANCE, TOLERANCE, Disc, DiscPose, DiscSolution, FrictionState
+from .press_problem import PressPoints
 
 MAX_STEPS = 10
 NEAR, MARGIN = 0.9e-3, 0.3e-3  # candidates have gaps below NEAR; they are chosen anew when others come to MARGIN
@@ -33,7 +34,7 @@ NEAR, MARGIN = 0.9e-3, 0.3e-3  # candidates have gaps below NEAR; they are chose
 
 @dataclass(frozen=True, eq=False)
 class _Factors:
-    """LU factors of a Newton step, and which nodes it was for."""
+    """LU factors of a Newton step, and which points it was for."""
 
     lower: Array
     pivots: NDArray[np.int32]
@@ -46,8 +47,7 @@ class DiscContact:
     """Contact of one skin with a disc, pose after pose.
 
     Args:
-        compliance: of the pad nodes [m/N], shape (3 m, 3 m).
-        positions: undeformed pad nodes in the finger's frame [m], shape (m, 3).
+        points: of the skin, that carry forces: of the smooth skin, or the nodes of its mesh.
         disc: radius and rim.
         friction: Coulomb's coefficient.
 
@@ -55,13 +55,12 @@ class DiscContact:
         solved, fallbacks: how many poses were solved, and for how many Newton's method was not enough.
     """
 
-    def __init__(self, compliance: Array, positions: Array, disc: Disc, friction: float) -> None:
-        count = len(positions)
-        self.compliance, self.positions, self.disc, self.friction = compliance, positions, disc, float(friction)
-        self.count = count
-        # weighs displacement against force: between the softest and the stiffest node, as in the iteration
-        self._stiffness = 1.0 / float(np.median(np.diag(compliance)))
-        self.nodes: NDArray[np.intp] = np.zeros(0, np.intp)
+    def __init__(self, points: PressPoints, disc: Disc, friction: float) -> None:
+        self.points, self.disc, self.friction = points, disc, float(friction)
+        self.compliance, self.positions, self.count = points.compliance, points.positions, len(points.positions)
+        # weighs displacement against force: between the softest and the stiffest point, as in the iteration
+        self._stiffness = 1.0 / float(np.median(np.diag(self.compliance)))
+        self.near: NDArray[np.intp] = np.zeros(0, np.intp)
         self._matrix = np.zeros((0, 0))
         self._rest_positions = self._places = np.zeros((0, 3))
         self._block: tuple[bytes, Array] | None = None
@@ -70,7 +69,7 @@ class DiscContact:
         from scipy.linalg.lapack import dgetrf, dgetrs
 
         self._factorise, self._back = dgetrf, dgetrs
-        self.hold(FrictionState.rest(count))
+        self.hold(FrictionState.rest(self.count))
 
     def hold(self, state: FrictionState) -> None:
         """Fix the friction state for the poses that follow."""
@@ -79,7 +78,7 @@ class DiscContact:
         self._restrict()
 
     def gap(self, pose: DiscPose) -> Array:
-        """Return the gap of every undeformed node [m], shape (m,)."""
+        """Return the gap of every undeformed point [m], shape (m,)."""
         local = (self.positions - pose.centre) @ pose.rotation
         return self._fallen(local[:, :2]) - local[:, 2]
 
@@ -96,10 +95,10 @@ class DiscContact:
         if not (offset @ pose.normal < 0.0).any():
             zero = np.zeros_like(offset)
             nothing = np.zeros(len(offset), np.int8)
-            return DiscSolution(pose, self.nodes, zero, offset, np.zeros((*zero.shape, 3)), nothing, 0.0, 0, "none")
+            return DiscSolution(pose, self.near, zero, offset, np.zeros((*zero.shape, 3)), nothing, 0.0, 0, "none")
         guess = self._held_force
         if self._guess is not None:
-            # forces move with the disc to first order: nearly always the right nodes stick and slip at once
+            # forces move with the disc to first order: nearly always the right points stick and slip at once
             guess = self._guess[0] + self._guess[1] @ self._step(pose)
         force, w, slope, status, residual, steps = self._newton(pose, offset, change, guess)
         method = "newton"
@@ -120,12 +119,21 @@ class DiscContact:
             steps += found.iterations + more
         self._guess = (force, slope)
         self._guess_pose = pose
-        return DiscSolution(pose, self.nodes, force, w, slope, status, residual, steps, method)
+        return DiscSolution(pose, self.near, force, w, slope, status, residual, steps, method)
+
+    def nodal(self, solution: DiscSolution) -> Array:
+        """Return the forces on the nodes of the skin's mesh [N], shape (m, 3)."""
+        spread = self.points.nodal
+        if spread is None:
+            return solution.spread(self.count)
+        loaded = np.flatnonzero(solution.status != OPEN)
+        columns = _degrees(solution.near[loaded])
+        return (spread[:, columns] @ solution.force[loaded].ravel()).reshape(-1, 3)
 
     def settle(self, solution: DiscSolution) -> FrictionState:
         """Return the friction state after a step that ended in this solution.
 
-        A node that sticks keeps its anchor, one that slips takes it along, one that is open hovers over it.
+        A point that sticks keeps its anchor, one that slips takes it along, one that is open hovers over it.
         """
         pose = solution.pose
         local = (self.positions - pose.centre) @ pose.rotation
@@ -134,14 +142,13 @@ class DiscContact:
         moved = np.zeros((self.count, 3))
         loaded = np.flatnonzero(solution.status != OPEN)
         if len(loaded):
-            columns = solution.nodes[loaded]
-            rows = (3 * columns[:, None] + np.arange(3)).ravel()
+            rows = _degrees(solution.near[loaded])
             moved = (self.compliance[rows].T @ solution.force[loaded].ravel()).reshape(-1, 3)
             anchor += (moved @ pose.rotation)[:, :2]
-        kept = solution.nodes[(solution.status == STICK) & self.state.anchored[solution.nodes]]
+        kept = solution.near[(solution.status == STICK) & self.state.anchored[solution.near]]
         anchor[kept] = self.state.anchor[kept]
         sticking = np.zeros(self.count, bool)
-        sticking[solution.nodes[solution.status == STICK]] = True
+        sticking[solution.near[solution.status == STICK]] = True
         return FrictionState(np.ones(self.count, bool), anchor, force, sticking, moved)
 
     # -- parts -------------------------------------------------------------------------------------------------------
@@ -259,29 +266,35 @@ class DiscContact:
         at[self.state.sticking] = self.state.anchor[self.state.sticking]
         gap = self._fallen(at) - local[:, 2]
         near = gap < MARGIN
-        if near[self.nodes].sum() == near.sum() and len(self.nodes):
+        if near[self.near].sum() == near.sum() and len(self.near):
             return
-        self.nodes = np.flatnonzero(gap < NEAR)
+        self.near = np.flatnonzero(gap < NEAR)
         self.choice += 1
-        rows = (3 * self.nodes[:, None] + np.arange(3)).ravel()
+        rows = _degrees(self.near)
         self._matrix = np.ascontiguousarray(self.compliance[np.ix_(rows, rows)])
-        self._rest_positions = self.positions[self.nodes]
+        self._rest_positions = self.positions[self.near]
         self._guess = None
         self._restrict()
 
     def _restrict(self) -> None:
         self._block = None
-        self._anchored, self._anchor = self.state.anchored[self.nodes], self.state.anchor[self.nodes]
-        self._sticking = self.state.sticking[self.nodes]
-        self._places = self.positions[self.nodes] + self.state.moved[self.nodes]
-        self._held_force = self.state.force[self.nodes]
+        self._anchored, self._anchor = self.state.anchored[self.near], self.state.anchor[self.near]
+        self._sticking = self.state.sticking[self.near]
+        self._places = self.positions[self.near] + self.state.moved[self.near]
+        self._held_force = self.state.force[self.near]
 
     def _active_block(self, active: NDArray[np.intp]) -> Array:
         key = active.tobytes()
         if self._block is None or self._block[0] != key:
-            rows = (3 * active[:, None] + np.arange(3)).ravel()
+            rows = _degrees(active)
             self._block = (key, self._matrix[rows[:, None], rows])
         return self._block[1]
+
+
+def _degrees(points: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return where the components of some points are, x, y, z each, shape (3 k,)."""
+    out: NDArray[np.intp] = (3 * points[:, None] + np.arange(3)).ravel()
+    return out
 
 
 def _past(pose: DiscPose, points: Array) -> Array:
@@ -302,7 +315,7 @@ def _crossing(spin: Array) -> Array:
 
 
 def _projection_slope(normal: Array, direction: Array, friction: float, share: Array) -> Array:
-    """Derivative of Coulomb's projection at slipping nodes, shape (k, 3, 3)."""
+    """Derivative of Coulomb's projection at slipping points, shape (k, 3, 3)."""
     nn = normal[:, None] * normal
     out: Array = direction[:, :, None] * (friction * normal - share[:, None] * direction)[:, None, :]
     out += nn + share[:, None, None] * (np.eye(3) - nn)

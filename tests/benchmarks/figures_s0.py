@@ -28,6 +28,7 @@ from core.steps import drain
 from core.surrogate.dataset import MAX_DEPTH, MAX_TILT, Dataset, record, split
 from core.surrogate.learned import Descriptors, LearnedModel, descriptors
 from core.surrogate.network import train
+from core.surrogate.press_points import press_points
 from core.surrogate.ridge import fit_ridge
 from core.surrogate.store import contact_of
 from core.surrogate.subspace import principal_components
@@ -134,7 +135,7 @@ def rendering(skin: SkinModel, spaces: Descriptors, count: int) -> tuple[dict[st
         touches.slide(count),
         touches.shaken_block(count),
     ):
-        made[touch.name] = touch.forces(skin)
+        made[touch.name] = touch.forces(skin, points=True)
     table, figures = {}, {}
     for name, forces in made.items():
         target = forces.reshape(len(forces), -1) @ whole.T
@@ -167,9 +168,9 @@ def electrodes(skin: SkinModel, data: Dataset, count: int) -> dict[str, Any]:
     chosen, rest = split(table.trajectory)
     fit = fit_ridge(table.rows(chosen))
     out: dict[str, Any] = {"components at 5 %": space.size, "ridge test error": relative_rms(fit, table.rows(rest))}
-    model = LearnedModel(fit, memory)
+    model = LearnedModel(fit, memory, nodal=press_points(skin).nodal)
     for touch in (touches.flat_press(count), touches.cup(count), touches.foam(count)):
-        target = touch.forces(skin).reshape(count, -1) @ sensor.matrix.T
+        target = touch.forces(skin, points=True).reshape(count, -1) @ sensor.matrix.T
         row = []
         for forward in (None, model):
             follower = matcher(
@@ -226,7 +227,7 @@ def observer(skin: SkinModel, spaces: Descriptors, count: int) -> dict[str, Any]
     out: dict[str, Any] = {"noise, Pa m^1.5": sigma}
     for name, classes in tests.items():
         row: dict[str, float] = {}
-        forces = [[t.forces(skin) for t in touches_] for touches_ in classes]
+        forces = [[t.forces(skin, points=True) for t in touches_] for touches_ in classes]
         for method in ("target", *METHODS):
             felt = []
             for one in forces:
@@ -283,7 +284,7 @@ def to_one_pose(device: Thimble, contact: DiscContact, tilt: tuple[float, float]
         contact.hold(state)
         found = contact.solve(placed(device, device.pose(start + share * (end - start))))
         state = contact.settle(found)
-        out.append(found.spread(contact.count).ravel())
+        out.append(contact.nodal(found).ravel())
     return np.array(out)
 
 

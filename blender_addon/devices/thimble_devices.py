@@ -30,6 +30,11 @@ def parameters_of(device: Any) -> dict[str, Any]:
     return values
 
 
+def pressed(finger: bpy.types.Object, model: Any) -> Any:
+    """Return a finger's skin as its touches are solved: a thimble's disc follows them there."""
+    return model.on_nodes if finger.dermis.finger.skin.contact == "nodes" else model
+
+
 def prepared(device: Any, model: Any) -> Any:
     """Return how a thimble is used on a skin.
 

@@ -82,9 +82,7 @@ def follow(scene: bpy.types.Scene, target: SkinState, device: Any) -> _FingerPat
     """Let a finger's thimble follow the skin of the current frame, once."""
     frame, fps = moment.frame_of(scene), scene.render.fps / scene.render.fps_base
     settings = _settings.make((target.finger, device.preset, changes.edits()), lambda: _settings_of(device))
-    skin = scene.objects[target.finger].dermis.finger.skin
-    # the disc is solved where the touch is
-    model = target.model.on_nodes if skin.contact == "nodes" else target.model
+    model = thimble_devices.pressed(scene.objects[target.finger], target.model)
     on = core.surrogate.press_points.pressed_on(model)
     key = (device.preset, settings, model.key, on, repr(model.material), changes.generation())
     path = _paths.get(target.finger)

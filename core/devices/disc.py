@@ -29,6 +29,7 @@ from .disc_pose import FALLBACK_TOLERANCE, TOLERANCE, Disc, DiscPose, DiscSoluti
 from .press_problem import PressPoints
 
 MAX_STEPS = 10
+_UNIT = np.eye(3)
 NEAR, MARGIN = 0.9e-3, 0.3e-3  # candidates have gaps below NEAR; they are chosen anew when others come to MARGIN
 
 
@@ -64,6 +65,7 @@ class DiscContact:
         self._matrix = np.zeros((0, 0))
         self._rest_positions = self._places = np.zeros((0, 3))
         self._block: tuple[bytes, Array] | None = None
+        self._guess: tuple[Array, Array] | None = None  # forces and their slope at a pose
         self.choice = 0  # counts how often the candidates were chosen, for those who keep tables by them
         self.solved = self.fallbacks = 0
         from scipy.linalg.lapack import dgetrf, dgetrs
@@ -74,7 +76,7 @@ class DiscContact:
     def hold(self, state: FrictionState) -> None:
         """Fix the friction state for the poses that follow."""
         self.state = state
-        self._guess: tuple[Array, Array] | None = None
+        self._places_now = self.positions + state.moved
         self._restrict()
 
     def gap(self, pose: DiscPose) -> Array:
@@ -149,7 +151,7 @@ class DiscContact:
         anchor[kept] = self.state.anchor[kept]
         sticking = np.zeros(self.count, bool)
         sticking[solution.near[solution.status == STICK]] = True
-        return FrictionState(np.ones(self.count, bool), anchor, force, sticking, moved)
+        return FrictionState(np.ones(self.count, bool), anchor, force, sticking, moved, solution)
 
     # -- parts -------------------------------------------------------------------------------------------------------
 
@@ -194,7 +196,7 @@ class DiscContact:
                 law = _projection_slope(normal, tangent[at] / length[at, None], mu, share[at])
                 matrix = matrix.reshape(len(active), 3, -1).copy()
                 matrix[slips] = law @ matrix[slips]
-                rest = (np.eye(3) - law) / r
+                rest = (_UNIT - law) / r
                 for k in range(3):
                     matrix[slips, :, 3 * slips + k] += rest[:, :, k]
                 matrix = matrix.reshape(3 * len(active), -1)
@@ -217,11 +219,11 @@ class DiscContact:
             return slope
         active = factors.active
         turn = np.concatenate([_crossing(pose.spin[0]), _crossing(pose.spin[1])], axis=1)
-        turned = np.stack(np.hsplit(force[active] @ turn, 2), axis=2)  # Omega f
+        turned = (force[active] @ turn).reshape(-1, 2, 3).transpose(0, 2, 1)  # Omega f
         block = self._active_block(active)
         right = change[active]
         right[:, :, :2] += (block @ turned.reshape(-1, 2)).reshape(-1, 3, 2)
-        right[:, :, :2] -= np.stack(np.hsplit(moved[active] @ turn, 2), axis=2)
+        right[:, :, :2] -= (moved[active] @ turn).reshape(-1, 2, 3).transpose(0, 2, 1)
         if len(factors.slips):
             right[factors.slips] = factors.law @ right[factors.slips]
         answer, _ = self._back(factors.lower, factors.pivots, -right.reshape(-1, 3), trans=1)
@@ -258,11 +260,11 @@ class DiscContact:
         vector = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
         wanted = np.concatenate([vector, (pose.centre - before.centre) / self.disc.radius])
         basis = np.concatenate([before.spin.T, before.shift / self.disc.radius])
-        return np.linalg.lstsq(basis, wanted, rcond=None)[0]
+        return np.asarray(np.linalg.solve(basis.T @ basis, wanted @ basis))
 
     def _choose(self, pose: DiscPose) -> None:
         local = (self.positions - pose.centre) @ pose.rotation
-        at = ((self.positions + self.state.moved - pose.centre) @ pose.rotation)[:, :2]
+        at = ((self._places_now - pose.centre) @ pose.rotation)[:, :2]
         at[self.state.sticking] = self.state.anchor[self.state.sticking]
         gap = self._fallen(at) - local[:, 2]
         near = gap < MARGIN
@@ -273,15 +275,19 @@ class DiscContact:
         rows = _degrees(self.near)
         self._matrix = np.ascontiguousarray(self.compliance[np.ix_(rows, rows)])
         self._rest_positions = self.positions[self.near]
-        self._guess = None
         self._restrict()
 
     def _restrict(self) -> None:
         self._block = None
         self._anchored, self._anchor = self.state.anchored[self.near], self.state.anchor[self.near]
         self._sticking = self.state.sticking[self.near]
-        self._places = self.positions[self.near] + self.state.moved[self.near]
-        self._held_force = self.state.force[self.near]
+        self._places = self._places_now[self.near]
+        self._held_force, last = self.state.force[self.near], self.state.last
+        self._guess = None
+        if last is not None:
+            slope = np.zeros((self.count, 3, 3))
+            slope[last.near] = last.slope
+            self._guess, self._guess_pose = (self._held_force, slope[self.near]), last.pose
 
     def _active_block(self, active: NDArray[np.intp]) -> Array:
         key = active.tobytes()
@@ -318,5 +324,5 @@ def _projection_slope(normal: Array, direction: Array, friction: float, share: A
     """Derivative of Coulomb's projection at slipping points, shape (k, 3, 3)."""
     nn = normal[:, None] * normal
     out: Array = direction[:, :, None] * (friction * normal - share[:, None] * direction)[:, None, :]
-    out += nn + share[:, None, None] * (np.eye(3) - nn)
+    out += nn + share[:, None, None] * (_UNIT - nn)
     return out

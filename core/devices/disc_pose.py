@@ -89,6 +89,7 @@ class FrictionState:
         force: on the skin at the end of the last step [N], shape (m, 3).
         sticking: points that the disc carries along, shape (m,).
         moved: how far the points were from rest then [m], shape (m, 3).
+        last: the contact that the last step ended in, from which the next one is guessed.
     """
 
     anchored: NDArray[np.bool_]
@@ -96,6 +97,7 @@ class FrictionState:
     force: Array
     sticking: NDArray[np.bool_]
     moved: Array
+    last: DiscSolution | None = None
 
     @classmethod
     def rest(cls, count: int) -> FrictionState:

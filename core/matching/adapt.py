@@ -25,8 +25,8 @@ def adapt_job(
 
     Args:
         parameters: 'device' (preset as read), 'device_key', 'skin' (parameters in SI), 'level', 'folder', and
-            optionally 'contact' ('nodes' where the finger's touches are solved there), 'use' (calibration to the person,
-            see `calibrated_mechanism`), 'trajectories', 'iterations'.
+            optionally 'contact' ('nodes' where the finger's touches are solved there), 'use' (calibration to the
+            person, see `calibrated_mechanism`), 'trajectories', 'iterations'.
 
     Returns:
         'errors': test errors of ridge and network, shape (2,); 'samples': how many there were.

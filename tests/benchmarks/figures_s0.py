@@ -141,11 +141,11 @@ def rendering(skin: SkinModel, spaces: Descriptors, count: int) -> tuple[dict[st
         target = forces.reshape(len(forces), -1) @ whole.T
         row = {}
         for method in METHODS:
-            start = time.perf_counter()
+            start = time.process_time()
             found = match_sequence(
                 device, skin, forces, method, friction=FRICTION, observation_matrix=spaces.observation_matrix
             )
-            taken = 1e3 * (time.perf_counter() - start) / max(int(found.touched.sum()), 1)
+            taken = 1e3 * (time.process_time() - start) / max(int(found.touched.sum()), 1)
             rendered = found.force.reshape(len(forces), -1).astype(np.float64) @ whole.T
             row[method] = float(np.linalg.norm(rendered - target) / np.linalg.norm(target))
             if method == "stress":

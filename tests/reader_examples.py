@@ -179,7 +179,7 @@ def _network() -> Network:
     )
 
 
-SKIN = SimpleNamespace(key="skin", pad_count=4, material=SimpleNamespace(modulus=1e5))
+SKIN = SimpleNamespace(key="skin", pad_count=4, shape=None, material=SimpleNamespace(modulus=1e5))
 
 
 @cache

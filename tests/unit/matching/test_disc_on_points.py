@@ -22,8 +22,9 @@ from core.surrogate.store import contact_of
 from tests.thimbles import match_sequence
 
 FRICTION = 0.6
-FORCE, STRESS = 0.02, 0.04  # of the touch, over a path: parts of 1.6 mm against 0.8 mm
-TILT, DEPTH = 0.3, 25e-6  # [deg, m] how near the pose is found again
+FORCE, STRESS = 0.02, 0.03  # of the touch, over a path: parts of 1.6 mm against 0.8 mm
+AT_NODES = {"draft": (0.25, 0.32), "standard": (0.11, 0.16)}  # what it was: of the same touch's stress
+LEFT, TILT, DEPTH = 0.025, 0.15, 20e-6  # [1, deg, m] of the stress, and how near the pose is found again: medians
 FELT = 0.1  # [N] of a touch that counts
 
 
@@ -80,7 +81,8 @@ def test_a_disc_presses_as_the_same_disc_is_touched(skin, device):
     assert off(ours, theirs) < STRESS
     at_nodes = DiscContact(PressPoints(skin.positions, skin.compliance), contact.disc, FRICTION)
     before = np.array([at_nodes.nodal(s) for s in pressed(at_nodes, device)])
-    assert off(before.reshape(len(before), -1) @ observed.T, theirs) > 3 * off(ours, theirs)  # what it was
+    low, high = AT_NODES["draft" if skin.pad_count < 100 else "standard"]
+    assert low < off(before.reshape(len(before), -1) @ observed.T, theirs) < high
     # and where stress is read beneath the points themselves
     k = int(np.linalg.norm(target.sum(axis=1), axis=1).argmax())
     beneath = point_forces(skin, solutions[k].spread(contact.count))
@@ -95,7 +97,7 @@ def test_the_pose_is_found_that_made_a_touch(skin, device):
     target, _ = touched(skin, device)
     found = match_sequence(device, skin, target)
     felt = np.linalg.norm(target.sum(axis=1), axis=1) > FELT
-    assert np.median(found.mismatch[felt]) < STRESS
+    assert np.median(found.mismatch[felt]) < LEFT
     apart = np.abs(found.x - path())[felt]
     assert np.degrees(np.median(apart[:, :2])) < TILT and np.median(apart[:, 2]) < DEPTH
 

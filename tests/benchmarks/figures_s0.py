@@ -60,8 +60,8 @@ FAIRNESS = """
   which is stricter: compare the electrode table for the paper's sort of figure.
 * 'device' there is a recording from inside its training data; ours are movements of the device that nothing was
   trained on.
-* Planes ('flat', 'block', 'foam') also press the skin up to 11.5 mm behind the pad's centre, where a disc of 8 mm does not
-  reach, and where a draft mesh has no more nodes: from 8.8 mm on forces come to the last ones with their moment.
+* Planes ('flat', 'block', 'foam') also press the skin up to 11.5 mm behind the pad's centre, where a disc of 8 mm does
+  not reach, and where a draft mesh has no more nodes: from 8.8 mm on forces come to the last ones with their moment.
 * 'Components at 10 %' does not say of what; ours is the relative RMS of the residual about the mean.
 * Test errors are split by movement and the friction input is the previous step's; with the same step's forces, or
   a split by sample, they would look much better and mean nothing.

@@ -295,7 +295,8 @@ def _match_thimble(touch: Stimulus, spec: DeviceSpec, method: str | None) -> Mat
     from .matching.thimble import match_touch
     from .matching.thimble_use import prepare
 
-    use = prepare(spec, touch.skin, {"thimble_method": method or "stress"}, f"match, {spec.key}")
+    skin = touch.skin if touch.points is not None else touch.skin.on_nodes  # as the touch was solved
+    use = prepare(spec, skin, {"thimble_method": method or "stress"}, f"match, {spec.key}")
     if use.findings:
         raise DermisError(
             use.findings[0].what.removeprefix("the direct method was used: "),

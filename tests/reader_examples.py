@@ -179,7 +179,7 @@ def _network() -> Network:
     )
 
 
-SKIN = SimpleNamespace(key="skin", pad_count=4, material=SimpleNamespace(modulus=1e5))
+SKIN = SimpleNamespace(key="skin", pad_count=4, shape=None, material=SimpleNamespace(modulus=1e5))
 
 
 @cache
@@ -200,6 +200,7 @@ def _surrogate() -> surrogate_store.Surrogate:
     meta = {
         "schema": surrogate_store.SCHEMA,
         "skin": "skin",
+        "pressed_on": "nodes",
         "device": surrogate_store.device_key(thimble()),
         "friction": 0.6,
         "modulus": 1e5,

@@ -13,7 +13,10 @@ from numpy.typing import NDArray
 
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.path import PathSolver
+from core.contact.solver.point_path import PointSolver
 from core.skin.model import SkinModel
+from core.skin.nodal_forces import NodalForces
+from core.skin.surface_store import smooth_pad
 from core.surface.gap import GapQuery
 from core.surface.plane import Plane
 
@@ -131,10 +134,18 @@ class Touch:
         turn = np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]]) @ np.array([[ct, 0, st], [0, 1, 0], [-st, 0, ct]])
         return [ContactBody(self.surface, turn, self.position[i], self.friction, self.softness)]
 
-    def forces(self, skin: SkinModel, tolerance: float = 1e-6) -> Array:
-        """Return the contact forces on a skin [N], shape (n, m, 3)."""
-        path = PathSolver(skin.compliance, skin.positions, areas=skin.areas, tolerance=tolerance, name=self.name)
-        return np.array([path.step(self.bodies(i)).solution.force for i in range(len(self.position))])
+    def forces(self, skin: SkinModel, tolerance: float = 1e-6, *, points: bool = False) -> Array:
+        """Return the forces on the nodes of a skin [N], shape (n, m, 3), solved there or on points of its surface."""
+        path = solver_on(skin if points else skin.on_nodes, tolerance, self.name)
+        return np.array([path.step(self.bodies(i)).nodal for i in range(len(self.position))])
+
+
+def solver_on(skin: SkinModel, tolerance: float = 1e-6, name: str = "finger") -> PathSolver | PointSolver:
+    """Return what follows a touch on points of a smooth skin, or at the nodes of a mesh that has none."""
+    pad = smooth_pad(skin)
+    if pad is None:
+        return PathSolver(skin.compliance, skin.positions, areas=skin.areas, tolerance=tolerance, name=name)
+    return PointSolver(pad, NodalForces(skin.mesh, pad.chart), name=name)
 
 
 def along(count: int, **keys: list[tuple[float, float]]) -> dict[str, Array]:

@@ -112,7 +112,7 @@ def swept(spec: Any, skin: dict[str, Any], level: str, rows: int | None) -> Gene
             rows=rows,
             executor=executor,
             material=material,
-            points=core.matching.press_points.press_points(model),
+            points=core.surrogate.press_points.press_points(model),
         )
         while True:
             try:

@@ -9,7 +9,7 @@ import bpy
 
 from .. import changes
 from .._core import DermisError, core
-from . import active_presets, platform_devices, thimble_adaptation
+from . import active_presets, platform_devices, thimble_adaptation, thimble_devices
 
 ActiveDevices = Mapping[str, Mapping[str, int]]
 
@@ -49,7 +49,7 @@ def of(obj: bpy.types.Object) -> Mapping[str, Ready]:
     except DermisError as error:
         return {kind: Ready(trouble=str(error)) for kind in active_presets.FAMILIES}
     if model is not None and thimble is not None:
-        found["thimble"] = _looked_up(thimble_adaptation.status, thimble, model)
+        found["thimble"] = _looked_up(thimble_adaptation.status, thimble, thimble_devices.pressed(obj, model))
     if model is not None and platform is not None:
         found["platform"] = _looked_up(platform_devices.table, obj, platform)
     if model is not None:

@@ -39,6 +39,7 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
         "device_key": spec.key,
         "skin": dict(skin["skin"]),
         "level": skin["skin_level"],
+        "contact": skin["contact"],
         "use": use,
         "folder": str(folder),
         **less,
@@ -46,7 +47,7 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
     where = f"finger '{obj.name}', skin"
     yield core.pipeline.bake.Progress("starting", 0, 1)
     with skin_models.one_thread():
-        model = skin_models.get(skin["skin"], skin["skin_level"], where=where, wait=True)
+        model = thimble_devices.pressed(obj, skin_models.get(skin["skin"], skin["skin_level"], where=where, wait=True))
         mechanism = core.matching.thimble_use.calibrated_mechanism(spec, model, use)
         target = core.surrogate.store.place_of(folder, model, *mechanism)
     older, done = target.is_file(), False

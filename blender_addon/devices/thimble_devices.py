@@ -30,6 +30,11 @@ def parameters_of(device: Any) -> dict[str, Any]:
     return values
 
 
+def pressed(finger: bpy.types.Object, model: Any) -> Any:
+    """Return a finger's skin as its touches are solved: a thimble's disc follows them there."""
+    return model.on_nodes if finger.dermis.finger.skin.contact == "nodes" else model
+
+
 def prepared(device: Any, model: Any) -> Any:
     """Return how a thimble is used on a skin.
 
@@ -40,7 +45,8 @@ def prepared(device: Any, model: Any) -> Any:
     if spec is None:
         raise DermisError("no such thimble", where="thimble", value=device.preset)
     values = {k: v for k, v in parameters_of(device).items() if k.startswith("thimble_")}
-    key = json.dumps([spec.hash, model.key, repr(model.material), values], sort_keys=True)
+    on = core.surrogate.press_points.pressed_on(model)
+    key = json.dumps([spec.hash, model.key, on, repr(model.material), values], sort_keys=True)
     with skin_models.one_thread():
         return _uses.make(key, lambda: core.matching.thimble_use.prepare(spec, model, values, device.preset))
 

@@ -82,7 +82,9 @@ def follow(scene: bpy.types.Scene, target: SkinState, device: Any) -> _FingerPat
     """Let a finger's thimble follow the skin of the current frame, once."""
     frame, fps = moment.frame_of(scene), scene.render.fps / scene.render.fps_base
     settings = _settings.make((target.finger, device.preset, changes.edits()), lambda: _settings_of(device))
-    key = (device.preset, settings, target.model.key, repr(target.model.material), changes.generation())
+    model = thimble_devices.pressed(scene.objects[target.finger], target.model)
+    on = core.surrogate.press_points.pressed_on(model)
+    key = (device.preset, settings, model.key, on, repr(model.material), changes.generation())
     path = _paths.get(target.finger)
     if path is None or path.key != key:
         path = _paths[target.finger] = _FingerPath(key)
@@ -91,7 +93,7 @@ def follow(scene: bpy.types.Scene, target: SkinState, device: Any) -> _FingerPat
     with skin_models.one_thread():
         try:
             if path.follower is None:
-                path.use = thimble_devices.prepared(device, target.model)
+                path.use = thimble_devices.prepared(device, model)
                 path.follower = core.matching.thimble.follower(path.use)
             _step(path, target, frame, fps)
         except DermisError as error:
@@ -183,11 +185,12 @@ def _replay(result: Any, target: SkinState, device: Any) -> _Played | None:
     replay, thimble_use = core.matching.replay, core.matching.thimble_use
     try:
         with skin_models.one_thread():
+            model = result.bake.skins[target.finger].pressed
             calibrated, friction = thimble_use.calibrated_mechanism(
-                output.track.spec, target.model, thimble_devices.parameters_of(device)
+                output.track.spec, model, thimble_devices.parameters_of(device)
             )
             x = replay.configurations(output.track, calibrated)
-            track_on_skin = replay.Replay(calibrated, target.model, friction, x)
+            track_on_skin = replay.Replay(calibrated, model, friction, x)
     except DermisError:
         return None  # a track of other channels: the twin and its values are shown all the same
     _played[target.finger] = _Played(result, output, track_on_skin)
@@ -196,10 +199,12 @@ def _replay(result: Any, target: SkinState, device: Any) -> _Played | None:
 
 def _state(target: SkinState, method: str, solution: Any, contact: Any, mismatch: float) -> SkinState:
     """Return the skin under the disc in the place of the target."""
-    force, cone = solution.spread(contact.count), core.contact.solver.cone
+    force, cone = contact.nodal(solution), core.contact.solver.cone
     total = force.sum(axis=0)
     normal = solution.pose.normal
     along = float(total @ normal)
+    on_points = contact.points.on == "points"
+    spread = solution.spread(contact.count)
     return replace(
         target,
         finger=f"{target.finger}: thimble",
@@ -214,4 +219,5 @@ def _state(target: SkinState, method: str, solution: Any, contact: Any, mismatch
         work="rendered",
         converged=bool(solution.converged),
         counters={},
+        points=core.surrogate.press_points.point_forces(target.model, spread) if on_points else None,
     )

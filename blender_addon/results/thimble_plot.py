@@ -31,7 +31,7 @@ def write(scene: bpy.types.Scene, obj: bpy.types.Object, path: Path) -> Path:
     output = next((o for o in result.bake.outputs if o.finger == obj.name and o.track.spec.kind == "thimble"), None)
     times = felt.times if output is None else output.track.times
     with skin_models.one_thread():
-        use = thimble_devices.prepared(device, felt.model)
+        use = thimble_devices.prepared(device, felt.pressed)
         forces = core.matching.thimble.forces_at(felt, times)
         found = core.matching.thimble.match_touch(use, forces, use.device.servo_speed / spec.rate)
         made = core.matching.stimulus_plot.stimulus_plot(use, forces, found)

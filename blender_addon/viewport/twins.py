@@ -59,7 +59,9 @@ def mounted_mechanism(obj: bpy.types.Object, preset: str) -> tuple[core.devices.
         values, model = thimble_devices.parameters_of(settings), platform_devices.model_of(obj)
         if model is None:
             return None
-        key = (spec.hash, model.key, tuple(values[f"thimble_felt_{i}"] for i in (1, 2, 3)))
+        model = thimble_devices.pressed(obj, model)
+        felt = tuple(values[f"thimble_felt_{i}"] for i in (1, 2, 3))
+        key = (spec.hash, model.key, core.surrogate.press_points.pressed_on(model), felt)
         device = _mechanisms.make(key, lambda: core.matching.thimble_use.calibrated_mechanism(spec, model, values)[0])
     return device, core.devices.thimble.reference_distance(spec, device)
 

@@ -143,7 +143,7 @@ def plot(options: argparse.Namespace) -> int:
     worn = next((u for u in finger.devices if library.device(u.preset).kind == "thimble"), None)
     spec = _thimble(library, options.device if worn is None else worn.preset)
     felt = _felt(scene, library, options.finger)
-    use: ThimbleUse = prepare(spec, felt.model, {} if worn is None else worn.parameters)
+    use: ThimbleUse = prepare(spec, felt.pressed, {} if worn is None else worn.parameters)
     for finding in use.findings:
         print(finding, file=sys.stderr)
     times = np.arange(sample_count(scene.fps, scene.frame_range, spec.rate)) / spec.rate

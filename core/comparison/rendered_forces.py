@@ -40,8 +40,8 @@ def rendered_forces(
         pressed = interpolate(track.times, track.values, np.clip(times - lead, track.times[0], track.times[-1]))
         return np.stack([pins.rendered_force(ready, row) for row in pressed])
     if track.spec.kind == "thimble":
-        device, friction = calibrated_mechanism(track.spec, skin.model, parameters)
-        replay = Replay(device, skin.model, friction, configurations(track, device))
+        device, friction = calibrated_mechanism(track.spec, skin.pressed, parameters)
+        replay = Replay(device, skin.pressed, friction, configurations(track, device))
         at = np.abs(track.times[None] - times[:, None]).argmin(axis=1)
         return np.stack([replay.forces(i) for i in at.tolist()])
     commands = interpolate(track.times, track.values, np.clip(times, track.times[0], track.times[-1]))

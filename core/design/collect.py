@@ -26,7 +26,6 @@ from ..devices.spec import DeviceSpec, from_preset
 from ..errors import DermisError
 from ..files import write_npz
 from ..matching.platforms import mechanism, original_key
-from ..matching.press_points import press_points
 from ..matching.readings import Counts, quantised, readings_of
 from ..matching.sweep import commands_swept, reached, sweep
 from ..matching.table import SkinTable, assemble, press_of, tabulate
@@ -34,6 +33,7 @@ from ..npz import opened_npz
 from ..skin.material import Elastic
 from ..skin.model import SkinModel, fingertip_skin
 from ..skin.shape import FingertipShape
+from ..surrogate.press_points import press_points
 from ..work.executor import POLL_SECONDS, InlineExecutor, JobExecutor
 
 PART = 1024  # rows in a part: a few seconds of work

@@ -1,13 +1,13 @@
 """A rigid disc against the skin: contact forces for a pose of the disc, and how they change with the pose.
 
 The disc's material moves with it, so what sticks is sheared when the disc tilts, shifts or turns. What friction
-remembers is a `FrictionState`: for every node near the disc the point of the disc's material that it sticks to. It is
+remembers is a `FrictionState`: for every point of the skin near the disc the place of the disc that it sticks to. It is
 fixed while poses are tried and renewed by `DiscContact.settle` once a pose is chosen (staggering). How far the rim
-falls away under a node is asked where the skin is, not where it would be untouched: at the anchor of a node that
-sticks, else where the last step left the node, as in `contact.solver.history`.
+falls away under a point is asked where the skin is, not where it would be untouched: at the anchor of a point that
+sticks, else where the last step left it, as in `contact.solver.history`.
 
 A pose is tried by solving the frictional contact on the condensed compliance with a semi-smooth Newton method. With a
-rigid flat disc all nodes share one normal, Coulomb's projection is homogeneous of degree one, and the Newton system
+rigid flat disc all points share one normal, Coulomb's projection is homogeneous of degree one, and the Newton system
 reduces to A f = -D b with A = (I - D) / r + D C. The same factors give the exact derivative (implicit
 differentiation): in a frame that turns with the disc the law does not change, so with the turning part taken out,
 h = df - Omega f obeys A h = -D (C Omega f - Omega C f + db'), where db' is the change of b as the disc sees it.
@@ -26,14 +26,16 @@ from ..arrays import Array
 from ..contact.solver.cone import OPEN, SLIP, STICK
 from ..contact.solver.solve import solve as solve_contact
 from .disc_pose import FALLBACK_TOLERANCE, TOLERANCE, Disc, DiscPose, DiscSolution, FrictionState
+from .press_problem import PressPoints
 
 MAX_STEPS = 10
+_UNIT = np.eye(3)
 NEAR, MARGIN = 0.9e-3, 0.3e-3  # candidates have gaps below NEAR; they are chosen anew when others come to MARGIN
 
 
 @dataclass(frozen=True, eq=False)
 class _Factors:
-    """LU factors of a Newton step, and which nodes it was for."""
+    """LU factors of a Newton step, and which points it was for."""
 
     lower: Array
     pivots: NDArray[np.int32]
@@ -46,8 +48,7 @@ class DiscContact:
     """Contact of one skin with a disc, pose after pose.
 
     Args:
-        compliance: of the pad nodes [m/N], shape (3 m, 3 m).
-        positions: undeformed pad nodes in the finger's frame [m], shape (m, 3).
+        points: of the skin, that carry forces: of the smooth skin, or the nodes of its mesh.
         disc: radius and rim.
         friction: Coulomb's coefficient.
 
@@ -55,31 +56,31 @@ class DiscContact:
         solved, fallbacks: how many poses were solved, and for how many Newton's method was not enough.
     """
 
-    def __init__(self, compliance: Array, positions: Array, disc: Disc, friction: float) -> None:
-        count = len(positions)
-        self.compliance, self.positions, self.disc, self.friction = compliance, positions, disc, float(friction)
-        self.count = count
-        # weighs displacement against force: between the softest and the stiffest node, as in the iteration
-        self._stiffness = 1.0 / float(np.median(np.diag(compliance)))
-        self.nodes: NDArray[np.intp] = np.zeros(0, np.intp)
+    def __init__(self, points: PressPoints, disc: Disc, friction: float) -> None:
+        self.points, self.disc, self.friction = points, disc, float(friction)
+        self.compliance, self.positions, self.count = points.compliance, points.positions, len(points.positions)
+        # weighs displacement against force: between the softest and the stiffest point, as in the iteration
+        self._stiffness = 1.0 / float(np.median(np.diag(self.compliance)))
+        self.near: NDArray[np.intp] = np.zeros(0, np.intp)
         self._matrix = np.zeros((0, 0))
         self._rest_positions = self._places = np.zeros((0, 3))
         self._block: tuple[bytes, Array] | None = None
+        self._guess: tuple[Array, Array] | None = None  # forces and their slope at a pose
         self.choice = 0  # counts how often the candidates were chosen, for those who keep tables by them
         self.solved = self.fallbacks = 0
         from scipy.linalg.lapack import dgetrf, dgetrs
 
         self._factorise, self._back = dgetrf, dgetrs
-        self.hold(FrictionState.rest(count))
+        self.hold(FrictionState.rest(self.count))
 
     def hold(self, state: FrictionState) -> None:
         """Fix the friction state for the poses that follow."""
         self.state = state
-        self._guess: tuple[Array, Array] | None = None
+        self._places_now = self.positions + state.moved
         self._restrict()
 
     def gap(self, pose: DiscPose) -> Array:
-        """Return the gap of every undeformed node [m], shape (m,)."""
+        """Return the gap of every undeformed point [m], shape (m,)."""
         local = (self.positions - pose.centre) @ pose.rotation
         return self._fallen(local[:, :2]) - local[:, 2]
 
@@ -96,10 +97,10 @@ class DiscContact:
         if not (offset @ pose.normal < 0.0).any():
             zero = np.zeros_like(offset)
             nothing = np.zeros(len(offset), np.int8)
-            return DiscSolution(pose, self.nodes, zero, offset, np.zeros((*zero.shape, 3)), nothing, 0.0, 0, "none")
+            return DiscSolution(pose, self.near, zero, offset, np.zeros((*zero.shape, 3)), nothing, 0.0, 0, "none")
         guess = self._held_force
         if self._guess is not None:
-            # forces move with the disc to first order: nearly always the right nodes stick and slip at once
+            # forces move with the disc to first order: nearly always the right points stick and slip at once
             guess = self._guess[0] + self._guess[1] @ self._step(pose)
         force, w, slope, status, residual, steps = self._newton(pose, offset, change, guess)
         method = "newton"
@@ -120,12 +121,21 @@ class DiscContact:
             steps += found.iterations + more
         self._guess = (force, slope)
         self._guess_pose = pose
-        return DiscSolution(pose, self.nodes, force, w, slope, status, residual, steps, method)
+        return DiscSolution(pose, self.near, force, w, slope, status, residual, steps, method)
+
+    def nodal(self, solution: DiscSolution) -> Array:
+        """Return the forces on the nodes of the skin's mesh [N], shape (m, 3)."""
+        spread = self.points.nodal
+        if spread is None:
+            return solution.spread(self.count)
+        loaded = np.flatnonzero(solution.status != OPEN)
+        columns = _degrees(solution.near[loaded])
+        return (spread[:, columns] @ solution.force[loaded].ravel()).reshape(-1, 3)
 
     def settle(self, solution: DiscSolution) -> FrictionState:
         """Return the friction state after a step that ended in this solution.
 
-        A node that sticks keeps its anchor, one that slips takes it along, one that is open hovers over it.
+        A point that sticks keeps its anchor, one that slips takes it along, one that is open hovers over it.
         """
         pose = solution.pose
         local = (self.positions - pose.centre) @ pose.rotation
@@ -134,15 +144,14 @@ class DiscContact:
         moved = np.zeros((self.count, 3))
         loaded = np.flatnonzero(solution.status != OPEN)
         if len(loaded):
-            columns = solution.nodes[loaded]
-            rows = (3 * columns[:, None] + np.arange(3)).ravel()
+            rows = _degrees(solution.near[loaded])
             moved = (self.compliance[rows].T @ solution.force[loaded].ravel()).reshape(-1, 3)
             anchor += (moved @ pose.rotation)[:, :2]
-        kept = solution.nodes[(solution.status == STICK) & self.state.anchored[solution.nodes]]
+        kept = solution.near[(solution.status == STICK) & self.state.anchored[solution.near]]
         anchor[kept] = self.state.anchor[kept]
         sticking = np.zeros(self.count, bool)
-        sticking[solution.nodes[solution.status == STICK]] = True
-        return FrictionState(np.ones(self.count, bool), anchor, force, sticking, moved)
+        sticking[solution.near[solution.status == STICK]] = True
+        return FrictionState(np.ones(self.count, bool), anchor, force, sticking, moved, solution)
 
     # -- parts -------------------------------------------------------------------------------------------------------
 
@@ -187,7 +196,7 @@ class DiscContact:
                 law = _projection_slope(normal, tangent[at] / length[at, None], mu, share[at])
                 matrix = matrix.reshape(len(active), 3, -1).copy()
                 matrix[slips] = law @ matrix[slips]
-                rest = (np.eye(3) - law) / r
+                rest = (_UNIT - law) / r
                 for k in range(3):
                     matrix[slips, :, 3 * slips + k] += rest[:, :, k]
                 matrix = matrix.reshape(3 * len(active), -1)
@@ -210,11 +219,11 @@ class DiscContact:
             return slope
         active = factors.active
         turn = np.concatenate([_crossing(pose.spin[0]), _crossing(pose.spin[1])], axis=1)
-        turned = np.stack(np.hsplit(force[active] @ turn, 2), axis=2)  # Omega f
+        turned = (force[active] @ turn).reshape(-1, 2, 3).transpose(0, 2, 1)  # Omega f
         block = self._active_block(active)
         right = change[active]
         right[:, :, :2] += (block @ turned.reshape(-1, 2)).reshape(-1, 3, 2)
-        right[:, :, :2] -= np.stack(np.hsplit(moved[active] @ turn, 2), axis=2)
+        right[:, :, :2] -= (moved[active] @ turn).reshape(-1, 2, 3).transpose(0, 2, 1)
         if len(factors.slips):
             right[factors.slips] = factors.law @ right[factors.slips]
         answer, _ = self._back(factors.lower, factors.pivots, -right.reshape(-1, 3), trans=1)
@@ -251,37 +260,47 @@ class DiscContact:
         vector = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
         wanted = np.concatenate([vector, (pose.centre - before.centre) / self.disc.radius])
         basis = np.concatenate([before.spin.T, before.shift / self.disc.radius])
-        return np.linalg.lstsq(basis, wanted, rcond=None)[0]
+        return np.asarray(np.linalg.solve(basis.T @ basis, wanted @ basis))
 
     def _choose(self, pose: DiscPose) -> None:
         local = (self.positions - pose.centre) @ pose.rotation
-        at = ((self.positions + self.state.moved - pose.centre) @ pose.rotation)[:, :2]
+        at = ((self._places_now - pose.centre) @ pose.rotation)[:, :2]
         at[self.state.sticking] = self.state.anchor[self.state.sticking]
         gap = self._fallen(at) - local[:, 2]
         near = gap < MARGIN
-        if near[self.nodes].sum() == near.sum() and len(self.nodes):
+        if near[self.near].sum() == near.sum() and len(self.near):
             return
-        self.nodes = np.flatnonzero(gap < NEAR)
+        self.near = np.flatnonzero(gap < NEAR)
         self.choice += 1
-        rows = (3 * self.nodes[:, None] + np.arange(3)).ravel()
+        rows = _degrees(self.near)
         self._matrix = np.ascontiguousarray(self.compliance[np.ix_(rows, rows)])
-        self._rest_positions = self.positions[self.nodes]
-        self._guess = None
+        self._rest_positions = self.positions[self.near]
         self._restrict()
 
     def _restrict(self) -> None:
         self._block = None
-        self._anchored, self._anchor = self.state.anchored[self.nodes], self.state.anchor[self.nodes]
-        self._sticking = self.state.sticking[self.nodes]
-        self._places = self.positions[self.nodes] + self.state.moved[self.nodes]
-        self._held_force = self.state.force[self.nodes]
+        self._anchored, self._anchor = self.state.anchored[self.near], self.state.anchor[self.near]
+        self._sticking = self.state.sticking[self.near]
+        self._places = self._places_now[self.near]
+        self._held_force, last = self.state.force[self.near], self.state.last
+        self._guess = None
+        if last is not None:
+            slope = np.zeros((self.count, 3, 3))
+            slope[last.near] = last.slope
+            self._guess, self._guess_pose = (self._held_force, slope[self.near]), last.pose
 
     def _active_block(self, active: NDArray[np.intp]) -> Array:
         key = active.tobytes()
         if self._block is None or self._block[0] != key:
-            rows = (3 * active[:, None] + np.arange(3)).ravel()
+            rows = _degrees(active)
             self._block = (key, self._matrix[rows[:, None], rows])
         return self._block[1]
+
+
+def _degrees(points: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return where the components of some points are, x, y, z each, shape (3 k,)."""
+    out: NDArray[np.intp] = (3 * points[:, None] + np.arange(3)).ravel()
+    return out
 
 
 def _past(pose: DiscPose, points: Array) -> Array:
@@ -302,8 +321,8 @@ def _crossing(spin: Array) -> Array:
 
 
 def _projection_slope(normal: Array, direction: Array, friction: float, share: Array) -> Array:
-    """Derivative of Coulomb's projection at slipping nodes, shape (k, 3, 3)."""
+    """Derivative of Coulomb's projection at slipping points, shape (k, 3, 3)."""
     nn = normal[:, None] * normal
     out: Array = direction[:, :, None] * (friction * normal - share[:, None] * direction)[:, None, :]
-    out += nn + share[:, None, None] * (np.eye(3) - nn)
+    out += nn + share[:, None, None] * (_UNIT - nn)
     return out

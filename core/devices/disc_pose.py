@@ -84,11 +84,12 @@ class FrictionState:
     """What friction remembers of the path so far.
 
     Attributes:
-        anchored: nodes with an anchor, shape (m,).
+        anchored: points of the skin with an anchor, shape (m,).
         anchor: the point of the disc that each sticks to, x and y in the disc's frame [m], shape (m, 2).
         force: on the skin at the end of the last step [N], shape (m, 3).
-        sticking: nodes that the disc carries along, shape (m,).
-        moved: how far the nodes were from rest then [m], shape (m, 3).
+        sticking: points that the disc carries along, shape (m,).
+        moved: how far the points were from rest then [m], shape (m, 3).
+        last: the contact that the last step ended in, from which the next one is guessed.
     """
 
     anchored: NDArray[np.bool_]
@@ -96,6 +97,7 @@ class FrictionState:
     force: Array
     sticking: NDArray[np.bool_]
     moved: Array
+    last: DiscSolution | None = None
 
     @classmethod
     def rest(cls, count: int) -> FrictionState:
@@ -110,16 +112,16 @@ class DiscSolution:
 
     Attributes:
         pose: of the disc.
-        nodes: the candidates, shape (s,); all other nodes carry no force.
+        near: the points of the skin that may touch, shape (s,); all others carry no force.
         force: on them [N], shape (s, 3). displacement: w = C f + b of them [m], shape (s, 3).
-        slope: derivative of the forces by the configuration, column j of node i at [i, :, j], shape (s, 3, 3).
+        slope: derivative of the forces by the configuration, column j of point i at [i, :, j], shape (s, 3, 3).
         status: OPEN, STICK or SLIP, shape (s,).
         residual: |f - P(f - w / rho)| / |f|. iterations: Newton steps.
         method: 'none', 'newton', or 'fallback' where Newton did not settle.
     """
 
     pose: DiscPose
-    nodes: NDArray[np.intp]
+    near: NDArray[np.intp]
     force: Array
     displacement: Array
     slope: Array
@@ -135,11 +137,11 @@ class DiscSolution:
 
     @property
     def touching(self) -> bool:
-        """Whether any node carries force."""
+        """Whether any point carries force."""
         return bool((self.status != OPEN).any())
 
     def spread(self, count: int) -> Array:
-        """Return the forces on all nodes [N], shape (count, 3)."""
+        """Return the forces on all points [N], shape (count, 3)."""
         out = np.zeros((count, 3))
-        out[self.nodes] = self.force
+        out[self.near] = self.force
         return out

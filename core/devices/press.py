@@ -88,8 +88,7 @@ class Press:
         n, whole = len(commands), self.problem
         depth = -whole.gap(self.carrier.carry(commands, self.carrier.rest_poses(n))).min(axis=1, initial=np.inf)
         order = np.argsort(depth, kind="stable")
-        nodes = whole.count if self.points.nodal is None else len(self.points.nodal) // 3
-        force, moved = (np.zeros((n, m, 3), np.float32) for m in (nodes, whole.count))
+        force, moved = (np.zeros((n, m, 3), np.float32) for m in (self.points.node_count, whole.count))
         poses = self.carrier.rest_poses(n)
         made = Pressed(force, moved, poses, np.zeros(n, bool), np.zeros(n), np.zeros(n))
         for i in range(0, n, BATCH):

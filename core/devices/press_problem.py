@@ -50,7 +50,7 @@ class Carrier(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class PressPoints:
-    """Points of a pad that carry a platform's press.
+    """Points of a pad that carry the press of something flat.
 
     Attributes:
         positions: of undeformed skin in the finger's frame [m], shape (n, 3).
@@ -61,6 +61,11 @@ class PressPoints:
     positions: Array
     compliance: Array
     nodal: Array | None = None
+
+    @property
+    def node_count(self) -> int:
+        """Number of nodes of the skin's pad, m."""
+        return len(self.positions) if self.nodal is None else len(self.nodal) // 3
 
     @property
     def on(self) -> str:

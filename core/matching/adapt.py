@@ -25,7 +25,8 @@ def adapt_job(
 
     Args:
         parameters: 'device' (preset as read), 'device_key', 'skin' (parameters in SI), 'level', 'folder', and
-            optionally 'use' (calibration to the person, see `calibrated_mechanism`), 'trajectories', 'iterations'.
+            optionally 'contact' ('nodes' where the finger's touches are solved there), 'use' (calibration to the
+            person, see `calibrated_mechanism`), 'trajectories', 'iterations'.
 
     Returns:
         'errors': test errors of ridge and network, shape (2,); 'samples': how many there were.
@@ -36,6 +37,8 @@ def adapt_job(
     spec = from_preset(str(parameters.get("device_key", "thimble")), parameters["device"])
     # what is learned is proportional to stiffness: one surrogate serves a finger whatever its personal factor
     skin = skin_from_parameters(parameters["skin"], level=str(parameters.get("level", "standard")))
+    if parameters.get("contact") == "nodes":
+        skin = skin.on_nodes
     device, friction = calibrated_mechanism(spec, skin, parameters.get("use", {}))
     wanted = {n: int(parameters[n]) for n in ("trajectories", "iterations") if n in parameters}
 

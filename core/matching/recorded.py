@@ -56,7 +56,7 @@ class RecordedMatcher(StressMatcher):
     ) -> None:
         self.low, self.high = table.x.min(axis=0), table.x.max(axis=0)
         self.outside = 0
-        unknown = np.zeros((model.size, 3 * contact.count))  # what simulated forces would read
+        unknown = np.zeros((model.size, 3 * contact.points.node_count))  # what simulated forces would read
         starts = recorded_table(device, contact, model, table.x)
         super().__init__(
             device, contact, unknown, model, change=change, hover=hover, noise_floor=noise_floor, table=starts

@@ -44,7 +44,7 @@ class Replay:
 
     def forces(self, sample: int, ahead: Array | None = None) -> Array:
         """Return the forces of the disc on the pad nodes at a sample [N], shape (m, 3). See `solution`."""
-        return self.solution(sample, ahead).spread(self.contact.count)
+        return self.contact.nodal(self.solution(sample, ahead))
 
     def solution(self, sample: int, ahead: Array | None = None) -> DiscSolution:
         """Return the contact of the disc with the skin at a sample.

@@ -252,18 +252,15 @@ class StressMatcher:
         if other.mismatch >= float(np.linalg.norm(stimulus - target)):
             return minimum, x, solution, stimulus
         self.rescues += 1
-        return other, other.x, found, self._stimulus(found)
+        return other, other.x, found, self.direct.stimulus(found)
 
     def _rendered_stimulus(self, solution: DiscSolution, minimum: Minimum | None) -> Array:
         """Return the stimulus at the pose chosen."""
-        return self._stimulus(solution)
+        return self.direct.stimulus(solution)
 
     def _mistrusted(self, stimulus: Array, minimum: Minimum, size: float) -> bool:
         """Return whether a learned model was far from the contact that its pose made."""
         return float(np.linalg.norm(stimulus - minimum.stimulus)) > MISTRUST * size
-
-    def _stimulus(self, solution: DiscSolution) -> Array:
-        return self.direct.observation_matrix @ solution.spread(self.contact.count).ravel()
 
     def _contact_at(self, x: Array, *, searched: bool) -> DiscSolution:
         """Return the contact at the pose chosen, from the friction state before it."""

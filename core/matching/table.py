@@ -23,9 +23,9 @@ from ..files import write_npz
 from ..foreign import json_of
 from ..npz import opened_npz
 from ..skin.model import SkinModel
+from ..surrogate.press_points import press_points
 from .nearest import NEIGHBOURS, NearestPoints
 from .platforms import mechanism, mechanism_key, scale_of
-from .press_points import press_points
 from .readings import Counts, Readings, quantised, saturated
 from .sweep import sweep
 

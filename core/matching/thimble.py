@@ -1,8 +1,8 @@
 """Thimble: from what a finger's skin shall feel to servo angles, by any of the methods, over a whole sequence.
 
 Target and device are compared by one operator, from forces on the nodes of the finger's mesh to descriptors of stress:
-its error is then the same on both sides. Forces of a touch that was solved on points come as forces on nodes with the
-same sum and moment. The disc is flat and wide, so that contact at nodes is right for it.
+its error is then the same on both sides. Both are solved alike: a touch on points of the smooth skin is followed by a
+disc on such points, and the forces of either come as forces on nodes with the same sum and moment.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from ..steps import drain
 from ..surrogate.dataset import record
 from ..surrogate.forward import DirectModel, ForwardModel
 from ..surrogate.learned import Descriptors, descriptors
+from ..surrogate.press_points import pressed_on
 from ..surrogate.store import contact_of, device_key
 from ..surrogate.subspace import TOLERANCE
 from ..track.command_track import CommandTrack
@@ -48,7 +49,7 @@ MAX_STEEP = 0.05  # of the touched samples: the same for touches that are too st
 DOUBTFUL = 0.1  # of the touched samples: a surrogate that is replaced more often is not worth its name
 UNFINISHED = 0.05  # a KKT residual above it is worth a finding
 
-_known: Recent[tuple[str, str, float, float], Descriptors] = Recent(8)
+_known: Recent[tuple[str, str, str, float, float], Descriptors] = Recent(8)
 _tables: Recent[str, WarmStartTable] = Recent(8)
 
 
@@ -60,14 +61,14 @@ def describe(device: Thimble, skin: SkinModel, friction: float, tolerance: float
         data = drain(record(device, contact_of(device, nominal, friction), DESCRIPTOR_MOVEMENTS))
         return descriptors(data, skin.stress_components(), tolerance=tolerance)
 
-    return _known.make((skin.key, device_key(device), friction, tolerance), made)
+    return _known.make((skin.key, pressed_on(skin), device_key(device), friction, tolerance), made)
 
 
 def observation_of(device: Thimble, skin: SkinModel, friction: float) -> Array:
     """Return the observation matrix of `describe`, from the skin's cache where it is there; shape (k, 3 m)."""
     if skin.cache is None:
         return describe(device, skin, friction).observation_matrix
-    key = cache_key(version(), skin.key, device_key(device), repr(friction), "observation")
+    key = cache_key(version(), skin.key, pressed_on(skin), device_key(device), repr(friction), "observation")
     path = skin.cache.get(key)
     kept = None if path is None else read_table(path, (None, 3 * skin.pad_count), np.float64)
     if kept is not None:
@@ -118,7 +119,8 @@ def matcher(
         observation_matrix = observation_of(device, skin, friction)
     table, learned = None, model if method in LEARNED else None
     if learned is None:  # five fingers of one hand start from the same table
-        key = cache_key(skin.key, repr(skin.material), device_key(device), repr(friction), observation_matrix.tobytes())
+        what = (skin.key, pressed_on(skin), repr(skin.material), device_key(device), repr(friction))
+        key = cache_key(*what, observation_matrix.tobytes())
         direct = DirectModel(device, contact, observation_matrix)
         table = _tables.make(key, lambda: warm_start_table(device, contact, direct))
     return StressMatcher(
@@ -164,7 +166,7 @@ class Follower:
                 value=forces.shape,
                 limit=f"(n, {3 * nodes})",
             )
-        return collect([self.step(force) for force in forces], nodes, self.method)
+        return collect([self.step(force) for force in forces], self.matching.contact, self.method)
 
 
 def follower(use: ThimbleUse, change: float | None = None) -> Follower:
@@ -193,7 +195,7 @@ def match_touch(use: ThimbleUse, forces: Array, change: float | None = None) -> 
 
 def match_stimuli(matching: StressMatcher, stimuli: Array) -> ThimbleSequence:
     """Match a recorded sequence of stimuli in the matcher's own channels, shape (n, k); a row of zeros is no touch."""
-    return collect(list(matching.follow(np.asarray(stimuli, np.float64))), matching.contact.count, "stress")
+    return collect(list(matching.follow(np.asarray(stimuli, np.float64))), matching.contact, "stress")
 
 
 def render(
@@ -211,7 +213,7 @@ def render(
     Source: [S0] 5
     """
     where = f"finger '{scene.fingers[finger].name}', {spec.key}"
-    prepared = prepare(spec, skin.model, use.parameters, where)
+    prepared = prepare(spec, skin.pressed, use.parameters, where)
     times = device_times(scene, spec.rate)
     forces = forces_at(skin, times)
     found = match_touch(prepared, forces, prepared.device.servo_speed / spec.rate)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array
+from ..devices.disc import DiscContact
 from ..devices.spec import DeviceSpec
 from ..devices.thimble import channel_values
 from ..errors import DermisError
@@ -65,8 +66,8 @@ class ThimbleSequence:
         return np.stack([columns[c.name] for c in spec.channels], axis=1)
 
 
-def collect(frames: list[ThimbleFrame], nodes: int, method: str) -> ThimbleSequence:
-    """Collect frames; `nodes` is the number of pad nodes."""
+def collect(frames: list[ThimbleFrame], contact: DiscContact, method: str) -> ThimbleSequence:
+    """Collect frames of a disc's contact with the skin."""
     found = [f.minimum for f in frames]
     predicted = None
     if method not in ("force", "geometry"):
@@ -74,7 +75,7 @@ def collect(frames: list[ThimbleFrame], nodes: int, method: str) -> ThimbleSeque
     return ThimbleSequence(
         np.array([f.x for f in frames]),
         np.array([f.angles for f in frames]),
-        np.array([f.solution.spread(nodes) for f in frames], np.float32),
+        np.array([contact.nodal(f.solution) for f in frames], np.float32),
         np.array([f.mismatch for f in frames]),
         np.array([0.0 if m is None else m.kkt for m in found]),
         np.array([0 if m is None else m.iterations for m in found]),

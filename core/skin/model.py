@@ -101,11 +101,21 @@ class SkinModel:
             alpha=self.material.alpha if alpha is None else alpha,
         )
         other = replace(self, material=material)
-        shared = ("unit_response", "_unit_stress", "probes")
-        other.__dict__.update({name: self.__dict__[name] for name in shared if name in self.__dict__})
+        self._share(other, "unit_response", "_unit_stress", "probes")
         if "operator" in self.__dict__:
             other.__dict__["operator"] = self.operator.with_material(material)
         return other
+
+    @cached_property
+    def on_nodes(self) -> SkinModel:
+        """The same skin without its smooth surface: what presses it is solved at the nodes of its mesh."""
+        other = replace(self, shape=None)
+        self._share(other, "unit_response", "_unit_stress", "probes", "operator", "compliance", "compliance32")
+        return other
+
+    def _share(self, other: SkinModel, *tables: str) -> None:
+        """Let another model use the tables that were made."""
+        other.__dict__.update({name: self.__dict__[name] for name in tables if name in self.__dict__})
 
     def pad_displacement(self, force: Floats) -> Array:
         """Return the displacement of the pad nodes, shape (m, 3)."""

@@ -70,21 +70,22 @@ def record(
     for number in range(trajectories):
         a = _random(device, contact, rng, max_tilt, 0.0, CLEARANCE)
         b = _random(device, contact, rng, max_tilt, -max_depth, 0.0)
-        state = FrictionState.rest(contact.count)
+        state, last = FrictionState.rest(contact.count), np.zeros(3 * contact.points.node_count, np.float32)
         for share in np.linspace(0.0, 1.0, int(rng.integers(steps[0], steps[1] + 1)) + 1):
             at = a + share * (b - a)
             if not device.feasible(at):
                 break
             contact.hold(state)
             found = contact.solve(placed(device, device.pose(at)))
+            now = contact.nodal(found).ravel().astype(np.float32)
             if found.touching:
                 x.append(at)
-                before.append(state.force.ravel().astype(np.float32))
-                force.append(found.spread(contact.count).ravel().astype(np.float32))
+                before.append(last)
+                force.append(now)
                 owner.append(number)
                 if np.linalg.norm(found.force.sum(axis=0)) > max_force:
                     break
-            state = contact.settle(found)
+            state, last = contact.settle(found), now
         yield number + 1, trajectories
     if not x:
         raise DermisError("no movement of the device touches the skin", where="dataset", value=trajectories)

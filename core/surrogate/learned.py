@@ -19,9 +19,10 @@ class LearnedModel:
 
     Args:
         fit: of (x, friction descriptor).
-        friction: the subspace of the previous step's forces; None for a fit of x alone.
+        friction: the subspace of the previous step's forces on nodes; None for a fit of x alone.
         stiffness: of this skin over that of the skin it was learned on. Forces and stresses at given poses are
             proportional to it, so a person's alpha needs no new training.
+        nodal: forces on nodes for those of a friction state, as in `PressPoints`.
 
     Raises:
         DermisError: a fit with another number of inputs.
@@ -29,13 +30,18 @@ class LearnedModel:
     Source: [S0] 4.2; the friction state is that of the previous step.
     """
 
-    def __init__(self, fit: Fit, friction: Subspace | None = None, stiffness: float = 1.0) -> None:
+    def __init__(
+        self, fit: Fit, friction: Subspace | None = None, stiffness: float = 1.0, nodal: Array | None = None
+    ) -> None:
         wanted = 3 + (0 if friction is None else friction.size)
         if fit.inputs != wanted:
             raise DermisError(
                 "the fit has other inputs than the model", where="surrogate", value=fit.inputs, limit=str(wanted)
             )
         self.fit, self.friction, self.stiffness = fit, friction, float(stiffness)
+        if friction is not None:
+            self._basis = friction.basis if nodal is None else friction.basis @ nodal
+            self._start = friction.basis @ friction.mean
         self._memory, self._evaluate = np.zeros(wanted - 3), fit.fixed(np.zeros(wanted - 3))
 
     @property
@@ -46,7 +52,7 @@ class LearnedModel:
     def hold(self, state: FrictionState) -> None:
         """Fix the friction state."""
         if self.friction is not None:
-            memory = self.friction.project(state.force.ravel() / self.stiffness)
+            memory = self._basis @ (state.force.ravel() / self.stiffness) - self._start
             if not np.array_equal(memory, self._memory):
                 self._memory, self._evaluate = memory, self.fit.fixed(memory)
 

@@ -30,13 +30,14 @@ from . import onnx
 from .dataset import record, split
 from .learned import Descriptors, descriptors
 from .network import HIDDEN, ITERATIONS, Network, train
+from .press_points import press_points, pressed_on
 from .ridge import QuadraticRidge, fit_ridge
 from .soundness import check_parts
 from .subspace import TOLERANCE, Subspace
 from .surrogate import Surrogate, check_made_for
 from .table import SampleTable, relative_rms
 
-SCHEMA = "dermis-surrogate 1"
+SCHEMA = "dermis-surrogate 2"
 TRAJECTORIES = 2400  # Source: [S0] 4.1
 _RIDGE = ("centre", "scale", "constant", "linear", "quadratic")
 
@@ -52,12 +53,13 @@ def device_key(device: Thimble) -> str:
 
 def place_of(folder: Path, skin: SkinModel, device: Thimble, friction: float) -> Path:
     """Return where a folder of adaptations keeps the one for a skin's shape, a device and a friction."""
-    return Path(folder) / f"{cache_key(SCHEMA, skin.key, device_key(device), repr(float(friction)))[:32]}.npz"
+    key = cache_key(SCHEMA, skin.key, pressed_on(skin), device_key(device), repr(float(friction)))
+    return Path(folder) / f"{key[:32]}.npz"
 
 
 def contact_of(device: Thimble, skin: SkinModel, friction: float) -> DiscContact:
-    """Return the device's disc against a skin."""
-    return DiscContact(skin.compliance, skin.positions, Disc(radius=device.disc_radius), friction)
+    """Return the device's disc against a skin: on points of it, or on its mesh's nodes where it has no smooth pad."""
+    return DiscContact(press_points(skin), Disc(radius=device.disc_radius), friction)
 
 
 def adapt(
@@ -96,6 +98,7 @@ def adapt(
     meta = {
         "schema": SCHEMA,
         "skin": skin.key,
+        "pressed_on": pressed_on(skin),
         "device": device_key(device),
         "friction": friction,
         "modulus": skin.material.modulus,
@@ -173,7 +176,13 @@ def load(path: Path, skin: SkinModel, device: Thimble, friction: float) -> Surro
         }
         ridge = QuadraticRidge(*(arrays[f"ridge_{n}"] for n in _RIDGE))
         observation_matrix = arrays["readout"]
-    expected = {"schema": SCHEMA, "skin": skin.key, "device": device_key(device), "friction": friction}
+    expected = {
+        "schema": SCHEMA,
+        "skin": skin.key,
+        "pressed_on": pressed_on(skin),
+        "device": device_key(device),
+        "friction": friction,
+    }
     for name, wanted in expected.items():
         check_made_for(meta, name, wanted, where)
     network = onnx.OnnxFit(graph, {n: expected[n] for n in ("skin", "device", "friction")})

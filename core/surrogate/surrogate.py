@@ -9,6 +9,7 @@ from typing import Any
 from ..errors import DermisError
 from ..skin.model import SkinModel
 from .learned import Descriptors, LearnedModel
+from .press_points import press_points
 from .ridge import QuadraticRidge
 from .table import Fit
 
@@ -38,7 +39,8 @@ class Surrogate:
             raise DermisError("unknown surrogate", where="thimble", value=kind, limit="network, ridge")
         check_made_for(self.meta, "skin", skin.key, "surrogate")
         fit = self.network if kind == "network" else self.ridge
-        return LearnedModel(fit, self.descriptors.friction, skin.material.modulus / float(self.meta["modulus"]))
+        stiffness = skin.material.modulus / float(self.meta["modulus"])
+        return LearnedModel(fit, self.descriptors.friction, stiffness, press_points(skin).nodal)
 
 
 def check_made_for(meta: Mapping[str, Any], name: str, wanted: Any, where: str) -> None:

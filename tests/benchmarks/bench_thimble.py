@@ -55,7 +55,6 @@ def observation_matrix(level: str) -> Any:
 @functools.cache
 def frames(level: str) -> dict[str, Any]:
     """Run the three touches once; times in ms of target and of search with friction update, and what was found."""
-    from core.contact.solver.path import PathSolver
     from core.matching.stress import StressMatcher
     from core.surrogate.store import contact_of
     from tests import touches
@@ -65,12 +64,12 @@ def frames(level: str) -> dict[str, Any]:
     with one_blas_thread():
         follower = StressMatcher(device(), contact_of(device(), model, 0.6), observation_matrix(level))
         for touch in (touches.ball_roll(FRAMES), touches.edge_press(FRAMES), touches.slide(FRAMES)):
-            path = PathSolver(model.compliance, model.positions, areas=model.areas)
+            path = touches.solver_on(model)
             follower.reset()
             for i in range(FRAMES):
                 bodies = touch.bodies(i)
                 start = time.perf_counter()
-                force = path.step(bodies).solution.force
+                force = path.step(bodies).nodal
                 between = time.perf_counter()
                 frame = follower.step(observation_matrix(level) @ force.ravel())
                 end = time.perf_counter()
@@ -221,7 +220,7 @@ def searches(kind: str) -> dict[str, Any]:
         follower._search = timed  # type: ignore[method-assign]
         for touch in (touches.ball_roll(120), touches.edge_press(120), touches.slide(120)):
             follower.reset()
-            for force in touch.forces(model):
+            for force in touch.forces(model, points=True):
                 target = observation_matrix @ force.ravel()
                 frame = follower.step(target)
                 left += float(((frame.stimulus - target) ** 2).sum())

@@ -28,6 +28,7 @@ from core.steps import drain
 from core.surrogate.dataset import MAX_DEPTH, MAX_TILT, Dataset, record, split
 from core.surrogate.learned import Descriptors, LearnedModel, descriptors
 from core.surrogate.network import train
+from core.surrogate.press_points import press_points
 from core.surrogate.ridge import fit_ridge
 from core.surrogate.store import contact_of
 from core.surrogate.subspace import principal_components
@@ -59,6 +60,8 @@ FAIRNESS = """
   which is stricter: compare the electrode table for the paper's sort of figure.
 * 'device' there is a recording from inside its training data; ours are movements of the device that nothing was
   trained on.
+* Planes ('flat', 'block', 'foam') also press the skin up to 11.5 mm behind the pad's centre, where a disc of 8 mm does
+  not reach, and where a draft mesh has no more nodes: from 8.8 mm on forces come to the last ones with their moment.
 * 'Components at 10 %' does not say of what; ours is the relative RMS of the residual about the mean.
 * Test errors are split by movement and the friction input is the previous step's; with the same step's forces, or
   a split by sample, they would look much better and mean nothing.
@@ -134,17 +137,17 @@ def rendering(skin: SkinModel, spaces: Descriptors, count: int) -> tuple[dict[st
         touches.slide(count),
         touches.shaken_block(count),
     ):
-        made[touch.name] = touch.forces(skin)
+        made[touch.name] = touch.forces(skin, points=True)
     table, figures = {}, {}
     for name, forces in made.items():
         target = forces.reshape(len(forces), -1) @ whole.T
         row = {}
         for method in METHODS:
-            start = time.perf_counter()
+            start = time.process_time()
             found = match_sequence(
                 device, skin, forces, method, friction=FRICTION, observation_matrix=spaces.observation_matrix
             )
-            taken = 1e3 * (time.perf_counter() - start) / max(int(found.touched.sum()), 1)
+            taken = 1e3 * (time.process_time() - start) / max(int(found.touched.sum()), 1)
             rendered = found.force.reshape(len(forces), -1).astype(np.float64) @ whole.T
             row[method] = float(np.linalg.norm(rendered - target) / np.linalg.norm(target))
             if method == "stress":
@@ -167,9 +170,9 @@ def electrodes(skin: SkinModel, data: Dataset, count: int) -> dict[str, Any]:
     chosen, rest = split(table.trajectory)
     fit = fit_ridge(table.rows(chosen))
     out: dict[str, Any] = {"components at 5 %": space.size, "ridge test error": relative_rms(fit, table.rows(rest))}
-    model = LearnedModel(fit, memory)
+    model = LearnedModel(fit, memory, nodal=press_points(skin).nodal)
     for touch in (touches.flat_press(count), touches.cup(count), touches.foam(count)):
-        target = touch.forces(skin).reshape(count, -1) @ sensor.matrix.T
+        target = touch.forces(skin, points=True).reshape(count, -1) @ sensor.matrix.T
         row = []
         for forward in (None, model):
             follower = matcher(
@@ -226,7 +229,7 @@ def observer(skin: SkinModel, spaces: Descriptors, count: int) -> dict[str, Any]
     out: dict[str, Any] = {"noise, Pa m^1.5": sigma}
     for name, classes in tests.items():
         row: dict[str, float] = {}
-        forces = [[t.forces(skin) for t in touches_] for touches_ in classes]
+        forces = [[t.forces(skin, points=True) for t in touches_] for touches_ in classes]
         for method in ("target", *METHODS):
             felt = []
             for one in forces:
@@ -283,7 +286,7 @@ def to_one_pose(device: Thimble, contact: DiscContact, tilt: tuple[float, float]
         contact.hold(state)
         found = contact.solve(placed(device, device.pose(start + share * (end - start))))
         state = contact.settle(found)
-        out.append(found.spread(contact.count).ravel())
+        out.append(contact.nodal(found).ravel())
     return np.array(out)
 
 

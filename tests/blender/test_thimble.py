@@ -46,7 +46,7 @@ def test_settings_reach_the_engine(demo) -> None:
     device.thimble_method, device.thimble_hover_mm = "force", 0.9
     output = bake(demo, 24).bake.outputs[0]
     assert output.track.meta["method"] == "force"
-    skin = store.current(demo).bake.skins["Index"].model
+    skin = store.current(demo).bake.skins["Index"].pressed
     use = core.matching.thimble_use.prepare(
         library().device("thimble_3rrs"), skin, object_properties.parameters(device)
     )
@@ -135,7 +135,7 @@ def test_from_a_bake_the_rendered_skin_is_what_the_track_does(demo) -> None:
     result = bake(demo)
     output, felt = result.bake.outputs[0], result.bake.skins["Index"]
     thimble = core.matching.thimble
-    use = thimble_devices.prepared(device_of(demo), felt.model)
+    use = thimble_devices.prepared(device_of(demo), felt.pressed)
     forces = thimble.forces_at(felt, output.track.times)
     found = thimble.match_touch(use, forces, use.device.servo_speed / output.track.spec.rate)
     for frame in (31, 25, 37):  # on a sample of 100 Hz: 24 frames are a second
@@ -169,7 +169,7 @@ def test_live_follows_the_skin_step_by_step(demo) -> None:
         rows.append(next(r for r in views.devices(demo).rows if r.kind == "thimble"))
     skin = states[0].model
     with skin_models.one_thread():
-        use = thimble_devices.prepared(device_of(demo), skin)
+        use = thimble_devices.prepared(device_of(demo), skin.on_nodes)  # as the demo's draft skin is touched
         following = core.matching.thimble.follower(use)
         for i, (target, row) in enumerate(zip(targets, rows, strict=True)):
             following.matching.change = use.device.servo_speed / 24 if i else None

@@ -44,7 +44,7 @@ def through(steps):
 def model_of(obj):
     """Return the finger's skin."""
     values = skin_properties.parameters(obj.dermis.finger.skin)
-    return skin_models.get(values["skin"], values["skin_level"])
+    return thimble_devices.pressed(obj, skin_models.get(values["skin"], values["skin_level"]))
 
 
 def test_an_adaptation_is_found_by_both_methods(finger) -> None:

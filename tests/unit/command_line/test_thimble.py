@@ -35,12 +35,12 @@ def recorded(device):
     times = np.arange(61) / 100.0
     depth = 0.9e-3 * np.sin(np.pi * np.clip(times / 0.6, 0, 1)) - 0.1e-3
     x = np.stack([0.15 * np.sin(6 * times), 0.12 * np.sin(5 * times), 0.018 - depth], axis=1)
-    state, out = FrictionState.rest(skin.pad_count), []
+    state, out = FrictionState.rest(contact.count), []
     for pose in x:
         contact.hold(state)
         found = contact.solve(placed(device, device.pose(pose)))
-        state = contact.settle(found) if found.touching else FrictionState.rest(skin.pad_count)
-        out.append(sensor.matrix @ found.spread(skin.pad_count).ravel())
+        state = contact.settle(found) if found.touching else FrictionState.rest(contact.count)
+        out.append(sensor.matrix @ contact.nodal(found).ravel())
     return times, x, np.array(out)
 
 

@@ -12,6 +12,7 @@ from core.devices import disc as module
 from core.devices.disc import DiscContact
 from core.devices.disc_pose import Disc, FrictionState, placed
 from core.devices.first_contact import calibrated, first_contact
+from core.devices.press_problem import PressPoints
 from core.devices.thimble import mechanism
 from core.presets import Library
 from tests import problems
@@ -27,7 +28,7 @@ def disc_of(device):
 
 
 def contact_with(skin, device, friction):
-    return DiscContact(skin.compliance, skin.positions, disc_of(device), friction)
+    return DiscContact(PressPoints(skin.positions, skin.compliance), disc_of(device), friction)
 
 
 def walk(count=40):
@@ -89,7 +90,7 @@ def test_the_derivative_is_that_of_the_forces(skin, device, friction, monkeypatc
         if friction:
             assert set(found.status.tolist()) == {0, 1, 2}
         slope = np.zeros((skin.pad_count, 3, 3))
-        slope[found.nodes] = found.slope
+        slope[found.near] = found.slope
         for j, h in enumerate((1e-7, 1e-7, 1e-9)):
             ahead, behind = (contact.solve(placed(device, device.pose(x + s * h * np.eye(3)[j]))) for s in (1, -1))
             difference = (ahead.spread(skin.pad_count) - behind.spread(skin.pad_count)) / (2 * h)
@@ -123,7 +124,7 @@ def test_the_rim_carries_nothing_outside_of_it(skin, device):
     small = replace(device, disc_radius=2e-3)
     x = np.array([0.0, 0.0, 0.018 - 1.0e-3])
     found = contact_with(skin, small, 0.0).solve(placed(small, small.pose(x)))
-    reach = np.hypot(*skin.positions[found.nodes[found.status > 0], :2].T)
+    reach = np.hypot(*skin.positions[found.near[found.status > 0], :2].T)
     # the rim falls away as r^2 / 2 rho, so 1 mm deep it is met up to sqrt(2 rho d) farther out at most
     assert reach.max() <= 2e-3 + np.sqrt(2 * small_rounding() * 1.0e-3) and found.touching
 

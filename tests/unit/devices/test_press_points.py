@@ -11,7 +11,6 @@ from core.devices.disc_pose import Disc
 from core.devices.press import Press
 from core.devices.press_problem import PressPoints
 from core.matching.platforms import mechanism
-from core.matching.press_points import press_points
 from core.matching.readings import readings_of
 from core.matching.sweep import platform_poses, sweep
 from core.matching.table import build, press_of
@@ -19,6 +18,7 @@ from core.presets import Library
 from core.skin.model import fingertip_skin, skin_from_parameters
 from core.skin.nodal_forces import NodalForces
 from core.skin.surface_store import smooth_pad
+from core.surrogate.press_points import press_points
 
 FLIP = np.diag([1.0, -1.0, -1.0])  # the thimble's disc touches with -Z
 LIKE = 0.02  # of what is read on points four times as fine: the press's own parts of the skin are 1.5 mm

@@ -53,8 +53,8 @@ def test_the_patch_is_where_the_touched_skin_went(skin):
 
 def test_force_only_reproduces_a_reachable_force_and_nothing_else(skin, device):
     contact = contact_of(device, skin, 0.6)
-    contact.hold(FrictionState.rest(skin.pad_count))
-    made = contact.solve(placed(device, device.pose((0.08, 0.06, 0.0171)))).spread(skin.pad_count)
+    contact.hold(FrictionState.rest(contact.count))
+    made = contact.nodal(contact.solve(placed(device, device.pose((0.08, 0.06, 0.0171)))))
     found = match_sequence(device, skin, np.array([made]), "force")
     np.testing.assert_allclose(found.force[0].sum(axis=0), made.sum(axis=0), atol=1e-3 * np.abs(made.sum(axis=0)).max())
     observation_matrix = total_force(skin.pad_count)

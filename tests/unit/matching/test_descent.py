@@ -134,11 +134,11 @@ def test_a_model_is_folded_anew_for_every_friction_state():
     skin = fingertip_skin(level="draft")
     contact, rng = contact_of(DEVICE, skin, 0.6), np.random.default_rng(4)
     friction = principal_components(rng.normal(size=(20, 3 * skin.pad_count)), size=5)
-    model = LearnedModel(random_ridge(rng, 8, 4), friction, stiffness=0.7)
+    model = LearnedModel(random_ridge(rng, 8, 4), friction, 0.7, contact.points.nodal)
     x = np.array([0.1, 0.2, 0.018])
-    for force in (np.zeros((skin.pad_count, 3)), rng.normal(size=(skin.pad_count, 3))):
-        model.hold(replace(FrictionState.rest(skin.pad_count), force=force))
-        u = np.concatenate([x, friction.project(force.ravel() / 0.7)])
+    for force in (np.zeros((contact.count, 3)), rng.normal(size=(contact.count, 3))):
+        model.hold(replace(FrictionState.rest(contact.count), force=force))
+        u = np.concatenate([x, friction.project(contact.points.nodal @ force.ravel() / 0.7)])
         value, slope = model.fit.evaluate(u)
         np.testing.assert_allclose(model.evaluate(x)[0], 0.7 * value, rtol=1e-9)
         np.testing.assert_allclose(model.evaluate(x)[1], 0.7 * slope, rtol=1e-9)

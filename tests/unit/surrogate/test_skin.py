@@ -19,6 +19,7 @@ from core.steps import drain
 from core.surrogate.dataset import MAX_FORCE, record, split
 from core.surrogate.forward import DirectModel
 from core.surrogate.learned import LearnedModel, descriptors
+from core.surrogate.press_points import press_points
 from core.surrogate.ridge import fit_ridge
 from core.surrogate.store import adapt, contact_of, load, place_of, save
 from core.surrogate.table import relative_rms
@@ -105,10 +106,8 @@ def test_stiffness_scales_stress_and_forces(skin, device, small):
     stiff = skin.with_material(alpha=2.0)
     x = np.array([0.05, -0.1, 0.0171])
     observation_matrix = made.descriptors.observation_matrix
-    for state in (
-        FrictionState.rest(skin.pad_count),
-        replace(FrictionState.rest(skin.pad_count), force=np.full((skin.pad_count, 3), 0.01)),
-    ):
+    rest = FrictionState.rest(contact_of(device, skin, 0.6).count)
+    for state in (rest, replace(rest, force=np.full(rest.force.shape, 0.01))):
         doubled = replace(state, force=2 * state.force)
         soft, hard = made.model(skin, "ridge"), made.model(stiff, "ridge")
         soft.hold(state)
@@ -219,7 +218,7 @@ def test_a_calibrated_thimble_touches_where_the_person_feels_it(skin, device):
 def test_a_learned_model_matches_nearly_as_well(skin, device, data):
     """Ridge in the search, true contact in the friction update: what it renders is compared, not what it believes."""
     spaces = descriptors(data, skin.stress_components())
-    model = LearnedModel(fit_ridge(spaces.table(data)), spaces.friction)
+    model = LearnedModel(fit_ridge(spaces.table(data)), spaces.friction, nodal=press_points(skin).nodal)
     forces = touches.flat_press(40).forces(skin)
     observation_matrix = describe(device, skin, 0.6).observation_matrix
     left = {}

@@ -1,43 +1,65 @@
-"""Where a flat platform's press is solved on a skin, and what that makes on the nodes of its mesh.
+"""Where something flat presses a skin, and what that makes on the nodes of its mesh.
 
-A touch is solved on points of the smooth skin. What a device does to the skin must be solved on like points, or the
-look-up would render the difference between two meshes: of a draft skin, a fifth of the touch. A disc is flat, so one
-set of points will do for all its poses: cells of the pad's tree, four or so together, each with constant pressure and
-its mean displacement, so that work is the same on both sides.
+A touch is solved on points of the smooth skin. What a device does to the skin must be solved on like points, or what
+follows the touch would render the difference between two meshes: of a draft skin, a fifth of the touch. A disc is flat,
+so one set of points will do for all its poses: cells of the pad's tree, four or so together, each with constant
+pressure and its mean displacement, so that work is the same on both sides.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from ..arrays import Array, Indices
 from ..devices.press_problem import PressPoints
 from ..recent import Recent
 from ..skin.model import SkinModel
 from ..skin.nodal_forces import NodalForces
+from ..skin.pad_chart import PadChart
+from ..skin.point_forces import PointForces
 from ..skin.surface_compliance import SurfaceCompliance
 from ..skin.surface_store import smooth_pad
 
 TOGETHER = 2  # cells of level 0 along each side of a point's part of the skin, beside the pad's centre
 
 
+def pressed_on(skin: SkinModel) -> str:
+    """Return 'points' of the smooth skin, or 'nodes' of the mesh where a skin has no smooth pad, or not yet."""
+    return "nodes" if smooth_pad(skin) is None else "points"
+
+
 def press_points(skin: SkinModel) -> PressPoints:
-    """Return the points that a platform presses: the mesh's nodes where a skin has no smooth pad, or not yet."""
+    """Return the points that are pressed: the mesh's nodes where a skin has no smooth pad, or not yet."""
     pad = smooth_pad(skin)
     if pad is None:
         return PressPoints(skin.positions, skin.compliance)
     return _kept.make((skin.key, repr(skin.material)), lambda: _grouped(skin, pad))
 
 
-def _grouped(skin: SkinModel, pad: SurfaceCompliance) -> PressPoints:
-    chart = pad.chart
+def point_forces(skin: SkinModel, force: Array) -> PointForces | None:
+    """Return forces on the points that are pressed [N], shape (n, 3), as forces on cells; None where they are nodes."""
+    pad = smooth_pad(skin)
+    if pad is None:
+        return None
+    cells, point, share = _parts(pad.chart)
+    loaded = np.flatnonzero(force[point].any(axis=1))
+    return PointForces(pad, cells[loaded], share[loaded, None] * force[point[loaded]])
+
+
+def _parts(chart: PadChart) -> tuple[Indices, Indices, Array]:
+    """Return the cells of level 0, the point that each belongs to, and its share of that point's skin."""
     cells = np.arange(chart.starts[0], chart.starts[1])
     places, areas = chart.places[cells], chart.cells.areas[cells]
     centre = int(np.einsum("ij,ij->i", places, places).argmin())
     squares = np.floor(places / (TOGETHER * 2.0 * chart.halves[centre])).astype(np.int64)
     point = np.unique(squares, axis=0, return_inverse=True)[1].reshape(-1)
-    total = np.bincount(point, areas)
-    share = areas / total[point]
-    n, nodes = len(total), NodalForces(skin.mesh, chart)
+    return cells, point, areas / np.bincount(point, areas)[point]
+
+
+def _grouped(skin: SkinModel, pad: SurfaceCompliance) -> PressPoints:
+    chart = pad.chart
+    cells, point, share = _parts(chart)
+    n, nodes = int(point.max()) + 1, NodalForces(skin.mesh, chart)
     positions = np.zeros((n, 3))
     np.add.at(positions, point, share[:, None] * chart.cells.positions[cells])
     # one row of points at a time: the compliance between all cells is fifty times as large as what is kept
@@ -54,4 +76,4 @@ def _grouped(skin: SkinModel, pad: SurfaceCompliance) -> PressPoints:
     return PressPoints(positions, 0.5 * (matrix + matrix.T), nodal.reshape(-1, 3 * n))
 
 
-_kept: Recent[tuple[str, str], PressPoints] = Recent(2)
+_kept: Recent[tuple[str, str], PressPoints] = Recent(6)  # a person's hand

@@ -1,6 +1,7 @@
 """The ledger of what happened to the scene: what changed since the last bake, and numbers that rise with every change.
 
-It only notes things down and calls nobody, so that whoever declares a property or sweeps the frames may write in it.
+It only notes things down and, but to ask what an action says, calls nobody, so that whoever declares a property or
+sweeps the frames may write in it.
 `handlers` writes what Blender tells; `results.store` reads whether a bake is out of date, the preview whether its
 history goes on, and whoever keeps something whether it still holds.
 """
@@ -11,6 +12,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import bpy
+
+from . import action_content
 
 # Changes of these types reach the sampled scene; others, such as screens and brushes, do not.
 _RELEVANT = (
@@ -84,6 +87,7 @@ def expect(name: str) -> None:
 def clear_dirty() -> None:
     """Forget changes, because a bake has just seen them."""
     _dirty.clear()
+    action_content.look()
 
 
 def note_updates(depsgraph: bpy.types.Depsgraph | None) -> bool:
@@ -97,9 +101,12 @@ def note_updates(depsgraph: bpy.types.Depsgraph | None) -> bool:
     for update in depsgraph.updates:
         if isinstance(update.id, bpy.types.Scene) and update.id.name in expected:
             continue
-        # Selecting an object also arrives here, with neither flag set.
-        if (update.is_updated_transform or update.is_updated_geometry or isinstance(update.id, bpy.types.Action)) and (
-            type(update.id).__name__ in _RELEVANT or isinstance(update.id, bpy.types.Object | bpy.types.Action)
+        # Selecting an object also arrives here, with neither flag set; so do channels of an action.
+        if (
+            action_content.is_new(update.id.original)
+            if isinstance(update.id, bpy.types.Action)
+            else (update.is_updated_transform or update.is_updated_geometry)
+            and (type(update.id).__name__ in _RELEVANT or isinstance(update.id, bpy.types.Object))
         ):
             _dirty.add(update.id.name)
             _edits += 1

@@ -99,6 +99,8 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
         if state == "none":
             first = "bake" if there.moving else "animate the finger, then bake; what does not move feels little"
             paragraph(layout, context, f"Next: {first}.", "RIGHTARROW")
+            if not there.moving:
+                layout.operator("dermis.add_gesture", icon="KEYINGSET")
         elif state == "stale":
             paragraph(layout, context, "The scene has changed: bake again.", "ERROR")
         column = layout.column(align=True)
@@ -110,17 +112,18 @@ def working(layout: Any, context: bpy.types.Context, title: str = "") -> bool:
     """Draw how far the job in the window is, where its button was; return whether there is one.
 
     Args:
-        title: of the only job to draw; of any where empty.
+        title: of the only job to draw, without its words, so that nothing moves; of any where empty.
     """
     now = jobs.progress()
     if now is None or title not in ("", now.title):
         return False
     column = layout.column(align=True)
-    column.label(text=f"{now.title}: {now.words}")
-    row = column.split(factor=0.68)
+    if not title:
+        column.label(text=f"{now.title}: {now.words}")
+    row = column.split(factor=0.62)
     row.scale_y = 1.35
     row.progress(factor=now.share, text="", type="BAR")
-    row.label(text="Cancel", icon="EVENT_ESC")
+    row.label(text="Esc cancels")
     return True
 
 

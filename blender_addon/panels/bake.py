@@ -65,7 +65,7 @@ class DERMIS_PT_export(DermisPanel, bpy.types.Panel):
         column.scale_y = 1.35
         column.enabled = store.state(context.scene) != "none"
         column.operator("dermis.export_tracks", icon="EXPORT")
-        if store.state(context.scene) != "fresh":  # else it stands in the head
+        if store.state(context.scene) not in ("fresh", "earlier"):  # else it stands in the head
             exported.box(layout, context.scene)
         properties(layout, settings, "output_dir", "export_format", "plots", keys=False)
         row = layout.row(align=True)

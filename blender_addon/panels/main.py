@@ -88,14 +88,18 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
 
     def _bake(self, context: bpy.types.Context, there: summary.Summary) -> None:
         layout, state = self.layout, store.state(context.scene)
-        if state == "fresh":
-            paragraph(layout, context, "Baked. Play it, export it, or stream it to the device.", "CHECKMARK")
+        if state in ("fresh", "earlier"):
+            fresh = "Baked. Play it, export it, or stream it to the device."
+            earlier = "Baked in an earlier session: export that, or bake again."
+            words, icon = (fresh, "CHECKMARK") if state == "fresh" else (earlier, "INFO")
+            paragraph(layout, context, words, icon)
             row = layout.row(align=True)
             row.operator("dermis.export_tracks", icon="EXPORT")
             row.prop(context.scene.dermis, "export_format", text="")
             row.prop(context.scene.dermis, "plots", text="", icon="IMAGE_DATA", toggle=True)
             exported.box(layout, context.scene)
-            return
+            if state == "fresh":
+                return
         if state == "none":
             first = "bake" if there.moving else "animate the finger, then bake; what does not move feels little"
             paragraph(layout, context, f"Next: {first}.", "RIGHTARROW")

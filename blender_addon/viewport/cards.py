@@ -8,7 +8,6 @@ Draws what `shown` has kept, and changes nothing.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import bpy
@@ -34,26 +33,6 @@ SOURCE_COLOURS = {
 }
 SLIM = 200  # in a view with less room than that for a device, all are folded [px at scale 1]
 _handlers = Handlers()
-
-
-@lru_cache(maxsize=32)
-def order(names: tuple[str, ...], fingers: tuple[str, ...]) -> tuple[int, ...]:
-    """Return in which order cards stand: a hand's fingers from the thumb on, then others as the scene has them.
-
-    Args:
-        names: of fingers, or of what is theirs, as 'Index: thimble'. fingers: all of the scene's.
-    """
-    said = bone_names.labels(fingers)
-
-    def rank(i: int) -> tuple[str, int, int, int]:
-        whose = names[i] if names[i] in fingers else names[i].partition(": ")[0]
-        place = fingers.index(whose) if whose in fingers else len(fingers)
-        label = said.get(whose)
-        if label is None:
-            return ("~", len(bone_names.FINGERS), place, i)
-        return (label.side, bone_names.FINGERS.index(label.finger), place, i)
-
-    return tuple(sorted(range(len(names)), key=rank))
 
 
 class Plan(NamedTuple):
@@ -130,8 +109,11 @@ def _draw() -> None:
     rows: list[tuple[Row, Twin | None]] = []
     devices, skins = now.devices, now.skins if settings.skin_view.show else now.skins._replace(states=(), drawn=())
     if settings.show_readout and devices is not None:
-        rows = [(devices.rows[i], now.twins[i]) for i in order(tuple(row.finger for row in devices.rows), fingers)]
-    pads = order(tuple(state.finger for state in skins.states), fingers) if settings.skin_view.maps else ()
+        rows = [
+            (devices.rows[i], now.twins[i])
+            for i in bone_names.order(tuple(row.finger for row in devices.rows), fingers)
+        ]
+    pads = bone_names.order(tuple(state.finger for state in skins.states), fingers) if settings.skin_view.maps else ()
     alone = devices is not None and devices.source == "live" and not skins.states  # else the legend says it
     said = settings.show_readout and (rows or alone)
     heights = [device_cards.height(row) for row, _ in rows] if said else None

@@ -164,7 +164,7 @@ def _touched(
     meshes = [o for o in context.selected_objects if o.type == "MESH" and o.dermis.role != "FINGER"]
     spots = [
         (spot, body)
-        for body in meshes or doubts.bodies(context.scene, context.view_layer)
+        for body in meshes or doubts.bodies(context.scene, context.view_layer, screens=True)
         if (spot := surfaces.nearest(body, place, depsgraph)) is not None
     ]
     if not spots:

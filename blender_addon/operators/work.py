@@ -25,11 +25,14 @@ class Work:
         raise NotImplementedError
 
     def execute(self: Any, context: bpy.types.Context) -> set[str]:
-        """Do it, and report."""
+        """Do it, and report; what was refused of it the last time is listed no more."""
+        subject = self.subject or self.bl_label
+        if reporting.source() == subject:
+            reporting.clear()
         try:
             said = self.work(context)
         except DermisError as error:
-            return reporting.report_error(self, error, self.subject or self.bl_label)
+            return reporting.report_error(self, error, subject)
         if said:
             self.report({"INFO"}, said)
         return {"FINISHED"}

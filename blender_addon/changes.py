@@ -36,7 +36,7 @@ _RELEVANT = (
 )
 
 _dirty: set[str] = set()
-_expected: set[str] = set()
+_expected: set[int] = set()  # by session uid
 _muted = 0
 _generation = 0
 _ticks = 0
@@ -79,9 +79,11 @@ def mark_dirty(name: str = "settings") -> None:
         _dirty.add(name)
 
 
-def expect(name: str) -> None:
-    """Note that the next change of the scene of this name is of settings on which no bake depends."""
-    _expected.add(name)
+def expect(changed: bpy.types.ID) -> None:
+    """Note that the next change of a scene or an object is of settings on which no bake depends."""
+    _expected.add(changed.session_uid)
+    if isinstance(changed, bpy.types.Object) and changed.data is not None:  # Blender reports it with the object
+        _expected.add(changed.data.session_uid)
 
 
 def clear_dirty() -> None:
@@ -99,7 +101,7 @@ def note_updates(depsgraph: bpy.types.Depsgraph | None) -> bool:
     changed, expected = False, frozenset(_expected)
     _expected.clear()
     for update in depsgraph.updates:
-        if isinstance(update.id, bpy.types.Scene) and update.id.name in expected:
+        if expected and update.id.original.session_uid in expected:
             continue
         # Selecting an object also arrives here, with neither flag set; so do channels of an action.
         if (

@@ -46,8 +46,8 @@ def touched(_self: Any, _context: Any) -> None:
 
 
 def unfelt(self: Any, _context: Any) -> None:
-    """Note that no bake depends on what changes in the scene."""
-    changes.expect(self.id_data.name)
+    """Note that no bake depends on what changes."""
+    changes.expect(self.id_data)
 
 
 def redrawn(self: Any, context: Any) -> None:

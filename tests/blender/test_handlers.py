@@ -157,6 +157,20 @@ def test_what_is_shown_and_written_of_a_scene_does_not(thing: bpy.types.Object, 
     assert counted == (felt if not group else set())
 
 
+def test_which_device_of_a_list_is_looked_at_does_not() -> None:
+    made = finger()
+    for _ in range(2):
+        made.dermis.finger.devices.add().preset = "haptip"
+    bpy.context.view_layer.update()
+    changes.clear_dirty()
+    made.dermis.finger.active_device = 1
+    bpy.context.view_layer.update()
+    assert changes.dirty() == frozenset()
+    made.dermis.finger.devices[1].enabled = False
+    bpy.context.view_layer.update()
+    assert changes.dirty()
+
+
 def test_our_own_sweep_does_not(thing: bpy.types.Object) -> None:
     with changes.muted():
         thing.location.x = 2.0

@@ -1,6 +1,7 @@
 """The ledger of what happened to the scene: what changed since the last bake, and numbers that rise with every change.
 
-It only notes things down and calls nobody, so that whoever declares a property or sweeps the frames may write in it.
+It only notes things down and, but to ask what an action says, calls nobody, so that whoever declares a property or
+sweeps the frames may write in it.
 `handlers` writes what Blender tells; `results.store` reads whether a bake is out of date, the preview whether its
 history goes on, and whoever keeps something whether it still holds.
 """
@@ -11,6 +12,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import bpy
+
+from . import action_content
 
 # Changes of these types reach the sampled scene; others, such as screens and brushes, do not.
 _RELEVANT = (
@@ -33,7 +36,7 @@ _RELEVANT = (
 )
 
 _dirty: set[str] = set()
-_expected: set[str] = set()
+_expected: set[int] = set()  # by session uid
 _muted = 0
 _generation = 0
 _ticks = 0
@@ -76,14 +79,17 @@ def mark_dirty(name: str = "settings") -> None:
         _dirty.add(name)
 
 
-def expect(name: str) -> None:
-    """Note that the next change of the scene of this name is of settings on which no bake depends."""
-    _expected.add(name)
+def expect(changed: bpy.types.ID) -> None:
+    """Note that the next change of a scene or an object is of settings on which no bake depends."""
+    _expected.add(changed.session_uid)
+    if isinstance(changed, bpy.types.Object) and changed.data is not None:  # Blender reports it with the object
+        _expected.add(changed.data.session_uid)
 
 
 def clear_dirty() -> None:
     """Forget changes, because a bake has just seen them."""
     _dirty.clear()
+    action_content.look()
 
 
 def note_updates(depsgraph: bpy.types.Depsgraph | None) -> bool:
@@ -95,11 +101,14 @@ def note_updates(depsgraph: bpy.types.Depsgraph | None) -> bool:
     changed, expected = False, frozenset(_expected)
     _expected.clear()
     for update in depsgraph.updates:
-        if isinstance(update.id, bpy.types.Scene) and update.id.name in expected:
+        if expected and update.id.original.session_uid in expected:
             continue
-        # Selecting an object also arrives here, with neither flag set.
-        if (update.is_updated_transform or update.is_updated_geometry or isinstance(update.id, bpy.types.Action)) and (
-            type(update.id).__name__ in _RELEVANT or isinstance(update.id, bpy.types.Object | bpy.types.Action)
+        # Selecting an object also arrives here, with neither flag set; so do channels of an action.
+        if (
+            action_content.is_new(update.id.original)
+            if isinstance(update.id, bpy.types.Action)
+            else (update.is_updated_transform or update.is_updated_geometry)
+            and (type(update.id).__name__ in _RELEVANT or isinstance(update.id, bpy.types.Object))
         ):
             _dirty.add(update.id.name)
             _edits += 1

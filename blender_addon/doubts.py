@@ -59,12 +59,13 @@ def look(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> tuple[Doubt
     return tuple(found)
 
 
-def bodies(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> list[bpy.types.Object]:
-    """Return the meshes that can be touched and that Blender evaluates."""
+def bodies(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, *, screens: bool = False) -> list[bpy.types.Object]:
+    """Return the meshes that can be touched and that Blender evaluates, touch screens too where that is asked."""
+    roles = ("TOUCHABLE", "SCREEN") if screens else ("TOUCHABLE",)
     return [
         obj
         for obj in scene.objects
-        if obj.dermis.role == "TOUCHABLE" and obj.type == "MESH" and not participants.is_disabled(obj, view_layer)
+        if obj.dermis.role in roles and obj.type == "MESH" and not participants.is_disabled(obj, view_layer)
     ]
 
 

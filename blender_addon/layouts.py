@@ -12,18 +12,25 @@ def ui_scale() -> float:
     return bpy.context.preferences.system.ui_scale or 1.0
 
 
-def paragraph(layout: Any, context: bpy.types.Context, text: str, icon: str = "NONE", *, inset: float = 0.0) -> None:
-    """Write a text over as many lines as the sidebar's width needs, less an inset [px at scale 1]."""
+def paragraph(
+    layout: Any, context: bpy.types.Context, text: str, icon: str = "NONE", *, inset: float = 0.0, least: int = 1
+) -> None:
+    """Write a text over as many lines as the sidebar's width needs, less an inset [px at scale 1].
+
+    Args:
+        least: lines, so that what is below stays where it is while the text changes.
+    """
     width = context.region.width if context.region else 300
-    words(layout, text, width / ui_scale() - inset, icon)
+    words(layout, text, width / ui_scale() - inset, icon, least=least)
 
 
-def words(layout: Any, text: str, width: float, icon: str = "NONE") -> None:
-    """Write a text over as many lines as a width needs [px at scale 1]."""
+def words(layout: Any, text: str, width: float, icon: str = "NONE", *, least: int = 1) -> None:
+    """Write a text over as many lines as a width needs [px at scale 1], at least so many."""
     letters = max(int((width - (52.0 if icon == "NONE" else 74.0)) / 6.2), 16)
     column = layout.column(align=True)
     column.scale_y = 0.85
-    for i, line in enumerate(_wrapped(text, letters)):
+    lines = _wrapped(text, letters)
+    for i, line in enumerate([*lines, *[""] * (least - len(lines))]):
         if icon == "NONE":
             column.label(text=line)
         else:

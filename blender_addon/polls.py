@@ -33,3 +33,9 @@ def active_finger(context: bpy.types.Context) -> bpy.types.Object | None:
     """Return the active object where it is a finger."""
     obj = context.object
     return obj if obj is not None and obj.dermis.role == "FINGER" else None
+
+
+def own_finger(context: bpy.types.Context) -> bpy.types.Object | None:
+    """Return the active object where it is a finger whose edits are saved: one of this file, or an override."""
+    finger = active_finger(context)
+    return finger if finger is not None and finger.is_editable else None

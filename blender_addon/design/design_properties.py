@@ -11,6 +11,7 @@ from bpy.props import CollectionProperty, EnumProperty, FloatProperty, IntProper
 from .. import choices
 from ..compat import BLEND_RELATIVE
 from ..devices import active_presets
+from ..properties.fields import unfelt
 from ..registration import registration
 from . import design_results
 
@@ -22,12 +23,13 @@ def _platforms(_self: Any, _context: Any, text: str) -> list[str]:
 class DermisDesignTouch(bpy.types.PropertyGroup):
     """One touch that the motors shall render: a baked scene of this file, or a recording."""
 
-    scene: PointerProperty(name="Scene", description="A baked scene of this file", type=bpy.types.Scene)
+    scene: PointerProperty(name="Scene", description="A baked scene of this file", type=bpy.types.Scene, update=unfelt)
     filepath: StringProperty(
         name="Recording",
         description="CSV of a 20-channel sensor over time: a column 'time' [s] and 20 channels [counts of 12 bits]",
         subtype="FILE_PATH",
         options=BLEND_RELATIVE,
+        update=unfelt,
     )
 
 
@@ -40,11 +42,15 @@ class DermisDesign(bpy.types.PropertyGroup):
         default="cable_platform",
         search=_platforms,
         options=set(),
+        update=unfelt,
     )
     touches: CollectionProperty(type=DermisDesignTouch)
-    active_touch: IntProperty(name="Active Touch", default=0, min=0, options=set())
+    active_touch: IntProperty(name="Active Touch", default=0, min=0, options=set(), update=unfelt)
     finger: StringProperty(
-        name="Finger", description="Which finger of the scenes; empty: the first whose skin was baked", options=set()
+        name="Finger",
+        description="Which finger of the scenes; empty: the first whose skin was baked",
+        options=set(),
+        update=unfelt,
     )
     table: StringProperty(
         name="Table",
@@ -52,6 +58,7 @@ class DermisDesign(bpy.types.PropertyGroup):
         "swept for the finger's skin",
         subtype="FILE_PATH",
         options=BLEND_RELATIVE,
+        update=unfelt,
     )
     table_rows: IntProperty(
         name="Configurations",
@@ -63,6 +70,7 @@ class DermisDesign(bpy.types.PropertyGroup):
         soft_min=512,
         soft_max=166_375,
         options=set(),
+        update=unfelt,
     )
     noise: FloatProperty(
         name="Noise [counts]",
@@ -73,6 +81,7 @@ class DermisDesign(bpy.types.PropertyGroup):
         max=400.0,
         soft_max=20.0,
         options=set(),
+        update=unfelt,
     )
     rule: EnumProperty(
         name="Rule",
@@ -87,6 +96,7 @@ class DermisDesign(bpy.types.PropertyGroup):
         ),
         default="touch",
         options=set(),
+        update=unfelt,
     )
     motors: IntProperty(
         name="Motors",
@@ -95,6 +105,7 @@ class DermisDesign(bpy.types.PropertyGroup):
         min=0,
         max=6,
         options=set(),
+        update=unfelt,
     )
 
 

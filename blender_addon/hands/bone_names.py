@@ -12,6 +12,7 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 
 FINGERS = ("thumb", "index", "middle", "ring", "little")
 LEFT, RIGHT = "L", "R"
@@ -150,3 +151,23 @@ def _parted(word: str) -> list[str]:
             if all(w in _LONG for w in rest):
                 return [word[:size], *rest]
     return [word]
+
+
+@lru_cache(maxsize=32)
+def order(names: tuple[str, ...], fingers: tuple[str, ...]) -> tuple[int, ...]:
+    """Return in which order fingers are shown: a hand's fingers from the thumb on, then others as the scene has them.
+
+    Args:
+        names: of fingers, or of what is theirs, as 'Index: thimble'. fingers: all of the scene's.
+    """
+    said = labels(fingers)
+
+    def rank(i: int) -> tuple[str, int, int, int]:
+        whose = names[i] if names[i] in fingers else names[i].partition(": ")[0]
+        place = fingers.index(whose) if whose in fingers else len(fingers)
+        label = said.get(whose)
+        if label is None:
+            return ("~", len(FINGERS), place, i)
+        return (label.side, FINGERS.index(label.finger), place, i)
+
+    return tuple(sorted(range(len(names)), key=rank))

@@ -13,6 +13,7 @@ from . import (
     devices,
     export,
     film,
+    fold,
     housekeeping,
     maps,
     material,
@@ -53,6 +54,7 @@ CLASSES: tuple[type, ...] = (
     *thimble.CLASSES,
     *design.CLASSES,
     *strip.CLASSES,
+    *fold.CLASSES,
     *curves.CLASSES,
     *plots.CLASSES,
 )

@@ -9,7 +9,7 @@ import bpy
 from bpy.props import EnumProperty, FloatProperty
 
 from .. import reporting
-from ..polls import needs
+from ..polls import active_finger, needs
 from ..results import command_curves, store
 from .work import Work, counted
 
@@ -39,12 +39,15 @@ class DERMIS_OT_commands_as_curves(Work, bpy.types.Operator):
         result = cast(store.Result, store.current(context.scene))
         rate = self.rate if self.keys == "RATE" else 0.0
         made = command_curves.write(context.scene, result, rate=rate)
+        finger = active_finger(context)
+        if finger is not None:
+            finger.select_set(True)  # the Graph Editor shows what is selected
         often = f"{rate:g} Hz" if rate else "whole frames"
         said = f"Wrote {counted(made.curves, 'curve')} with {made.keys:,} values at {often}."
         if made.findings:
             reporting.report_findings(self, made.findings, f"Curves of {context.scene.name}", said)
             return None
-        return f"{said} Select a finger to see them in the Graph Editor"
+        return f"{said} The Graph Editor shows those of selected fingers"
 
 
 @needs(lambda context: command_curves.present(context.scene), "No finger has curves of commands")

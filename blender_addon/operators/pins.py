@@ -88,7 +88,7 @@ class DERMIS_OT_compare_pins(Work, bpy.types.Operator):
         for finding in pin_reports.doubts(context.scene, context.object):
             self.report({"WARNING"}, str(finding).removeprefix("warning: "))
         best = min((r for r in reports if not r.method.endswith("0")), key=lambda r: r.displacement_error)
-        return f"{best.method} misses least: {1e3 * best.displacement_error:.2f} mm"
+        return f"{best.method} misses least of what the pins can do: {1e3 * best.displacement_error:.2f} mm"
 
 
 CLASSES: tuple[type, ...] = (DERMIS_OT_press_test, DERMIS_OT_compare_pins)

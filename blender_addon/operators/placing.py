@@ -10,10 +10,11 @@ from mathutils import Vector
 
 from .. import changes, doubts
 from .._core import DermisError
+from ..layouts import properties
 from ..placing import gesture, keyed_poses, surfaces
-from ..polls import active_finger, needs
+from ..polls import needs, own_finger
 from ..quantities import metres_per_unit
-from .work import Work
+from .work import Work, follow
 
 FORCE_DEPTH = 3e-3  # [m] that a finger goes down to press with a force: enough for any, the bone gives way
 
@@ -31,10 +32,12 @@ class DERMIS_OT_mend(Work, bpy.types.Operator):
     def work(self, context: bpy.types.Context) -> str | None:
         """Mend it."""
         doubts.mend(context, self.code, self.name)
+        if self.name:
+            follow(context, context.scene.objects[self.name])
         return None
 
 
-@needs(active_finger, "Select a finger last, and before it the object that it shall lie on")
+@needs(own_finger, "Select a finger of this file last, and before it the object that it shall lie on")
 class DERMIS_OT_place_on_surface(Work, bpy.types.Operator):
     """Put the active finger's pad where the other selected object is nearest, else the nearest touchable one"""
 
@@ -57,10 +60,11 @@ class DERMIS_OT_place_on_surface(Work, bpy.types.Operator):
         spot, _ = _touched(context, finger.matrix_world.translation)
         surfaces.lie(finger, spot, 1e-3 * self.gap / metres_per_unit(context.scene))
         changes.mark_dirty(finger.name)
+        follow(context, finger)
         return None
 
 
-@needs(active_finger, "Select a finger last, and before it the object that it shall touch")
+@needs(own_finger, "Select a finger of this file last, and before it the object that it shall touch")
 class DERMIS_OT_add_gesture(Work, bpy.types.Operator):
     """Key a touch from this frame on: the active finger comes down on the surface, presses, holds, slides and lifts"""
 
@@ -91,6 +95,12 @@ class DERMIS_OT_add_gesture(Work, bpy.types.Operator):
         name="Height", description="From which it comes down and to which it lifts", default=5.0, min=0.1, unit="CAMERA"
     )
     approach: FloatProperty(name="Approach [mm/s]", description="Speed of coming and lifting", default=20.0, min=0.1)
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw depth or force, whichever the press is asked by, and the rest."""
+        pressed = "depth" if self.until == "DEPTH" else "force"
+        rest = ("hold", "slide", "speed", "direction", "height", "approach")
+        properties(self.layout, self, "until", pressed, *rest, keys=False)
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Key it."""
@@ -154,7 +164,7 @@ def _touched(
     meshes = [o for o in context.selected_objects if o.type == "MESH" and o.dermis.role != "FINGER"]
     spots = [
         (spot, body)
-        for body in meshes or doubts.bodies(context.scene, context.view_layer)
+        for body in meshes or doubts.bodies(context.scene, context.view_layer, screens=True)
         if (spot := surfaces.nearest(body, place, depsgraph)) is not None
     ]
     if not spots:

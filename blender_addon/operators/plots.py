@@ -53,7 +53,7 @@ def _show(context: bpy.types.Context, image: bpy.types.Image) -> None:
         region = next(r for r in area.regions if r.type == "WINDOW")
         with context.temp_override(window=window, area=area, region=region):
             bpy.ops.image.view_all(fit_view=True)
-            if region.width >= image.size[0]:
+            if region.width >= image.size[0] and region.height >= image.size[1]:
                 bpy.ops.image.view_zoom_ratio(ratio=1.0)
 
     bpy.app.timers.register(fit, first_interval=SHOW_AFTER)

@@ -7,6 +7,7 @@ from typing import Any
 
 import bpy
 from bpy.props import StringProperty
+from bpy_extras import view3d_utils
 
 from .. import choices, reporting
 from .._core import DermisError
@@ -24,11 +25,14 @@ class Work:
         raise NotImplementedError
 
     def execute(self: Any, context: bpy.types.Context) -> set[str]:
-        """Do it, and report."""
+        """Do it, and report; what was refused of it the last time is listed no more."""
+        subject = self.subject or self.bl_label
+        if reporting.source() == subject:
+            reporting.clear()
         try:
             said = self.work(context)
         except DermisError as error:
-            return reporting.report_error(self, error, self.subject or self.bl_label)
+            return reporting.report_error(self, error, subject)
         if said:
             self.report({"INFO"}, said)
         return {"FINISHED"}
@@ -118,6 +122,26 @@ def zoom(context: bpy.types.Context) -> None:
     if region is not None:
         with context.temp_override(area=area, region=region):
             bpy.ops.view3d.view_selected()
+
+
+def follow(context: bpy.types.Context, obj: bpy.types.Object) -> None:
+    """Bring an object into view, alone, where it was moved out of it; the selection stays."""
+    area = context.area
+    if area is None or area.type != "VIEW_3D" or bpy.app.background:
+        return
+    region, seen = next(r for r in area.regions if r.type == "WINDOW"), area.spaces.active.region_3d
+    at = view3d_utils.location_3d_to_region_2d(region, seen, obj.matrix_world.translation)
+    if at is not None and 0.0 < at.x < region.width and 0.0 < at.y < region.height:
+        return
+    others = [other for other in context.selected_objects if other != obj]
+    was = obj.select_get()
+    for other in others:
+        other.select_set(False)
+    obj.select_set(True)
+    zoom(context)
+    obj.select_set(was)
+    for other in others:
+        other.select_set(True)
 
 
 def counted(number: int, what: str = "file") -> str:

@@ -5,6 +5,7 @@ from typing import Any
 import bpy
 
 from .. import changes, choices, reporting
+from ..hands import bone_names
 from ..layouts import paragraph, properties
 from ..polls import needs
 from ..results import command_curves, store
@@ -65,7 +66,8 @@ class DERMIS_PT_export(DermisPanel, bpy.types.Panel):
         column.scale_y = 1.35
         column.enabled = store.state(context.scene) != "none"
         column.operator("dermis.export_tracks", icon="EXPORT")
-        exported.box(layout, context.scene)
+        if store.state(context.scene) not in ("fresh", "earlier"):  # else it stands in the head
+            exported.box(layout, context.scene)
         properties(layout, settings, "output_dir", "export_format", "plots", keys=False)
         row = layout.row(align=True)
         row.operator("dermis.export_scene", icon="FILE_CACHE")
@@ -104,7 +106,8 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
         self._ways(context)
 
     def _tracks(self, bake: Any) -> None:
-        for output in bake.outputs:
+        fingers = tuple(output.finger for output in bake.outputs)
+        for output in (bake.outputs[i] for i in bone_names.order(fingers, fingers)):
             box = self.layout.box().column(align=True)
             track = output.track
             box.label(text=f"{output.finger}: {track.spec.name}", icon=choices.icon(track.spec.kind))

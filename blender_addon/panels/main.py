@@ -6,6 +6,7 @@ import bpy
 
 from .. import jobs
 from ..layouts import paragraph
+from ..polls import own_finger
 from ..results import store
 from . import doubtful, exported, hands, summary
 
@@ -88,17 +89,24 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
 
     def _bake(self, context: bpy.types.Context, there: summary.Summary) -> None:
         layout, state = self.layout, store.state(context.scene)
-        if state == "fresh":
-            paragraph(layout, context, "Baked. Play it, export it, or stream it to the device.", "CHECKMARK")
+        if state in ("fresh", "earlier"):
+            fresh = "Baked. Play it, export it, or stream it to the device."
+            earlier = "Baked in an earlier session: export that, or bake again."
+            words, icon = (fresh, "CHECKMARK") if state == "fresh" else (earlier, "INFO")
+            paragraph(layout, context, words, icon)
             row = layout.row(align=True)
             row.operator("dermis.export_tracks", icon="EXPORT")
             row.prop(context.scene.dermis, "export_format", text="")
             row.prop(context.scene.dermis, "plots", text="", icon="IMAGE_DATA", toggle=True)
             exported.box(layout, context.scene)
-            return
+            if state == "fresh":
+                return
         if state == "none":
             first = "bake" if there.moving else "animate the finger, then bake; what does not move feels little"
             paragraph(layout, context, f"Next: {first}.", "RIGHTARROW")
+            finger = own_finger(context)
+            if not there.moving and finger is not None and finger.parent is None:
+                layout.operator("dermis.add_gesture", icon="KEYINGSET")
         elif state == "stale":
             paragraph(layout, context, "The scene has changed: bake again.", "ERROR")
         column = layout.column(align=True)
@@ -110,17 +118,18 @@ def working(layout: Any, context: bpy.types.Context, title: str = "") -> bool:
     """Draw how far the job in the window is, where its button was; return whether there is one.
 
     Args:
-        title: of the only job to draw; of any where empty.
+        title: of the only job to draw, without its words, so that nothing moves; of any where empty.
     """
     now = jobs.progress()
     if now is None or title not in ("", now.title):
         return False
     column = layout.column(align=True)
-    column.label(text=f"{now.title}: {now.words}")
-    row = column.split(factor=0.68)
+    if not title:
+        column.label(text=f"{now.title}: {now.words}")
+    row = column.split(factor=0.62)
     row.scale_y = 1.35
     row.progress(factor=now.share, text="", type="BAR")
-    row.label(text="Cancel", icon="EVENT_ESC")
+    row.label(text="Esc cancels")
     return True
 
 

@@ -70,7 +70,9 @@ class DERMIS_PT_screen(DermisPanel, bpy.types.Panel):
         editable(layout, context.object)
         column = properties(layout, screen, "source")
         if screen.source == "IMAGE":
-            column.template_ID(screen, "image", new="image.new", open="image.open", text="Image")
+            row = column.row()
+            row.use_property_split = False  # else its name has no room beside its buttons
+            row.template_ID(screen, "image", new="image.new", open="image.open")
             if screen.image is None:
                 paragraph(layout, context, "Choose the image whose brightness is the relief.", "RIGHTARROW")
         elif screen.source == "MESH":

@@ -37,13 +37,16 @@ class DERMIS_PT_preview(DermisPanel, bpy.types.Panel):
         )
         if settings.show_twin:
             layout.prop(settings, "twin_exaggeration", slider=True)
+        there = summary.of(context.scene)
+        if not there.touchables and not there.screens:
+            return  # the head says what to do
         now = shown.now(context.scene)
         preview = now.devices if now is not None else None
         if preview is None:
-            paragraph(layout, context, "Move along the timeline to see the devices at work.")
+            paragraph(layout, context, "Move along the timeline to see the devices at work.", least=2)
             return
         icon = {"bake": "CHECKMARK", "live": "PLAY", "device": "LINKED", "file": "FILE"}.get(preview.source, "ERROR")
-        paragraph(layout, context, preview.note[:1].upper() + preview.note[1:], icon)
+        paragraph(layout, context, preview.note[:1].upper() + preview.note[1:], icon, least=2)
 
 
 @needs(lambda context: bool(_rows(context)))

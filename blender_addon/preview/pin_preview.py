@@ -109,7 +109,7 @@ def _matched(target: SkinState, device: Any, spec: Any) -> tuple[SkinState, Arra
             solver = pins.make_solver(ready, spec, device.pin_method, None, bounded=device.pin_bounded)
             matched = solver.solve(target.force)
             forces, force = matched.forces, pins.rendered_force(ready, matched.forces)
-            note = f"u_err {1e3 * matched.displacement_error:.2f} mm"
+            note = f"{1e3 * matched.displacement_error:.2f} mm off"
         except DermisError as error:
             force, note = np.zeros_like(target.force), str(error)
     total = force.sum(axis=0)

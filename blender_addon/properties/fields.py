@@ -15,6 +15,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from .. import changes, redraw
@@ -44,8 +45,15 @@ def touched(_self: Any, _context: Any) -> None:
     changes.mark_dirty()
 
 
-def redrawn(_self: Any, _context: Any) -> None:
-    """Draw the views again: how they show something has changed."""
+def unfelt(self: Any, _context: Any) -> None:
+    """Note that no bake depends on what changes."""
+    changes.expect(self.id_data)
+
+
+def redrawn(self: Any, context: Any) -> None:
+    """Draw the views again: how they show something has changed, and no bake depends on that."""
+    if isinstance(self.id_data, bpy.types.Scene):
+        unfelt(self, context)
     redraw.request()
 
 

@@ -16,7 +16,7 @@ from bpy.props import CollectionProperty, EnumProperty, IntProperty, PointerProp
 from .._core import core
 from ..registration import registration
 from .device_properties import DermisDevice
-from .fields import OVERRIDE, apply, declared, touched, values
+from .fields import OVERRIDE, apply, declared, touched, unfelt, values
 from .material_properties import DermisMaterial
 from .screen_properties import DermisScreen
 from .skin_properties import DermisSkin
@@ -30,7 +30,7 @@ class DermisFinger(bpy.types.PropertyGroup):
 
     skin: PointerProperty(type=DermisSkin, override=OVERRIDE)
     devices: CollectionProperty(type=DermisDevice, override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"})
-    active_device: IntProperty(name="Active Device", default=0, min=0, options=set(), override=OVERRIDE)
+    active_device: IntProperty(name="Active Device", default=0, min=0, options=set(), override=OVERRIDE, update=unfelt)
 
 
 class DermisObject(bpy.types.PropertyGroup):

@@ -9,7 +9,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 from .._core import core
 from ..compat import BLEND_RELATIVE
 from ..registration import registration
-from .fields import redrawn, touched
+from .fields import redrawn, touched, unfelt
 from .skin_properties import DermisSkinView
 from .thimble_view_properties import DermisThimbleView
 
@@ -49,12 +49,22 @@ class DermisScene(bpy.types.PropertyGroup):
         default="//tracks/",
         subtype="DIR_PATH",
         options=BLEND_RELATIVE,
+        update=unfelt,
     )
     export_format: EnumProperty(
-        name="Format", description="Of the files that Export Tracks writes", items=FORMATS, default="csv", options=set()
+        name="Format",
+        description="Of the files that Export Tracks writes",
+        items=FORMATS,
+        default="csv",
+        options=set(),
+        update=unfelt,
     )
     plots: BoolProperty(
-        name="With Plots", description="Write a PNG plot beside each exported track", default=False, options=set()
+        name="With Plots",
+        description="Write a PNG plot beside each exported track",
+        default=False,
+        options=set(),
+        update=unfelt,
     )
     skin_view: PointerProperty(type=DermisSkinView)
     thimble_view: PointerProperty(type=DermisThimbleView)
@@ -63,18 +73,28 @@ class DermisScene(bpy.types.PropertyGroup):
         description="Evaluate the current frame while you scrub, where no fresh bake covers it",
         default=True,
         options=set(),
+        update=redrawn,
     )
     show_twin: BoolProperty(
-        name="Device Twin", description="Draw the device on the finger, moving as it will", default=True, options=set()
+        name="Device Twin",
+        description="Draw the device on the finger, moving as it will",
+        default=True,
+        options=set(),
+        update=redrawn,
     )
     show_readout: BoolProperty(
-        name="Readout", description="Write the devices' values into the view", default=True, options=set()
+        name="Readout",
+        description="Write the devices' values into the view",
+        default=True,
+        options=set(),
+        update=redrawn,
     )
     show_strip: BoolProperty(
         name="Strip",
         description="Draw touch, mismatch, limits and findings along the bottom of timeline and graph editor",
         default=True,
         options=set(),
+        update=redrawn,
     )
     fold_cards: BoolProperty(
         name="Fold",
@@ -93,6 +113,7 @@ class DermisScene(bpy.types.PropertyGroup):
         soft_max=10.0,
         precision=1,
         options=set(),
+        update=redrawn,
     )
     bake_key: StringProperty(description="Which stored result the last bake gave", options={"HIDDEN"})
     active_finding: IntProperty(default=-1, options={"HIDDEN"})

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import Array, core
+from ..hands import bone_names
 from . import stored_skins
 
 Kind = Literal["force", "touch", "mismatch", "limited"]
@@ -67,7 +68,7 @@ class Mark(NamedTuple):
 
 
 def lanes_of(result: Any) -> tuple[Lane, ...]:
-    """Return a lane for every finger of a stored `Result`, in the bake's order."""
+    """Return a lane for every finger of a stored `Result`, thumb first, others as the bake has them."""
     found: dict[str, dict[Kind, list[Series]]] = {}
 
     def add(finger: str, kind: Kind, frames: Array, values: Array) -> None:
@@ -83,7 +84,8 @@ def lanes_of(result: Any) -> tuple[Lane, ...]:
         add(finger, "limited", frames, limited(track, output.signals).astype(np.float64))
     for finger, (times, force) in stored_skins.forces_of(result.bake).items():
         add(finger, "force", result.first + times * result.fps, np.asarray(force, np.float64))
-    return tuple(Lane(finger, {k: tuple(s) for k, s in kinds.items()}) for finger, kinds in found.items())
+    lanes = [Lane(finger, {k: tuple(s) for k, s in kinds.items()}) for finger, kinds in found.items()]
+    return tuple(lanes[i] for i in bone_names.order(tuple(found), tuple(found)))
 
 
 def limited(track: Any, signals: Mapping[str, Array]) -> NDArray[np.bool_]:

@@ -116,7 +116,7 @@ def same(rows: Rows, made: Any) -> bool:
 def quietly(scene: bpy.types.Scene) -> Iterator[None]:
     """Change settings that belong together without passing half of them on."""
     global _restoring
-    changes.expect(scene.name)
+    changes.expect(scene)
     before, _restoring = _restoring, True
     try:
         yield

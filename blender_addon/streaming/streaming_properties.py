@@ -17,7 +17,7 @@ from . import agreed_paths, calibration_offers, calibration_rows, device_calibra
 
 
 def _quiet(self: Any, _context: Any) -> None:
-    changes.expect(self.id_data.name)  # no bake depends on how it is streamed
+    changes.expect(self.id_data)  # no bake depends on how it is streamed
 
 
 def _changed(self: Any, context: Any) -> None:

@@ -15,13 +15,14 @@ from ..preview import live_lanes
 from ..results import store
 from ..results.lanes import Lane, Mark, lanes_of, marks_of
 from ..viewport import paint
-from .columns import MARK, Layout, View, laid_out
+from .columns import MARK, SCRUB, Layout, View, laid_out
 
 EDITORS = {"DOPESHEET_EDITOR": "SpaceDopeSheetEditor", "GRAPH_EDITOR": "SpaceGraphEditor"}
 MENUS = ("TIME_MT_view", "DOPESHEET_MT_view", "GRAPH_MT_view")
 KEYMAPS = (("Dopesheet", "DOPESHEET_EDITOR"), ("Graph Editor", "GRAPH_EDITOR"))
 JUMP = "dermis.strip_jump"
 LETTERS = 0.87  # of the usual size
+NOTE = 16.0  # height of the line above the lanes [px at scale 1]
 NOTES = {**store.NOTES, "fresh": "", "live": "live: frames seen since the last edit"}
 
 
@@ -126,7 +127,7 @@ def _write(layout: Layout, view: View, state: str) -> None:
     pale, size = state in ("stale", "earlier"), LETTERS * view.scale
     for words, x, y in layout.labels:
         paint.text(words, x, y, paint.FAINT if pale else paint.INK, size)
-    if NOTES[state]:
+    if NOTES[state] and layout.top + (NOTE + SCRUB) * view.scale <= view.height:  # else over the frames' numbers
         tone = paint.ORANGE if pale else paint.BLUE
         paint.text(NOTES[state], view.width - 18.0 * view.scale, layout.top + 4.0 * view.scale, tone, size, align=1.0)
 

@@ -8,7 +8,6 @@ Draws what `shown` has kept, and changes nothing.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import bpy
@@ -33,27 +32,19 @@ SOURCE_COLOURS = {
     "file": paint.GREEN,
 }
 SLIM = 200  # in a view with less room than that for a device, all are folded [px at scale 1]
+FOLD = "dermis.fold_card"
 _handlers = Handlers()
+_keys: list[tuple[Any, Any]] = []
+_folded: set[Card] = set()  # by a click, for the session
+_places: dict[int, list[tuple[Box, Card]]] = {}  # of the devices' cards last drawn into a region, in its pixels
 
 
-@lru_cache(maxsize=32)
-def order(names: tuple[str, ...], fingers: tuple[str, ...]) -> tuple[int, ...]:
-    """Return in which order cards stand: a hand's fingers from the thumb on, then others as the scene has them.
+class Card(NamedTuple):
+    """Whose card it is: the scene's session uid, the finger, and the device's title."""
 
-    Args:
-        names: of fingers, or of what is theirs, as 'Index: thimble'. fingers: all of the scene's.
-    """
-    said = bone_names.labels(fingers)
-
-    def rank(i: int) -> tuple[str, int, int, int]:
-        whose = names[i] if names[i] in fingers else names[i].partition(": ")[0]
-        place = fingers.index(whose) if whose in fingers else len(fingers)
-        label = said.get(whose)
-        if label is None:
-            return ("~", len(bone_names.FINGERS), place, i)
-        return (label.side, bone_names.FINGERS.index(label.finger), place, i)
-
-    return tuple(sorted(range(len(names)), key=rank))
+    scene: int
+    finger: str
+    title: str
 
 
 class Plan(NamedTuple):
@@ -68,6 +59,10 @@ class Plan(NamedTuple):
     open_devices: int
     pads: list[Box]
     open_pads: bool
+
+    def shown(self, count: int) -> int:
+        """Return how many of so many devices have a place of their own; where not all have, the last is for words."""
+        return count if len(self.devices) > count else max(len(self.devices) - 2, 0)
 
     @classmethod
     def of(
@@ -117,6 +112,7 @@ def _pads(count: int, map_size: float, room: Box, taken: Sequence[Box], *, folde
 def _draw() -> None:
     context = bpy.context
     scene, space = context.scene, context.space_data
+    _places.pop(context.region.as_pointer(), None)
     if not getattr(space.overlay, "show_overlays", True):
         return
     now = shown.now(scene)
@@ -130,12 +126,23 @@ def _draw() -> None:
     rows: list[tuple[Row, Twin | None]] = []
     devices, skins = now.devices, now.skins if settings.skin_view.show else now.skins._replace(states=(), drawn=())
     if settings.show_readout and devices is not None:
-        rows = [(devices.rows[i], now.twins[i]) for i in order(tuple(row.finger for row in devices.rows), fingers)]
-    pads = order(tuple(state.finger for state in skins.states), fingers) if settings.skin_view.maps else ()
+        rows = [
+            (devices.rows[i], now.twins[i])
+            for i in bone_names.order(tuple(row.finger for row in devices.rows), fingers)
+        ]
+    pads = bone_names.order(tuple(state.finger for state in skins.states), fingers) if settings.skin_view.maps else ()
     alone = devices is not None and devices.source == "live" and not skins.states  # else the legend says it
     said = settings.show_readout and (rows or alone)
-    heights = [device_cards.height(row) for row, _ in rows] if said else None
-    plan = Plan.of(heights, len(pads), settings.skin_view.map_size, room, taken, folded=settings.fold_cards)
+    names = [Card(scene.session_uid, row.finger, row.title) for row, _ in rows]
+    heights = [
+        device_cards.FOLDED if name in _folded else device_cards.height(row)
+        for name, (row, _) in zip(names, rows, strict=True)
+    ]
+    size, folded = settings.skin_view.map_size, settings.fold_cards
+    plan = Plan.of(heights if said else None, len(pads), size, room, taken, folded=folded)
+    count = plan.shown(len(names))
+    places = [place.scaled(scale) for place in plan.devices[1 : count + 1]]
+    _places[context.region.as_pointer()] = list(zip(places, names[:count], strict=True))
     gpu.state.blend_set("ALPHA")
     if devices is not None:
         _devices(devices, rows, plan, scale)
@@ -148,14 +155,14 @@ def _draw() -> None:
 
 def _devices(devices: Preview, rows: Sequence[tuple[Row, Twin | None]], plan: Plan, scale: float) -> None:
     """Draw the devices' cards under a line that says where their values come from."""
-    shown_count = len(rows) if len(plan.devices) > len(rows) else len(plan.devices) - 2
+    shown_count = plan.shown(len(rows))
     for i, at in enumerate(place.scaled(scale) for place in plan.devices):
         if i == 0:
             place = at if rows else at._replace(width=0.0)  # alone it may be as long as it is
             _line(devices.note, place, SOURCE_COLOURS[devices.source], scale)
         elif i > shown_count:
             _missing(len(rows) - shown_count, "device", at, scale)
-        elif i < plan.open_devices:
+        elif i < plan.open_devices and plan.devices[i].height > device_cards.FOLDED:
             device_cards.card(*rows[i - 1], at, scale)
         else:
             device_cards.line(rows[i - 1][0], at, scale)
@@ -194,11 +201,35 @@ def _missing(count: int, what: str, at: Box, scale: float) -> None:
     _line(f"and {count} more {what}{'' if count == 1 else 's'}: enlarge the view", at, paint.ORANGE, scale)
 
 
+def shown_in(context: bpy.types.Context) -> bool:
+    """Return whether the current region shows cards of devices."""
+    return context.region is not None and bool(_places.get(context.region.as_pointer()))
+
+
+def fold_at(context: bpy.types.Context, x: float, y: float) -> bool:
+    """Fold or unfold the card at a place of the current region [px]; return whether there is one."""
+    for place, name in _places.get(context.region.as_pointer(), ()):
+        if place.meets(Box(x, y, 1.0, 1.0)):
+            _folded.symmetric_difference_update({name})
+            context.region.tag_redraw()
+            return True
+    return False
+
+
 def register() -> None:
-    """Draw cards from now on."""
+    """Draw cards from now on, and listen for clicks on them."""
     _handlers.add(_draw, "POST_PIXEL")
+    ours = bpy.context.window_manager.keyconfigs.addon
+    if ours is not None:  # none without a window
+        keymap = ours.keymaps.new(name="3D View", space_type="VIEW_3D")
+        _keys.append((keymap, keymap.keymap_items.new(FOLD, "LEFTMOUSE", "PRESS", head=True)))
 
 
 def unregister() -> None:
     """Draw them no more."""
+    while _keys:
+        keymap, item = _keys.pop()
+        keymap.keymap_items.remove(item)
     _handlers.clear()
+    _folded.clear()
+    _places.clear()

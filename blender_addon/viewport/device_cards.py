@@ -55,8 +55,8 @@ def line(row: Row, place: Box, scale: float) -> None:
     x, y = place.left + MARGIN * scale, place.bottom + 0.3 * place.height
     width = place.width - 2 * MARGIN * scale
     touching = row.contact is None or row.contact > 0.5
-    paint.text(f"{row.finger}   {row.title}", x, y, INK, scale, width=0.58 * width)
-    paint.text(in_words(row), x + width, y, ORANGE if touching else FAINT, scale, align=1.0)
+    said = paint.text(in_words(row), x + width, y, ORANGE if touching else FAINT, scale, align=1.0)
+    paint.text(f"{row.finger}   {row.title}", x, y, INK, scale, width=width - said - MARGIN * scale)
 
 
 def in_words(row: Row) -> str:

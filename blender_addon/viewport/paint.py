@@ -23,18 +23,22 @@ FONT_SIZE = 11.5
 
 def text(
     words: str, x: float, y: float, colour: Colour, scale: float, *, width: float = 0.0, align: float = 0.0
-) -> None:
-    """Write a line; cut it off at a width [px] where one is given. `align` is the part of it left of x."""
+) -> float:
+    """Write a line; cut it off at a width [px] where one is given. `align` is the part of it left of x.
+
+    Returns:
+        How wide it is where it was measured: cut off, or aligned [px]; else 0.
+    """
     import blf
 
     blf.size(0, FONT_SIZE * scale)
     blf.color(0, *colour)
     while width and len(words) > 4 and blf.dimensions(0, words)[0] > width:
         words = words.rstrip("…")[:-1] + "…"
-    if align:
-        x -= align * blf.dimensions(0, words)[0]
-    blf.position(0, x, y, 0.0)
+    wide = blf.dimensions(0, words)[0] if align or width else 0.0
+    blf.position(0, x - align * wide, y, 0.0)
     blf.draw(0, words)
+    return float(wide)
 
 
 def wrapped(words: str, letters: int) -> list[str]:

@@ -117,3 +117,11 @@ def test_what_cannot_be_keyed_is_refused() -> None:
         bpy.ops.dermis.add_gesture()
     assert bpy.context.object.animation_data is None
     assert Vector(bpy.context.object.location) == Vector((0.0, 0.0, 1.0))
+
+
+def test_a_touch_screen_is_touched_without_being_selected() -> None:
+    bpy.ops.dermis.add_screen()
+    bpy.context.scene.cursor.location = (0.0, 0.0, 0.02)
+    bpy.ops.dermis.add_finger()
+    assert bpy.ops.dermis.place_on_surface() == {"FINISHED"}
+    assert bpy.context.object.matrix_world.translation.z == pytest.approx(0.0, abs=1e-6)

@@ -10,7 +10,7 @@ import bpy
 import pytest
 
 import blender_addon
-from blender_addon import changes, handlers, redraw
+from blender_addon import changes, compat, handlers, redraw
 from blender_addon.devices import skin_models
 from blender_addon.preview import skin_preview
 from blender_addon.viewport import shown
@@ -97,6 +97,78 @@ def test_frames_and_selection_do_not(thing: bpy.types.Object) -> None:
     for frame in (2, 3, 4):
         bpy.context.scene.frame_set(frame, subframe=0.5)
     assert changes.dirty() == frozenset()
+
+
+def test_how_channels_of_an_action_are_shown_does_not(thing: bpy.types.Object) -> None:
+    compat.set_keys(thing, "location", 0, [1, 5], [0, 1])
+    curve = next(compat.channelbags(thing.animation_data.action)).fcurves[0]
+    bpy.context.view_layer.update()
+    changes.clear_dirty()
+    before = changes.edits()
+    for name in ("select", "hide", "lock"):
+        setattr(curve, name, not getattr(curve, name))
+        bpy.context.view_layer.update()
+    curve.keyframe_points[0].select_control_point = True
+    bpy.context.view_layer.update()
+    assert (changes.dirty(), changes.edits()) == (frozenset(), before)
+
+
+@pytest.mark.parametrize("what", ["co", "mute", "extrapolation", "interpolation", "modifier", "setting"])
+def test_what_an_action_says_counts(thing: bpy.types.Object, what: str) -> None:
+    compat.set_keys(thing, "location", 0, [1, 5], [0, 1])
+    curve = next(compat.channelbags(thing.animation_data.action)).fcurves[0]
+    noise = curve.modifiers.new("NOISE")
+    noise.mute = True
+    bpy.context.view_layer.update()
+    changes.clear_dirty()
+    if what == "co":
+        curve.keyframe_points[1].co.y = 2.0
+    elif what == "interpolation":
+        curve.keyframe_points[0].interpolation = "CONSTANT"
+    elif what == "modifier":
+        curve.modifiers.new("STEPPED")
+    elif what == "setting":
+        noise.scale = 3.0
+    else:
+        setattr(curve, what, True if what == "mute" else "LINEAR")
+    thing.animation_data.action.update_tag()
+    bpy.context.view_layer.update()
+    assert changes.dirty()
+
+
+@pytest.mark.parametrize("group", ["", "skin_view", "thimble_view"])
+def test_what_is_shown_and_written_of_a_scene_does_not(thing: bpy.types.Object, group: str) -> None:
+    del thing
+    settings = bpy.context.scene.dermis
+    settings = getattr(settings, group) if group else settings
+    felt = {"sample_rate", "use_range", "frame_start", "frame_end"}
+    counted = set()
+    for prop in settings.bl_rna.properties:
+        name = prop.identifier
+        if prop.is_readonly or prop.type not in ("BOOLEAN", "ENUM", "FLOAT", "INT") or prop.is_hidden:
+            continue
+        if prop.type == "ENUM":
+            setattr(settings, name, prop.enum_items[-1].identifier)
+        else:
+            setattr(settings, name, prop.soft_max if prop.type != "BOOLEAN" else not getattr(settings, name))
+        bpy.context.view_layer.update()
+        counted |= {name} if changes.dirty() else set()
+        changes.clear_dirty()
+    assert counted == (felt if not group else set())
+
+
+def test_which_device_of_a_list_is_looked_at_does_not() -> None:
+    made = finger()
+    for _ in range(2):
+        made.dermis.finger.devices.add().preset = "haptip"
+    bpy.context.view_layer.update()
+    changes.clear_dirty()
+    made.dermis.finger.active_device = 1
+    bpy.context.view_layer.update()
+    assert changes.dirty() == frozenset()
+    made.dermis.finger.devices[1].enabled = False
+    bpy.context.view_layer.update()
+    assert changes.dirty()
 
 
 def test_our_own_sweep_does_not(thing: bpy.types.Object) -> None:

@@ -44,15 +44,19 @@ def test_panels_grey_out_what_would_not_be_saved(linked: bpy.types.Object) -> No
 def test_operators_leave_linked_objects_alone(linked: bpy.types.Object) -> None:
     linked.select_set(True)
     assert work.chosen(bpy.context) == [] and presets.chosen(bpy.context, "devices") is None
+    cube("Own").select_set(True)  # a surface to be placed on
+    bpy.context.view_layer.objects.active = linked
     for call in (
         lambda: bpy.ops.dermis.set_role(role="NONE"),
         lambda: bpy.ops.dermis.remove_device(),
         lambda: bpy.ops.dermis.add_device(preset="haptip"),
         lambda: bpy.ops.dermis.apply_skin(preset="index_small"),
+        bpy.ops.dermis.place_on_surface,
+        bpy.ops.dermis.add_gesture,
     ):
         with pytest.raises(RuntimeError):
             call()
-    assert [d.preset for d in linked.dermis.finger.devices] == ["haptip"]
+    assert [d.preset for d in linked.dermis.finger.devices] == ["haptip"] and linked.animation_data is None
 
 
 def test_an_override_can_be_edited(linked: bpy.types.Object) -> None:

@@ -7,6 +7,7 @@ from itertools import combinations
 
 import pytest
 
+from blender_addon.hands import bone_names
 from blender_addon.viewport import cards, packing
 from blender_addon.viewport.packing import Box
 
@@ -141,7 +142,7 @@ def test_any_number_of_cards_keeps_apart_in_any_view() -> None:
 
 def test_cards_stand_in_the_order_of_the_fingers() -> None:
     fingers = ("Index", "Probe", "Little", "Middle", "Ring", "Thumb", "Alpha")
-    assert [fingers[i] for i in cards.order(fingers, fingers)] == [
+    assert [fingers[i] for i in bone_names.order(fingers, fingers)] == [
         "Thumb",
         "Index",
         "Middle",
@@ -151,6 +152,6 @@ def test_cards_stand_in_the_order_of_the_fingers() -> None:
         "Alpha",
     ]
     names = ("Index", "Thumb", "Index: thimble", "Thumb: thimble")
-    assert cards.order(names, fingers) == (1, 3, 0, 2)
+    assert bone_names.order(names, fingers) == (1, 3, 0, 2)
     hands = ("Thumb.R", "Index.R", "Index.L", "Thumb.L")
-    assert [hands[i] for i in cards.order(hands, hands)] == ["Thumb.L", "Index.L", "Thumb.R", "Index.R"]
+    assert [hands[i] for i in bone_names.order(hands, hands)] == ["Thumb.L", "Index.L", "Thumb.R", "Index.R"]

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from mathutils import Quaternion, Vector
 
+from blender_addon import reporting
+
 from .build import cube, finger, span
 
 
@@ -95,3 +97,12 @@ def test_what_hangs_on_something_is_not_keyed(tmp_path) -> None:
     obj.parent = cube()
     with pytest.raises(RuntimeError, match="without a parent"):
         bpy.ops.dermis.import_poses(filepath=written(tmp_path, "0,0,0\n1,1,1\n"))
+
+
+def test_what_was_refused_is_listed_no_more_once_it_goes(tmp_path) -> None:
+    ready()
+    with pytest.raises(RuntimeError):
+        bpy.ops.dermis.import_poses(filepath=written(tmp_path, "1,2\n"))
+    assert reporting.findings()
+    bpy.ops.dermis.import_poses(filepath=written(tmp_path, "0,0,0,0\n1,0,0,1\n"))
+    assert not reporting.findings()

@@ -23,7 +23,7 @@ from blender_addon.devices import platform_devices, skin_models, thimble_adaptat
 from blender_addon.preview import device_preview, pin_preview, skin_preview, thimble_preview
 from blender_addon.sampling import scene_sweep
 from blender_addon.streaming import built_devices, device_calibration
-from blender_addon.viewport import parts, platform_twin, shown, skin_field, tactor_twin, thimble_twin
+from blender_addon.viewport import cards, parts, platform_twin, shown, skin_field, tactor_twin, thimble_twin
 
 from .stand_in import Anything, draw, draw_callbacks, graphics_card
 
@@ -172,3 +172,26 @@ def test_panels_call_presets_by_their_names_once_a_finger_is_shown(card: Anythin
         draw_only(callbacks, layout)
         assert name in layout.words
         shown.work()
+
+
+def test_a_click_folds_one_card_and_unfolds_it(card: Anything, callbacks: Any) -> None:
+    build("tactor")
+    window = bpy.context.window_manager.windows[0]
+    area = next(a for a in window.screen.areas if a.type == "VIEW_3D")
+    region = next(r for r in area.regions if r.type == "WINDOW")
+
+    def words() -> list[str]:
+        card.words.clear()
+        draw(callbacks, Anything())
+        return list(card.words)
+
+    with bpy.context.temp_override(window=window, area=area, region=region):
+        opened = words()
+        (place, _), *_ = cards._places[region.as_pointer()]
+        assert bpy.ops.dermis.fold_card.poll()
+        assert not cards.fold_at(bpy.context, place.right + 5.0, place.bottom)
+        assert cards.fold_at(bpy.context, place.left + 5.0, place.top - 5.0)
+        folded = words()
+        (line, _), *_ = cards._places[region.as_pointer()]
+        assert line.height < place.height and len(folded) < len(opened)
+        assert cards.fold_at(bpy.context, line.left + 5.0, line.top - 5.0) and words() == opened

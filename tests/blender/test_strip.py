@@ -146,10 +146,10 @@ def test_a_bakes_strip_is_what_the_bake_says() -> None:
     bpy.ops.dermis.bake()
     shown = strip.of(scene)
     assert shown is not None and shown.state == "fresh"
-    assert [made.finger for made in shown.lanes] == ["Index", "Reader", "Thumb"]
+    assert [made.finger for made in shown.lanes] == ["Thumb", "Index", "Reader"]
     result = store.current(scene)
     contact = result.bake.outputs[0].signals["contact"]
-    (series,) = shown.lanes[0].series["touch"]
+    (series,) = shown.lanes[1].series["touch"]
     assert series.frames[0] == 1.0 and series.frames[-1] == pytest.approx(97.0, abs=0.1)
     assert np.array_equal(series.values, contact)
     assert strip.of(scene).lanes is shown.lanes  # made once

@@ -231,10 +231,10 @@ def _inverse(matrix: Array) -> Floats32:
         return np.linalg.inv(matrix.astype(np.float64, copy=False)).astype(np.float32)
     from scipy.linalg.lapack import spotrf, spotri
 
-    factor, info = spotrf(matrix.astype(np.float32), lower=1, overwrite_a=1)
-    if info == 0:
-        inverse, info = spotri(factor, lower=1, overwrite_c=1)
+    inverse = matrix.astype(np.float32)
+    info = spotrf(inverse.T, lower=1, overwrite_a=1)[1] or spotri(inverse.T, lower=1, overwrite_c=1)[1]
     if info != 0:
         return np.linalg.inv(matrix).astype(np.float32)
-    lower = np.tril(inverse)
-    return np.ascontiguousarray(lower + np.tril(inverse, -1).T)
+    for row in range(len(inverse)):  # in place: half of it is what is above the diagonal
+        inverse[row + 1 :, row] = inverse[row, row + 1 :]
+    return inverse

@@ -32,7 +32,7 @@ ROUNDED_SQUARE, ROUNDED, ROUNDED_PRODUCT = np.float32(4e-6), 2e-6, 3e-6
 # of its size; so many places are remembered.
 AT_ONCE, AROUND, PLACES = 100_000, 0.1, 8
 # A pair of a point and a group that is measured by itself costs so many times as much; at the most so many are at once.
-GATHER, AT_MOST = 7, 1_000_000
+GATHER, AT_MOST = 7, 400_000
 
 _GROUPS: weakref.WeakKeyDictionary[Topology, Indices] = weakref.WeakKeyDictionary()
 

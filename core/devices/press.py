@@ -25,7 +25,8 @@ from .press_problem import Carrier, PressPoints, PressProblem
 from .press_state import PressState
 
 STEPS = 3
-BATCH = 256
+BATCH = 128
+DEEP = 3.0  # times as much as where a row presses, how deep it does so counts for which rows are alike
 REACH = 0.3  # of a row's depth: undeformed points farther off are left out, and looked at afterwards
 MOST = 0.8  # of the points: where more come near it is not worth while to leave any out
 PASSED = 1e-6  # [m] of penetration by which a point that was left out is touched
@@ -79,23 +80,32 @@ class Press:
         self.points, self.carrier, self.steps = points, carrier, int(steps)
 
     def press(self, commands: Array, *, via: Array | None = None) -> Pressed:
-        """Press rows from rest, in batches of alike depth: the less deep, the fewer points a batch has.
+        """Press rows from rest, in batches of rows that press alike: so a batch needs few points.
 
         Args:
             commands: shape (n, motors).
             via: commands that each row goes to first and then comes back from, shape (n, motors); None for straight.
         """
         n, whole = len(commands), self.problem
-        depth = -whole.gap(self.carrier.carry(commands, self.carrier.rest_poses(n))).min(axis=1, initial=np.inf)
-        order = np.argsort(depth, kind="stable")
         nodes = whole.count if self.points.nodal is None else len(self.points.nodal) // 3
         force, moved = (np.zeros((n, m, 3), np.float32) for m in (nodes, whole.count))
         poses = self.carrier.rest_poses(n)
         made = Pressed(force, moved, poses, np.zeros(n, bool), np.zeros(n), np.zeros(n))
-        for i in range(0, n, BATCH):
-            rows = order[i : i + BATCH]
+        for rows in _alike(np.arange(n), self._where(commands)):
             made.set(rows, self._batch(commands[rows], None if via is None else via[rows]))
         return made
+
+    def _where(self, commands: Array) -> Array:
+        """Return where rows press, and how deep [m], shape (n, 3)."""
+        found, positions = np.zeros((len(commands), 3)), self.problem.positions[:, :2]
+        for i in range(0, len(commands), BATCH):
+            some = commands[i : i + BATCH]
+            gap = self.problem.gap(self.carrier.carry(some, self.carrier.rest_poses(len(some))))
+            low = np.minimum(gap.min(axis=1), 0.0)
+            near = gap + REACH * low[:, None] <= 0.0
+            found[i : i + BATCH, :2] = near @ positions / np.maximum(near.sum(axis=1), 1)[:, None]
+            found[i : i + BATCH, 2] = DEEP * low
+        return found
 
     # -- a batch -----------------------------------------------------------------------------------------------------
 
@@ -154,3 +164,17 @@ class Press:
         if nodal is None:
             return force
         return (force.reshape(len(force), -1) @ nodal.T.astype(np.float32)).reshape(len(force), -1, 3)
+
+
+def _alike(rows: Indices, where: Array) -> list[Indices]:
+    """Return batches of rows that are near each other: halves of halves across what differs most.
+
+    Args:
+        rows: shape (k,). where: of all rows, shape (n, 3).
+    """
+    if len(rows) <= BATCH:
+        return [rows] if len(rows) else []
+    axis = int(np.ptp(where[rows], axis=0).argmax())
+    rows = rows[np.argsort(where[rows, axis], kind="stable")]
+    half = -(-len(rows) // BATCH) // 2 * BATCH
+    return _alike(rows[:half], where) + _alike(rows[half:], where)

@@ -25,7 +25,9 @@ from .press_problem import Carrier, PressPoints, PressProblem
 from .press_state import PressState
 
 STEPS = 3
-BATCH = 256
+BATCH = 128
+AT_ONCE = 1024  # rows whose poses without load are looked for together
+DEEP = 3.0  # times as much as where a row presses, how deep it does so counts for which rows are alike
 REACH = 0.3  # of a row's depth: undeformed points farther off are left out, and looked at afterwards
 MOST = 0.8  # of the points: where more come near it is not worth while to leave any out
 PASSED = 1e-6  # [m] of penetration by which a point that was left out is touched
@@ -79,55 +81,70 @@ class Press:
         self.points, self.carrier, self.steps = points, carrier, int(steps)
 
     def press(self, commands: Array, *, via: Array | None = None) -> Pressed:
-        """Press rows from rest, in batches of alike depth: the less deep, the fewer points a batch has.
+        """Press rows from rest, in batches of rows that press alike: so a batch needs few points.
 
         Args:
             commands: shape (n, motors).
             via: commands that each row goes to first and then comes back from, shape (n, motors); None for straight.
         """
         n, whole = len(commands), self.problem
-        depth = -whole.gap(self.carrier.carry(commands, self.carrier.rest_poses(n))).min(axis=1, initial=np.inf)
-        order = np.argsort(depth, kind="stable")
         force, moved = (np.zeros((n, m, 3), np.float32) for m in (self.points.node_count, whole.count))
         poses = self.carrier.rest_poses(n)
         made = Pressed(force, moved, poses, np.zeros(n, bool), np.zeros(n), np.zeros(n))
-        for i in range(0, n, BATCH):
-            rows = order[i : i + BATCH]
-            made.set(rows, self._batch(commands[rows], None if via is None else via[rows]))
+        first = commands if via is None else via
+        free, where = self.carrier.rest_poses(n), np.zeros((n, 3))
+        for rows in np.split(np.arange(n), range(AT_ONCE, n, AT_ONCE)):
+            there = self.carrier.carry(first[rows], free.take(rows))
+            free.rotation[rows], free.centre[rows], where[rows] = there.rotation, there.centre, self._where(there)
+        for rows in _alike(np.arange(n), where):
+            made.set(rows, self._batch(commands[rows], None if via is None else via[rows], free.take(rows)))
         return made
+
+    def _where(self, free: Poses) -> Array:
+        """Return where rows press, and how deep [m], shape (n, 3), by their poses without load."""
+        gap = self.problem.gap(free)
+        low = np.minimum(gap.min(axis=1), 0.0)
+        near = gap + REACH * low[:, None] <= 0.0
+        middle = near @ self.problem.positions[:, :2] / np.maximum(near.sum(axis=1), 1)[:, None]
+        return np.column_stack([middle, DEEP * low])
 
     # -- a batch -----------------------------------------------------------------------------------------------------
 
-    def _batch(self, commands: Array, via: Array | None) -> Pressed:
-        """Press on those points that rows come near; rows in which others would be touched are pressed on all."""
+    def _batch(self, commands: Array, via: Array | None, free: Poses) -> Pressed:
+        """Press on those points that rows come near; rows in which others would be touched are pressed on all.
+
+        Args:
+            free: where rows first go, without load.
+        """
         n, problem = len(commands), self.problem
-        start = self.carrier.rest_poses(n)
         gap = np.full((n, problem.count), np.inf)
-        for aim in (commands,) if via is None else (commands, via):
-            own = problem.gap(self.carrier.carry(aim, start))
+        for aim in (free,) if via is None else (free, self.carrier.carry(commands, self.carrier.rest_poses(n))):
+            own = problem.gap(aim)
             gap = np.minimum(gap, own + REACH * np.minimum(own.min(axis=1, keepdims=True), 0.0))
         near = np.flatnonzero((gap <= max(float(gap.min()), 0.0)).any(axis=0))
         if len(near) > MOST * problem.count:
-            return self._pressed(commands, via, problem, np.arange(problem.count))
-        found = self._pressed(commands, via, problem.part(near), near)
+            return self._pressed(commands, via, free, problem, np.arange(problem.count))
+        found = self._pressed(commands, via, free, problem.part(near), near)
         other = np.ones(problem.count, bool)
         other[near] = False
-        free = problem.gap(found.poses)
+        apart = problem.gap(found.poses)
         moved = np.einsum("nmi,nij->nmj", found.displacement, found.poses.rotation)
-        touched = ((free + moved[:, :, 2])[:, other] < -PASSED).any(axis=1)
+        touched = ((apart + moved[:, :, 2])[:, other] < -PASSED).any(axis=1)
         if touched.any():
             rows = np.flatnonzero(touched)
             there = None if via is None else via[rows]
-            found.set(rows, self._pressed(commands[rows], there, problem, np.arange(problem.count)))
+            every = np.arange(problem.count)
+            found.set(rows, self._pressed(commands[rows], there, free.take(rows), problem, every))
         return found
 
-    def _pressed(self, commands: Array, via: Array | None, problem: PressProblem, near: Indices) -> Pressed:
+    def _pressed(
+        self, commands: Array, via: Array | None, free: Poses, problem: PressProblem, near: Indices
+    ) -> Pressed:
         """Press rows on some of the points."""
         n, whole = len(commands), self.problem
         rest = np.broadcast_to(self.carrier.rest, commands.shape)
         start = self.carrier.rest_poses(n)
         legs = [commands] if via is None else [via, commands]
-        free = self.carrier.carry(legs[0], start)
         before, after = problem.gap(start).min(axis=1), problem.gap(free).min(axis=1)
         share = np.where(after < 0.0, before / np.maximum(before - after, 1e-12), 1.0) - TOUCH_MARGIN
         share = np.clip(share, 0.0, 1.0)[:, None]
@@ -153,3 +170,17 @@ class Press:
         if nodal is None:
             return force
         return (force.reshape(len(force), -1) @ nodal.T.astype(np.float32)).reshape(len(force), -1, 3)
+
+
+def _alike(rows: Indices, where: Array) -> list[Indices]:
+    """Return batches of rows that are near each other: halves of halves across what differs most.
+
+    Args:
+        rows: shape (k,). where: of all rows, shape (n, 3).
+    """
+    if len(rows) <= BATCH:
+        return [rows] if len(rows) else []
+    axis = int(np.ptp(where[rows], axis=0).argmax())
+    rows = rows[np.argsort(where[rows, axis], kind="stable")]
+    half = -(-len(rows) // BATCH) // 2 * BATCH
+    return _alike(rows[:half], where) + _alike(rows[half:], where)

@@ -15,8 +15,9 @@ from .press_problem import PressProblem
 
 TOLERANCE = 2e-4  # of the iteration, relative to the forces of a row: below the last of 12 bits
 MAX_ITERATIONS = 240
-CHECK_EVERY = 6
-RELAXATION = 1.7
+CHECK_EVERY = 4
+LEAVE = 8  # where one in so many of the rows that are left has settled, those that have are taken out
+RELAXATION = 1.8
 LINEARISATIONS = 4
 BALANCE = 2e-3  # [N] that may be left over on a platform that gives way
 
@@ -116,7 +117,7 @@ class PressState:
                 done = ~(left > TOLERANCE)  # rows that have no balance leave too
                 if iteration == MAX_ITERATIONS:
                     done[:] = True
-                if done.all() or done.sum() * 4 >= len(done):
+                if done.all() or done.sum() * LEAVE >= len(done):
                     at = rows[active[done]]
                     self.force[at], self.shift[at], self.sticking[at] = z[done], y[done], stick[done]
                     residual[active[done]] = left[done]

@@ -37,10 +37,11 @@ def first_crossing(table: TriangleTable, start: Array, end: Array, side: int = 1
     if chosen.size == 0:
         return triangle, share
     middle, radius = table.bounds[0:3, chosen], table.bounds[6, chosen] * (1.0 + NEAR) + NEAR
+    front = side * table.bounds[3:6, chosen]
     size = max(1, PAIRS_AT_ONCE // chosen.size)
     for first in range(0, len(start), size):
         part = slice(first, first + size)
-        owner, near = _close(start[part], end[part] - start[part], middle, radius)
+        owner, near = _close(start[part], end[part] - start[part], middle, radius, front)
         if owner.size == 0:
             continue
         own = first + owner
@@ -60,8 +61,13 @@ def first_crossing(table: TriangleTable, start: Array, end: Array, side: int = 1
     return triangle, share
 
 
-def _close(start: Array, way: Array, middle: Array, radius: Array) -> tuple[Indices, Indices]:
-    """Return the pairs of a way and a ball that come together, shape (k,) each."""
+def _close(start: Array, way: Array, middle: Array, radius: Array, front: Array) -> tuple[Indices, Indices]:
+    """Return the pairs of a way and a ball that come together, and whose way leads through the ball's plane, (k,) each.
+
+    Args:
+        start, way: shape (n, 3). middle, radius: of the balls, shapes (3, m) and (m,).
+        front: unit normals of the planes through their middles, towards where ways come from, shape (3, m).
+    """
     far = np.sqrt(np.einsum("ni,ni->n", way, way))
     line = way / np.maximum(far, 1e-300)[:, None]
     origin = start.mean(axis=0)  # nearby, so that nothing cancels
@@ -70,6 +76,8 @@ def _close(start: Array, way: Array, middle: Array, radius: Array) -> tuple[Indi
     square = np.einsum("in,in->n", middle, middle) - 2.0 * (start @ middle)
     square += np.einsum("ni,ni->n", start, start)[:, None] - along * along
     close = (square <= radius * radius) & (along >= -radius) & (along <= far[:, None] + radius)
+    above = start @ front - np.einsum("in,in->n", middle, front)
+    close &= (above >= -NEAR) & (above + way @ front <= NEAR)
     return close.nonzero()
 
 

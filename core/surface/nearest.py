@@ -18,6 +18,8 @@ from .triangles import TriangleTable
 # Triangles within this relative squared distance of the best are equally close; the lowest index wins.
 TIE = 1e-12
 PAIRS_AT_ONCE = 1_500_000
+# So many points are looked for at once, about: what is worked out then stays in a processor's cache.
+POINTS_AT_ONCE = 700
 # A margin for rounding, relative to lengths.
 SLACK = 1e-9
 
@@ -69,10 +71,11 @@ def nearest(table: TriangleTable, tree: TriangleTree | TriangleSpheres | None, p
     n = len(points)
     if tree is None or n == 0:
         return Nearest(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0))
-    pairs = tree.candidates(points, limit, PAIRS_AT_ONCE if n > 1 else np.iinfo(np.int64).max)
-    if pairs is not None:
-        return _closest(table, np.ascontiguousarray(points.T), *pairs, limit)
-    # too many of them are equally near, as about the middle of a ball
+    if n <= POINTS_AT_ONCE:
+        pairs = tree.candidates(points, limit, PAIRS_AT_ONCE if n > 1 else np.iinfo(np.int64).max)
+        if pairs is not None:
+            return _closest(table, np.ascontiguousarray(points.T), *pairs, limit)
+        # too many of them are equally near, as about the middle of a ball
     one, other = (nearest(table, tree, half, limit) for half in (points[: n // 2], points[n // 2 :]))
     joined = [np.concatenate(columns) for columns in zip(one, other, strict=True)]
     joined[0][one.which.size :] += n // 2

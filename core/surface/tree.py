@@ -31,6 +31,8 @@ ROUNDED_SQUARE, ROUNDED, ROUNDED_PRODUCT = np.float32(4e-6), 2e-6, 3e-6
 # Points are measured at once to so many groups about their place, all in all; the place reaches beyond them by so much
 # of its size; so many places are remembered.
 AT_ONCE, AROUND, PLACES = 100_000, 0.1, 8
+# A pair of a point and a group that is measured by itself costs so many times as much; at the most so many are at once.
+GATHER, AT_MOST = 7, 400_000
 
 _GROUPS: weakref.WeakKeyDictionary[Topology, Indices] = weakref.WeakKeyDictionary()
 
@@ -94,7 +96,10 @@ class TriangleTree:
         near = (below <= (bound + place.slack(x))[:, None]).reshape(-1).nonzero()[0]
         owner = near // place.nodes.size
         node = place.nodes.take(near - owner * place.nodes.size)
-        for level in self._levels[place.depth + 1 :]:
+        deeper = self._levels[place.depth + 1 :]
+        if deeper and owner.size * GATHER > square.size:  # groups tell little apart: measure to their members at once
+            place.coarse = square.size * deeper[0].shape[2] <= AT_MOST
+        for level in deeper:
             fan = level.shape[2]
             if owner.size * fan > most:
                 return None
@@ -125,25 +130,31 @@ class TriangleTree:
                 and (low >= place.low).all()
                 and (high <= place.high).all()
             ):
-                if k:
-                    self._places.insert(0, self._places.pop(k))
-                return place
+                found = self._places.pop(k)
+                if found.coarse:
+                    found = self._about(found.middle, found.half, limit, count, found.depth + 1)
+                self._places.insert(0, found)
+                return found
         margin = np.float32(AROUND * float((high - low).max())) + np.float32(0.1 * limit)
-        middle, half = (low + high) / 2, (high - low) / 2 + margin
+        found = self._about((low + high) / 2, (high - low) / 2 + margin, limit, count)
+        self._places = [found, *self._places[: PLACES - 1]]
+        return found
+
+    def _about(self, middle: Single, half: Single, limit: float, count: int, least: int = 0) -> _Place:
+        """Return the groups about a place, of the level that is asked for at least, or there are too many."""
+        rounded = ROUNDED * (self._extent + float((np.abs(middle) + half).max()))
         nodes, found = np.zeros(1, dtype=np.int64), None
         for depth, level in enumerate(self._levels):
             every = (nodes[:, None] * level.shape[2] + np.arange(level.shape[2])).reshape(-1)
             shapes = level.take(nodes, axis=1).reshape(len(level), -1)
             size = np.sqrt(shapes[6] ** 2 + shapes[7] ** 2) + (shapes[11] if len(shapes) > 8 else 0.0)
             away = np.maximum(np.abs(shapes[:3] - middle[:, None]) - half[:, None], 0.0)
-            rounded = (limit + size) * (1.0 + ROUNDED) + ROUNDED * (self._extent + float(np.abs(x).max()))
-            near = (np.sqrt((away * away).sum(axis=0)) <= rounded).nonzero()[0]
-            if found is not None and near.size * count > AT_ONCE:
+            near = (np.sqrt((away * away).sum(axis=0)) <= (limit + size) * (1.0 + ROUNDED) + rounded).nonzero()[0]
+            if found is not None and depth > least and near.size * count > AT_ONCE:
                 break
             nodes = every.take(near)
             found = _Place(depth, nodes, shapes.take(near, axis=1), middle, half, limit, count)
         assert found is not None  # there is a level
-        self._places = [found, *self._places[: PLACES - 1]]
         return found
 
 
@@ -159,7 +170,8 @@ class _Place:
         self, depth: int, nodes: Indices, shapes: Single, middle: Single, half: Single, limit: float, count: int
     ) -> None:
         self.depth, self.nodes, self.shapes = depth, nodes, shapes
-        self.low, self.high, self.limit, self.count = middle - half, middle + half, limit, count
+        self.middle, self.half, self.limit, self.count = middle, half, limit, count
+        self.low, self.high, self.coarse = middle - half, middle + half, False
         self._middle = middle[:, None]
         centre = shapes[:3] - self._middle
         self._farthest = np.square(centre).sum(axis=0).max(initial=0.0)

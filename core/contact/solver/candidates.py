@@ -21,6 +21,8 @@ ENTER, PREFETCH, LEAVE = 0.05, 0.4, 1.2
 BUDGET = 4
 # An inverse that is off by more than this is made again.
 DRIFT = 0.02
+# Of the room for the inverse, where it is too small.
+GROWTH = 1.5
 # More nodes than this at once are cheaper by starting over.
 REBUILD = 16
 
@@ -205,14 +207,13 @@ class CandidateInverse:
         self.updates += 1
 
     def _make_room(self, wanted: int) -> None:
-        if wanted > len(self._store):
+        room = len(self._store)
+        if wanted > room or self._saved:
             n = 3 * self.members.size
-            store = np.zeros((min(2 * wanted, 3 * self.count),) * 2, dtype=np.float32)
-            store[:n, :n] = self.matrix
-            self._store = store
-        elif self._saved:
-            self._store = self._store.copy()
-        self._saved = False
+            size = min(int(GROWTH * wanted), 3 * self.count) if wanted > room else room
+            store = np.empty((size, size), dtype=np.float32)
+            store[:n, :n] = self._store[:n, :n]
+            self._store, self._saved = store, False
 
     def _shifted(self, nodes: Indices, softness: Array) -> Array:
         rows = _rows(nodes)
@@ -231,10 +232,10 @@ def _inverse(matrix: Array) -> Floats32:
         return np.linalg.inv(matrix.astype(np.float64, copy=False)).astype(np.float32)
     from scipy.linalg.lapack import spotrf, spotri
 
-    factor, info = spotrf(matrix.astype(np.float32), lower=1, overwrite_a=1)
-    if info == 0:
-        inverse, info = spotri(factor, lower=1, overwrite_c=1)
+    inverse = matrix.astype(np.float32)
+    info = spotrf(inverse.T, lower=1, overwrite_a=1)[1] or spotri(inverse.T, lower=1, overwrite_c=1)[1]
     if info != 0:
         return np.linalg.inv(matrix).astype(np.float32)
-    lower = np.tril(inverse)
-    return np.ascontiguousarray(lower + np.tril(inverse, -1).T)
+    for row in range(len(inverse)):  # in place: half of it is what is above the diagonal
+        inverse[row + 1 :, row] = inverse[row, row + 1 :]
+    return inverse

@@ -63,12 +63,19 @@ class CellGaps:
 
     def __init__(self, search_radius: float, bone: Array) -> None:
         self._search_radius, self._bone = search_radius, bone
-        self.forget()
-
-    def forget(self) -> None:
-        """Begin again: the cells are others."""
         self.last: _Turned | None = None
         self._found: tuple[Array, Indices] | None = None
+
+    def renumber(self, order: Indices, count: int) -> None:
+        """Go over to other cells: some of so many old ones in a new order, then new ones."""
+        if self.last is None:
+            return
+        place = np.full(count, NONE)
+        place[order] = np.arange(len(order))
+        own, others = place[self.last.own], place[self.last.others]
+        kept = np.flatnonzero((own != NONE) & (others != NONE).all(axis=0))
+        self.last = _Turned(own, self.last.axis, others).take(kept) if len(kept) else None
+        self._found = self._found and (self._found[0][:, kept], self._found[1][:, kept])
 
     def centres(self, points: PointSet, bodies: Sequence[ContactBody], expected: Expected) -> NodeGaps:
         """Return the gaps of the cells' centres, where they are expected."""
@@ -106,6 +113,7 @@ class CellGaps:
             place = np.full(len(places), -1)
             place[last.own] = np.arange(len(last.own))
             known = (place[own] >= 0) & (last.axis[place[own]] == turned.axis)
+            known &= (last.others[:, place[own]] == turned.others).all(axis=0)
             for told, values in zip((clearance, body), found, strict=True):
                 told[:, known] = values[:, place[own[known]]]
             new = np.flatnonzero(~known)

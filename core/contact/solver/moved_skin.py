@@ -53,16 +53,16 @@ class MovedSkin:
         shift = self.raised[found].sum(axis=1) / np.maximum((found != NONE).sum(axis=1), 1)[:, None]
         afar = np.flatnonzero(owner == NONE)
         if len(afar) and self.force.any():
-            base, which = np.unique(self.points.pad.chart.tiles.root[cells[afar]], return_inverse=True)
-            shift[afar] = self._far(base)[which]
+            shift[afar] = self._far[self.points.pad.chart.tiles.root[cells[afar]]]
         return shift, owner
 
-    def _far(self, cells: Indices) -> Array:
-        """Return the displacement of cells of the coarsest level beside the points [m], by the forces under each."""
+    @cached_property
+    def _far(self) -> Array:
+        """The displacement of all cells of the coarsest level [m], by the forces under each, shape (p, 3)."""
         loaded = np.flatnonzero(self.force.any(axis=1))
         base = self.points.pad.chart.tiles.root[self.points.cells[loaded]]
         under, which = np.unique(base, return_inverse=True)
         force = np.zeros((len(under), 3), dtype=np.float32)
         np.add.at(force, which, self.force[loaded])
         pad = self.points.pad  # symmetric: the rows of the few that carry force serve for all that they move
-        return pad.displaced(pad.coarse[under], force)[cells]
+        return pad.displaced(pad.coarse[under], force)

@@ -25,12 +25,14 @@ class PointMap:
         self.side = 1 << (self.tiles.levels - 1)  # finest squares along a root
         self._offsets = 0.5 + reach * _SIGNS
         self._owner = np.full((chart.starts[1] + 1, self.side * self.side), NONE)  # the last is beside the pad
+        self._in_root = np.full(chart.starts[1], NONE)  # the last point in each root
         self._marked: Indices = np.zeros(0, dtype=np.int64)
 
     def mark(self, cells: Indices) -> None:
         """Set which cells are points."""
         tiles = self.tiles
         self._owner[self._marked] = NONE
+        self._in_root[self._marked] = NONE
         self._marked = np.unique(tiles.root[cells])
         size = self.tiles.sizes(cells)
         kind = size[:, 0] * (2 * self.side) + size[:, 1]
@@ -41,14 +43,14 @@ class PointMap:
             rows, columns = place[:, :1] * a + np.arange(a), place[:, 1:] * b + np.arange(b)
             number = (rows[:, :, None] * self.side + columns[:, None]).reshape(len(part), -1)
             self._owner[tiles.root[cells[part], None], number] = part[:, None]
+        self._in_root[self._marked] = self._owner[self._marked].max(axis=1)
 
     def under(self, cells: Indices) -> Indices:
         """Return up to four points under each cell, or beside it in its root, `NONE` where there is none, (n, 4)."""
         root = self.tiles.root[cells]
         found = self._owner[root[:, None], self.tiles.quarters[cells]]
         none = np.flatnonzero((found == NONE).all(axis=1))
-        if len(none):
-            found[none, 0] = self._owner[root[none]].max(axis=1)
+        found[none, 0] = self._in_root[root[none]]
         return found
 
     def around(self, cells: Indices) -> Indices:

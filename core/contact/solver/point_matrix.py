@@ -11,7 +11,7 @@ import numpy as np
 from ...arrays import Array, Floats32, Indices
 from ...skin.surface_compliance import SurfaceCompliance
 
-GROWTH = 1.4  # of the room, where it is too small
+GROWTH = 1.2  # of the room, where it is too small: pages that nothing was written to cost nothing
 
 
 class PointMatrix:
@@ -42,9 +42,9 @@ class PointMatrix:
         Returns:
             Where each point that stays was before, in its new order.
         """
-        if self._saved:
-            self._store, self._saved = self._store.copy(), False
         count = len(self.cells)
+        if self._saved:
+            self._move(len(self._store), 3 * count)
         size = count - len(leaving)
         order = np.arange(size)
         holes = leaving[leaving < size]
@@ -86,9 +86,13 @@ class PointMatrix:
 
     def _make_room(self, wanted: int, kept: int) -> None:
         if wanted > len(self._store):
-            store = np.zeros((int(GROWTH * wanted),) * 2, dtype=np.float32)
-            store[:kept, :kept] = self._store[:kept, :kept]
-            self._store = store
+            self._move(int(GROWTH * wanted), kept)
+
+    def _move(self, size: int, kept: int) -> None:
+        """Go over to another store, so that the one that was saved stays as it is."""
+        store = np.empty((size, size), dtype=np.float32)
+        store[:kept, :kept] = self._store[:kept, :kept]
+        self._store, self._saved = store, False
 
 
 def rows_of(points: Indices) -> Indices:

@@ -256,10 +256,11 @@ class PointSolver(PathSolver):
 
     def _change(self, leaving: Indices, entering: Indices) -> Indices:
         """Go over to other cells; return where each point that stays was."""
+        count = len(self.cells)
         order = self._points.change(leaving, entering)
         self._soft = np.concatenate([self._soft[order], np.zeros(len(entering))])
         self._number()
-        self._cell_gaps.forget()
+        self._cell_gaps.renumber(order, count)
         self._candidates.renumber(order, self._points.matrix.matrix, self._rho[:, 0])
         return order
 

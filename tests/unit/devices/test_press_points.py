@@ -8,7 +8,7 @@ import pytest
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.point_path import PointSolver
 from core.devices.disc_pose import Disc
-from core.devices.press import Press
+from core.devices.press import BATCH, Press, _alike
 from core.devices.press_problem import PressPoints
 from core.matching.platforms import mechanism
 from core.matching.readings import readings_of
@@ -108,6 +108,17 @@ def test_rows_are_what_they_are_in_any_company(skin):
         alone = press.press(commands[row : row + 1])
         both = readings_of(skin).counts(np.stack([alone.force[0], together.force[row]]))
         assert np.abs(both[0] - both[1]).max() < 0.5, "counts"
+
+
+@pytest.mark.parametrize("count", [0, 1, BATCH, 3 * BATCH + 5])
+def test_batches_are_of_rows_that_are_near_each_other(count):
+    """Every row is in one, and they lie closer than rows as they come."""
+    where = np.random.default_rng(count).uniform(size=(count, 3))
+    batches = _alike(np.arange(count), where)
+    np.testing.assert_array_equal(np.sort(np.concatenate([np.zeros(0, int), *batches])), np.arange(count))
+    assert all(len(rows) <= BATCH for rows in batches) and len(batches) == -(-count // BATCH)
+    if len(batches) > 1:
+        assert np.mean([np.ptp(where[rows], axis=0).prod() for rows in batches]) < 0.5
 
 
 def test_platforms_sweep_every_skin_that_ships():

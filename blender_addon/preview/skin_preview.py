@@ -4,6 +4,7 @@ Where a fresh bake covers the frame, its forces are read: they are exact along t
 contact path of its own through the frames visited: a step forward continues its history, a frame that was visited is
 shown as it was, a jump goes on from the nearest state that was kept a little before, anything else (a jump farther,
 undo) starts from rest, and the view says which. A change within a frame solves that frame anew from the one before.
+While frames are only passed, each is walked to in few steps; where the scene rests, that is made good.
 """
 
 from __future__ import annotations
@@ -125,6 +126,11 @@ def revisited() -> bool:
     return _live.frame != _live.end
 
 
+def coarse() -> bool:
+    """Return whether the skins that are shown were only solved coarsely."""
+    return any(state.coarse for state in _live.states)
+
+
 def failure() -> str:
     """Return why the last frame could not be solved, or ''."""
     return _live.failure
@@ -161,7 +167,10 @@ def _solved(context: bpy.types.Context, sample: Any) -> Iterator[None]:
     """Solve the scene, yield after each finger; who does not come back leaves each finger as it was before."""
     scene = context.scene
     frame = moment.frame_of(scene)
-    if frame == _live.frame and changes.edits() == _live.edits and _holds(scene, frame) and not _pending():
+    refined = coarse() and frame == _live.frame and not moment.passing()
+    if refined:
+        _live.seen.pop(frame, None)
+    elif frame == _live.frame and changes.edits() == _live.edits and _holds(scene, frame) and not _pending():
         return
     if seen(scene, frame):
         _live.frame = frame
@@ -296,12 +305,15 @@ def _solve(f: int, finger: Any, posed: core.contact.posed_scene.PosedScene, fram
     if again:
         path.stepper.restore(path.before)
     path.before = path.stepper.save()
-    step = path.stepper.step(path.stepper.approach(), 0)
+    step = path.stepper.step(path.stepper.approach(), 0, coarse=moment.passing())
     note = origin(_live.first, _live.since, begins=frame == _live.first)
+    if path.stepper.cut:
+        note += "; coarse while it moves"
     if skin_models.wants_pad(finger.parameters):
         made = skin_models.make_pad(finger.parameters["skin"])
         note += "; at the mesh's nodes" + (f" while the smooth skin is made: {made:.0%}" if made is not None else "")
-    return SkinState.of(finger.name, model, step, "live", note, _counters(path.stepper))
+    state = SkinState.of(finger.name, model, step, "live", note, _counters(path.stepper))
+    return replace(state, coarse=True) if path.stepper.cut else state
 
 
 def _path_of(f: int, finger: Any, model: Any, posed: core.contact.posed_scene.PosedScene) -> _FingerPath:

@@ -168,7 +168,7 @@ def _by_shortcut(own: _Kit, model: Any, force: Array) -> tuple[Array, Array]:
     """
     table = own.shortcuts.get(model.key)
     if table is None:
-        table = own.shortcuts[model.key] = _shortcut(own, model)
+        table = own.shortcuts[model.key] = _kept_shortcut(own, model)
     scale = float(np.abs(force).max())
     touched = np.flatnonzero(force.any(axis=1))
     if 4 * len(touched) < len(force):  # read only what is touched
@@ -177,6 +177,20 @@ def _by_shortcut(own: _Kit, model: Any, force: Array) -> tuple[Array, Array]:
         rows = force
     nodal = ((rows.reshape(-1) / scale).astype(np.float32) @ table).astype(np.float64).reshape(-1, 9)
     return nodal[:, :3] * (scale / model.material.modulus), nodal[:, 3:] * scale
+
+
+def _kept_shortcut(own: _Kit, model: Any) -> NDArray[np.float32]:
+    """Return `_shortcut`, from the skins' cache where it is there."""
+    if model.cache is None:
+        return _shortcut(own, model)
+    store, key = core.skin.store, core.cache.cache_key(model.key, "drawn 1")
+    path = model.cache.get(key)
+    kept = None if path is None else store.read_table(path, (3 * model.pad_count, 9 * len(own.points)))
+    if kept is not None:
+        return np.asarray(kept, np.float32)
+    made = _shortcut(own, model)
+    model.cache.put(key, lambda part: store.write_table(part, made))
+    return made
 
 
 def _shortcut(own: _Kit, model: Any) -> NDArray[np.float32]:

@@ -39,6 +39,12 @@ def rest() -> float:
     return 0.0 if bpy.app.background else REST
 
 
+def plays() -> bool:
+    """Return whether an animation plays or somebody scrubs, however slowly the frames come."""
+    screens = [window.screen for window in bpy.context.window_manager.windows]
+    return any(screen.is_animation_playing or screen.is_scrubbing for screen in screens)
+
+
 class Slices:
     """The work on what is shown of a scene, one piece at a time.
 
@@ -65,7 +71,7 @@ class Slices:
         frame = float(scene.frame_current_final)
         step = (frame - self._frame) * scene.render.fps_base / scene.render.fps
         goes = step == 0.0 or goes_on(step)
-        passing = time.perf_counter() - self._came < rest()
+        passing = plays() or time.perf_counter() - self._came < rest()
         if step != 0.0 or self._of != (scene.session_uid, changes.edits()):
             self._came = time.perf_counter()
         if not (self.busy(scene) and self._of[1] == changes.edits() and goes):
@@ -129,8 +135,8 @@ class Slices:
         if scene is None or self._work is not None or not skin_preview.coarse():
             return None
         left = self._came + rest() - time.perf_counter()
-        if left > 0.0:
-            return left
+        if left > 0.0 or plays():
+            return max(left, REST)
         self._renew(scene, float(scene.frame_current_final), passing=False)
         self._spend(scene)
         redraw.views()

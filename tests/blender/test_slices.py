@@ -112,6 +112,9 @@ def test_what_is_passed_is_walked_coarsely_and_made_good_where_the_scene_rests(h
     assert bpy.app.timers.is_registered(shown._slices._at_rest)
     assert shown._slices._on_rest() > 1e8 and forces()[0] is passed[0]  # it has not rested yet
     monkeypatch.setattr(slices, "rest", lambda: 0.0)
+    with monkeypatch.context() as playing:
+        playing.setattr(slices, "plays", lambda: True)
+        assert shown._slices._on_rest() == slices.REST and skin_preview.coarse()  # however slowly frames come
     assert shown._slices._on_rest() is None
     rested = forces()
     assert not skin_preview.coarse() and "coarse" not in skin_preview.own(hands)[0].note

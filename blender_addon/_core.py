@@ -76,6 +76,7 @@ if TYPE_CHECKING:
     import core.skin.own_mesh
     import core.skin.shape
     import core.skin.stimulus
+    import core.skin.store
     import core.skin.stress_table
     import core.steps
     import core.stream.client

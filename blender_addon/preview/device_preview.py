@@ -2,17 +2,18 @@
 
 Where a fresh bake covers the frame, its track is read. Otherwise the frames visited last form a trail: a step forward
 extends it, a change within a frame takes its last sample anew, and what was shown is kept until something changes, so
-that it is there again on the way back. Anything else (a jump, a step back to where nobody has been, undo) starts a new
-trail from rest, and the preview says so. The engine renders the trail's end as it renders a bake; only the sampling is
-coarser, one sample a visited frame. Devices that follow a skin take another road, in `pin_preview`, `thimble_preview`
-and `platform_preview`: they match this one frame.
+that it is there again on the way back. A jump to where nobody has been goes on from the nearest state that was kept a
+little before it, anything else (a jump farther, undo) starts a new trail from rest, and the preview says which. The
+engine renders the trail's end as it renders a bake; only the sampling is coarser, one sample a visited frame. Devices
+that follow a skin take another road, in `pin_preview`, `thimble_preview` and `platform_preview`: they match this one
+frame.
 """
 
 from __future__ import annotations
 
 import traceback
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
@@ -24,11 +25,21 @@ from ..preferences import library
 from ..results import store
 from ..sampling import scene_header, scene_sweep
 from . import moment, pin_preview, platform_preview, skin_preview, thimble_preview
-from .rows import Preview, Row, by_channel, goes_on, row_of
+from .kept_states import KeptStates
+from .rows import Preview, Row, as_it_was, by_channel, goes_on, origin, row_of
 
 TRAIL_SECONDS = 0.12  # how much of a tactor's path the view shows
 FOLLOWERS = (pin_preview, thimble_preview, platform_preview)
 KEPT = 1000  # frames that were visited are shown again as they were
+
+
+class _End(NamedTuple):
+    """The end of a trail, to go on from."""
+
+    trail: core.pipeline.trail.Trail
+    kept: core.pipeline.trail.Kept
+    last: core.scene.tactile_scene.TactileScene
+    first: float
 
 
 @dataclass
@@ -37,10 +48,12 @@ class _Live:
     scene: int = 0
     trail: core.pipeline.trail.Trail | None = None
     first: float = 0.0  # frame that it began at
+    since: float | None = None  # frame of the kept state that the last sample went on from
     last: core.scene.tactile_scene.TactileScene | None = None  # the sample that it ends with
     edits: int = -1  # of `changes`, when the last sample was taken
     preview: Preview | None = None
     kept: core.recent.Recent[float, Preview] = field(default_factory=lambda: core.recent.Recent(KEPT))
+    ends: KeptStates[_End] = field(default_factory=KeptStates)
     failure: Exception | None = None
     taken: core.scene.tactile_scene.TactileScene | None = None  # the last sample, until `take_sample` hands it on
 
@@ -91,12 +104,12 @@ def step(context: bpy.types.Context) -> Preview:
     edited = not same or _live.edits != changes.edits()
     if edited:
         _live.kept.clear()
+        _live.ends.clear()
     _live.taken = None
     gap = None if not same or _live.trail is None or _live.last is None else frame - _frame(_live.last)
     again = gap is None or not goes_on(gap * scene.render.fps_base / scene.render.fps)
-    if again and frame in _live.kept and not skin_preview.any_solved(scene):  # skins begin at rest, and so do devices
-        kept = _live.kept[frame]
-        _live.preview = replace(kept, note=kept.note.replace("live, from", "live, as it was played from"))
+    if again and frame in _live.kept and (skin_preview.seen(scene, frame) or not skin_preview.any_solved(scene)):
+        _live.preview = replace(_live.kept[frame], note=as_it_was(_live.kept[frame].note))
         return _live.preview
     _live.edits, _live.generation, _live.scene = changes.edits(), changes.generation(), scene.session_uid
     try:
@@ -104,6 +117,7 @@ def step(context: bpy.types.Context) -> Preview:
         trail, outputs = _extended(sample, gap, edited)
         _live.trail, _live.last = trail, sample
         _live.preview = _live.kept[frame] = _rendered(trail, outputs, frame)
+        _live.ends.keep(frame, lambda: _End(trail, trail.save(), sample, _live.first))
     except DermisError as error:
         return _note(scene, str(scene_header.reason(_live.taken, error) if _live.taken else error))
     return _live.preview
@@ -133,6 +147,7 @@ def reset() -> None:
     global _memo, _memo_preview
     _live.trail, _live.preview, _live.taken = None, None, None
     _live.kept.clear()
+    _live.ends.clear()
     _memo, _memo_preview = (), None
 
 
@@ -150,7 +165,7 @@ def _extended(
     Args:
         gap: frames since the trail's end; None where it has none. edited: whether settings may be others.
     """
-    trail, chunk = _live.trail, _chunk(sample)
+    trail, chunk, _live.since = _live.trail, _chunk(sample), None
     if trail is not None and _live.last is not None and _signature(_live.last) == _signature(sample):
         if gap == 0.0:
             return trail, trail.again(_header(sample), chunk)
@@ -158,6 +173,11 @@ def _extended(
             if edited:
                 trail.renew(_header(sample))
             return trail, trail.add(chunk)
+    near = _live.ends.nearest(_frame(sample), float(sample.fps))
+    if near is not None and _signature(near[1].last) == _signature(sample):
+        _live.since, (trail, kept, _, _live.first) = near
+        trail.restore(kept)
+        return trail, trail.add(chunk)
     trail, _live.first = core.pipeline.trail.Trail(_header(sample), library()), _frame(sample)
     return trail, trail.add(chunk)
 
@@ -185,7 +205,7 @@ def _signature(sample: core.scene.tactile_scene.TactileScene) -> tuple[Any, ...]
 def _rendered(trail: core.pipeline.trail.Trail, outputs: tuple[Any, ...], frame: float) -> Preview:
     bake = core.pipeline.bake.Bake(outputs, (), {}, "")
     result = store.Result(bake, trail.frames_per_second, trail.first, -1, ())
-    note = f"live, from rest at frame {_live.first:g}" + (": play or step forward" if trail.taken == 1 else "")
+    note = origin(_live.first, _live.since, begins=trail.taken == 1)
     return Preview(frame, "live", note, tuple(baked_row(result, output, frame) for output in outputs))
 
 

@@ -1,4 +1,7 @@
-"""Which frame the preview works out: the scene's, or the one that the work began with, where that takes longer."""
+"""Which frame the preview works out: the scene's, or the one that the work began with, where that takes longer.
+
+And how well: frames that somebody only passes, scrubbing or dragging, are worked out coarsely.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from contextlib import contextmanager
 import bpy
 
 _held: float | None = None
+_passing = False
 
 
 def frame_of(scene: bpy.types.Scene) -> float:
@@ -15,12 +19,17 @@ def frame_of(scene: bpy.types.Scene) -> float:
     return float(scene.frame_current_final) if _held is None else _held
 
 
+def passing() -> bool:
+    """Return whether the frame is one of many in quick succession: coarse will do, until the scene rests."""
+    return _passing
+
+
 @contextmanager
-def held(frame: float) -> Iterator[None]:
+def held(frame: float, *, passing: bool = False) -> Iterator[None]:
     """Go on with a frame, whichever the scene is at by now."""
-    global _held
-    before, _held = _held, frame
+    global _held, _passing
+    before, (_held, _passing) = (_held, _passing), (frame, passing)
     try:
         yield
     finally:
-        _held = before
+        _held, _passing = before

@@ -21,6 +21,23 @@ def goes_on(gap: float) -> bool:
     return 1e-9 < gap <= STEP_SECONDS
 
 
+def origin(first: float, since: float | None, *, begins: bool) -> str:
+    """Return what the view says of where a live frame comes from.
+
+    Args:
+        first: frame at which everything was at rest. since: that of the kept state from which this one was reached.
+        begins: it is the frame at rest itself.
+    """
+    if since is not None:
+        return f"live, from the state kept at frame {since:g}"
+    return f"live, from rest at frame {first:g}" + (": play or step forward" if begins else "")
+
+
+def as_it_was(note: str) -> str:
+    """Return what the view says of a live frame that is shown once more."""
+    return note.replace("live, from", "live, as it was played from")
+
+
 @dataclass(frozen=True)
 class Row:
     """One device on one finger, now.

@@ -1,17 +1,20 @@
 """What every skin feels at the current frame.
 
 Where a fresh bake covers the frame, its forces are read: they are exact along the path. Otherwise each finger has a
-contact path of its own through the frames visited: a step forward continues its history, anything else (a jump, a step
-back, undo) starts from rest, and the view says so. A change within a frame solves that frame anew from the one before.
+contact path of its own through the frames visited: a step forward continues its history, a frame that was visited is
+shown as it was, a jump goes on from the nearest state that was kept a little before, anything else (a jump farther,
+undo) starts from rest, and the view says which. A change within a frame solves that frame anew from the one before.
+While frames are only passed, each is walked to in few steps; where the scene rests, that is made good.
 """
 
 from __future__ import annotations
 
+import math
 import traceback
 from collections import deque
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
@@ -22,8 +25,12 @@ from ..devices import active_presets, skin_models
 from ..results import store
 from ..sampling import scene_sweep
 from . import baked_skins, moment
-from .rows import goes_on
+from .kept_states import STATES, KeptStates
+from .rows import as_it_was, goes_on, origin
 from .skin_state import SkinState
+
+SEEN = 300  # frames that were visited are shown again as they were
+HEAVY = 6  # states that are kept where contact is on points: 4 MB a finger each, where one on nodes has 0.1
 
 
 @dataclass
@@ -35,17 +42,33 @@ class _FingerPath:
     before: Any  # the stepper's state before the last frame
 
 
+class _Between(NamedTuple):
+    """All paths between two frames, to go on from.
+
+    Attributes:
+        paths: of the fingers, and the state of each. chunk: the sample that they had taken. first: see `_Live`.
+    """
+
+    paths: dict[str, tuple[_FingerPath, Any]]
+    chunk: core.scene.tactile_scene.Chunk
+    first: float
+
+
 @dataclass
 class _Live:
     generation: int = -1
     scene: int = 0
-    frame: float = 0.0
-    first: float = 0.0
+    frame: float = 0.0  # that the states are of
+    end: float = 0.0  # that the paths have come to
+    first: float = 0.0  # that they began at
+    since: float | None = None  # of the kept state that the last frame was reached from
     edits: int = -1
     signature: tuple[Any, ...] = ()
     paths: dict[str, _FingerPath] = field(default_factory=dict)
     posed: core.contact.posed_scene.PosedScene | None = None  # for all fingers
     states: tuple[SkinState, ...] = ()
+    seen: core.recent.Recent[float, tuple[SkinState, ...]] = field(default_factory=lambda: core.recent.Recent(SEEN))
+    kept: KeptStates[_Between] = field(default_factory=KeptStates)
     failure: str = ""
 
 
@@ -92,6 +115,22 @@ def own(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
     return baked_skins.states(scene, result, frame, state)
 
 
+def seen(scene: bpy.types.Scene, frame: float) -> bool:
+    """Return whether a frame, other than the next one, was visited since the last change and is shown as it was."""
+    gap = (frame - _live.end) * scene.render.fps_base / scene.render.fps
+    return _unchanged(scene) and frame in _live.seen and not goes_on(gap)
+
+
+def revisited() -> bool:
+    """Return whether the skins are shown as they were, while their paths are elsewhere."""
+    return _live.frame != _live.end
+
+
+def coarse() -> bool:
+    """Return whether the skins that are shown were only solved coarsely."""
+    return any(state.coarse for state in _live.states)
+
+
 def failure() -> str:
     """Return why the last frame could not be solved, or ''."""
     return _live.failure
@@ -128,7 +167,14 @@ def _solved(context: bpy.types.Context, sample: Any) -> Iterator[None]:
     """Solve the scene, yield after each finger; who does not come back leaves each finger as it was before."""
     scene = context.scene
     frame = moment.frame_of(scene)
-    if frame == _live.frame and changes.edits() == _live.edits and _holds(scene, frame) and not _pending():
+    refined = coarse() and frame == _live.frame and not moment.passing()
+    if refined:
+        _live.seen.pop(frame, None)
+    elif frame == _live.frame and changes.edits() == _live.edits and _holds(scene, frame) and not _pending():
+        return
+    if seen(scene, frame):
+        _live.frame = frame
+        _live.states = _live.seen[frame] = tuple(replace(s, note=as_it_was(s.note)) for s in _live.seen[frame])
         return
     advanced: list[_FingerPath] = []
     try:
@@ -149,14 +195,20 @@ def _solved(context: bpy.types.Context, sample: Any) -> Iterator[None]:
         raise
     except DermisError as error:
         _live.states, _live.failure = (), str(error)
-        _live.paths.clear()
-    _live.frame, _live.edits = frame, changes.edits()
+        _live.paths = {}
+    _live.frame, _live.end, _live.edits = frame, frame, changes.edits()
+    if _live.states and not _pending():
+        _live.seen[frame] = _live.states
+        heavy = any(path.stepper.on_points for path in _live.paths.values())
+        _live.kept.keep(frame, _between, HEAVY if heavy else STATES)
 
 
 def reset() -> None:
     """Forget the history: the next frame is solved from rest."""
-    _live.paths.clear()
+    _live.paths = {}
     _live.posed = None
+    _live.seen.clear()
+    _live.kept.clear()
     _live.states, _live.failure, _live.generation = (), "", -1
 
 
@@ -174,6 +226,17 @@ def _pending() -> bool:
     return any(state.model is None for state in _live.states)
 
 
+def _unchanged(scene: bpy.types.Scene) -> bool:
+    """Return whether nothing but the frame has changed since the last one was solved."""
+    return (_live.generation, _live.scene, _live.edits) == (changes.generation(), scene.session_uid, changes.edits())
+
+
+def _between() -> _Between:
+    assert _live.posed is not None
+    paths = {name: (path, path.stepper.save()) for name, path in _live.paths.items()}
+    return _Between(paths, _live.posed.chunk, _live.first)
+
+
 def _holds(scene: bpy.types.Scene, frame: float) -> bool:
     return (
         _live.generation == changes.generation()
@@ -187,15 +250,27 @@ def _prepare(scene: bpy.types.Scene, sample: Any, frame: float) -> tuple[core.co
     """Pose the scene, and decide whether the history goes on; return whether this is the frame of before, once more."""
     names = tuple(b.name for b in sample.bodies)
     signature = (tuple(f.name for f in sample.fingers), names, sample.fps)
-    gap = (frame - _live.frame) / float(sample.fps)
+    gap = (frame - _live.end) / float(sample.fps)
+    if not _unchanged(scene) or _live.signature != signature:
+        _live.seen.clear()
+        _live.kept.clear()
     same = (
         _live.generation == changes.generation() and _live.scene == scene.session_uid and _live.signature == signature
     )
-    again = same and frame == _live.frame and bool(_live.paths)
+    again = same and frame == _live.end and bool(_live.paths)
+    _live.since, posed = None, _live.posed
     if not again and not (same and goes_on(gap)):
-        _live.paths.clear()
-        _live.first = frame
-    posed = _live.posed
+        near = _live.kept.nearest(frame, float(sample.fps))
+        if near is None:
+            _live.paths, _live.end, _live.first = {}, math.nan, frame
+        else:
+            _live.since, between = near
+            _live.end = _live.since  # also where the work is left before the frame is done
+            _live.paths, _live.first = {name: path for name, (path, _) in between.paths.items()}, between.first
+            for path, state in between.paths.values():
+                path.stepper.restore(state)
+            assert posed is not None
+            posed.take(between.chunk)  # it is what the fingers come from
     if posed is None or not same:
         posed = core.contact.posed_scene.PosedScene(sample.bodies, [may_deform(name) for name in names])
     _live.generation, _live.scene, _live.signature, _live.posed = (
@@ -230,13 +305,15 @@ def _solve(f: int, finger: Any, posed: core.contact.posed_scene.PosedScene, fram
     if again:
         path.stepper.restore(path.before)
     path.before = path.stepper.save()
-    step = path.stepper.step(path.stepper.approach(), 0)
-    starts = frame == _live.first
-    note = f"live, from rest at frame {_live.first:g}" + (": play or step forward" if starts else "")
+    step = path.stepper.step(path.stepper.approach(), 0, coarse=moment.passing())
+    note = origin(_live.first, _live.since, begins=frame == _live.first)
+    if path.stepper.cut:
+        note += "; coarse while it moves"
     if skin_models.wants_pad(finger.parameters):
         made = skin_models.make_pad(finger.parameters["skin"])
         note += "; at the mesh's nodes" + (f" while the smooth skin is made: {made:.0%}" if made is not None else "")
-    return SkinState.of(finger.name, model, step, "live", note, _counters(path.stepper))
+    state = SkinState.of(finger.name, model, step, "live", note, _counters(path.stepper))
+    return replace(state, coarse=True) if path.stepper.cut else state
 
 
 def _path_of(f: int, finger: Any, model: Any, posed: core.contact.posed_scene.PosedScene) -> _FingerPath:

@@ -1,14 +1,14 @@
 """What thimbles do and make felt at the current frame: followed live, or played again from a bake.
 
-Live, a thimble follows the skin that `skin_preview` solves, one search a frame: a step forward goes on from the frame
-before, anything else starts from rest, and a change within a frame searches it anew. From a bake, the servo angles are
+Live, a thimble follows the skin that `skin_preview` solves, one search a frame, from wherever that came from: the frame
+before, a state that was kept, or rest; a change within a frame searches it anew. From a bake, the servo angles are
 replayed on the skin, with friction's memory, so that what is shown is what the track does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import bpy
@@ -18,7 +18,8 @@ from .. import changes
 from .._core import DermisError, core
 from ..devices import skin_models, thimble_devices
 from ..results import store
-from . import followers, moment
+from . import followers, moment, skin_preview
+from .kept_states import KeptStates
 from .rows import Row, goes_on, row_of
 from .skin_state import SkinState
 
@@ -34,6 +35,9 @@ class _FingerPath:
     target: Any = None  # the `SkinState` that was followed last
     before: Any = None  # what the last step began with
     rendered: Any = None  # the engine's `ThimbleFrame`
+    edits: int = -1  # of `changes`, for which the next two hold
+    seen: core.recent.Recent[float, Any] = field(default_factory=lambda: core.recent.Recent(skin_preview.SEEN))
+    kept: KeptStates[Any] = field(default_factory=KeptStates)
     error: str = ""
 
 
@@ -90,12 +94,21 @@ def follow(scene: bpy.types.Scene, target: SkinState, device: Any) -> _FingerPat
         path = _paths[target.finger] = _FingerPath(key)
     elif path.target is target:
         return path
+    if path.edits != changes.edits():
+        path.edits = changes.edits()
+        path.seen.clear()
+        path.kept.clear()
+    if skin_preview.revisited() and frame in path.seen:
+        path.target, path.rendered, path.error = target, path.seen[frame], ""
+        return path
     with skin_models.one_thread():
         try:
             if path.follower is None:
                 path.use = thimble_devices.prepared(device, model)
                 path.follower = core.matching.thimble.follower(path.use)
             _step(path, target, frame, fps)
+            path.seen[frame] = path.rendered
+            path.kept.keep(frame, path.follower.matching.save)
         except DermisError as error:
             path.error, path.rendered = str(error), None
     path.target, path.frame = target, frame
@@ -124,11 +137,16 @@ def _step(path: _FingerPath, target: SkinState, frame: float, fps: float) -> Non
     again = path.before is not None and frame == path.frame
     if again:
         matching.restore(path.before)
-    elif path.before is None or not goes_on(gap):
-        matching.reset()
-        matching.change = None  # the first frame shows where it would be, not the way there
     else:
-        matching.change = path.use.device.servo_speed * gap
+        near = None if goes_on(gap) else path.kept.nearest(frame, fps)
+        if near is not None:
+            matching.restore(near[1])
+            gap = (frame - near[0]) / fps
+        if path.before is not None and goes_on(gap):
+            matching.change = path.use.device.servo_speed * gap
+        else:
+            matching.reset()
+            matching.change = None  # the first frame shows where it would be, not the way there
     path.before = matching.save()
     path.rendered, path.error = path.follower.step(target.force), ""
 

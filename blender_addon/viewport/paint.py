@@ -19,6 +19,12 @@ ORANGE: Colour = (1.0, 0.52, 0.10, 1.0)
 BLUE: Colour = (0.36, 0.62, 1.0, 1.0)
 GREEN: Colour = (0.45, 0.80, 0.55, 1.0)
 FONT_SIZE = 11.5
+# Corners of a unit disc with its middle first, and the triangles of that and of a square.
+SIDES = 24
+_ANGLE = np.linspace(0.0, 2.0 * np.pi, SIDES + 1)[:-1]
+WHEEL = np.vstack([np.zeros((1, 2)), np.stack([np.cos(_ANGLE), np.sin(_ANGLE)], axis=1)])
+SPOKES = np.array([(0, 1 + i, 1 + (i + 1) % SIDES) for i in range(SIDES)], np.int32)
+SQUARE = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
 
 
 def text(
@@ -50,15 +56,12 @@ def rectangle(left: float, bottom: float, width: float, height: float, colour: C
     """Fill a box."""
     right, top = left + width, bottom + height
     corners = np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
-    _fill(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), colour)
+    _fill(corners, SQUARE, colour)
 
 
 def disc(centre: NDArray[Any], radius: float, colour: Colour) -> None:
     """Fill a circle."""
-    angle = np.linspace(0.0, 2.0 * np.pi, 25)[:-1]
-    points = np.vstack([centre, centre + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)])
-    i = np.arange(24)
-    _fill(points, np.stack([np.zeros_like(i), 1 + i, 1 + (i + 1) % 24], axis=1).astype(np.int32), colour)
+    _fill(centre + radius * WHEEL, SPOKES, colour)
 
 
 def arrow(start: NDArray[Any], end: NDArray[Any], colour: Colour, width: float, scale: float) -> None:
@@ -73,9 +76,9 @@ def arrow(start: NDArray[Any], end: NDArray[Any], colour: Colour, width: float, 
     neck = end - head * along
     half = 0.5 * width * scale
     body = np.array([start + half * side, start - half * side, neck - half * side, neck + half * side])
-    _fill(body, np.array([[0, 1, 2], [0, 2, 3]], np.int32), colour)
+    _fill(body, SQUARE, colour)
     wings = 0.55 * head * side
-    _fill(np.array([end, neck + wings, neck - wings]), np.array([[0, 1, 2]], np.int32), colour)
+    _fill(np.array([end, neck + wings, neck - wings]), SQUARE[:1], colour)
 
 
 def line(points: NDArray[Any], colour: tuple[float, ...], width: float) -> None:
@@ -118,5 +121,6 @@ def _fill(points: NDArray[Any], triangles: NDArray[np.int32], colour: Colour) ->
     shader = gpu.shader.from_builtin("UNIFORM_COLOR")
     shader.uniform_float("color", colour)
     gpu.state.blend_set("ALPHA")  # text drawing leaves it off
-    flat = np.column_stack([points, np.zeros(len(points))]).astype(np.float32)
+    flat = np.zeros((len(points), 3), np.float32)
+    flat[:, :2] = points
     batch_for_shader(shader, "TRIS", {"pos": flat}, indices=triangles).draw(shader)

@@ -11,7 +11,10 @@ from .._core import Array
 
 Colour = tuple[float, float, float, float]
 
+HEAT = ((0.20, 0.45, 0.85), (0.85, 0.87, 0.90), (1.0, 0.52, 0.10))  # at levels 0, 0.5 and 1
 SEGMENTS = 48  # of a circle
+_ANGLE = np.linspace(0.0, 2.0 * np.pi, SEGMENTS + 1)
+_ROUND = np.stack([np.cos(_ANGLE), np.sin(_ANGLE)], axis=1)
 LIGHT = np.array([0.35, -0.45, 0.82]) / np.linalg.norm([0.35, -0.45, 0.82])
 
 
@@ -39,16 +42,16 @@ def part_of(positions: Array, colours: Array, triangles: Array) -> Part:
 def heat(level: float) -> Colour:
     """Return a colour for a level from 0 to 1: blue, through white, to orange; safe for the colour-blind."""
     level = min(max(level, 0.0), 1.0)
-    stops = np.array([[0.20, 0.45, 0.85], [0.85, 0.87, 0.90], [1.0, 0.52, 0.10]])
-    r, g, b = (float(np.interp(level, (0.0, 0.5, 1.0), stops[:, k])) for k in range(3))
+    first = 0 if level < 0.5 else 1
+    r, g, b = (a + 2.0 * (level - 0.5 * first) * (z - a) for a, z in zip(HEAT[first], HEAT[first + 1], strict=True))
     return (r, g, b, 1.0)
 
 
 def circle(radius: float, height: float = 0.0) -> Array:
     """Return a closed line around the pad's centre: radius and height [m], shape (n, 3)."""
-    angle = np.linspace(0.0, 2.0 * np.pi, SEGMENTS + 1)
-    z = np.full_like(angle, height)
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)
+    out = np.full((SEGMENTS + 1, 3), height)
+    out[:, :2] = radius * _ROUND
+    return out
 
 
 def disc(radius: float, height: float, middle: Colour, rim: Colour) -> Part:

@@ -18,7 +18,7 @@ from .skin_surface import DisplaySurface
 COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
 SIGNED = frozenset(COMPONENTS)
 NEAR = 2e-3  # to what presses, where stress is read under every drawn vertex and not between nodes [m]
-SMALL = 120  # pad nodes of a skin whose map from forces to the drawn surface is kept whole
+SMALL = 250  # pad nodes of a skin whose map from forces to the drawn surface is kept whole: at most 10 MB
 # Depth of a press [m] and how far a linear skin's force is then off. Source: the linear model against a nonlinear one.
 ERROR_BAND = ((0.0, 0.0), (1e-3, 0.18), (2e-3, 0.33))
 
@@ -75,6 +75,7 @@ class _Kit:
     Attributes:
         surface: what is drawn. points: its nodes at rest [m], shape (s, 3).
         averaging: from elements to those nodes, sparse (s, e). pad_rows: which of them may touch.
+        stresses: by the skin's key, from displacement to their stress at E = 1 Pa, sparse (6 s, 3 n).
         shortcuts: by the skin's key, displacement and stress of the nodes for unit forces; see `_shortcut`.
         below: by the smooth skin's remainder, stress below what is drawn of the pad.
     """
@@ -83,6 +84,7 @@ class _Kit:
     points: Array
     averaging: Any
     pad_rows: NDArray[np.intp]
+    stresses: dict[str, Any] = field(default_factory=dict)
     shortcuts: dict[str, NDArray[np.float32]] = field(default_factory=dict)
     below: dict[int, _Below] = field(default_factory=dict)
 
@@ -114,7 +116,10 @@ def draw_of(state: SkinState, quantity: str, exaggeration: float = 1.0) -> Drawn
     else:
         moved = stimulus.displacement[surface.nodes]
         stressed = quantity == "von_mises" or quantity in SIGNED
-        stress = own.averaging @ stimulus.stress if stressed else np.zeros((len(moved), 6))
+        stress = np.zeros((len(moved), 6))
+        if stressed:
+            flat = _stress_of(own, state.model) @ stimulus.displacement.ravel()
+            stress = state.model.material.modulus * flat.reshape(-1, 6)
     nodal = _nodal(own, stimulus, quantity, moved, stress)
     positions, normals, values = surface.deformed(own.points, exaggeration * moved, nodal)
     if state.points is not None and (quantity == "von_mises" or quantity in SIGNED):
@@ -158,27 +163,57 @@ def _read(quantity: str, stress: Array) -> Array:
 def _by_shortcut(own: _Kit, model: Any, force: Array) -> tuple[Array, Array]:
     """Return displacement (s, 3) and averaged stress (s, 6) of the surface's nodes by one small product.
 
-    Both are linear in the forces, and of a draft skin the whole map is small: a fifth of the time of going through
-    all elements. Displacement goes with 1 / E; stress for given forces does not depend on E.
+    Both are linear in the forces, and of all skins but fine ones the whole map is small: a third of the time of going
+    through all elements. Displacement goes with 1 / E; stress for given forces does not depend on E.
     """
     table = own.shortcuts.get(model.key)
     if table is None:
-        table = own.shortcuts[model.key] = _shortcut(own, model)
+        table = own.shortcuts[model.key] = _kept_shortcut(own, model)
     scale = float(np.abs(force).max())
-    nodal = ((force.reshape(-1) / scale).astype(np.float32) @ table).astype(np.float64).reshape(-1, 9)
+    touched = np.flatnonzero(force.any(axis=1))
+    if 4 * len(touched) < len(force):  # read only what is touched
+        rows, table = force[touched], table.reshape(len(force), 3, -1)[touched].reshape(3 * len(touched), -1)
+    else:
+        rows = force
+    nodal = ((rows.reshape(-1) / scale).astype(np.float32) @ table).astype(np.float64).reshape(-1, 9)
     return nodal[:, :3] * (scale / model.material.modulus), nodal[:, 3:] * scale
+
+
+def _kept_shortcut(own: _Kit, model: Any) -> NDArray[np.float32]:
+    """Return `_shortcut`, from the skins' cache where it is there."""
+    if model.cache is None:
+        return _shortcut(own, model)
+    store, key = core.skin.store, core.cache.cache_key(model.key, "drawn 1")
+    path = model.cache.get(key)
+    kept = None if path is None else store.read_table(path, (3 * model.pad_count, 9 * len(own.points)))
+    if kept is not None:
+        return np.asarray(kept, np.float32)
+    made = _shortcut(own, model)
+    model.cache.put(key, lambda part: store.write_table(part, made))
+    return made
 
 
 def _shortcut(own: _Kit, model: Any) -> NDArray[np.float32]:
     """Return displacement and stress of the surface's nodes at E = 1 Pa for unit forces, shape (3 m, 9 s)."""
-    unit = model.with_material(young=1.0, alpha=1.0)
-    count = len(own.points)
-    out = np.empty((3 * model.pad_count, count, 9), np.float32)
-    for i, force in enumerate(np.eye(3 * model.pad_count)):
-        moved = unit.displacement(force)
-        out[i, :, :3] = moved[own.surface.nodes]
-        out[i, :, 3:] = own.averaging @ unit.operator.stress(moved)
-    return out.reshape(3 * model.pad_count, 9 * count)
+    mesh, size = model.mesh, 3 * model.pad_count
+    moved = np.zeros((size, len(mesh.nodes), 3), np.float32)
+    moved[:, mesh.free] = model.unit_response.reshape(size, -1, 3)
+    moved[:, mesh.pad] = model.unit_compliance.reshape(size, -1, 3)
+    stress = _stress_of(own, model) @ np.ascontiguousarray(moved.reshape(size, -1).T)
+    out = np.empty((size, len(own.points), 9), np.float32)
+    out[:, :, :3] = moved[:, own.surface.nodes]
+    out[:, :, 3:] = stress.T.reshape(size, -1, 6)
+    return out.reshape(size, -1)
+
+
+def _stress_of(own: _Kit, model: Any) -> Any:
+    """Return the matrix from a skin's displacement to the stress of the surface's nodes at E = 1 Pa, made once."""
+    if model.key not in own.stresses:
+        from scipy.sparse import identity, kron
+
+        unit = model.with_material(young=1.0, alpha=1.0).operator
+        own.stresses[model.key] = (kron(own.averaging, identity(6)).tocsr() @ unit.matrix).tocsr()
+    return own.stresses[model.key]
 
 
 def _nodal(own: _Kit, stimulus: Any, quantity: str, moved: Array, stress: Array) -> Array:

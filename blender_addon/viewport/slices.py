@@ -3,6 +3,9 @@
 Work is a generator that is sent the scene and yields wherever it may rest, so that nothing of Blender's is kept
 meanwhile. The next change cancels it; the next frames of a play do not, or a slow scene would never be shown while it
 plays: they wait until it is done, and the newest of them comes next.
+
+Frames and changes in quick succession are only passed, and worked out coarsely; where the scene rests, the frame is
+worked out once more.
 """
 
 from __future__ import annotations
@@ -21,6 +24,7 @@ from ..preview.rows import goes_on
 
 BUDGET = 0.012  # [s] that a view waits at most, but for one step of the work; half of a frame is left for Blender
 PAUSE = 0.001  # [s] between slices: Blender handles what came in
+REST = 0.25  # [s] without a new frame or a change after which the scene rests
 
 Steps = Generator[None, bpy.types.Scene, None]
 
@@ -28,6 +32,17 @@ Steps = Generator[None, bpy.types.Scene, None]
 def budget() -> float:
     """Return how long a view waits [s]; without a window nobody does."""
     return math.inf if bpy.app.background else BUDGET
+
+
+def rest() -> float:
+    """Return after how long the scene rests [s]; without a window nobody passes a frame."""
+    return 0.0 if bpy.app.background else REST
+
+
+def plays() -> bool:
+    """Return whether an animation plays or somebody scrubs, however slowly the frames come."""
+    screens = [window.screen for window in bpy.context.window_manager.windows]
+    return any(screen.is_animation_playing or screen.is_scrubbing for screen in screens)
 
 
 class Slices:
@@ -42,6 +57,9 @@ class Slices:
         self._work: Steps | None = None
         self._of: tuple[int, int] = (0, 0)  # scene and edits that the work is for
         self._frame = 0.0
+        self._passing = False
+        self._came = -math.inf  # when a frame or a change came last, or the work on one was done
+        self._at_rest = self._on_rest
         self._timer = self._on_timer  # Blender knows a timer by its very object, and a method is another one each time
 
     def busy(self, scene: bpy.types.Scene) -> bool:
@@ -53,8 +71,11 @@ class Slices:
         frame = float(scene.frame_current_final)
         step = (frame - self._frame) * scene.render.fps_base / scene.render.fps
         goes = step == 0.0 or goes_on(step)
+        passing = plays() or time.perf_counter() - self._came < rest()
+        if step != 0.0 or self._of != (scene.session_uid, changes.edits()):
+            self._came = time.perf_counter()
         if not (self.busy(scene) and self._of[1] == changes.edits() and goes):
-            self._renew(scene, frame)
+            self._renew(scene, frame, passing=passing)
         self._spend(scene)
 
     def cancel(self) -> None:
@@ -62,11 +83,13 @@ class Slices:
         if self._work is not None:
             self._work.close()
         self._work = None
-        if bpy.app.timers.is_registered(self._timer):
-            bpy.app.timers.unregister(self._timer)
+        for timer in (self._timer, self._at_rest):
+            if bpy.app.timers.is_registered(timer):
+                bpy.app.timers.unregister(timer)
 
-    def _renew(self, scene: bpy.types.Scene, frame: float) -> None:
+    def _renew(self, scene: bpy.types.Scene, frame: float, *, passing: bool) -> None:
         self.cancel()
+        self._passing = passing
         self._work, self._of, self._frame = self._begin(), (scene.session_uid, changes.edits()), frame
         next(self._work)
 
@@ -80,25 +103,47 @@ class Slices:
                     break
         if self._work is not None and not bpy.app.timers.is_registered(self._timer):
             bpy.app.timers.register(self._timer, first_interval=PAUSE)
+        if self._work is None and skin_preview.coarse() and not bpy.app.timers.is_registered(self._at_rest):
+            bpy.app.timers.register(self._at_rest, first_interval=rest())
 
     def _step(self, scene: bpy.types.Scene) -> None:
         assert self._work is not None
         try:
-            with moment.held(self._frame):
+            with moment.held(self._frame, passing=self._passing):
                 self._work.send(scene)
         except Exception as error:
             self._work = None
             if not isinstance(error, StopIteration):
                 raise
+            self._came = time.perf_counter()
             if float(scene.frame_current_final) != self._frame:  # the play has gone on meanwhile
-                self._renew(scene, float(scene.frame_current_final))
+                self._renew(scene, float(scene.frame_current_final), passing=rest() > 0.0)
 
     def _on_timer(self) -> float | None:
-        scene = next((s for s in bpy.data.scenes if s.session_uid == self._of[0]), None)
-        if scene is None or self._of[1] != changes.edits() or changes.sweeping():
+        scene = self._scene()
+        if scene is None:
             self.cancel()
             redraw.request()
             return None
         self._spend(scene)
         redraw.views()
         return PAUSE if self._work is not None else None
+
+    def _on_rest(self) -> float | None:
+        """Work out once more, and well, the frame that the scene rests at; what comes meanwhile has its own timer."""
+        scene = self._scene()
+        if scene is None or self._work is not None or not skin_preview.coarse():
+            return None
+        left = self._came + rest() - time.perf_counter()
+        if left > 0.0 or plays():
+            return max(left, REST)
+        self._renew(scene, float(scene.frame_current_final), passing=False)
+        self._spend(scene)
+        redraw.views()
+        return None
+
+    def _scene(self) -> bpy.types.Scene | None:
+        """Return the scene that the work is for; None where it is gone or has changed since."""
+        if self._of[1] != changes.edits() or changes.sweeping():
+            return None
+        return next((s for s in bpy.data.scenes if s.session_uid == self._of[0]), None)

@@ -51,11 +51,14 @@ class CompliantBone:
         stiffness: of the spring [N/m], 0 for a bone that follows the animation exactly.
         force_limit: largest force on the bone along Z [N], inf without a limit.
         name: for findings.
+
+    Attributes:
+        sub_steps: walks the solver from frame to frame.
     """
 
     def __init__(self, solver: PathSolver, stiffness: float, force_limit: float, name: str) -> None:
         self.solver, self.stiffness, self.force_limit, self.name = solver, stiffness, force_limit, name
-        self._sub_steps = SubStepper(solver, float(np.linalg.norm(solver.bone)))
+        self.sub_steps = SubStepper(solver, float(np.linalg.norm(solver.bone)))
         self._retraction = 0.0  # by the force limit, beyond what the spring gives way [m]
         self._slope = 0.0
         self._before: Callable[[], Sequence[ContactBody] | None] = lambda: None
@@ -113,12 +116,12 @@ class CompliantBone:
     def idle(self, count: int = 1) -> PathStep:
         """Take frames in which nothing is near."""
         self._retraction = 0.0
-        return self._sub_steps.idle(count)
+        return self.sub_steps.idle(count)
 
     def save(self) -> Mapping[str, Any]:
         """Return the state between two frames, for `restore`."""
         return {
-            "solver": self._sub_steps.save(),
+            "solver": self.sub_steps.save(),
             "retraction": self._retraction,
             "slope": self._slope,
             "notes": self._notes.copy(),
@@ -126,7 +129,7 @@ class CompliantBone:
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go back to a saved state."""
-        self._sub_steps.restore(state["solver"])
+        self.sub_steps.restore(state["solver"])
         self._retraction, self._slope, self._notes = state["retraction"], state["slope"], state["notes"].copy()
 
     def step(
@@ -144,7 +147,7 @@ class CompliantBone:
         if np.isfinite(self.force_limit):
             step, retraction = self._limited(bodies, scene_frame)
         else:
-            step, retraction = self._sub_steps.step(bodies, before, scene_frame=scene_frame), 0.0
+            step, retraction = self.sub_steps.step(bodies, before, scene_frame=scene_frame), 0.0
         return self._bone_step(step, retraction, scene_frame)
 
     def retraction(self, bodies: Sequence[ContactBody], scene_frame: float) -> float:
@@ -152,9 +155,9 @@ class CompliantBone:
         if not np.isfinite(self.force_limit):
             return 0.0
         self._before = lambda: None
-        before, found = self._sub_steps.save(), self._notes.copy()
+        before, found = self.sub_steps.save(), self._notes.copy()
         _, retraction = self._limited(bodies, scene_frame)
-        self._sub_steps.restore(before)
+        self.sub_steps.restore(before)
         self._notes = found
         return retraction
 
@@ -183,7 +186,7 @@ class CompliantBone:
 
     def _limited(self, bodies: Sequence[ContactBody], scene_frame: float) -> tuple[PathStep, float]:
         """Retract the bone until the force is at its limit, or the retraction is zero."""
-        before = self._sub_steps.save()
+        before = self.sub_steps.save()
         low, high = 0.0, np.inf  # retractions that press too much, and not enough
         retraction, step = self._retraction, self._try(bodies, self._retraction, scene_frame)
         for _ in range(MAX_TRIALS):
@@ -192,7 +195,7 @@ class CompliantBone:
                 break
             low, high = (retraction, high) if excess > 0 else (low, retraction)
             trial = self._next(retraction, excess, low, high, step)
-            self._sub_steps.restore(before)
+            self.sub_steps.restore(before)
             following = self._try(bodies, trial, scene_frame)
             if trial != retraction:
                 self._slope = (excess + self.force_limit - self._force(following)) / (trial - retraction)
@@ -214,7 +217,7 @@ class CompliantBone:
         if retraction > 0.0:
             down = np.array([0.0, 0.0, -retraction])  # the finger goes up, so all else goes down in its frame
             bodies = [replace(body, translation=body.translation + down) for body in bodies]
-        return self._sub_steps.step(bodies, self._before, scene_frame=scene_frame)
+        return self.sub_steps.step(bodies, self._before, scene_frame=scene_frame)
 
     def _next(self, retraction: float, excess: float, low: float, high: float, step: PathStep) -> float:
         """Return the next retraction: along the last slope, kept within the bracket, which is halved where it fails."""

@@ -83,8 +83,9 @@ class SkinStepper:
         poses = self._scene.relative(turn, place, near)
         return Approach(dict(zip(near, inside[near], strict=True)), turn, place, poses, boxes)
 
-    def step(self, approach: Approach, i: int) -> SkinStep:
-        """Solve sample `i` of the chunk."""
+    def step(self, approach: Approach, i: int, *, coarse: bool = False) -> SkinStep:
+        """Solve sample `i` of the chunk; `coarse`: walk there in few steps, see `cut`."""
+        self.bone.sub_steps.coarse, self.bone.sub_steps.cut = coarse, False
         bodies = self.around(approach, i)
         if all(body.away for body in bodies):
             return self.idle()
@@ -148,6 +149,11 @@ class SkinStepper:
         """
         bone = self.bone.adopt(held.forces[k], held.slips[k], held.gaps[k], held.residual, retraction, scene_frame)
         return self._taken(bone, scene_frame)
+
+    @property
+    def cut(self) -> bool:
+        """Whether the last sample was walked to in fewer steps than its friction takes."""
+        return self.bone.sub_steps.cut
 
     @property
     def on_points(self) -> bool:

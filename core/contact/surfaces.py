@@ -17,6 +17,7 @@ SAME_STRETCH = 1e-5
 # Vertices that are taken together where a box is measured.
 ROW = 64
 
+_BOXES: weakref.WeakKeyDictionary[Mesh, Array] = weakref.WeakKeyDictionary()
 _SURFACES: weakref.WeakKeyDictionary[Mesh, dict[bytes, Surface]] = weakref.WeakKeyDictionary()
 
 
@@ -52,8 +53,13 @@ def carried(mesh: Mesh, stretch: Array) -> Surface:
 
 
 def box_of(mesh: Mesh) -> Array:
-    """Return the lower and upper corner of a mesh [m], shape (2, 3)."""
-    vertices = mesh.vertices
+    """Return the lower and upper corner of a mesh [m], shape (2, 3); measured once for as long as the mesh lives."""
+    if mesh not in _BOXES:
+        _BOXES[mesh] = _box_of(mesh.vertices)
+    return _BOXES[mesh]
+
+
+def _box_of(vertices: Array) -> Array:
     whole = len(vertices) // ROW * ROW
     if whole:  # numpy takes ten times as long for extremes over short rows as over long ones
         rows = vertices[:whole].reshape(-1, 3 * ROW)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from copy import copy
+from math import hypot
 
 STILL_SPEED = 1e-4  # [m/s]; slower is rest: float32 poses of a parented finger tremble by up to some 2e-5 m/s
 REST_RADIUS = 8e-4  # [m]; a resting finger that a panel reports with 0.1 mm (RMS) of jitter stays within this
@@ -52,13 +52,14 @@ class Heading:
         Args:
             resting: the finger is known to be at rest, whatever x and y say.
         """
-        elapsed, self._time = max(time - self._time, 1e-6), time
-        if self._anchor is None:
+        anchor, elapsed = self._anchor, time - self._time
+        elapsed, self._time = (elapsed if elapsed > 1e-6 else 1e-6), time
+        if anchor is None:
             self._anchor = x, y
             return self._direction
-        ax, ay = self._anchor
+        ax, ay = anchor
         dx, dy = x - ax, y - ay
-        far, creep = math.hypot(dx, dy), STILL_SPEED * elapsed
+        far, creep = hypot(dx, dy), STILL_SPEED * elapsed
         if resting or far <= creep:
             self._anchor = x, y
         elif far <= creep + self._radius:
@@ -74,19 +75,19 @@ class Heading:
             self._direction = ux, uy
             return
         moves, begin = self._moves, time - self._window
+        sum_x, sum_y = self._sum_x, self._sum_y
         while moves and moves[0][1] <= begin:
             start, end, vx, vy = moves.popleft()
-            self._sum_x -= vx * (end - start)
-            self._sum_y -= vy * (end - start)
+            sum_x -= vx * (end - start)
+            sum_y -= vy * (end - start)
         if not moves:
-            self._sum_x = self._sum_y = 0.0  # what rounding has left goes too
+            sum_x = sum_y = 0.0  # what rounding has left goes too
         moves.append((time - elapsed, time, ux, uy))
-        self._sum_x += ux * elapsed
-        self._sum_y += uy * elapsed
+        self._sum_x, self._sum_y = sum_x, sum_y = sum_x + ux * elapsed, sum_y + uy * elapsed
         start, _, vx, vy = moves[0]
-        before = max(begin - start, 0.0)  # of the oldest only what lies within the window counts
-        sx, sy = self._sum_x - vx * before, self._sum_y - vy * before
-        size = math.hypot(sx, sy)
+        before = begin - start if begin > start else 0.0  # of the oldest only what lies within the window counts
+        sx, sy = sum_x - vx * before, sum_y - vy * before
+        size = hypot(sx, sy)
         # Half a movement's weight: below it the window holds as much of one direction as of its opposite.
         if size > 0.5 * min(elapsed, self._window):
             self._direction = sx / size, sy / size

@@ -41,7 +41,7 @@ def directions(
 
     Source: [S4] eq. 4
     """
-    result = np.zeros((len(x), 2))
+    result = [(0.0, 0.0)] * len(x)
     still = np.zeros(len(x), bool) if resting is None else resting
     carry = carry or Carry()
     heading, down, first = carry.start or (Heading(window, radius), False, 0)
@@ -55,7 +55,7 @@ def directions(
         elif down:
             heading.lift()
         down = touches
-    return result
+    return np.array(result).reshape(-1, 2)
 
 
 def friction_of_slope(slope_x: Array, slope_y: Array, direction: Array, scale: float | Array) -> Array:

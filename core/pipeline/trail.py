@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Hashable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,18 @@ from .device_tracks import Renderer, renderer, usable
 SETTLED = 4
 SHOWN = 0.13  # [s] of a track before its end that must be there to be drawn
 State = tuple[float, Mapping[Hashable, Any]]
+
+
+class Kept(NamedTuple):
+    """The end of a trail.
+
+    Attributes:
+        chunks: the last samples. state: what is noted where they begin to settle. taken: how many samples led there.
+    """
+
+    chunks: tuple[Chunk, ...]
+    state: State
+    taken: int
 
 
 class Trail:
@@ -88,14 +100,22 @@ class Trail:
 
     def again(self, scene: TactileScene, chunk: Chunk) -> tuple[Output, ...]:
         """Take the last sample anew, since something has changed; return the tracks up to it."""
-        chunks, self._state, self.taken = self._chunks[:-1], self._before, self.taken - 1
-        if self.taken == 0:
-            chunks = []
-        self._chunks, self._sampler = chunks.copy(), PadSampler(scene)
-        for earlier in chunks:
-            self._sampler.add(earlier)
+        chunks = self._chunks[:-1] if self.taken > 1 else []
+        self._scene = scene
+        self.restore(Kept(tuple(chunks), self._before, self.taken - 1))
         self.renew(scene)
         return self.add(chunk)
+
+    def save(self) -> Kept:
+        """Return the trail's end, for `restore`."""
+        return Kept(tuple(self._chunks), self._state, self.taken)
+
+    def restore(self, kept: Kept) -> None:
+        """Go back to where `save` was called; the samples that are kept are measured once more."""
+        self._chunks, self._state, self.taken = list(kept.chunks), kept.state, kept.taken
+        self._sampler = PadSampler(self._scene)
+        for chunk in self._chunks:
+            self._sampler.add(chunk)
 
     def renew(self, scene: TactileScene) -> None:
         """Go on with other settings of the same fingers, objects and screens."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..arrays import Array, Floats32, Indices
 from .surface_compliance import ABOVE, SPREAD, Probes, SurfaceCompliance
 
+TOGETHER = 4  # coarsest cells that are worked out at once: numpy's calls are paid for, arrays stay in the cache
 NEAR = 3.0  # sides of a coarsest cell from its middle within which its parts are seen by themselves
 _PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))  # xx, yy, zz, yz, xz, xy
 
@@ -65,8 +66,9 @@ class StressTable:
         np.add.at(total, at, carried)
         whole = np.zeros(6 * len(self.probes), np.float32)
         scale = max(float(np.abs(total).max(initial=0.0)), 1e-30)
+        self._learn([root for root in roots.tolist() if root not in self._known])
         for root, sum_ in zip(roots.tolist(), (total / scale).astype(np.float32), strict=True):
-            whole += sum_ @ self._row(root)
+            whole += sum_ @ self._known[root]
         out += scale * whole.reshape(-1, 6)[which].astype(np.float64)
         fine = np.flatnonzero(chart.levels[parts] > 0)
         if len(fine):
@@ -90,15 +92,16 @@ class StressTable:
         probe, source = near[:, place[at]].nonzero()
         np.add(out, self._sum(which[probe], parts[source], force[source], probe, len(which)), out=out)
 
-    def _row(self, root: int) -> Floats32:
-        """Return the stress of all probes for unit forces spread evenly over a coarsest cell, shape (3, 6 k)."""
-        known = self._known.get(root)
-        if known is None:
-            count = len(self.probes)
-            probe, cells = np.arange(count), np.full(count, root)
-            rows = [self._sum(probe, cells, np.tile(unit, (count, 1)), probe, count) for unit in np.eye(3)]
-            known = self._known[root] = np.stack(rows).reshape(3, -1).astype(np.float32)
-        return known
+    def _learn(self, roots: list[int]) -> None:
+        """Work out the stress of all probes for unit forces spread evenly over coarsest cells."""
+        count = len(self.probes)
+        for start in range(0, len(roots), TOGETHER):
+            some = roots[start : start + TOGETHER]
+            size = 3 * count * len(some)
+            force = np.tile(np.repeat(np.eye(3), count, axis=0), (len(some), 1))
+            probe, cells = np.tile(np.arange(count), 3 * len(some)), np.repeat(some, 3 * count)
+            rows = self._sum(probe, cells, force, np.arange(size), size).astype(np.float32)
+            self._known.update(zip(some, rows.reshape(len(some), 3, -1), strict=True))
 
     def _sum(self, probe: Indices, cells: Indices, force: Array, row: Indices, count: int) -> Array:
         """Return the sums of what pairs of a probe and a cell do, by rows; a cell that is large is seen in parts."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,12 +14,20 @@ from ..scene.tactile_scene import ABSENT, Mesh
 # A mesh whose faces' area vectors add up to less than this fraction of its area encloses a volume.
 CLOSED = 1e-6
 
+_CENTRES: weakref.WeakKeyDictionary[Mesh, Array] = weakref.WeakKeyDictionary()
+
 
 def centre_of(mesh: Mesh) -> Array:
     """Return the centroid of the enclosed volume, or the mean of the vertices where none is enclosed [m], shape (3,).
 
-    A homogeneous solid is assumed. The point moves with any linear map of the mesh.
+    A homogeneous solid is assumed. The point moves with any linear map of the mesh. It is kept while the mesh lives.
     """
+    if mesh not in _CENTRES:
+        _CENTRES[mesh] = _centre_of(mesh)
+    return _CENTRES[mesh]
+
+
+def _centre_of(mesh: Mesh) -> Array:
     mean = mesh.vertices.mean(axis=0)
     a, b, c = np.moveaxis(mesh.vertices[mesh.triangles] - mean, 1, 0)
     area = np.cross(b - a, c - a)

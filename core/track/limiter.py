@@ -60,11 +60,16 @@ class Limiter:
 
     def range(self) -> None:
         """Hold every channel between its low and its high."""
-        for i, channel in enumerate(self.spec.channels):
+        channels = self.spec.channels
+        low = np.array([-np.inf if c.low is None else c.low for c in channels])
+        high = np.array([np.inf if c.high is None else c.high for c in channels])
+        held = np.clip(self.values, low, high)
+        changed = np.count_nonzero(held != self.values, axis=0).tolist()
+        for i, (channel, count) in enumerate(zip(channels, changed, strict=True)):
             if channel.low is not None or channel.high is not None:
-                low = -np.inf if channel.low is None else channel.low
-                high = np.inf if channel.high is None else channel.high
-                self._replace(i, channel.name, "range", np.clip(self.values[:, i], low, high))
+                self._count(channel.name, "range", count)
+            if count:
+                self.values[:, i] = held[:, i]
 
     def disc(self) -> None:
         """Pull pairs that share a round range back to its rim, along their radius."""

@@ -75,7 +75,7 @@ def test_a_fresh_bake_is_read_at_the_frame_and_between(holding: bpy.types.Scene)
             assert row.values[name] == pytest.approx(np.interp(t, track.times, track.column(name)), abs=1e-12)
 
 
-def test_live_goes_on_forward_and_starts_anew_after_a_jump(holding: bpy.types.Scene) -> None:
+def test_live_goes_on_forward_and_starts_anew_or_from_a_kept_state_after_a_jump(holding: bpy.types.Scene) -> None:
     def at(frame: int) -> tuple[int, str]:
         holding.frame_set(frame)
         note = device_preview.step(bpy.context).note
@@ -84,8 +84,31 @@ def test_live_goes_on_forward_and_starts_anew_after_a_jump(holding: bpy.types.Sc
     assert at(3) == (1, "live, from rest at frame 3: play or step forward")
     assert at(4) == (2, "live, from rest at frame 3")
     assert at(6) == (3, "live, from rest at frame 3")  # playback may drop a frame
-    assert at(5) == (1, "live, from rest at frame 5: play or step forward")  # back
+    assert at(5) == (2, "live, from the state kept at frame 3")  # back
+    assert at(7) == (3, "live, from rest at frame 3")
     assert at(20) == (1, "live, from rest at frame 20: play or step forward")  # a jump
+    bpy.data.objects["Cube"].dermis.material.weight_gravity += 0.01
+    assert at(5) == (1, "live, from rest at frame 5: play or step forward")  # what was kept holds no more
+
+
+def test_from_a_kept_state_devices_do_what_they_do_when_played_from_there(holding: bpy.types.Scene) -> None:
+    ways = [[0.0302, y, 0.0] for y in (0.0, 2e-3, -2e-3)]
+    keys(bpy.data.objects["Finger"], "location", [1, 12, 25], ways, "BEZIER")
+    bpy.data.objects["Cube"].dermis.material.texture_on = True
+    bpy.context.view_layer.update()
+
+    def played(*frames: int) -> np.ndarray:
+        for frame in frames:
+            holding.frame_set(frame)
+            shown = device_preview.step(bpy.context)
+        return np.array(list(shown.rows[0].values.values()))
+
+    back = played(*range(1, 13), *range(14, 25, 2), 13)
+    assert device_preview._live.preview.note == "live, from the state kept at frame 10"
+    device_preview.reset()
+    assert np.array_equal(back, played(*range(1, 11), 13))
+    device_preview.reset()
+    assert not np.array_equal(back, played(13))
 
 
 def test_frames_that_were_visited_are_shown_as_they_were_until_something_changes(holding: bpy.types.Scene) -> None:
@@ -199,7 +222,7 @@ def test_a_scene_that_cannot_be_rendered_says_why_in_the_preview() -> None:
     assert shown.rows == () and "nothing to touch" in shown.note
 
 
-def test_where_a_skin_is_solved_devices_begin_at_rest_with_it(holding: bpy.types.Scene) -> None:
+def test_where_a_skin_is_solved_devices_are_shown_as_they_were_with_it(holding: bpy.types.Scene) -> None:
     bpy.data.objects["Finger"].dermis.finger.skin.shown = True
     for frame in (3, 4, 5):
         holding.frame_set(frame)
@@ -207,5 +230,10 @@ def test_where_a_skin_is_solved_devices_begin_at_rest_with_it(holding: bpy.types
     holding.frame_set(4)
     views.on_frame(holding)
     now = views.now(holding)
-    assert now.devices.note == "live, from rest at frame 4: play or step forward"
-    assert now.skins.states[0].note.startswith("live, from rest at frame 4")
+    assert now.devices.note == "live, as it was played from rest at frame 3"
+    assert now.skins.states[0].note.startswith(now.devices.note)
+    holding.frame_set(20)
+    views.on_frame(holding)
+    now = views.now(holding)
+    assert now.devices.note == "live, from rest at frame 20: play or step forward"
+    assert now.skins.states[0].note.startswith(now.devices.note)

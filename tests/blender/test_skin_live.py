@@ -117,13 +117,41 @@ def test_a_jump_starts_from_rest_and_says_so(pressing: bpy.types.Scene) -> None:
     for frame in range(1, 13):
         along = at(pressing, frame)
     assert along.note == "live, from rest at frame 1"
-    jumped = at(pressing, 4)
-    assert "from rest at frame 4: play or step forward" in jumped.note
+    jumped = at(pressing, 25)
+    assert "from rest at frame 25: play or step forward" in jumped.note
     skin_preview.reset()
     again = at(pressing, 12)
     assert again.note.startswith("live, from rest at frame 12")
     # without the slide in its past the skin is not dragged along
     assert again.tangential_force < 0.2 * along.tangential_force
+
+
+def test_a_frame_that_was_visited_is_shown_as_it_was_until_something_changes(pressing: bpy.types.Scene) -> None:
+    played = {frame: at(pressing, frame) for frame in range(1, 13)}
+    for frame in (7, 3, 11):
+        again = at(pressing, frame)
+        assert np.array_equal(again.force, played[frame].force)
+        assert again.note == "live, as it was played from rest at frame 1"
+        assert again.counters == played[frame].counters  # nothing was solved for it
+    assert at(pressing, 13).note == "live, from rest at frame 1"  # and from where it ended it goes on
+    changes.mark_dirty("something")
+    assert "from rest at frame 7: play or step forward" in at(pressing, 7).note
+
+
+def test_a_jump_goes_on_from_the_nearest_kept_state_as_if_played_from_there(pressing: bpy.types.Scene) -> None:
+    for frame in (*range(1, 9), 10, 12):
+        at(pressing, frame)
+    back = at(pressing, 9)
+    assert back.note == "live, from the state kept at frame 7"
+    forward = at(pressing, 11)
+    assert forward.note == "live, from rest at frame 1"
+    skin_preview.reset()
+    for frame in range(1, 8):
+        at(pressing, frame)
+    assert np.array_equal(back.force, at(pressing, 9).force)
+    assert np.array_equal(forward.force, at(pressing, 11).force)
+    skin_preview.reset()
+    assert np.abs(back.force - at(pressing, 9).force).max() > 0.01 * np.abs(back.force).max()
 
 
 def test_a_change_within_a_frame_does_not_advance_the_history(pressing: bpy.types.Scene) -> None:

@@ -102,6 +102,42 @@ def test_a_change_cancels_the_work_and_leaves_the_fingers_as_they_were(hands, mo
     assert all(np.allclose(a, b, atol=1e-9) for a, b in zip(forces(), changed, strict=True))
 
 
+def test_what_is_passed_is_walked_coarsely_and_made_good_where_the_scene_rests(hands, monkeypatch) -> None:
+    path = next(iter(skin_preview._live.paths.values()))
+    monkeypatch.setattr(slices, "rest", lambda: 1e9)  # all that comes now comes in quick succession
+    step(hands, 32)
+    passed = forces()
+    assert skin_preview.coarse() and "coarse while it moves" in skin_preview.own(hands)[0].note
+    parts = path.stepper.counters["solved"] + path.stepper.counters["unchanged"]
+    assert bpy.app.timers.is_registered(shown._slices._at_rest)
+    assert shown._slices._on_rest() > 1e8 and forces()[0] is passed[0]  # it has not rested yet
+    monkeypatch.setattr(slices, "rest", lambda: 0.0)
+    with monkeypatch.context() as playing:
+        playing.setattr(slices, "plays", lambda: True)
+        assert shown._slices._on_rest() == slices.REST and skin_preview.coarse()  # however slowly frames come
+    assert shown._slices._on_rest() is None
+    rested = forces()
+    assert not skin_preview.coarse() and "coarse" not in skin_preview.own(hands)[0].note
+    assert path.stepper.counters["solved"] + path.stepper.counters["unchanged"] == parts  # the same frame once more
+    assert shown._slices._on_rest() is None and forces()[0] is rested[0]  # and only once
+    device_preview.reset()
+    skin_preview.reset()
+    for frame in (28, 29, 32):
+        step(hands, frame)
+    assert np.array_equal(forces()[0], rested[0]) and not np.array_equal(passed[0], rested[0])
+
+
+def test_a_coarse_frame_that_is_visited_again_is_made_good_too(hands, monkeypatch) -> None:
+    monkeypatch.setattr(slices, "rest", lambda: 1e9)
+    for frame in (32, 35, 32):
+        step(hands, frame)
+    assert skin_preview.coarse() and skin_preview.own(hands)[0].note.startswith("live, as it was played")
+    monkeypatch.setattr(slices, "rest", lambda: 0.0)
+    shown._slices._on_rest()
+    assert not skin_preview.coarse()
+    assert skin_preview.own(hands)[0].note == "live, from the state kept at frame 28"
+
+
 def test_a_jump_does_not_wait_for_the_frame_before(hands, monkeypatch) -> None:
     monkeypatch.setattr(slices, "budget", lambda: 0.0)
     step(hands, 30)

@@ -30,6 +30,8 @@ DEEP_PARTS = 4
 # The surface turns where normals of loaded nodes differ by more than this cosine says.
 STRAIGHT = 0.95
 MAX_PARTS = 60
+# ... and one that is only looked at in passing no more than this.
+COARSE_PARTS = 2
 # A finger counts as outside an object when no node is deeper in it than this [m].
 OUTSIDE = 1e-7
 SEARCHES = 40
@@ -46,6 +48,9 @@ class SubStepper:
     Args:
         solver: of one finger.
         deepest: depth at which an object that the bone has left again went through the finger [m].
+
+    Attributes:
+        coarse: walk frames in few parts. cut: whether that was fewer than it takes, since this was set to False.
     """
 
     def __init__(self, solver: PathSolver, deepest: float) -> None:
@@ -54,6 +59,7 @@ class SubStepper:
         self._facing: dict[int, float] = {}  # above zero where a body's normals point out of it, below where in
         self._press = PressWatch()
         self._number = 0.0  # of the frame, for findings
+        self.coarse = self.cut = False
 
     def idle(self, count: int = 1) -> PathStep:
         """Take frames in which nothing is near; what is small may still lie within the finger, and stays left."""
@@ -116,6 +122,8 @@ class SubStepper:
     ) -> list[list[ContactBody]]:
         """Return the bodies at each part of the way but the last."""
         parts = self._parts(start, bodies, gaps)
+        if self.coarse and parts > COARSE_PARTS:
+            parts, self.cut = COARSE_PARTS, True
         if parts > MAX_PARTS:
             self.solver.notes.warn(
                 "too-fast",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -17,7 +16,7 @@ from ..number_rows import read_rows
 
 
 class Fit(Protocol):
-    """A learned function of inputs u = (configuration, friction state)."""
+    """A learned function of inputs u = (configuration, whatever else decides the channels)."""
 
     @property
     def inputs(self) -> int:
@@ -33,12 +32,8 @@ class Fit(Protocol):
         """Return channels for rows of inputs, (n, p) to (n, c)."""
         ...
 
-    def evaluate(self, u: Array) -> tuple[Array, Array]:
-        """Return the channels, shape (c,), and their derivative by the first three inputs, shape (c, 3)."""
-        ...
-
-    def fixed(self, memory: Array) -> Callable[[Array], tuple[Array, Array]]:
-        """Return `evaluate` as a function of the first three inputs, with the others folded in once."""
+    def along(self, u: Array, ways: Array) -> tuple[Array, Array]:
+        """Return the channels, shape (c,), and their derivative along ways of the inputs, (p, d) to (c, d)."""
         ...
 
 
@@ -48,7 +43,8 @@ class SampleTable:
 
     Attributes:
         x: configuration (pitch, roll, distance), shape (n, 3).
-        memory: what else decides the channels, such as the friction state of the previous step, shape (n, q), q >= 0.
+        memory: what else decides the channels, such as trial forces and the friction state of the previous step, shape
+            (n, q), q >= 0; all columns in one unit.
         channels: stress components, electrodes or anything else, shape (n, c).
         trajectory: which movement each row belongs to, shape (n,).
     """
@@ -78,6 +74,17 @@ class SampleTable:
                 raise DermisError(f"{name} has values that are not finite", where=f"sample table, row {bad[0]}")
 
     @property
+    def standard(self) -> tuple[Array, Array]:
+        """Mean of the inputs and what they are divided by to be of like size, each of shape (3 + q,).
+
+        Columns of the memory share a scale: they are components of one kind of thing, and small ones are small.
+        """
+        centre, scale = self.inputs.mean(axis=0), self.inputs.std(axis=0)
+        scale[3:] = scale[3:].max(initial=0.0)
+        scale[scale <= 1e-12 * max(float(scale.max()), 1e-300)] = 1.0
+        return centre, scale
+
+    @property
     def inputs(self) -> Array:
         """Configuration and memory side by side, shape (n, 3 + q)."""
         return np.concatenate([self.x, self.memory], axis=1)
@@ -96,6 +103,14 @@ def relative_rms(fit: Fit, table: SampleTable) -> float:
     miss = fit.predict(table.inputs) - table.channels
     spread = table.channels - table.channels.mean(axis=0)
     return float(np.sqrt((miss**2).sum() / (spread**2).sum()))
+
+
+def movement_errors(fit: Fit, table: SampleTable) -> Array:
+    """Return the RMS error in each movement over the RMS of all channels about their mean, shape (movements,)."""
+    miss = ((fit.predict(table.inputs) - table.channels) ** 2).sum(axis=1)
+    spread = ((table.channels - table.channels.mean(axis=0)) ** 2).sum(axis=1).mean()
+    owner = np.unique(table.trajectory, return_inverse=True)[1]
+    return np.sqrt(np.bincount(owner, miss) / np.bincount(owner) / spread)
 
 
 def read_table(path: Path) -> SampleTable:

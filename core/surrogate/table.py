@@ -114,12 +114,12 @@ def movement_errors(fit: Fit, table: SampleTable) -> Array:
 
 
 def read_table(path: Path) -> SampleTable:
-    """Read a table from .npz (x, channels, optionally memory and trajectory) or .csv (x in the first three columns).
+    """Read a table from .npz (x, channels; memory, trajectory, times if need be) or .csv (x in the first columns).
 
     A table without `trajectory` is one movement; in a .csv all further columns are channels.
 
     Raises:
-        DermisError: the file cannot be read, or arrays are missing or do not fit.
+        DermisError: the file cannot be read, arrays are missing or do not fit, or times run backwards.
     """
     path, where = Path(path), str(path)
     if path.suffix.lower() == ".csv":
@@ -127,7 +127,7 @@ def read_table(path: Path) -> SampleTable:
         found = {"x": values[:, :3], "channels": values[:, 3:]}
     else:
         with opened_npz(path, kind="a table") as archive:
-            found = archive.arrays(n for n in ("x", "channels", "memory", "trajectory") if n in archive.names)
+            found = archive.arrays(n for n in ("x", "channels", "memory", "trajectory", "times") if n in archive.names)
     for name in ("x", "channels"):
         if name not in found:
             raise DermisError(f"'{name}' is missing", where=where, limit="x (n, 3) and channels (n, c)")
@@ -144,6 +144,9 @@ def read_table(path: Path) -> SampleTable:
     owner = arrays.get("trajectory", np.zeros(n))
     if owner.shape != (n,) or not np.isfinite(owner).all():
         raise DermisError("'trajectory' is not one number a sample", where=where, value=owner.shape, limit=f"({n},)")
+    times = arrays.get("times", np.arange(n, dtype=np.float64))
+    if times.shape != (n,) or not (np.diff(times) > 0.0).all():
+        raise DermisError("'times' do not rise, one a sample", where=where, value=times.shape, limit=f"({n},), rising")
     return SampleTable(arrays["x"], arrays.get("memory", np.zeros((n, 0))), arrays["channels"], owner.astype(np.int64))
 
 

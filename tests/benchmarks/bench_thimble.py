@@ -255,7 +255,7 @@ def searches(kind: str) -> dict[str, Any]:
             rescue = forward is not None and follower.model is follower.direct
             out["rescues" if rescue else "us"].append(taken)
             if not rescue:
-                out["evaluations"].append(found[0].evaluations)
+                out["evaluations"].append(found.evaluations)
             return found
 
         follower._search = timed  # type: ignore[method-assign]

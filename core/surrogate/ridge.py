@@ -58,7 +58,10 @@ class QuadraticRidge:
         """Return the channels and their derivative along ways of the inputs."""
         s = (u - self.centre) / self.scale
         bent = (self._rows @ s).reshape(self.linear.shape)
-        return self.constant + (self.linear + bent) @ s, (self.linear + 2.0 * bent) @ (ways / self.scale[:, None])
+        slope = self.linear + bent
+        value = self.constant + slope @ s
+        slope += bent
+        return value, slope @ (ways / self.scale[:, None])
 
 
 def fit_ridge(table: SampleTable, penalty: float | None = None) -> QuadraticRidge:

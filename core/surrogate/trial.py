@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Array
+from ..arrays import Array, Indices
 from ..devices.disc import DiscContact
 from ..devices.disc_pose import Disc, DiscPose, FrictionState
 
@@ -42,7 +42,8 @@ class TrialForce:
         self._moved = np.ascontiguousarray(moved)
         self._load = state.force.T - self.stiffness * moved  # what presses on the disc but for pose, anchors and rim
         self._sticking, self._anchor = state.sticking, np.ascontiguousarray(state.anchor.T)
-        self._anchored = state.anchored
+        self._pull = self.stiffness * self._anchor * state.anchored
+        self._loose = None if state.anchored.all() else ~state.anchored
 
     def at(self, pose: DiscPose) -> Array:
         """Return trial forces on the skin at a pose [N], and their derivative by the configuration.
@@ -54,50 +55,51 @@ class TrialForce:
         turn, out = pose.rotation, np.zeros((4, 3, len(self.places)))
         inwards = turn.T
         centre, shift = inwards @ pose.centre, inwards @ pose.shift
-        v = inwards @ self._load  # in the disc's frame, out of which -Z points
-        v += centre[:, None] * self.stiffness
-        active = (v[2] < 0.0).nonzero()[0]  # the rim only takes away
+        load = inwards @ self._load  # in the disc's frame, out of which -Z points
+        load += centre[:, None] * self.stiffness
+        active = (load[2] < 0.0).nonzero()[0]  # the rim only takes away
         if not active.size:
             return out.reshape(4, -1)
-        v, k, anchor = v[:, active], self.stiffness[active], self._anchor[:, active]
-        spin = _crossings(pose.spin @ turn)
-        change = shift[:, :, None] * k  # of component c by configuration j at [c, j]
-        change -= (spin @ v).reshape(change.shape)
-        across = inwards @ self._moved[:, active] - centre[:, None]
-        sticking = self._sticking[active]
-        flat = np.where(sticking, anchor, across[:2])  # what sticks stays where it is on the disc
-        reach = np.sqrt(flat[0] * flat[0] + flat[1] * flat[1])
-        over = (reach - self.disc.radius) / self.disc.rounding
-        if over.max() > 0.0:
-            over = np.maximum(over, 0.0)
-            v[2] += k * (0.5 * self.disc.rounding) * over * over
-            moves = (spin[:6] @ across).reshape(2, 3, -1) + shift[:2, :, None]  # of the disc past the place
-            outwards = flat[0] * moves[0] + flat[1] * moves[1]
-            change[2] -= np.where(sticking, 0.0, k * over / np.maximum(reach, self.disc.radius)) * outwards
-            pressed = v[2] < 0.0
-            v *= pressed
-            change *= pressed
-        anchored = self._anchored[active]
-        if not anchored.all():
-            v[:2] *= anchored
-            change[:2] *= anchored
-        v[:2] += k * anchor * anchored
-        pushed, length = v[2] * -self.friction, np.sqrt(v[0] * v[0] + v[1] * v[1])
+        k, spin = self.stiffness[active], _crossings(pose.spin @ turn)
+        v = np.empty((3, 4, len(active)))  # components in the disc's frame, and their derivatives
+        v[:, 0] = load[:, active]
+        v[:, 1:] = shift[:, :, None] * k - (spin @ v[:, 0]).reshape(3, 3, -1)
+        self._fall(v, k, active, inwards, centre, shift, spin)
+        v[:2, 0] += self._pull[:, active]
+        if self._loose is not None:
+            v[:2, :, self._loose[active]] = 0.0
+        pushed, length = v[2, 0] * -self.friction, np.sqrt(v[0, 0] * v[0, 0] + v[1, 0] * v[1, 0])
         slips = length > pushed
         if slips.any():
-            length += ~slips * 1.0  # what does not slip is left alone: no nought to divide by
-            share = np.where(slips, pushed / length, 1.0)
-            way = v[:2] * (slips / length)
-            along = share * (way[0] * change[0] + way[1] * change[1]) + self.friction * change[2]
+            length[~slips] = 1.0  # what does not slip is left alone
+            share, way = np.where(slips, pushed / length, 1.0), v[:2, 0] * (slips / length)
+            # of the forces themselves this takes nothing: along their way they are as long as friction can carry
+            along = share * (way[0] * v[0] + way[1] * v[1]) + self.friction * v[2]
             v[:2] *= share
-            change[:2] *= share
-            change[:2] -= way[:, None] * along
-        change += (spin @ v).reshape(change.shape)  # forces turn with the disc
-        found = np.empty((4, *v.shape))
-        found[0] = turn @ v
-        found[1:] = (turn @ change.reshape(3, -1)).reshape(change.shape).transpose(1, 0, 2)
-        out[:, :, active] = found
+            v[:2] -= way[:, None] * along
+        v[:, 1:] += (spin @ v[:, 0]).reshape(3, 3, -1)  # forces turn with the disc
+        out[:, :, active] = (turn @ v.reshape(3, -1)).reshape(v.shape).transpose(1, 0, 2)
         return out.reshape(4, -1)
+
+    def _fall(
+        self, v: Array, k: Array, active: Indices, inwards: Array, centre: Array, shift: Array, spin: Array
+    ) -> None:
+        """Take away what presses where the disc's rim falls away under a place."""
+        sticking = self._sticking[active]
+        across = inwards @ self._moved[:, active]
+        across -= centre[:, None]
+        flat = np.where(sticking, self._anchor[:, active], across[:2])  # what sticks stays where it is on the disc
+        square = flat[0] * flat[0] + flat[1] * flat[1]
+        rim = (square > self.disc.radius**2).nonzero()[0]
+        if not rim.size:
+            return
+        flat, reach, k = flat[:, rim], np.sqrt(square[rim]), k[rim]
+        over = (reach - self.disc.radius) / self.disc.rounding
+        moves = (spin[:6] @ across[:, rim]).reshape(2, 3, -1) + shift[:2, :, None]  # of the disc past the place
+        v[2, 0, rim] += k * (0.5 * self.disc.rounding) * over * over
+        slides = np.where(sticking[rim], 0.0, k * over / reach)
+        v[2, 1:, rim] -= (slides * (flat[0] * moves[0] + flat[1] * moves[1])).T
+        v[:, :, rim[v[2, 0, rim] >= 0.0]] = 0.0
 
 
 _CROSS = np.zeros((3, 3, 3))  # of a spin s with a vector a: (s x a)_c = sum of s_m a_l [c, l, m]

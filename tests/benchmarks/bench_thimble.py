@@ -20,6 +20,7 @@ PAPER_MS, PAPER_SIMULATED_MS = 12.5, 126.0
 COMPONENTS = 60
 FRAMES = 240
 SURROGATE_LIMIT_US = 300.0
+RECORDED_RUNS = 5  # of each kind of touch
 
 
 @functools.cache
@@ -197,29 +198,29 @@ def follow_heldout() -> Result:
     from dataclasses import replace
 
     from core.matching.recorded import held_out_error, learn
-    from core.matching.thimble import matcher, observation_of
+    from core.matching.thimble import Follower, matcher
     from core.skin.sensor import electrode_sensor
     from core.surrogate.store import contact_of
     from core.surrogate.table import SampleTable
     from tests import touches
 
     model, rng = skin("draft"), np.random.default_rng(5)
-    sensor, observation = electrode_sensor(model).matrix, observation_of(device(), model, 0.6)
-    follower = matcher(device(), model, friction=0.6, observation_matrix=observation)
+    sensor = electrode_sensor(model).matrix
+    follower = Follower(matcher(device(), model, friction=0.6), model, "stress")
+    x, channels = [], []
     kinds = (touches.ball_roll, touches.edge_press, touches.slide, touches.flat_press, touches.cup, touches.foam)
-    x, channels, run = [], [], []
-    for number, make in enumerate(kinds * 5):
+    for make in kinds * RECORDED_RUNS:
         touch = make(60)
-        follower.reset()
-        for force in replace(touch, position=touch.position * rng.uniform(0.7, 1.2, 3)).forces(model):
-            frame = follower.step(observation @ force.ravel())
-            x.append(frame.x)
-            channels.append(sensor @ frame.solution.spread(model.pad_count).ravel())
-            run.append(number)
-    table = SampleTable(np.array(x), np.zeros((len(x), 0)), np.array(channels), np.array(run))
-    found = learn(table, device(), contact_of(device(), model, 0.6))
-    peers = {"the pose alone": held_out_error(table, table.trajectory * 4 // found.runs)}
-    return Result("follow_heldout_error", found.error, "", None, peers)
+        follower.matching.reset()
+        scaled = replace(touch, position=touch.position * rng.uniform(0.7, 1.2, 3))
+        found = follower.follow(scaled.forces(model))
+        x.append(found.x)
+        channels.append(found.force.reshape(60, -1).astype(np.float64) @ sensor.T)
+    run = np.repeat(np.arange(len(x)), 60)
+    table = SampleTable(np.concatenate(x), np.zeros((len(run), 0)), np.concatenate(channels), run)
+    learned = learn(table, device(), contact_of(device(), model, 0.6))
+    peers = {"the pose alone": held_out_error(table, table.trajectory * 4 // learned.runs)}
+    return Result("follow_heldout_error", learned.error, "", None, peers)
 
 
 @functools.cache

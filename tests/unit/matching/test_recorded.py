@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from core.__main__ import main
-from core.devices.disc_pose import FrictionState, placed
+from core.devices.disc_pose import FrictionState
 from core.devices.thimble import mechanism
 from core.errors import DermisError
 from core.files import write_npz
@@ -18,6 +18,7 @@ from core.number_rows import read_rows
 from core.presets import Library
 from core.skin.model import fingertip_skin
 from core.skin.sensor import electrode_sensor
+from core.surrogate.forward import DirectModel
 from core.surrogate.ridge import fit_ridge
 from core.surrogate.store import contact_of
 from core.surrogate.table import SampleTable, read_table
@@ -40,13 +41,14 @@ def press(seed, steps=STEPS):
 def felt(x, count=9, rest=512.25):
     """Return what virtual electrodes read while the device goes there, friction's memory and all; fractional counts."""
     skin = fingertip_skin(level="draft")
-    sensor, contact = electrode_sensor(skin), contact_of(DEVICE, skin, 0.6)
+    contact = contact_of(DEVICE, skin, 0.6)
+    electrodes = DirectModel(DEVICE, contact, electrode_sensor(skin).matrix[:count])
     state, out = FrictionState.rest(contact.count), []
     for pose in x:
-        contact.hold(state)
-        found = contact.solve(placed(DEVICE, DEVICE.pose(pose)))
+        electrodes.hold(state)
+        out.append(rest + 6000.0 * electrodes.evaluate(pose)[0])
+        found = electrodes.solution(pose)
         state = contact.settle(found) if found.touching else FrictionState.rest(contact.count)
-        out.append(rest + 6000.0 * sensor.matrix[:count] @ found.spread(contact.count).ravel())
     return np.array(out)
 
 

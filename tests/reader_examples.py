@@ -169,14 +169,7 @@ def mesh_arrays() -> bytes:
 
 def _network() -> Network:
     rng = np.random.default_rng(2)
-    return Network(
-        *(rng.random(shape) for shape in ((5,),)),
-        np.ones(5),
-        rng.random((4, 5)),
-        rng.random(4),
-        rng.random((2, 4)),
-        rng.random(2),
-    )
+    return Network(rng.random(7), np.ones(7), rng.random((4, 7)), rng.random(4), rng.random((2, 4)), rng.random(2))
 
 
 SKIN = SimpleNamespace(key="skin", pad_count=4, shape=None, material=SimpleNamespace(modulus=1e5))
@@ -194,9 +187,9 @@ def _surrogate() -> surrogate_store.Surrogate:
     spaces = surrogate_store.Descriptors(
         Subspace(rng.random(6), rng.random((2, 6)), rng.random(7)),
         rng.random((2, 12)),
-        Subspace(rng.random(12), rng.random((2, 12)), rng.random(13)),
+        *(Subspace(rng.random(12), rng.random((size, 12)), rng.random(13)) for size in (2, 2)),
     )
-    ridge = QuadraticRidge(rng.random(5), np.ones(5), rng.random(2), rng.random((2, 5)), rng.random((2, 5, 5)))
+    ridge = QuadraticRidge(rng.random(7), np.ones(7), rng.random(2), rng.random((2, 7)), rng.random((2, 7, 7)))
     meta = {
         "schema": surrogate_store.SCHEMA,
         "skin": "skin",

@@ -412,7 +412,6 @@ OWN = {
     "core.stream.connection": "a link, not a file",
     "core.stream.links.transport": "the system's list of processes",
     "core.stream.virtual.torque:TorqueDevice.feed": "the other end of the reader 'torque board', simulated",
-    "core.surrogate.network:train": "unpacks what it packed",
     "core.surrogate.store:save": "writes",
     "core.version:version": "the manifest beside the program",
     "core.work.processes": "its own child or parent, and the arrays between them",

@@ -26,7 +26,7 @@ class DermisDesignTouch(bpy.types.PropertyGroup):
     scene: PointerProperty(name="Scene", description="A baked scene of this file", type=bpy.types.Scene, update=unfelt)
     filepath: StringProperty(
         name="Recording",
-        description="CSV of a 20-channel sensor over time: a column 'time' [s] and 20 channels [counts of 12 bits]",
+        description="CSV of a sensor over time: a column 'time' [s] and one for each channel, in any unit",
         subtype="FILE_PATH",
         options=BLEND_RELATIVE,
         update=unfelt,

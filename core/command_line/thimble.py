@@ -16,7 +16,7 @@ from ..devices.thimble import Thimble, mechanism, reference_distance
 from ..devices.workspace import workspace
 from ..errors import DermisError, Finding
 from ..matching.adapt import adapt_job
-from ..matching.recorded import RecordedMatcher, check_recording
+from ..matching.recorded import RecordedMatcher, check_recording, learn
 from ..matching.stimulus_plot import stimulus_plot
 from ..matching.stress import StressMatcher
 from ..matching.thimble import findings_of, forces_at, match_stimuli, match_touch, matcher
@@ -28,10 +28,9 @@ from ..scene import scene_file
 from ..scene.tactile_scene import TactileScene, sample_count
 from ..skin.model import SkinModel, skin_from_parameters
 from ..skin.sensor import electrode_sensor, noise_floor_of, noise_of, read_stimuli
-from ..surrogate.learned import LearnedModel
-from ..surrogate.ridge import fit_ridge
+from ..surrogate.lessons import KINDS
 from ..surrogate.store import contact_of
-from ..surrogate.table import read_table, relative_rms
+from ..surrogate.table import read_table
 from ..track import csv
 from ..track.command_track import CommandTrack
 
@@ -59,11 +58,13 @@ def adapt(options: argparse.Namespace) -> int:
         },
         tell,
     )
-    ridge, network = made["errors"].tolist()
-    print(
-        f"{options.out}: {int(made['samples'])} samples; test error of the polynomial {100 * ridge:.1f} %, "
-        f"of the network {100 * network:.1f} %"
-    )
+    print(f"{options.out}: learned from {int(made['samples'])} samples of {int(made['movements'])} movements")
+    for kind, row in zip(KINDS, made["held_out"].tolist(), strict=True):
+        ridge, ridge_most, network, network_most, movements = row
+        print(
+            f"  {kind.replace('_', ' ')}, {int(movements)} movements held out: polynomial {100 * ridge:.1f} % off "
+            f"(nine in ten below {100 * ridge_most:.1f} %), network {100 * network:.1f} % ({100 * network_most:.1f} %)"
+        )
     return 0
 
 
@@ -112,13 +113,16 @@ def _recorded(path: Path, skin: SkinModel, device: Thimble, friction: float, cha
     """Return what follows readings of the sensor that a table was recorded with."""
     table = read_table(path).without_memory()
     check_recording(table, device, str(path))
-    fit = fit_ridge(table)
-    if np.ptp(table.channels, axis=0).any():
+    contact = contact_of(device, skin, friction)
+    learned = learn(table, device, contact)
+    if np.isfinite(learned.error):
         print(
-            f"{path}: {len(table.x)} rows, {fit.outputs} channels; the polynomial leaves "
-            f"{100 * relative_rms(fit, table):.1f} % of them"
+            f"{path}: {len(table.x)} rows, {table.channels.shape[1]} channels, {learned.runs} runs; on runs held out "
+            f"the model, with {learned.table.memory.shape[1]} components of depth, is {100 * learned.error:.1f} % off"
         )
-    return RecordedMatcher(device, contact_of(device, skin, friction), LearnedModel(fit), table, change=change)
+    for finding in learned.findings(str(path)):
+        print(finding, file=sys.stderr)
+    return RecordedMatcher(device, contact, learned.model, table, change=change)
 
 
 def _beyond(made: StressMatcher, where: str) -> list[Finding]:

@@ -1,23 +1,25 @@
 """Recordings from outside: sensor channels over time, and tables of motor commands with what was sensed.
 
-Both are CSV with one line of names. A recording has a column 'time' [s] and one for each of the 20 channels, in counts
-of 12 bits; a table has a column for each motor, in SI, and the same channels.
+Both are CSV with one line of names. A recording has a column 'time' [s] and one for each channel: any number of them,
+in any unit, whole or fractional; a table has a column for each motor, in SI, and the same channels.
 
-Source: [S2] III (19 electrodes and DC pressure, 12 bits)
+Source: [S2] III, whose sensor has 19 electrodes and DC pressure, 12 bits
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..errors import DermisError
 from ..files import read_text
 from ..matching.nearest import NEIGHBOURS
-from ..matching.readings import CHANNELS, FULL_SCALE, SATURATED
+from ..matching.readings import SATURATED, at_the_end
 from ..matching.table import SkinTable
 
 SLACK = 0.01  # of a motor's range, that a recorded command may lie beyond its ends
@@ -29,7 +31,7 @@ class Recording:
     """Sensor channels over time.
 
     Attributes:
-        name: of the file. times: [s], rising, shape (n,). readings: [counts], shape (n, 20).
+        name: of the file. times: [s], rising, shape (n,). readings: in the sensor's own unit, shape (n, channels).
         channels: the readings' names, in their order.
     """
 
@@ -40,14 +42,14 @@ class Recording:
 
 
 def read_recording(path: Path) -> Recording:
-    """Read a recording of the sensor.
+    """Read a recording of a sensor.
 
     Raises:
-        DermisError: missing or extra channels, one that is constant or saturated, rows of different lengths, a
-            transposed file, trailing separators, values that are no numbers or out of scale, times that do not rise.
+        DermisError: no channels, one that is constant or saturated, rows of different lengths, a transposed file,
+            trailing separators, values that are no numbers, times that do not rise.
     """
     path = Path(path)
-    names, values = _columns(path, 1, "a column 'time' and 20 channels")
+    names, values = _columns(path, 1, "a column 'time' and one a channel")
     where = str(path)
     if names[0].strip().lower().partition("[")[0].strip() not in ("time", "t", "seconds"):
         raise DermisError("the first column must be the time", where=where, value=names[0], limit="time")
@@ -70,6 +72,13 @@ def same_channels(recording: Recording, table: SkinTable) -> None:
     known = table.meta.get("channels")
     if known is None or tuple(known) == recording.channels:
         return
+    if len(known) != len(recording.channels):
+        raise DermisError(
+            "the recording has another number of channels than the table",
+            where=f"recording '{recording.name}'",
+            value=len(recording.channels),
+            limit=f"{len(known)}, as in {table.meta.get('source', 'the table')}",
+        )
     i = next(i for i, (own, other) in enumerate(zip(recording.channels, known, strict=True)) if own != other)
     what = (
         "the channels stand in another order than in the table"
@@ -98,7 +107,7 @@ def read_table(path: Path, scale: Array, ends: Array | None = None) -> SkinTable
     """
     path = Path(path)
     motors = len(scale)
-    names, values = _columns(path, motors, f"{motors} motors and 20 channels")
+    names, values = _columns(path, motors, f"{motors} motors and one a channel")
     where = str(path)
     commands, readings = values[:, :motors], values[:, motors:]
     if len(commands) < NEIGHBOURS:
@@ -135,7 +144,7 @@ def read_table(path: Path, scale: Array, ends: Array | None = None) -> SkinTable
         "rest_rows": int((~keep).sum()) + 1,
         "channels": names[motors:],
     }
-    return SkinTable(commands[keep], readings[keep].astype(np.uint16), int(keep[:rest].sum()), scale, 0.0, meta)
+    return SkinTable(commands[keep], _smallest(readings[keep]), int(keep[:rest].sum()), scale, 0.0, meta)
 
 
 def _columns(path: Path, leading: int, wanted: str) -> tuple[list[str], Array]:
@@ -149,7 +158,7 @@ def _columns(path: Path, leading: int, wanted: str) -> tuple[list[str], Array]:
         raise DermisError("too long", where=where, value=len(lines), limit=f"{LONGEST} lines")
     separator = max(",;\t", key=lines[0].count)
     names = [name.strip() for name in lines[0].split(separator)]
-    columns = leading + CHANNELS
+    columns = len(names)
     if names and names[-1] == "":
         raise DermisError(
             "lines end with a separator",
@@ -157,22 +166,16 @@ def _columns(path: Path, leading: int, wanted: str) -> tuple[list[str], Array]:
             value=lines[0][-12:],
             remedy="Remove it: it stands for an empty channel",
         )
-    if len(names) != columns:
-        if len(lines) in (columns, columns + 1) and len(names) > columns:
-            raise DermisError(
-                "the file is transposed",
-                where=where,
-                value=f"{len(lines)} lines of {len(names)} values",
-                limit=wanted,
-                remedy="Write one line for each sample, one column for each channel",
-            )
-        few = len(names) < columns
+    if columns > 1 and not _is_number(names[0]) and all(_is_number(name) for name in names[1:]):
         raise DermisError(
-            "channels are missing" if few else "there are extra channels",
+            "the file is transposed",
             where=where,
-            value=f"{len(names)} columns",
-            limit=f"{columns}: {wanted}",
+            value=f"{len(lines)} lines of {columns} values",
+            limit=wanted,
+            remedy="Write one line for each sample, one column for each channel",
         )
+    if columns <= leading:
+        raise DermisError("channels are missing", where=where, value=f"{columns} columns", limit=wanted)
     if _is_number(names[0]):
         raise DermisError("the line of names is missing", where=where, value=names[0], limit=wanted)
     if len(set(names)) != len(names):
@@ -206,19 +209,8 @@ def _columns(path: Path, leading: int, wanted: str) -> tuple[list[str], Array]:
 
 
 def _channels(readings: Array, names: list[str], where: str) -> None:
-    """Refuse channels out of scale, dead or saturated."""
-    outside = np.argwhere((readings < 0) | (readings > FULL_SCALE))
-    if len(outside):
-        i, j = outside[0]
-        raise DermisError(
-            "out of the sensor's scale",
-            where=f"{where}, line {i + 2}, {names[j]}",
-            value=float(readings[i, j]),
-            limit=f"0 to {FULL_SCALE} counts",
-        )
-    for j, name in enumerate(names):
-        series = readings[:, j]
-        full = float(((series <= 0) | (series >= FULL_SCALE)).mean())
+    """Refuse channels that are dead or saturated."""
+    for name, series, full in zip(names, readings.T, at_the_end(readings).tolist(), strict=True):
         if full > SATURATED:
             raise DermisError(
                 "the channel is saturated",
@@ -232,8 +224,14 @@ def _channels(readings: Array, names: list[str], where: str) -> None:
                 "the channel is constant",
                 where=f"{where}, {name}",
                 value=float(series[0]),
-                remedy="Look at the sensor: an electrode that reads one value is dead",
+                remedy="Look at the sensor: an electrode that reads one value is dead; or leave the column out",
             )
+
+
+def _smallest(readings: Array) -> NDArray[Any]:
+    """Return whole counts in 16 bits, which tables are fast and small with, and all else as it is."""
+    whole = readings.astype(np.uint16) if 0.0 <= readings.min() and readings.max() < 2**16 else readings
+    return whole if np.array_equal(whole, readings) else readings
 
 
 def _is_number(text: str) -> bool:

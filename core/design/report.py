@@ -16,7 +16,7 @@ from ..devices.coupling import refuse_coupled
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
 from ..matching.lookup import commands_of
-from ..matching.readings import FULL_SCALE, SATURATED
+from ..matching.readings import SATURATED, at_the_end
 from ..matching.table import SkinTable
 from .repetitions import scatter
 from .synergies import RULES, Reduction, Rule, reduce
@@ -92,7 +92,7 @@ def design(spec: DeviceSpec, table: SkinTable, sensed: Mapping[str, Array]) -> D
     for name, values in targets.items():
         if len(values) < 2:
             raise DermisError("too few samples", where=f"interaction '{name}'", value=len(values), limit=">= 2")
-        full = ((values <= 0) | (values >= FULL_SCALE)).mean(axis=0)
+        full = at_the_end(values)
         if full.max() > SATURATED:
             raise DermisError(
                 "the sensor is at the end of its scale",

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..devices.spec import from_preset
 from ..skin.model import skin_from_parameters
 from ..steps import drain
+from ..surrogate.lessons import KINDS
 from ..surrogate.store import adapt, place_of, save
 from .thimble_use import calibrated_mechanism
 
@@ -29,7 +30,9 @@ def adapt_job(
             person, see `calibrated_mechanism`), 'trajectories', 'iterations'.
 
     Returns:
-        'errors': test errors of ridge and network, shape (2,); 'samples': how many there were.
+        'errors': of ridge and network on straight presses held out, shape (2,); 'samples' and 'movements' that were
+        learned from; 'held_out': for each of `KINDS` error and what nine in ten movements stay below, of ridge and of
+        network, and the number of movements, shape (2, 5).
 
     Raises:
         DermisError: a preset or skin that cannot be used, or servo limits that exclude contact.
@@ -50,4 +53,14 @@ def adapt_job(
     made = drain(steps, lambda step: tell(*step))
     save(place_of(Path(parameters["folder"]), skin, device, friction), made)
     meta = made.meta
-    return {"errors": np.array([meta["ridge_error"], meta["network_error"]]), "samples": np.array(meta["samples"])}
+    held_out = []
+    for kind in KINDS:
+        ridge, network = (meta["held_out"][name][kind] for name in ("ridge", "network"))
+        row = ridge["error"], ridge["most"], network["error"], network["most"], ridge["movements"]
+        held_out.append(row)
+    return {
+        "errors": np.array([meta["ridge_error"], meta["network_error"]]),
+        "samples": np.array(meta["samples"]),
+        "movements": np.array(meta["movements"]),
+        "held_out": np.array(held_out),
+    }

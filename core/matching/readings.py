@@ -19,6 +19,7 @@ Counts = NDArray[np.uint16]
 
 CHANNELS = 20
 FULL_SCALE = 4095
+BITS = (8, 10, 12, 14, 16)  # of sensors that read whole counts
 SATURATED = 0.05  # share of the samples that a channel may spend at an end of its scale
 # Chosen so that a platform pressed in by 2.4 mm at any tilt stays within the scale, and bulging skin does too.
 ELECTRODE_REST, ELECTRODE_GAIN = 1000.0, 6000.0  # counts, counts for tissue that is pressed to nothing
@@ -55,6 +56,19 @@ class Readings:
 def quantised(counts: Array) -> Counts:
     """Return whole counts within the 12 bits of the scale."""
     return np.clip(np.rint(counts), 0, FULL_SCALE).astype(np.uint16)
+
+
+def at_the_end(readings: Array) -> Array:
+    """Return the share of time that each channel spends at an end of its scale, shape (c,), of readings (n, c).
+
+    Whole counts tell their scale, of 8 bits or as many more as they need. A channel that rests at nought is not at an
+    end there; readings that are fractional or below nought have no scale that is known.
+    """
+    if not (readings >= 0.0).all() or (readings != np.rint(readings)).any():
+        return np.zeros(readings.shape[1])
+    full = next((2**bits - 1 for bits in BITS if readings.max() < 2**bits), np.inf)
+    at: Array = ((readings >= full) | ((readings <= 0.0) & (readings[0] > 0.0))).mean(axis=0)
+    return at
 
 
 def saturated(counts: NDArray[Any]) -> int:

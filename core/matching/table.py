@@ -102,7 +102,7 @@ class SkinTable:
                 where="look-up table",
                 value=len(rows),
                 limit=f">= {NEIGHBOURS}",
-                remedy="Press deeper, or use a sensor with less noise",
+                remedy="Press deeper, use a sensor with less noise, or state the noise in the sensor's own unit",
             )
         return rows
 

@@ -97,13 +97,17 @@ def prepare(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any], wh
     """
     device, friction = calibrated_mechanism(spec, skin, parameters)
     method, hover = (DEVICE[name].of(parameters, where) for name in ("thimble_method", "thimble_hover"))
-    near = _near(spec, device, contact_of(device, skin, friction))
+    contact = contact_of(device, skin, friction)
+    near = _near(spec, device, contact)
     if method not in LEARNED:
         return ThimbleUse(device, skin, friction, hover, method, None, None, near)
     try:
         surrogate = load(surrogate_path(parameters, skin, device, friction), skin, device, friction)
-        observation_matrix, learned = surrogate.descriptors.observation_matrix, surrogate.model(skin, method)
-        try_out(learned, _pressing(device, contact_of(device, skin, friction)), where)
+        observation_matrix, learned = (
+            surrogate.descriptors.observation_matrix,
+            surrogate.model(device, skin, contact, method),
+        )
+        try_out(learned, _pressing(device, contact), where)
     except DermisError as error:
         finding = error.as_finding(
             "warning", code="surrogate", what=f"the direct method was used: {error.what}", where=where

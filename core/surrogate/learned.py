@@ -1,4 +1,4 @@
-"""LearnedModel: a fit in place of the contact, with the previous step's friction state among its inputs."""
+"""LearnedModel: a fit in place of the contact, told where each node touches and sticks, and what friction remembers."""
 
 from __future__ import annotations
 
@@ -7,42 +7,71 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Array
-from ..devices.disc_pose import FrictionState
+from ..devices.disc_pose import FrictionState, placed
+from ..devices.thimble import Thimble
 from ..errors import DermisError
 from .dataset import Dataset
 from .subspace import TOLERANCE, Subspace, principal_components
 from .table import Fit, SampleTable
+from .trial import TrialForce
+
+TRIAL_COMPONENTS, FRICTION_COMPONENTS = 30, 20  # more cost time in every evaluation and tell hardly more
 
 
 class LearnedModel:
     """A fit as a forward model.
 
     Args:
-        fit: of (x, friction descriptor).
-        friction: the subspace of the previous step's forces on nodes; None for a fit of x alone.
+        fit: of (x, trial descriptor, friction descriptor).
+        device: the mechanism. trial: forces of each node by itself, against the skin as it is.
+        trial_space: of trial forces.
+        friction: of the previous step's forces; None for a fit that knows no previous step: each pose is pressed from
+            rest, and what it says without touch counts too.
         stiffness: of this skin over that of the skin it was learned on. Forces and stresses at given poses are
             proportional to it, so a person's alpha needs no new training.
-        nodal: forces on nodes for those of a friction state, as in `PressPoints`.
 
     Raises:
-        DermisError: a fit with another number of inputs.
+        DermisError: a fit with another number of inputs, or of skin with another number of places.
 
     Source: [S0] 4.2; the friction state is that of the previous step.
     """
 
     def __init__(
-        self, fit: Fit, friction: Subspace | None = None, stiffness: float = 1.0, nodal: Array | None = None
+        self,
+        fit: Fit,
+        device: Thimble,
+        trial: TrialForce,
+        trial_space: Subspace,
+        friction: Subspace | None = None,
+        stiffness: float = 1.0,
     ) -> None:
-        wanted = 3 + (0 if friction is None else friction.size)
-        if fit.inputs != wanted:
+        sizes = 3, trial_space.size, 0 if friction is None else friction.size
+        if fit.inputs != sum(sizes):
             raise DermisError(
-                "the fit has other inputs than the model", where="surrogate", value=fit.inputs, limit=str(wanted)
+                "the fit has other inputs than the model", where="surrogate", value=fit.inputs, limit=str(sum(sizes))
             )
-        self.fit, self.friction, self.stiffness = fit, friction, float(stiffness)
-        if friction is not None:
-            self._basis = friction.basis if nodal is None else friction.basis @ nodal
-            self._start = friction.basis @ friction.mean
-        self._memory, self._evaluate = np.zeros(wanted - 3), fit.fixed(np.zeros(wanted - 3))
+        places, wanted_places = trial_space.mean.size // 3, len(trial.places)
+        if places != wanted_places:
+            raise DermisError(
+                "the surrogate was made for skin that is pressed elsewhere",
+                where="surrogate",
+                value=f"{places} places",
+                limit=str(wanted_places),
+                remedy="Adapt it again, or use the direct method",
+            )
+        self.fit, self.device, self.trial, self.friction, self.stiffness = (
+            fit,
+            device,
+            trial,
+            friction,
+            float(stiffness),
+        )
+        self._basis = np.ascontiguousarray(trial_space.basis.T) / self.stiffness
+        self._told = slice(3, 3 + trial_space.size)
+        self._features, self._ways = np.zeros(fit.inputs), np.zeros((fit.inputs, 3))
+        self._ways[:3] = np.eye(3)
+        self._nothing = trial_space.basis @ trial_space.mean
+        self.hold(FrictionState.rest(len(trial.places)))
 
     @property
     def size(self) -> int:
@@ -52,13 +81,19 @@ class LearnedModel:
     def hold(self, state: FrictionState) -> None:
         """Fix the friction state."""
         if self.friction is not None:
-            memory = self._basis @ (state.force.ravel() / self.stiffness) - self._start
-            if not np.array_equal(memory, self._memory):
-                self._memory, self._evaluate = memory, self.fit.fixed(memory)
+            self.trial.hold(state)
+            self._features[self._told.stop :] = self.friction.project(state.force.ravel() / self.stiffness)
 
     def evaluate(self, x: Array) -> tuple[Array, Array]:
-        """Return the stimulus and its derivative."""
-        value, slope = self._evaluate(x)
+        """Return the stimulus and its derivative, by the chain rule through the trial forces; zero without touch."""
+        both = self.trial.at(placed(self.device, self.device.pose(x)))
+        if self.friction is not None and not both[0].any():
+            return np.zeros(self.size), np.zeros((self.size, 3))
+        told = both @ self._basis
+        self._features[:3] = x
+        self._features[self._told] = told[0] - self._nothing
+        self._ways[self._told] = told[1:].T
+        value, slope = self.fit.along(self._features, self._ways)
         if self.stiffness == 1.0:
             return value, slope
         return self.stiffness * value, self.stiffness * slope
@@ -70,18 +105,25 @@ class Descriptors:
 
     Attributes:
         stress: of weighted stresses, about their mean. observation_matrix: its components of forces, W, shape (k, 3 m).
-        friction: of contact forces, about their mean.
+        trial: of trial forces, about their mean. friction: of contact forces, about their mean.
     """
 
     stress: Subspace
     observation_matrix: Array
+    trial: Subspace
     friction: Subspace
 
-    def table(self, data: Dataset) -> SampleTable:
-        """Return a dataset in these descriptors, with the previous step's friction state as memory."""
-        force = data.force.astype(np.float64)
-        before = self.friction.project(data.before.astype(np.float64))
-        return SampleTable(data.x, before, force @ self.observation_matrix.T, data.trajectory)
+    def table(self, data: Dataset, matrix: Array | None = None) -> SampleTable:
+        """Return a dataset in these descriptors: trial forces and the previous step's friction state as memory.
+
+        Args:
+            matrix: channels of forces instead of the components of stress, shape (c, 3 m).
+        """
+        wanted = self.observation_matrix if matrix is None else matrix
+        told = self.trial.project(data.trial.astype(np.float64)), self.friction.project(data.before.astype(np.float64))
+        return SampleTable(
+            data.x, np.concatenate(told, axis=1), data.force.astype(np.float64) @ wanted.T, data.trajectory
+        )
 
 
 def descriptors(
@@ -90,18 +132,23 @@ def descriptors(
     *,
     tolerance: float = TOLERANCE,
     size: int | None = None,
-    friction_size: int | None = None,
+    trial_size: int = TRIAL_COMPONENTS,
+    friction_size: int = FRICTION_COMPONENTS,
 ) -> Descriptors:
-    """Fit both subspaces to a dataset.
+    """Fit the subspaces to a dataset.
 
     Args:
         stress_operator: H with |H f| the stress norm of forces, shape (any, 3 m), as `SkinModel.stress_components`.
-        tolerance: relative RMS of the residual about the mean that both may leave.
-        size, friction_size: numbers of components instead of the tolerance.
+        tolerance: relative RMS of the residual about the mean that stress may leave.
+        size: number of components of stress instead of the tolerance.
+        trial_size, friction_size: numbers of components of the inputs, at most; fewer where there are fewer.
 
-    Source: [S0] 4.1, 10 % for both
+    Source: [S0] 4.1, 10 % for stress
     """
     force = data.force.astype(np.float64)
     stress = principal_components(force @ stress_operator.T, tolerance=tolerance, size=size)
-    friction = principal_components(data.before.astype(np.float64), tolerance=tolerance, size=friction_size)
-    return Descriptors(stress, stress.basis @ stress_operator, friction)
+    inputs = (
+        principal_components(part.astype(np.float64), size=min(most, *part.shape))
+        for part, most in ((data.trial, trial_size), (data.before, friction_size))
+    )
+    return Descriptors(stress, stress.basis @ stress_operator, *inputs)

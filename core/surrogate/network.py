@@ -18,9 +18,9 @@ from .table import SampleTable
 Report = Callable[[int, int], None]
 
 HIDDEN = 260  # Source: [S0] 4.2
-ITERATIONS = 600
-START_PENALTY = 1e-4  # on the first output weights, times the number of samples
-DECAY = 1e-4  # weight decay, relative to the mean square of the channels
+ITERATIONS = 150
+PENALTY = 1e-4  # on output weights, times the number of samples; far less drowns in single precision
+DECAY = 1e-6  # of the hidden layer's weights, relative to the mean square of the channels
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,28 +60,14 @@ class Network:
         z = ((np.atleast_2d(u) - self.centre) / self.scale) @ self.weights.T + self.bias
         return softplus(z) @ self.output_weights.T + self.offset
 
-    def evaluate(self, u: Array) -> tuple[Array, Array]:
-        """Return the channels and their derivative by the first three inputs."""
+    def along(self, u: Array, ways: Array) -> tuple[Array, Array]:
+        """Return the channels and their derivative along ways of the inputs."""
         z = self.weights @ ((u - self.centre) / self.scale) + self.bias
-        value = self.output_weights @ softplus(z) + self.offset
-        slope = (self.output_weights * sigmoid(z)) @ (self.weights[:, :3] / self.scale[:3])
-        return value, slope
-
-    def fixed(self, memory: Array) -> Callable[[Array], tuple[Array, Array]]:
-        """Return `evaluate` as a function of the first three inputs, with the others folded in once."""
-        u = np.concatenate([np.zeros(3), memory])
-        rest = self.weights @ ((u - self.centre) / self.scale) + self.bias
-        first = self.weights[:, :3] / self.scale[:3]
-
-        def evaluate(x: Array) -> tuple[Array, Array]:
-            z = first @ x + rest
-            both = np.empty((len(z), 4))
-            both[:, 0] = softplus(z)
-            both[:, 1:] = first * sigmoid(z)[:, None]
-            answer = self.output_weights @ both
-            return answer[:, 0] + self.offset, answer[:, 1:]
-
-        return evaluate
+        both = np.empty((len(z), 1 + ways.shape[1]))
+        both[:, 0] = softplus(z)
+        both[:, 1:] = (self.weights @ (ways / self.scale[:, None])) * sigmoid(z)[:, None]
+        answer = self.output_weights @ both
+        return answer[:, 0] + self.offset, answer[:, 1:]
 
 
 def softplus(z: Array) -> Array:
@@ -100,18 +86,25 @@ def train(
     *,
     hidden: int = HIDDEN,
     iterations: int = ITERATIONS,
+    penalty: float = PENALTY,
     decay: float = DECAY,
     seed: int = 0,
     report: Report | None = None,
 ) -> Network:
     """Train a network on a table; the same table and seed give the same network.
 
+    Only the hidden layer is searched for: the output weights are the best ones for it in every step, which is worth
+    many steps of a search for both.
+
     Args:
-        hidden: neurons. iterations: of L-BFGS. decay: weight decay.
+        hidden: neurons. iterations: of L-BFGS.
+        penalty: on the squared output weights. decay: on the squared weights of the hidden layer.
         report: called with iterations done and in all.
 
     Raises:
         DermisError: no neurons or no iterations.
+
+    Source: Golub and Pereyra 1973 (variable projection)
     """
     from scipy.optimize import minimize
 
@@ -119,55 +112,43 @@ def train(
         raise DermisError("a network needs neurons and iterations", where="training", value=(hidden, iterations))
     u, y = table.inputs, table.channels
     n, p, c = len(u), u.shape[1], y.shape[1]
-    centre, scale = u.mean(axis=0), u.std(axis=0)
-    scale = np.where(scale > 1e-12 * max(float(scale.max()), 1e-300), scale, 1.0)
+    centre, scale = table.standard
     mean = y.mean(axis=0)
     size = float(np.sqrt(((y - mean) ** 2).mean())) or 1.0
     s, wanted = ((u - centre) / scale).astype(np.float32), ((y - mean) / size).astype(np.float32)
-    rng = np.random.default_rng(seed)
-    first, shift = rng.normal(0.0, 1.0 / np.sqrt(p), (hidden, p)), rng.uniform(-1.0, 1.0, hidden)
-    # the output weights start at the best ones for the random hidden layer: a linear solve worth hundreds of iterations
-    features = np.concatenate([softplus(s @ first.T + shift), np.ones((n, 1))], axis=1)
-    gram = features.T @ features
-    gram[np.diag_indices(hidden + 1)] += START_PENALTY * n
-    best = np.linalg.solve(gram, features.T @ wanted)
-    start = np.concatenate([first.ravel(), shift, best[:-1].T.ravel(), best[-1]])
-    cuts = np.cumsum([hidden * p, hidden, c * hidden])
+    start = _start(s, hidden, np.random.default_rng(seed))
+    active, rates = np.ones((n, hidden + 1), np.float32), np.empty((n, hidden), np.float32)
 
-    def unpack(theta: Array) -> tuple[NDArray[np.float32], ...]:
-        a, b, v, o = np.split(theta.astype(np.float32), cuts)
-        return a.reshape(hidden, p), b, v.reshape(c, hidden), o
-
-    ones = np.ones(n, np.float32)
-
-    def loss(theta: Array) -> tuple[float, Array]:
-        a, b, v, o = unpack(theta)
-        z = s @ a.T
+    def best(theta: Array) -> Array:
+        """Leave the neurons' answers and their rates behind; return the best output weights, offset last."""
+        a, b = np.split(theta.astype(np.float32), [hidden * p])
+        z = s @ a.reshape(hidden, p).T
         z += b
         # both from one exponential, in place: this is where training spends its time
         e = np.exp(-np.abs(z))
-        active = np.log1p(e)
-        active += np.maximum(z, 0.0)
-        gate = np.where(z >= 0.0, np.float32(1.0), e)
+        np.log1p(e, out=active[:, :-1])
+        active[:, :-1] += np.maximum(z, 0.0)
+        np.copyto(rates, e)
+        rates[z >= 0.0] = 1.0
         e += np.float32(1.0)
-        gate /= e
-        miss = active @ v.T
-        miss += o
+        np.divide(rates, e, out=rates)
+        gram = (active.T @ active).astype(np.float64)
+        gram[np.diag_indices(hidden)] += penalty * n
+        gram[-1, -1] += 1e-12 * n
+        return np.linalg.solve(gram, (active.T @ wanted).astype(np.float64))
+
+    def loss(theta: Array) -> tuple[float, Array]:
+        v = best(theta)
+        weights, v32 = theta[: hidden * p], v.astype(np.float32)
+        miss = active @ v32
         miss -= wanted
-        back = miss @ v
-        back *= gate
-        share = 2.0 / (n * c)
-        gradient = (
-            np.concatenate([(back.T @ s).ravel(), back.T @ ones, (miss.T @ active).ravel(), miss.T @ ones]).astype(
-                np.float64
-            )
-            * share
-        )
-        weight = theta.copy()
-        weight[cuts[0] : cuts[1]] = 0.0
-        weight[cuts[2] :] = 0.0
-        value = float(np.einsum("ij,ij->", miss, miss, dtype=np.float64)) / (n * c) + decay * float(weight @ weight) / c
-        return value, gradient + 2.0 * decay * weight / c
+        back = miss @ v32[:-1].T
+        back *= rates
+        # the output weights are at their best, so that their own change does not count
+        gradient = np.concatenate([(back.T @ s).ravel(), back.sum(axis=0)]).astype(np.float64) * (2.0 / (n * c))
+        gradient[: hidden * p] += (2.0 * decay / c) * weights
+        value = float(np.einsum("ij,ij->", miss, miss, dtype=np.float64)) / n
+        return (value + penalty * float((v[:-1] ** 2).sum()) + decay * float(weights @ weights)) / c, gradient
 
     done = 0
 
@@ -178,6 +159,19 @@ def train(
             report(done, iterations)
 
     options = {"maxiter": iterations, "maxfun": 2 * iterations, "maxcor": 20, "ftol": 1e-9, "gtol": 1e-9}
-    found = minimize(loss, start, jac=True, method="L-BFGS-B", callback=callback, options=options)
-    a, b, v, o = np.split(found.x, cuts)
-    return Network(centre, scale, a.reshape(hidden, p), b, v.reshape(c, hidden) * size, o * size + mean)
+    found = minimize(loss, start, jac=True, method="L-BFGS-B", callback=callback, options=options).x
+    v = best(found)
+    a, b = np.split(found, [hidden * p])
+    return Network(centre, scale, a.reshape(hidden, p), b, v[:-1].T * size, v[-1] * size + mean)
+
+
+def _start(s: NDArray[np.float32], hidden: int, rng: np.random.Generator) -> Array:
+    """Return weights and biases of a hidden layer to start from.
+
+    Neurons come in opposite pairs: softplus(z) - softplus(-z) = z, so that what is linear in the inputs is there at
+    once.
+    """
+    half, size = hidden - hidden // 2, float(np.sqrt((s * s).sum(axis=1).mean())) or 1.0
+    weights, bias = rng.normal(0.0, 1.0 / size, (half, s.shape[1])), rng.uniform(-1.0, 1.0, half)
+    pairs = [weights, -weights[: hidden // 2]], [bias, -bias[: hidden // 2]]
+    return np.concatenate([np.concatenate(part).ravel() for part in pairs])

@@ -1,15 +1,16 @@
 """ONNX: a network as a file that others can run, written and checked without the onnx package.
 
-ONNX is a protocol-buffer message. What is written here is a fixed graph of eight operators in opset 17, with inputs
-`x` (n, 3) and `friction` (n, q) and outputs `stress` (n, c) and `jacobian` (n, c, 3), all in double precision; a JSON
-text in the model's metadata says for which skin and device it was trained. onnxruntime runs it.
+ONNX is a protocol-buffer message. What is written here is a fixed graph of ten operators in opset 17, with inputs
+`features` (n, p): pose, components of trial forces, components of friction's forces, and `slopes` (n, p, 3): their
+derivative by the pose, and outputs `stress` (n, c) and `jacobian` (n, c, 3), all in double precision; a JSON text in
+the model's metadata says for which skin and device it was trained. onnxruntime runs it.
 """
 
 from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,9 @@ from .network import Network
 
 OPSET, IR_VERSION = 17, 8
 META = "dermis"
-SCHEMA = "dermis-surrogate 1"
-INPUTS, OUTPUTS = ("x", "friction"), ("stress", "jacobian")
+SCHEMA = "dermis-surrogate 2"
+OLDER = ("dermis-surrogate 1",)  # told neither where nodes touch nor where they stick
+INPUTS, OUTPUTS = ("features", "slopes"), ("stress", "jacobian")
 MAX_SIZE = 1 << 16  # of inputs and outputs; the finest skin has some thousand
 _DOUBLE = 11  # TensorProto.DOUBLE
 _INT64 = 7
@@ -38,13 +40,12 @@ def dumps(network: Network, meta: Mapping[str, Any] | None = None) -> bytes:
     Args:
         meta: plain values that say what it was trained for, such as skin and device keys.
     """
-    p, q, c, h = network.inputs, network.inputs - 3, network.outputs, network.hidden
+    p, c, h = network.inputs, network.outputs, network.hidden
     weights = network.weights / network.scale
     bias = network.bias - weights @ network.centre
     # log(1 + e^-|z|) + max(z, 0): the plain Softplus operator overflows or is single precision only in some runtimes
     nodes = [
-        _node("Concat", ["x", "friction"], ["u"], axis=1),
-        _node("MatMul", ["u", "weights"], ["uw"]),
+        _node("MatMul", ["features", "weights"], ["uw"]),
         _node("Add", ["uw", "bias"], ["z"]),
         _node("Abs", ["z"], ["abs"]),
         _node("Neg", ["abs"], ["minus"]),
@@ -57,7 +58,8 @@ def dumps(network: Network, meta: Mapping[str, Any] | None = None) -> bytes:
         _node("Add", ["sum", "offset"], ["stress"]),
         _node("Sigmoid", ["z"], ["gate"]),
         _node("Unsqueeze", ["gate", "axis"], ["gates"]),
-        _node("Mul", ["gates", "slopes"], ["gated"]),
+        _node("MatMul", ["across", "slopes"], ["along"]),
+        _node("Mul", ["gates", "along"], ["gated"]),
         _node("MatMul", ["rows", "gated"], ["jacobian"]),
     ]
     tensors = {
@@ -67,13 +69,13 @@ def dumps(network: Network, meta: Mapping[str, Any] | None = None) -> bytes:
         "readout": network.output_weights.T,
         "offset": network.offset,
         "rows": network.output_weights[None],
-        "slopes": weights[:, :3],
+        "across": weights[None],
     }
     graph = b"".join(_field(1, node) for node in nodes)
     graph += _field(2, b"surrogate")
     graph += b"".join(_field(5, _tensor(name, value)) for name, value in tensors.items())
     graph += _field(5, _tensor("axis", np.array([2], np.int64)))
-    graph += _field(11, _value("x", ("n", 3))) + _field(11, _value("friction", ("n", q)))
+    graph += _field(11, _value("features", ("n", p))) + _field(11, _value("slopes", ("n", p, 3)))
     graph += _field(12, _value("stress", ("n", c))) + _field(12, _value("jacobian", ("n", c, 3)))
     text = json.dumps({**(meta or {}), "schema": SCHEMA, "inputs": p, "hidden": h, "outputs": c}, sort_keys=True)
     return b"".join(
@@ -98,22 +100,22 @@ def write(path: Path, network: Network, meta: Mapping[str, Any] | None = None) -
 
 
 class _Bound:
-    """A session with its inputs and outputs tied to arrays."""
+    """A session with its inputs and outputs tied to arrays: a call copies a few numbers and allocates little."""
 
-    def __init__(self, session: Any, memory: int, outputs: int) -> None:
-        self._x, self._friction = np.zeros((1, 3)), np.zeros((1, memory))
+    def __init__(self, session: Any, inputs: int, outputs: int) -> None:
+        self._features, self._slopes = np.zeros((1, inputs)), np.zeros((1, inputs, 3))
         self._stress, self._jacobian = np.zeros((1, outputs)), np.zeros((1, outputs, 3))
         self._binding, self._session = session.io_binding(), session
         for names, arrays, bind in (
-            (INPUTS, (self._x, self._friction), self._binding.bind_input),
+            (INPUTS, (self._features, self._slopes), self._binding.bind_input),
             (OUTPUTS, (self._stress, self._jacobian), self._binding.bind_output),
         ):
             for name, array in zip(names, arrays, strict=True):
                 bind(name, "cpu", 0, np.float64, array.shape, array.ctypes.data)
 
-    def run(self, x: Array, memory: Array) -> tuple[Array, Array]:
+    def run(self, features: Array, slopes: Array) -> tuple[Array, Array]:
         """Return stress and Jacobian."""
-        self._x[0], self._friction[0] = x, memory
+        self._features[0], self._slopes[0] = features, slopes
         self._session.run_with_iobinding(self._binding)
         return self._stress[0].copy(), self._jacobian[0].copy()
 
@@ -160,8 +162,6 @@ class OnnxFit:
         # onnxruntime raises classes of its own for every kind of damage, and names that are no text while they are read
         except Exception as error:
             raise DermisError("onnxruntime cannot run this file", where=where, value=str(error)[:200]) from error
-        self._friction = np.zeros((1, self.inputs - 3))
-        self._x = np.zeros((1, 3))
         self._bound: _Bound | None = None
 
     @property
@@ -177,27 +177,17 @@ class OnnxFit:
     def predict(self, u: Array) -> Array:
         """Return channels for rows of inputs."""
         u = np.atleast_2d(np.asarray(u, np.float64))
-        return self._session.run(["stress"], {"x": u[:, :3], "friction": u[:, 3:]})[0]
+        return self._session.run(["stress"], {"features": u, "slopes": np.zeros((*u.shape, 3))})[0]
 
-    def evaluate(self, u: Array) -> tuple[Array, Array]:
-        """Return the channels and their derivative by the first three inputs."""
-        self._x[0], self._friction[0] = u[:3], u[3:]
-        stress, jacobian = self._session.run(list(OUTPUTS), {"x": self._x, "friction": self._friction})
-        return stress[0], jacobian[0]
-
-    def fixed(self, memory: Array) -> Callable[[Array], tuple[Array, Array]]:
-        """Return `evaluate` as a function of the first three inputs, with the others handed over once.
-
-        Inputs and outputs are bound once to arrays that stay: a call copies a few numbers and allocates nothing.
-        """
+    def along(self, u: Array, ways: Array) -> tuple[Array, Array]:
+        """Return the channels and their derivative along three ways of the inputs."""
         if self._bound is None:
-            self._bound = _Bound(self._session, self.inputs - 3, self.outputs)
-        bound, memory = self._bound, np.array(memory, np.float64)
-        return lambda x: bound.run(x, memory)
+            self._bound = _Bound(self._session, self.inputs, self.outputs)
+        return self._bound.run(u, ways)
 
     def _check(self, where: str) -> None:
         p, c = self.inputs, self.outputs
-        wanted = {"x": [None, 3], "friction": [None, p - 3], "stress": [None, c], "jacobian": [None, c, 3]}
+        wanted = {"features": [None, p], "slopes": [None, p, 3], "stress": [None, c], "jacobian": [None, c, 3]}
         found = {v.name: (v.type, v.shape) for v in [*self._session.get_inputs(), *self._session.get_outputs()]}
         for name, shape in wanted.items():
             kind, sizes = found.get(name, ("missing", []))
@@ -236,6 +226,14 @@ def read_meta(data: bytes, where: str = "") -> dict[str, Any]:
             value=str(error) or None,
             remedy="Make it again, or use the direct method",
         ) from error
+    if isinstance(meta, dict) and meta.get("schema") in OLDER:
+        raise DermisError(
+            "the surrogate is of an older form",
+            where=where,
+            value=meta["schema"],
+            limit=SCHEMA,
+            remedy="Adapt it again, or use the direct method",
+        )
     if not isinstance(meta, dict) or meta.get("schema") != SCHEMA:
         raise DermisError(
             "an ONNX file that Dermis did not make",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -45,10 +44,9 @@ class QuadraticRidge:
         return len(self.constant)
 
     @cached_property
-    def _by_memory(self) -> Array:
-        """The quadratic part, one row for each input beyond the first three, shape (p - 3, c p)."""
-        rows = self.quadratic[:, 3:, :].transpose(1, 0, 2)
-        return np.ascontiguousarray(rows.reshape(len(rows), rows.shape[1] * rows.shape[2]))
+    def _rows(self) -> Array:
+        """The quadratic part as one matrix, shape (c p, p)."""
+        return self.quadratic.reshape(-1, self.inputs)
 
     def predict(self, u: Array) -> Array:
         """Return channels for rows of inputs."""
@@ -56,48 +54,14 @@ class QuadraticRidge:
         curved: Array = np.einsum("npq,nq->np", np.tensordot(s, self.quadratic, axes=(1, 2)), s, optimize=True)
         return self.constant + s @ self.linear.T + curved
 
-    def evaluate(self, u: Array) -> tuple[Array, Array]:
-        """Return the channels and their derivative by the first three inputs."""
+    def along(self, u: Array, ways: Array) -> tuple[Array, Array]:
+        """Return the channels and their derivative along ways of the inputs."""
         s = (u - self.centre) / self.scale
-        bent = self.quadratic @ s  # (c, p)
-        value = self.constant + self.linear @ s + bent @ s
-        return value, (self.linear[:, :3] + 2.0 * bent[:, :3]) / self.scale[:3]
-
-    def fixed(self, memory: Array) -> Callable[[Array], tuple[Array, Array]]:
-        """Return `evaluate` as a function of the first three inputs, with the others folded in once.
-
-        What is left is a quadratic polynomial of three unknowns: ten coefficients a channel.
-        """
-        s = (memory - self.centre[3:]) / self.scale[3:]
-        crossed = (s @ self._by_memory).reshape(self.outputs, -1)
-        terms = np.empty((self.outputs, 10))
-        terms[:, 0] = self.constant + self.linear[:, 3:] @ s + crossed[:, 3:] @ s
-        terms[:, 1:4] = self.linear[:, :3] + 2.0 * crossed[:, :3]
-        terms[:, 4:7] = self.quadratic[:, (0, 1, 2), (0, 1, 2)]
-        terms[:, 7:] = 2.0 * self.quadratic[:, (0, 0, 1), (1, 2, 2)]
-        (ca, cb, cc), (ka, kb, kc) = self.centre[:3].tolist(), (1.0 / self.scale[:3]).tolist()
-
-        def evaluate(x: Array) -> tuple[Array, Array]:
-            a, b, c = x.tolist()
-            a, b, c = (a - ca) * ka, (b - cb) * kb, (c - cc) * kc
-            monomials = np.array(
-                [
-                    (1.0, 0.0, 0.0, 0.0),
-                    (a, ka, 0.0, 0.0),
-                    (b, 0.0, kb, 0.0),
-                    (c, 0.0, 0.0, kc),
-                    (a * a, 2 * a * ka, 0.0, 0.0),
-                    (b * b, 0.0, 2 * b * kb, 0.0),
-                    (c * c, 0.0, 0.0, 2 * c * kc),
-                    (a * b, b * ka, a * kb, 0.0),
-                    (a * c, c * ka, 0.0, a * kc),
-                    (b * c, 0.0, c * kb, b * kc),
-                ]
-            )
-            both = terms @ monomials
-            return both[:, 0], both[:, 1:]
-
-        return evaluate
+        bent = (self._rows @ s).reshape(self.linear.shape)
+        slope = self.linear + bent
+        value = self.constant + slope @ s
+        slope += bent
+        return value, slope @ (ways / self.scale[:, None])
 
 
 def fit_ridge(table: SampleTable, penalty: float | None = None) -> QuadraticRidge:
@@ -113,8 +77,7 @@ def fit_ridge(table: SampleTable, penalty: float | None = None) -> QuadraticRidg
         raise DermisError("the penalty must be above zero", where="quadratic ridge", value=penalty, limit="> 0")
     u = table.inputs
     p = u.shape[1]
-    centre, scale = u.mean(axis=0), u.std(axis=0)
-    scale = np.where(scale > 1e-12 * max(float(scale.max()), 1e-300), scale, 1.0)
+    centre, scale = table.standard
     s = (u - centre) / scale
     first, second = np.triu_indices(p)
     features = np.concatenate([s, s[:, first] * s[:, second]], axis=1)

@@ -24,16 +24,19 @@ def check_parts(made: Surrogate, nodes: int, where: str) -> None:
         DermisError: a part of another shape, with values that are not finite, or sizes that differ between parts.
     """
     spaces, ridge = made.descriptors, made.ridge
-    stress, friction = spaces.stress, spaces.friction
-    nodes3, k, q = 3 * nodes, *(len(np.atleast_1d(space.basis)) for space in (stress, friction))
-    p, any_size = 3 + q, stress.mean.size
+    stress, trial, friction = spaces.stress, spaces.trial, spaces.friction
+    nodes3, k, t, q = 3 * nodes, *(len(np.atleast_1d(space.basis)) for space in (stress, trial, friction))
+    p, any_size, places3 = 3 + t + q, stress.mean.size, trial.mean.size  # what is pressed need not be the nodes
     wanted: dict[str, tuple[Array, tuple[int, ...]]] = {
         "stress_mean": (stress.mean, (any_size,)),
         "stress_basis": (stress.basis, (k, any_size)),
         "stress_curve": (stress.curve, (stress.curve.size,)),
         "readout": (spaces.observation_matrix, (k, nodes3)),
-        "friction_mean": (friction.mean, (nodes3,)),
-        "friction_basis": (friction.basis, (q, nodes3)),
+        "trial_mean": (trial.mean, (places3,)),
+        "trial_basis": (trial.basis, (t, places3)),
+        "trial_curve": (trial.curve, (trial.curve.size,)),
+        "friction_mean": (friction.mean, (places3,)),
+        "friction_basis": (friction.basis, (q, places3)),
         "friction_curve": (friction.curve, (friction.curve.size,)),
         "ridge_centre": (ridge.centre, (p,)),
         "ridge_scale": (ridge.scale, (p,)),

@@ -1,7 +1,8 @@
 """Surrogates made from scratch with progress, and kept in two files.
 
 `NAME.npz` holds the descriptors, their error curves and the quadratic ridge; `NAME.onnx` the network, for this product
-and for others. Both say which skin, device and friction they were made for and are refused for any other.
+and for others. Both say which skin, device and friction they were made for and are refused for any other. Those of the
+first form, whose models were not told where nodes touch and stick, are recognised and to be made again.
 """
 
 from __future__ import annotations
@@ -27,15 +28,14 @@ from ..npz import read_npz
 from ..skin.model import SkinModel
 from ..steps import in_words
 from . import onnx
-from .dataset import record, split
 from .learned import Descriptors, descriptors
+from .lessons import judged, lessons
 from .network import HIDDEN, ITERATIONS, Network, train
 from .press_points import press_points, pressed_on
 from .ridge import QuadraticRidge, fit_ridge
 from .soundness import check_parts
 from .subspace import TOLERANCE, Subspace
 from .surrogate import Surrogate, check_made_for
-from .table import SampleTable, relative_rms
 
 SCHEMA = "dermis-surrogate 2"
 TRAJECTORIES = 2400  # Source: [S0] 4.1
@@ -77,24 +77,28 @@ def adapt(
     """Make a surrogate for a skin: record, find the descriptors, fit both models; yields stage, done, total.
 
     Args:
+        trajectories: straight presses, see `lessons`; half of them are held out.
         report: also called inside the training, which is one long step.
 
     Raises:
         DermisError: servo limits that exclude contact, or settings out of range.
     """
-    recording = record(device, contact_of(device, skin, friction), trajectories, seed=seed)
-    data = yield from in_words(recording, lambda step: ("dataset", *step))
+    recording = lessons(device, contact_of(device, skin, friction), trajectories, seed)
+    found = yield from in_words(recording, lambda step: ("dataset", *step))
     yield "descriptors", 0, 1
-    spaces = descriptors(data, skin.stress_components(), tolerance=tolerance)
-    table = spaces.table(data)
+    spaces = descriptors(found.data, skin.stress_components(), tolerance=tolerance)
+    table = spaces.table(found.data)
     yield "training", 0, iterations
 
     def told(i: int, n: int) -> None:
         if report is not None:
             report("training", i, n)
 
-    ridge, network, errors = fit_all(table, seed=seed, hidden=hidden, iterations=iterations, report=told)
+    ridge = fit_ridge(table)
+    network = train(table, hidden=hidden, iterations=iterations, seed=seed, report=told)
     yield "training", iterations, iterations
+    tests = {name: spaces.table(data) for name, data in found.held_out.items()}
+    held_out = {"ridge": judged(ridge, tests), "network": judged(network, tests)}
     meta = {
         "schema": SCHEMA,
         "skin": skin.key,
@@ -102,29 +106,12 @@ def adapt(
         "device": device_key(device),
         "friction": friction,
         "modulus": skin.material.modulus,
-        "samples": len(data),
-        "trajectories": trajectories,
-        **errors,
+        "samples": len(found.data),
+        "movements": len(np.unique(found.data.trajectory)),
+        **{f"{name}_error": errors["straight"]["error"] for name, errors in held_out.items()},
+        "held_out": held_out,
     }
     return Surrogate(spaces, ridge, network, meta)
-
-
-def fit_all(
-    table: SampleTable,
-    *,
-    seed: int = 0,
-    hidden: int = HIDDEN,
-    iterations: int = ITERATIONS,
-    report: Callable[[int, int], None] | None = None,
-) -> tuple[QuadraticRidge, Network, dict[str, float]]:
-    """Fit both models to half of the movements and return them with their errors on the other half."""
-    chosen, rest = split(table.trajectory, seed=seed)
-    if not rest.any():
-        raise DermisError("a single movement leaves nothing to test on", where="training")
-    ridge = fit_ridge(table.rows(chosen))
-    network = train(table.rows(chosen), hidden=hidden, iterations=iterations, seed=seed, report=report)
-    test = table.rows(rest)
-    return ridge, network, {"ridge_error": relative_rms(ridge, test), "network_error": relative_rms(network, test)}
 
 
 def save(path: Path, surrogate: Surrogate) -> tuple[Path, Path]:
@@ -137,7 +124,7 @@ def save(path: Path, surrogate: Surrogate) -> tuple[Path, Path]:
         raise DermisError("this surrogate came from a file", where=str(path), remedy="Copy the file")
     spaces, meta = surrogate.descriptors, dict(surrogate.meta)
     arrays: dict[str, NDArray[Any]] = {"meta": np.frombuffer(json.dumps(meta, sort_keys=True).encode(), np.uint8)}
-    for name, space in (("stress", spaces.stress), ("friction", spaces.friction)):
+    for name, space in (("stress", spaces.stress), ("trial", spaces.trial), ("friction", spaces.friction)):
         arrays.update({f"{name}_mean": space.mean, f"{name}_basis": space.basis, f"{name}_curve": space.curve})
     arrays["readout"] = spaces.observation_matrix
     arrays.update({f"ridge_{n}": getattr(surrogate.ridge, n) for n in _RIDGE})
@@ -171,8 +158,14 @@ def load(path: Path, skin: SkinModel, device: Thimble, friction: float) -> Surro
         raise error.changed(what="the surrogate cannot be read", value=error.what, remedy=remedy) from error
     with damage_told("the surrogate cannot be read", where, remedy=remedy):
         meta = dict(json_of(arrays["meta"].tobytes(), where))
+    if meta.get("schema") in onnx.OLDER:
+        raise DermisError(
+            "the surrogate is of an older form", where=where, value=meta["schema"], limit=SCHEMA, remedy=remedy
+        )
+    with damage_told("the surrogate cannot be read", where, remedy=remedy):
         spaces = {
-            n: Subspace(arrays[f"{n}_mean"], arrays[f"{n}_basis"], arrays[f"{n}_curve"]) for n in ("stress", "friction")
+            n: Subspace(*(arrays[f"{n}_{part}"] for part in ("mean", "basis", "curve")))
+            for n in ("stress", "trial", "friction")
         }
         ridge = QuadraticRidge(*(arrays[f"ridge_{n}"] for n in _RIDGE))
         observation_matrix = arrays["readout"]
@@ -186,6 +179,8 @@ def load(path: Path, skin: SkinModel, device: Thimble, friction: float) -> Surro
     for name, wanted in expected.items():
         check_made_for(meta, name, wanted, where)
     network = onnx.OnnxFit(graph, {n: expected[n] for n in ("skin", "device", "friction")})
-    made = Surrogate(Descriptors(spaces["stress"], observation_matrix, spaces["friction"]), ridge, network, meta)
+    made = Surrogate(
+        Descriptors(spaces["stress"], observation_matrix, spaces["trial"], spaces["friction"]), ridge, network, meta
+    )
     check_parts(made, skin.pad_count, where)
     return made

@@ -6,12 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from ..devices.disc import DiscContact
+from ..devices.thimble import Thimble
 from ..errors import DermisError
 from ..skin.model import SkinModel
 from .learned import Descriptors, LearnedModel
-from .press_points import press_points
 from .ridge import QuadraticRidge
 from .table import Fit
+from .trial import TrialForce
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +21,7 @@ class Surrogate:
     """What was learned.
 
     Attributes:
-        descriptors: of stress and friction state.
+        descriptors: of stress, trial forces and friction state.
         ridge, network: fits; `network` is either the trained one or the ONNX file's.
         meta: skin, device, friction and modulus it was made for, sample counts, test errors.
     """
@@ -29,8 +31,11 @@ class Surrogate:
     network: Fit
     meta: Mapping[str, Any]
 
-    def model(self, skin: SkinModel, kind: str = "network") -> LearnedModel:
-        """Return the forward model for a skin of this shape, of any stiffness.
+    def model(self, device: Thimble, skin: SkinModel, contact: DiscContact, kind: str = "network") -> LearnedModel:
+        """Return the forward model of a device against a skin of this shape, of any stiffness.
+
+        Args:
+            contact: of the device's disc with that skin.
 
         Raises:
             DermisError: neither 'network' nor 'ridge', or another skin.
@@ -40,7 +45,8 @@ class Surrogate:
         check_made_for(self.meta, "skin", skin.key, "surrogate")
         fit = self.network if kind == "network" else self.ridge
         stiffness = skin.material.modulus / float(self.meta["modulus"])
-        return LearnedModel(fit, self.descriptors.friction, stiffness, press_points(skin).nodal)
+        spaces, trial = self.descriptors, TrialForce.of(contact)
+        return LearnedModel(fit, device, trial, spaces.trial, spaces.friction, stiffness)
 
 
 def check_made_for(meta: Mapping[str, Any], name: str, wanted: Any, where: str) -> None:

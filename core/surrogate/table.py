@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -17,7 +16,7 @@ from ..number_rows import read_rows
 
 
 class Fit(Protocol):
-    """A learned function of inputs u = (configuration, friction state)."""
+    """A learned function of inputs u = (configuration, whatever else decides the channels)."""
 
     @property
     def inputs(self) -> int:
@@ -33,12 +32,8 @@ class Fit(Protocol):
         """Return channels for rows of inputs, (n, p) to (n, c)."""
         ...
 
-    def evaluate(self, u: Array) -> tuple[Array, Array]:
-        """Return the channels, shape (c,), and their derivative by the first three inputs, shape (c, 3)."""
-        ...
-
-    def fixed(self, memory: Array) -> Callable[[Array], tuple[Array, Array]]:
-        """Return `evaluate` as a function of the first three inputs, with the others folded in once."""
+    def along(self, u: Array, ways: Array) -> tuple[Array, Array]:
+        """Return the channels, shape (c,), and their derivative along ways of the inputs, (p, d) to (c, d)."""
         ...
 
 
@@ -48,7 +43,8 @@ class SampleTable:
 
     Attributes:
         x: configuration (pitch, roll, distance), shape (n, 3).
-        memory: what else decides the channels, such as the friction state of the previous step, shape (n, q), q >= 0.
+        memory: what else decides the channels, such as trial forces and the friction state of the previous step, shape
+            (n, q), q >= 0; all columns in one unit.
         channels: stress components, electrodes or anything else, shape (n, c).
         trajectory: which movement each row belongs to, shape (n,).
     """
@@ -78,6 +74,17 @@ class SampleTable:
                 raise DermisError(f"{name} has values that are not finite", where=f"sample table, row {bad[0]}")
 
     @property
+    def standard(self) -> tuple[Array, Array]:
+        """Mean of the inputs and what they are divided by to be of like size, each of shape (3 + q,).
+
+        Columns of the memory share a scale: they are components of one kind of thing, and small ones are small.
+        """
+        centre, scale = self.inputs.mean(axis=0), self.inputs.std(axis=0)
+        scale[3:] = scale[3:].max(initial=0.0)
+        scale[scale <= 1e-12 * max(float(scale.max()), 1e-300)] = 1.0
+        return centre, scale
+
+    @property
     def inputs(self) -> Array:
         """Configuration and memory side by side, shape (n, 3 + q)."""
         return np.concatenate([self.x, self.memory], axis=1)
@@ -98,13 +105,21 @@ def relative_rms(fit: Fit, table: SampleTable) -> float:
     return float(np.sqrt((miss**2).sum() / (spread**2).sum()))
 
 
+def movement_errors(fit: Fit, table: SampleTable) -> Array:
+    """Return the RMS error in each movement over the RMS of all channels about their mean, shape (movements,)."""
+    miss = ((fit.predict(table.inputs) - table.channels) ** 2).sum(axis=1)
+    spread = ((table.channels - table.channels.mean(axis=0)) ** 2).sum(axis=1).mean()
+    owner = np.unique(table.trajectory, return_inverse=True)[1]
+    return np.sqrt(np.bincount(owner, miss) / np.bincount(owner) / spread)
+
+
 def read_table(path: Path) -> SampleTable:
-    """Read a table from .npz (x, channels, optionally memory and trajectory) or .csv (x in the first three columns).
+    """Read a table from .npz (x, channels; memory, trajectory, times if need be) or .csv (x in the first columns).
 
     A table without `trajectory` is one movement; in a .csv all further columns are channels.
 
     Raises:
-        DermisError: the file cannot be read, or arrays are missing or do not fit.
+        DermisError: the file cannot be read, arrays are missing or do not fit, or times run backwards.
     """
     path, where = Path(path), str(path)
     if path.suffix.lower() == ".csv":
@@ -112,7 +127,7 @@ def read_table(path: Path) -> SampleTable:
         found = {"x": values[:, :3], "channels": values[:, 3:]}
     else:
         with opened_npz(path, kind="a table") as archive:
-            found = archive.arrays(n for n in ("x", "channels", "memory", "trajectory") if n in archive.names)
+            found = archive.arrays(n for n in ("x", "channels", "memory", "trajectory", "times") if n in archive.names)
     for name in ("x", "channels"):
         if name not in found:
             raise DermisError(f"'{name}' is missing", where=where, limit="x (n, 3) and channels (n, c)")
@@ -129,6 +144,9 @@ def read_table(path: Path) -> SampleTable:
     owner = arrays.get("trajectory", np.zeros(n))
     if owner.shape != (n,) or not np.isfinite(owner).all():
         raise DermisError("'trajectory' is not one number a sample", where=where, value=owner.shape, limit=f"({n},)")
+    times = arrays.get("times", np.arange(n, dtype=np.float64))
+    if times.shape != (n,) or not (np.diff(times) > 0.0).all():
+        raise DermisError("'times' do not rise, one a sample", where=where, value=times.shape, limit=f"({n},), rising")
     return SampleTable(arrays["x"], arrays.get("memory", np.zeros((n, 0))), arrays["channels"], owner.astype(np.int64))
 
 

@@ -19,7 +19,8 @@ from tests.benchmarks import Result, benchmark, measure, one_blas_thread, timing
 PAPER_MS, PAPER_SIMULATED_MS = 12.5, 126.0
 COMPONENTS = 60
 FRAMES = 240
-SURROGATE_LIMIT_US = 120.0
+SURROGATE_LIMIT_US = 300.0
+RECORDED_RUNS = 5  # of each kind of touch
 
 
 @functools.cache
@@ -169,16 +170,56 @@ def dataset_2400() -> Result:
 @benchmark("train_s")
 def train_seconds() -> Result:
     """Training of ridge and network on half of the movements."""
-    meta = personal()["surrogate"].meta
-    note = f"test errors: network {meta['network_error']:.3f}, ridge {meta['ridge_error']:.3f}"
-    print(note)
     return Result("train_s", personal()["whole"] - personal()["dataset"], "s")
 
 
-@benchmark("personal_surrogate_s", limit=60.0)
+@benchmark("personal_surrogate_s", limit=180.0)
 def personal_surrogate() -> Result:
     """All of it."""
     return Result("personal_surrogate_s", personal()["whole"], "s")
+
+
+@benchmark("surrogate_test_error", limit=0.042)
+def surrogate_test_error() -> Result:
+    """The worse of both models on movements held out: half of 2400 straight presses, as in the paper."""
+    held_out = personal()["surrogate"].meta["held_out"]
+    for name, kinds in held_out.items():
+        for kind, told in kinds.items():
+            print(f"{name}, {kind}: {told['error']:.4f}, nine in ten movements below {told['most']:.4f}")
+    worse = max(kinds["straight"]["error"] for kinds in held_out.values())
+    in_use = max(kinds["in_use"]["error"] for kinds in held_out.values())
+    return Result("surrogate_test_error", worse, "", None, {"paper": 0.042, "in use": in_use})
+
+
+@benchmark("follow_heldout_error", limit=0.08)
+def follow_heldout() -> Result:
+    """A recording of virtual electrodes along the product's own movements, on runs that nothing was fitted to."""
+    from dataclasses import replace
+
+    from core.matching.recorded import held_out_error, learn
+    from core.matching.thimble import Follower, matcher
+    from core.skin.sensor import electrode_sensor
+    from core.surrogate.store import contact_of
+    from core.surrogate.table import SampleTable
+    from tests import touches
+
+    model, rng = skin("draft"), np.random.default_rng(5)
+    sensor = electrode_sensor(model).matrix
+    follower = Follower(matcher(device(), model, friction=0.6), model, "stress")
+    x, channels = [], []
+    kinds = (touches.ball_roll, touches.edge_press, touches.slide, touches.flat_press, touches.cup, touches.foam)
+    for make in kinds * RECORDED_RUNS:
+        touch = make(60)
+        follower.matching.reset()
+        scaled = replace(touch, position=touch.position * rng.uniform(0.7, 1.2, 3))
+        found = follower.follow(scaled.forces(model))
+        x.append(found.x)
+        channels.append(found.force.reshape(60, -1).astype(np.float64) @ sensor.T)
+    run = np.repeat(np.arange(len(x)), 60)
+    table = SampleTable(np.concatenate(x), np.zeros((len(run), 0)), np.concatenate(channels), run)
+    learned = learn(table, device(), contact_of(device(), model, 0.6))
+    peers = {"the pose alone": held_out_error(table, table.trajectory * 4 // learned.runs)}
+    return Result("follow_heldout_error", learned.error, "", None, peers)
 
 
 @functools.cache
@@ -203,7 +244,7 @@ def searches(kind: str) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder, one_blas_thread():
         save(Path(folder) / "s", made)
         files = load(Path(folder) / "s", model, device(), 0.6)
-        forward = None if kind == "direct" else files.model(model, kind)
+        forward = None if kind == "direct" else files.model(device(), model, contact_of(device(), model, 0.6), kind)
         follower = StressMatcher(device(), contact_of(device(), model, 0.6), observation_matrix, forward)
         search = follower._search
 
@@ -214,7 +255,7 @@ def searches(kind: str) -> dict[str, Any]:
             rescue = forward is not None and follower.model is follower.direct
             out["rescues" if rescue else "us"].append(taken)
             if not rescue:
-                out["evaluations"].append(found[0].evaluations)
+                out["evaluations"].append(found.evaluations)
             return found
 
         follower._search = timed  # type: ignore[method-assign]
@@ -236,9 +277,13 @@ def searches(kind: str) -> dict[str, Any]:
 
 @benchmark("surrogate_us", limit=SURROGATE_LIMIT_US)
 def surrogate() -> Result:
-    """One optimisation on the polynomial, the better of both learned models; stress errors are printed."""
+    """One optimisation on the polynomial, the faster of both learned models; stress errors are printed."""
     found, network, direct = searches("ridge"), searches("network"), searches("direct")
-    times = timing(found["us"])
+    times, error = timing(found["us"]), None
+    if found["error"] > direct["error"] + 0.01:
+        error = f"rendered stress {found['error']:.3f} off, the direct search's {direct['error']:.3f}"
+    elif times.median > 0.5 * timing(direct["us"]).median:
+        error = "more than half of the direct search"
     peers = {
         "network (ONNX)": timing(network["us"]).median,
         "direct": timing(direct["us"]).median,
@@ -246,7 +291,7 @@ def surrogate() -> Result:
     }
     if found["rescues"]:
         peers["a rescue"] = timing(found["rescues"]).median
-    return Result("surrogate_us", times.median, "us", times.p95, peers)
+    return Result("surrogate_us", times.median, "us", times.p95, peers, error)
 
 
 @benchmark("surrogate_network_us")

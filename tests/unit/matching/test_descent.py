@@ -2,25 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from core.devices.disc_pose import FrictionState
 from core.devices.inverse_kinematics import inverse_kinematics
 from core.devices.thimble import mechanism
 from core.errors import DermisError
 from core.matching.descent import descend
 from core.matching.gauss_newton import ServoLimits, minimise
 from core.presets import Library
-from core.skin.model import fingertip_skin
-from core.surrogate.forward import DirectModel
-from core.surrogate.learned import LearnedModel
-from core.surrogate.network import Network
-from core.surrogate.ridge import QuadraticRidge
-from core.surrogate.store import contact_of
-from core.surrogate.subspace import principal_components
 
 DEVICE = mechanism(Library().device("thimble_3rrs"))
 MATRIX = np.random.default_rng(5).normal(size=(8, 3)) * [1.0, 1.0, 100.0]
@@ -81,65 +71,3 @@ def test_noise_is_fitted_as_well_as_by_the_general_method():
         one, other = (f(curved, target, np.array([0.0, 0.0, 0.018]), DEVICE) for f in (descend, minimise))
         assert one.kkt <= 3e-3 or one.why in ("gain", "step")
         assert one.cost <= other.cost * (1 + 1e-3)
-
-
-def random_ridge(rng, p, c):
-    quadratic = rng.normal(size=(c, p, p))
-    return QuadraticRidge(
-        rng.normal(size=p),
-        rng.uniform(0.5, 2, p),
-        rng.normal(size=c),
-        rng.normal(size=(c, p)),
-        quadratic + quadratic.transpose(0, 2, 1),
-    )
-
-
-def random_network(rng, p, c, h=9):
-    return Network(
-        rng.normal(size=p),
-        rng.uniform(0.5, 2, p),
-        rng.normal(size=(h, p)),
-        rng.normal(size=h),
-        rng.normal(size=(c, h)),
-        rng.normal(size=c),
-    )
-
-
-@pytest.mark.parametrize("make", [random_ridge, random_network])
-@pytest.mark.parametrize("memory", [0, 5])
-def test_folding_the_friction_state_changes_nothing(make, memory):
-    rng = np.random.default_rng(memory)
-    fit = make(rng, 3 + memory, 4)
-    u = rng.normal(size=3 + memory)
-    for ours, plain in zip(fit.fixed(u[3:])(u[:3]), fit.evaluate(u), strict=True):
-        np.testing.assert_allclose(ours, plain, rtol=1e-10, atol=1e-10)
-
-
-def test_folding_an_onnx_file_changes_nothing_and_sessions_may_be_shared(tmp_path):
-    pytest.importorskip("onnxruntime")
-    from core.surrogate import onnx
-
-    rng = np.random.default_rng(2)
-    network = random_network(rng, 8, 4)
-    onnx.write(tmp_path / "n.onnx", network)
-    fit = onnx.OnnxFit(tmp_path / "n.onnx")
-    one, two = rng.normal(size=(2, 8))
-    first, second = fit.fixed(one[3:]), fit.fixed(two[3:])  # two fingers, one file
-    for u, folded in ((one, first), (two, second), (one, first)):
-        for ours, plain in zip(folded(u[:3]), network.evaluate(u), strict=True):
-            np.testing.assert_allclose(ours, plain, rtol=1e-9, atol=1e-9)
-
-
-def test_a_model_is_folded_anew_for_every_friction_state():
-    skin = fingertip_skin(level="draft")
-    contact, rng = contact_of(DEVICE, skin, 0.6), np.random.default_rng(4)
-    friction = principal_components(rng.normal(size=(20, 3 * skin.pad_count)), size=5)
-    model = LearnedModel(random_ridge(rng, 8, 4), friction, 0.7, contact.points.nodal)
-    x = np.array([0.1, 0.2, 0.018])
-    for force in (np.zeros((contact.count, 3)), rng.normal(size=(contact.count, 3))):
-        model.hold(replace(FrictionState.rest(contact.count), force=force))
-        u = np.concatenate([x, friction.project(contact.points.nodal @ force.ravel() / 0.7)])
-        value, slope = model.fit.evaluate(u)
-        np.testing.assert_allclose(model.evaluate(x)[0], 0.7 * value, rtol=1e-9)
-        np.testing.assert_allclose(model.evaluate(x)[1], 0.7 * slope, rtol=1e-9)
-    assert DirectModel(DEVICE, contact, np.zeros((2, 3 * skin.pad_count))).size == 2

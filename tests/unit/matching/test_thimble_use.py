@@ -48,7 +48,8 @@ NEWER = onnx._field(8, onnx._field(1, b"") + onnx._varint(2, 99))
         (".onnx", lambda d: d[: len(d) // 2], "not a whole ONNX file"),
         (".onnx", lambda d: b"MZ\x90 another program", "ONNX"),
         (".onnx", lambda d: d.replace(OPSET, NEWER), "operator set"),
-        (".onnx", lambda d: d.replace(b"friction", b"memories"), "friction"),
+        (".onnx", lambda d: d.replace(b"features", b"measures"), "features"),
+        (".onnx", lambda d: d.replace(b"dermis-surrogate 2", b"dermis-surrogate 1"), "of an older form"),
         (".onnx", lambda d: d.replace(b"MatMul", b"MutMal"), "cannot run"),
         (".onnx", None, "no surrogate was adapted"),
         (".npz", lambda d: d[: len(d) // 3], "cannot be read"),
@@ -92,6 +93,7 @@ def nowhere(values):
     [
         ("friction_basis", lambda a: a[:, :-3], "'friction_basis' has another shape"),
         ("friction_basis", lambda a: a[:-1], "has another shape"),
+        ("trial_basis", lambda a: a[:, :-3], "'trial_basis' has another shape"),
         ("friction_mean", lambda a: a[:-3], "'friction_mean' has another shape"),
         ("ridge_constant", lambda a: a[:-1], "'ridge_constant' has another shape"),
         ("ridge_linear", nowhere, "'ridge_linear' is not finite"),
@@ -101,6 +103,11 @@ def nowhere(values):
         ("stress_basis", lambda a: a.astype("U8"), "not finite"),
         ("stress_basis", lambda a: a[0], "has another shape"),
         ("meta", lambda a: np.frombuffer(a.tobytes().replace(b'"modulus"', b'"modulos"'), np.uint8), "no stiffness"),
+        (
+            "meta",
+            lambda a: np.frombuffer(a.tobytes().replace(b"surrogate 2", b"surrogate 1"), np.uint8),
+            "an older form",
+        ),
         ("meta", lambda a: np.frombuffer(b"[1, 2]", np.uint8), "cannot be read"),
     ],
 )

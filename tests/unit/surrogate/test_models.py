@@ -35,12 +35,13 @@ def random_network(inputs=7, hidden=11, outputs=4, seed=5):
     )
 
 
-def check_derivative(fit, u):
-    value, slope = fit.evaluate(u)
+def check_derivative(fit, u, ways=None):
+    ways = np.eye(len(u)) if ways is None else ways
+    value, slope = fit.along(u, ways)
     np.testing.assert_allclose(value, fit.predict(u[None])[0], rtol=1e-12)
-    for j in range(3):
+    for j, way in enumerate(ways.T):
         h = 1e-6
-        ahead, behind = (fit.predict((u + s * h * np.eye(len(u))[j])[None])[0] for s in (1, -1))
+        ahead, behind = (fit.predict((u + s * h * way)[None])[0] for s in (1, -1))
         np.testing.assert_allclose(slope[:, j], (ahead - behind) / (2 * h), rtol=1e-6, atol=1e-7)
 
 
@@ -64,7 +65,9 @@ def test_softplus_and_its_derivative_hold_at_both_ends():
 
 def test_the_networks_derivative_is_that_of_its_values():
     for seed in range(4):
-        check_derivative(random_network(seed=seed), np.random.default_rng(seed).normal(size=7))
+        rng = np.random.default_rng(seed)
+        check_derivative(random_network(seed=seed), rng.normal(size=7))
+        check_derivative(random_network(seed=seed), rng.normal(size=7), rng.normal(size=(7, 3)))
 
 
 def test_training_learns_a_smooth_function_that_no_quadratic_can():
@@ -77,8 +80,8 @@ def test_training_learns_a_smooth_function_that_no_quadratic_can():
         u = rng.uniform(-1, 1, (count, 4))
         tables.append(SampleTable(u[:, :3], u[:, 3:], np.array([bent(row) for row in u]), np.arange(count)))
     table, unseen = tables
-    network = train(table, hidden=40, iterations=400, decay=1e-7)
-    assert relative_rms(network, unseen) < 0.05
+    network = train(table, hidden=40, iterations=100)
+    assert relative_rms(network, unseen) < 0.01
     assert relative_rms(fit_ridge(table), unseen) > 0.15
     assert network.hidden == 40 and network.inputs == 4 and network.outputs == 2
 
@@ -97,19 +100,11 @@ def test_onnx_gives_what_numpy_gives(tmp_path):
     fit = onnx.OnnxFit(tmp_path / "n.onnx", {"skin": "abc"})
     u = np.random.default_rng(1).normal(size=(50, 7)) * 10
     np.testing.assert_allclose(fit.predict(u), network.predict(u), rtol=1e-6, atol=1e-6)
-    for row in u[:5]:
-        for ours, theirs in zip(network.evaluate(row), fit.evaluate(row), strict=True):
+    ways = np.random.default_rng(2).normal(size=(5, 7, 3))
+    for row, way in zip(u[:5], ways, strict=True):
+        for ours, theirs in zip(network.along(row, way), fit.along(row, way), strict=True):
             np.testing.assert_allclose(theirs, ours, rtol=1e-6, atol=1e-6)
     assert (fit.inputs, fit.outputs) == (7, 4)
-
-
-def test_a_model_of_the_configuration_alone_has_an_empty_friction_input(tmp_path):
-    pytest.importorskip("onnxruntime")
-    network = random_network(inputs=3)
-    onnx.write(tmp_path / "n.onnx", network)
-    fit = onnx.OnnxFit(tmp_path / "n.onnx")
-    u = np.array([0.1, -0.2, 0.3])
-    np.testing.assert_allclose(fit.evaluate(u)[1], network.evaluate(u)[1], rtol=1e-9)
 
 
 def test_the_same_network_gives_the_same_bytes():
@@ -139,9 +134,10 @@ def rewritten(data, **changes):
     ("change", "words"),
     [
         (lambda d: b"MZ not a model at all", "not a whole ONNX file|did not make"),
-        (lambda d: d.replace(b"dermis-surrogate 1", b"someone-elses-one1"), "did not make"),
+        (lambda d: d.replace(b"dermis-surrogate 2", b"someone-elses-one2"), "did not make"),
         (lambda d: d.replace(b"jacobian", b"gradient"), "'jacobian' is not"),
-        (lambda d: d.replace(b"friction", b"memories"), "'friction' is not"),
+        (lambda d: d.replace(b"features", b"measures"), "'features' is not"),
+        (lambda d: d.replace(b"dermis-surrogate 2", b"dermis-surrogate 1"), "of an older form.*Adapt it again"),
         (
             lambda d: d.replace(
                 onnx._field(8, onnx._field(1, b"") + onnx._varint(2, 17)),

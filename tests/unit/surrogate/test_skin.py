@@ -16,13 +16,15 @@ from core.matching.thimble_use import calibrated_mechanism, prepare
 from core.presets import Library
 from core.skin.model import skin_from_parameters
 from core.steps import drain
-from core.surrogate.dataset import MAX_FORCE, record, split
+from core.surrogate.dataset import MAX_FORCE, joined, record, split
 from core.surrogate.forward import DirectModel
 from core.surrogate.learned import LearnedModel, descriptors
-from core.surrogate.press_points import press_points
+from core.surrogate.network import train
 from core.surrogate.ridge import fit_ridge
 from core.surrogate.store import adapt, contact_of, load, place_of, save
+from core.surrogate.subspace import principal_components
 from core.surrogate.table import relative_rms
+from core.surrogate.trial import TrialForce
 from tests import touches
 from tests.thimbles import match_sequence
 
@@ -54,11 +56,23 @@ def test_movements_start_clear_and_stop_at_the_largest_force(data, device):
     ends = np.concatenate([starts[1:], [len(data)]])
     assert (data.before[starts] == 0).all()  # nothing touched before the first sample in contact
     inner = np.setdiff1d(np.arange(len(data)), starts)
-    np.testing.assert_array_equal(data.before[inner], data.force[inner - 1])  # the previous step's friction state
+    held = data.before.reshape(len(data), -1, 3).sum(axis=1)  # the previous step's friction state
+    force = data.force.reshape(len(data), -1, 3).sum(axis=1)
+    np.testing.assert_allclose(held[inner], force[inner - 1], rtol=1e-4, atol=1e-6)
     assert (total > 0).all()
     stopped = np.isin(np.arange(len(data)), ends - 1)
     assert (total[~stopped] <= MAX_FORCE).all()
     assert all(device.feasible(x) for x in data.x[::50])
+
+
+def test_movements_in_use_go_on_while_they_press(skin, device):
+    """More than one way for friction to remember: samples that give way again while they touch."""
+    data = drain(record(device, contact_of(device, skin, 0.6), 12, seed=1, pressed=3))
+    pressing = np.linalg.norm(data.force.reshape(len(data), -1, 3).sum(axis=1), axis=1)
+    inner = np.flatnonzero(np.diff(data.trajectory) == 0)
+    assert (pressing[inner + 1] < pressing[inner]).sum() > 0.1 * len(inner)
+    both = joined([data, data])
+    assert len(both) == 2 * len(data) and len(np.unique(both.trajectory)) == 2 * len(np.unique(data.trajectory))
 
 
 def test_the_same_seed_gives_the_same_movements(skin, device):
@@ -89,15 +103,91 @@ def test_stress_components_keep_the_norm_of_stress(skin, data):
     assert left == pytest.approx(curve[size], abs=0.02)
 
 
-def test_the_previous_friction_state_helps(skin, data):
-    """[S0] 4.2: the model without friction input is less discriminative. On movements that neither has seen."""
+@pytest.fixture(scope="module")
+def judged_fits(skin, data):
+    """Errors of both fits on movements that they have not seen, by what they are told."""
     spaces = descriptors(data, skin.stress_components())
-    table = spaces.table(data)
-    train, test = split(data.trajectory)
+    table, (learned, rest) = spaces.table(data), split(data.trajectory)
+    trial = spaces.trial.size
+    same = principal_components(data.force.astype(float), size=60).project(data.force.astype(float))
+    told = {
+        "all": table,
+        "trial forces": replace(table, memory=table.memory[:, :trial]),
+        "previous forces": replace(table, memory=table.memory[:, trial:]),
+        "pose": table.without_memory(),
+        "forces of the same step": replace(table, memory=same),
+    }
     errors = {}
-    for name, t in (("with", table), ("without", table.without_memory())):
-        errors[name] = relative_rms(fit_ridge(t.rows(train)), t.rows(test))
-    assert errors["with"] < 0.7 * errors["without"]
+    for name, t in told.items():
+        fits = fit_ridge(t.rows(learned)), train(t.rows(learned), hidden=60, iterations=40)
+        errors[name] = [relative_rms(fit, t.rows(rest)) for fit in fits]
+    return errors
+
+
+def test_both_models_are_within_a_twentieth_on_movements_they_have_not_seen(judged_fits):
+    """[S0] 4.2 has 4.2 % from 1200 movements; here are 350, of a small skin. The default's leave 2 to 3 %."""
+    assert max(judged_fits["all"]) < 0.05
+
+
+def test_each_input_helps_and_forces_of_the_same_step_would_leak(judged_fits):
+    """The answer is a linear map of the same step's forces: were they told, far less would be left."""
+    for polynomial in (0, 1):
+        left = {name: errors[polynomial] for name, errors in judged_fits.items()}
+        assert left["all"] < 0.8 * left["trial forces"] and left["trial forces"] < 0.7 * left["previous forces"]
+        assert left["previous forces"] < left["pose"] and left["pose"] > 0.1
+        assert left["forces of the same step"] < 0.5 * left["all"]
+
+
+def test_without_friction_the_pose_tells_as_much_as_friction_would(skin, device):
+    """The control: with nothing to remember, the previous step's forces add next to nothing to trial forces."""
+    data = drain(record(device, contact_of(device, skin, 0.0), 300, seed=4))
+    spaces = descriptors(data, skin.stress_components())
+    table, (learned, rest) = spaces.table(data), split(data.trajectory)
+    alone = principal_components(from_rest(skin, device, data), size=spaces.trial.size)
+    pose_only = replace(table, memory=alone.project(from_rest(skin, device, data)))
+    with_path, without = (relative_rms(fit_ridge(t.rows(learned)), t.rows(rest)) for t in (table, pose_only))
+    assert without < 0.06 and with_path < without
+
+
+def from_rest(skin, device, data):
+    """Return trial forces of every pose as if nothing had been touched before."""
+    trial = TrialForce.of(contact_of(device, skin, data.friction))
+    return np.array([trial.at(placed(device, device.pose(x)))[0] for x in data.x])
+
+
+def test_a_model_follows_the_friction_state_and_its_slopes_are_of_its_values(skin, device, small):
+    made, _ = small
+    contact = contact_of(device, skin, 0.6)
+    trial = TrialForce.of(contact)
+    for kind, fit in (("network", made.network), ("ridge", made.ridge)):
+        model, state, values = made.model(device, skin, contact_of(device, skin, 0.6), kind), None, []
+        for x in (np.array([0.05, -0.1, 0.0174]), np.array([0.1, 0.02, 0.0170])):
+            if state is not None:
+                model.hold(state)
+                trial.hold(state)
+                u = np.concatenate(
+                    [
+                        x,
+                        made.descriptors.trial.project(trial.at(placed(device, device.pose(x)))[0]),
+                        made.descriptors.friction.project(state.force.ravel()),
+                    ]
+                )
+                np.testing.assert_allclose(model.evaluate(x)[0], fit.predict(u[None])[0], rtol=1e-9, atol=1e-12)
+                for j in range(3):
+                    h = 1e-8 * np.eye(3)[j]
+                    ahead, behind = (model.evaluate(x + s * h)[0] for s in (1, -1))
+                    slope = model.evaluate(x)[1][:, j]
+                    np.testing.assert_allclose((ahead - behind) / 2e-8, slope, atol=1e-3 * np.abs(slope).max())
+            values.append(model.evaluate(x)[0])
+            contact.hold(FrictionState.rest(contact.count) if state is None else state)
+            state = contact.settle(contact.solve(placed(device, device.pose(x))))
+        before = model.evaluate(x)[0]
+        model.hold(state)
+        assert np.abs(model.evaluate(x)[0] - before).max() > 1e-3 * np.abs(before).max()
+        value, slope = model.evaluate(np.array([0.0, 0.0, 0.025]))  # in the air
+        model.hold(FrictionState.rest(contact.count))
+        value, slope = model.evaluate(np.array([0.0, 0.0, 0.025]))
+        assert not value.any() and not slope.any()
 
 
 def test_stiffness_scales_stress_and_forces(skin, device, small):
@@ -106,10 +196,11 @@ def test_stiffness_scales_stress_and_forces(skin, device, small):
     stiff = skin.with_material(alpha=2.0)
     x = np.array([0.05, -0.1, 0.0171])
     observation_matrix = made.descriptors.observation_matrix
-    rest = FrictionState.rest(contact_of(device, skin, 0.6).count)
-    for state in (rest, replace(rest, force=np.full(rest.force.shape, 0.01))):
+    pressed = contact_of(device, skin, 0.6)
+    before = pressed.settle(pressed.solve(placed(device, device.pose([0.02, -0.05, 0.0174]))))
+    for state in (FrictionState.rest(pressed.count), before):
         doubled = replace(state, force=2 * state.force)
-        soft, hard = made.model(skin, "ridge"), made.model(stiff, "ridge")
+        soft, hard = (made.model(device, s, contact_of(device, s, 0.6), "ridge") for s in (skin, stiff))
         soft.hold(state)
         hard.hold(doubled)
         for a, b in zip(soft.evaluate(x), hard.evaluate(x), strict=True):
@@ -122,8 +213,12 @@ def test_adapting_tells_its_progress_and_errors(small):
     made, stages = small
     names = [s for s, _, _ in stages]
     assert list(dict.fromkeys(names)) == ["dataset", "descriptors", "training"]
-    assert stages[59][1:] == (60, 60) and stages[-1] == ("training", 15, 15)
-    assert 0 < made.meta["network_error"] < 2 and 0 < made.meta["ridge_error"] < 2
+    assert stages[80][1:] == (81, 81) and stages[-1] == ("training", 15, 15)
+    for name in ("network", "ridge"):
+        told = made.meta["held_out"][name]
+        assert 0 < told["straight"]["error"] == made.meta[f"{name}_error"] < 2
+        assert set(told) == {"straight", "in_use"}
+        assert all(t["movements"] > 3 and t["samples"] > 30 and 0 < t["most"] < 4 for t in told.values())
 
 
 def test_what_was_saved_is_what_is_loaded(tmp_path, skin, device, small):
@@ -133,7 +228,7 @@ def test_what_was_saved_is_what_is_loaded(tmp_path, skin, device, small):
     read = load(tmp_path / "mine.onnx", skin, device, 0.6)
     x = np.array([0.02, 0.03, 0.0172])
     for kind in ("network", "ridge"):
-        a, b = made.model(skin, kind), read.model(skin, kind)
+        a, b = (one.model(device, skin, contact_of(device, skin, 0.6), kind) for one in (made, read))
         for ours, theirs in zip(a.evaluate(x), b.evaluate(x), strict=True):
             np.testing.assert_allclose(theirs, ours, rtol=1e-6, atol=1e-9)
     np.testing.assert_array_equal(read.descriptors.stress.curve, made.descriptors.stress.curve)
@@ -218,7 +313,8 @@ def test_a_calibrated_thimble_touches_where_the_person_feels_it(skin, device):
 def test_a_learned_model_matches_nearly_as_well(skin, device, data):
     """Ridge in the search, true contact in the friction update: what it renders is compared, not what it believes."""
     spaces = descriptors(data, skin.stress_components())
-    model = LearnedModel(fit_ridge(spaces.table(data)), spaces.friction, nodal=press_points(skin).nodal)
+    trial = TrialForce.of(contact_of(device, skin, 0.6))
+    model = LearnedModel(fit_ridge(spaces.table(data)), device, trial, spaces.trial, spaces.friction)
     forces = touches.flat_press(40).forces(skin)
     observation_matrix = describe(device, skin, 0.6).observation_matrix
     left = {}
@@ -226,4 +322,4 @@ def test_a_learned_model_matches_nearly_as_well(skin, device, data):
         found = match_sequence(device, skin, forces, name, observation_matrix=spaces.observation_matrix, **keys)
         rendered, target = (f.reshape(len(f), -1) @ observation_matrix.T for f in (found.force, forces))
         left[name] = np.linalg.norm(rendered - target) / np.linalg.norm(target)
-    assert left["stress"] < left["ridge"] < left["stress"] + 0.25
+    assert left["ridge"] < left["stress"] + 0.02

@@ -1,0 +1,89 @@
+"""Lessons: movements of the device to learn from, and others of the same kinds held out to judge by.
+
+What is held out is settled by movement before anything is learned: samples of one movement are too alike to judge each
+other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Mapping
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from ..devices.disc import DiscContact
+from ..devices.thimble import Thimble
+from ..steps import in_words
+from .dataset import Dataset, joined, record, split
+from .table import Fit, SampleTable, movement_errors, relative_rms
+
+
+@dataclass(frozen=True)
+class Movements:
+    """A kind of movements.
+
+    Attributes:
+        share: of the number of movements that are asked for. pressed: see `record`. learned: share to learn from.
+    """
+
+    share: float
+    pressed: int
+    learned: float
+
+
+# Source: [S0] 4.2, half of straight presses to train and half to test; the other kind is what devices do in use
+KINDS = {"straight": Movements(1.0, 1, 0.5), "in_use": Movements(0.35, 3, 0.75)}
+FEWEST = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Lessons:
+    """What is learned from, and what is held out of each of `KINDS`."""
+
+    data: Dataset
+    held_out: dict[str, Dataset]
+
+
+def lessons(
+    device: Thimble, contact: DiscContact, trajectories: int, seed: int = 0
+) -> Generator[tuple[int, int], None, Lessons]:
+    """Record movements of both kinds and hold some out; yields movements done and in all.
+
+    Raises:
+        DermisError: servo limits that exclude contact, or nothing recorded.
+    """
+    counts = {name: max(round(kind.share * trajectories), FEWEST) for name, kind in KINDS.items()}
+    total, before = sum(counts.values()), 0
+    parts, held_out = [], {}
+    for number, (name, kind) in enumerate(KINDS.items()):
+        steps = record(device, contact, counts[name], seed=seed + number, pressed=kind.pressed)
+        data = yield from in_words(steps, partial(_of_all, before, total))
+        before += counts[name]
+        learned, rest = split(data.trajectory, kind.learned, seed)
+        parts.append(data.rows(learned))
+        held_out[name] = data.rows(rest)
+    return Lessons(joined(parts), held_out)
+
+
+def _of_all(before: int, total: int, step: tuple[int, int]) -> tuple[int, int]:
+    return before + step[0], total
+
+
+def judged(fit: Fit, tables: Mapping[str, SampleTable]) -> dict[str, dict[str, float]]:
+    """Return how far a fit is off on tables that were held out.
+
+    Returns:
+        of each table 'error', as `relative_rms`, 'most', which nine in ten movements stay below, and the number of
+        'movements' and 'samples'.
+    """
+    out = {}
+    for name, table in tables.items():
+        each = movement_errors(fit, table)
+        out[name] = {
+            "error": relative_rms(fit, table),
+            "most": float(np.quantile(each, 0.9)),
+            "movements": len(each),
+            "samples": len(table.x),
+        }
+    return out

@@ -37,6 +37,7 @@ def keys_of(curve: Any) -> np.ndarray:
 def test_curves_are_what_was_baked_at_frames_in_millimetres(demo: bpy.types.Scene) -> None:
     assert bpy.ops.dermis.commands_as_curves() == {"FINISHED"}
     index = demo.objects["Index"]
+    assert index.select_get()  # the Graph Editor shows no other
     curves = curves_of(index.data)
     track = store.current(demo).bake.outputs[0].track
     keys = keys_of(curves["haptip tactor_x (mm)"])

@@ -15,6 +15,7 @@ from blender_addon.timeline import strip
 from core.track import export as track_export
 
 from .build import cube, finger, keys, span
+from .stand_in import Anything, draw_panels
 
 FINGERS = {"Index", "Reader", "Thumb"}
 
@@ -70,6 +71,9 @@ def test_every_format_is_written_with_plots_beside(demo: bpy.types.Scene, tmp_pa
 def test_the_box_goes_with_the_next_bake(demo: bpy.types.Scene, tmp_path: Path) -> None:
     bpy.ops.dermis.export_tracks(directory=str(tmp_path))
     assert exported.last(demo) is not None
+    layout = Anything()
+    draw_panels(layout)
+    assert layout.words.count("Wrote 3 files") == 1  # in the head, and not again under Export
     bpy.ops.dermis.bake()
     assert exported.last(demo) is None
 
@@ -90,6 +94,9 @@ def test_a_stored_bake_comes_back_after_loading_and_nothing_is_written(demo: bpy
     assert [o.track.values.tobytes() for o in back.outputs] == [o.track.values.tobytes() for o in bake.outputs]
     assert reporting.source() == f"Stored bake of {scene.name}"
     assert recall.work() == 0  # it is there
+    layout = Anything()
+    draw_panels(layout)
+    assert "Baked in an earlier session:" in " ".join(layout.words)
     assert strip.of(scene).state == "earlier"
 
 

@@ -64,21 +64,23 @@ def read_recording(path: Path) -> Recording:
 
 
 def same_channels(recording: Recording, table: SkinTable) -> None:
-    """Refuse a recording whose channels are not those of a recorded table, by name and order.
+    """Refuse a recording whose channels are not a table's: their number, and a recorded table's names and order.
 
     Raises:
-        DermisError: another name, or another order.
+        DermisError: another number, another name, or another order.
     """
-    known = table.meta.get("channels")
-    if known is None or tuple(known) == recording.channels:
-        return
-    if len(known) != len(recording.channels):
+    channels = table.readings.shape[1]
+    if len(recording.channels) != channels:
         raise DermisError(
             "the recording has another number of channels than the table",
             where=f"recording '{recording.name}'",
             value=len(recording.channels),
-            limit=f"{len(known)}, as in {table.meta.get('source', 'the table')}",
+            limit=f"{channels}, as in {table.meta.get('source', 'the table')}",
+            remedy="Use a table that was recorded with the same sensor",
         )
+    known = table.meta.get("channels")
+    if known is None or tuple(known) == recording.channels:
+        return
     i = next(i for i, (own, other) in enumerate(zip(recording.channels, known, strict=True)) if own != other)
     what = (
         "the channels stand in another order than in the table"

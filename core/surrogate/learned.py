@@ -66,7 +66,7 @@ class LearnedModel:
             friction,
             float(stiffness),
         )
-        self._basis = np.ascontiguousarray(trial_space.basis.T) / self.stiffness
+        self._basis = trial_space.basis / self.stiffness
         self._told = slice(3, 3 + trial_space.size)
         self._features, self._ways = np.zeros(fit.inputs), np.zeros((fit.inputs, 3))
         self._ways[:3] = np.eye(3)
@@ -89,10 +89,10 @@ class LearnedModel:
         both = self.trial.at(placed(self.device, self.device.pose(x)))
         if self.friction is not None and not both[0].any():
             return np.zeros(self.size), np.zeros((self.size, 3))
-        told = both @ self._basis
+        told = self._basis @ both.T
         self._features[:3] = x
-        self._features[self._told] = told[0] - self._nothing
-        self._ways[self._told] = told[1:].T
+        self._features[self._told] = told[:, 0] - self._nothing
+        self._ways[self._told] = told[:, 1:]
         value, slope = self.fit.along(self._features, self._ways)
         if self.stiffness == 1.0:
             return value, slope

@@ -83,7 +83,8 @@ def test_a_saved_table_gives_the_same_answer_as_json(reported):
 
 def test_mistakes_are_said_and_not_traced(reported, tmp_path):
     folder, _ = reported
-    (tmp_path / "bad.csv").write_text("time,e1\n0,1\n")
+    (tmp_path / "bad.csv").write_text("time\n0\n1\n")
+    (tmp_path / "other.csv").write_text("time,e1\n0,1\n1,2\n")
     (tmp_path / "own" / "devices").mkdir(parents=True)
     coupled = (folder / "out" / "cable_platform_2_motors.json").read_text(encoding="utf-8")
     (tmp_path / "own" / "devices" / "two.json").write_text(coupled, encoding="utf-8")
@@ -91,6 +92,7 @@ def test_mistakes_are_said_and_not_traced(reported, tmp_path):
         ((), "nothing to do"),
         (("flat", "flat", "--table", folder / "table.npz"), "two touches have one name"),
         ((tmp_path / "bad.csv", "--table", folder / "table.npz"), "channels are missing"),
+        ((tmp_path / "other.csv", "--table", folder / "table.npz"), "another number of channels"),
         (("flat", "--device", "hexapod", "--table", folder / "table.npz"), "another device"),
         (("flat", "--device", "haptip", "--rows", 64), "haptip"),
         (("flat", "--rows", 5), "too few rows"),

@@ -80,7 +80,7 @@ class DERMIS_PT_thimble(DermisPanel, bpy.types.Panel):
                 layout,
                 context,
                 "Not adapted to this finger, so the direct method takes its place. Adapt it, "
-                "which takes about a minute, or choose the direct method.",
+                "which takes some two minutes, or choose the direct method.",
                 "ERROR",
             )
         layout.operator("dermis.adapt_thimble", icon="FILE_REFRESH" if found is not None else "MOD_LATTICE")

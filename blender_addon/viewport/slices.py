@@ -21,6 +21,7 @@ from .. import changes, redraw
 from ..devices import skin_models
 from ..preview import moment, skin_preview
 from ..preview.rows import goes_on
+from ..streaming import session
 
 BUDGET = 0.012  # [s] that a view waits at most, but for one step of the work; half of a frame is left for Blender
 PAUSE = 0.001  # [s] between slices: Blender handles what came in
@@ -43,6 +44,11 @@ def plays() -> bool:
     """Return whether an animation plays or somebody scrubs, however slowly the frames come."""
     screens = [window.screen for window in bpy.context.window_manager.windows]
     return any(screen.is_animation_playing or screen.is_scrubbing for screen in screens)
+
+
+def followed(scene: bpy.types.Scene) -> bool:
+    """Return whether a device follows what is shown: nothing is coarse then, or mending it would move the device."""
+    return session.streams(scene) and scene.dermis_stream.mode == "follow"
 
 
 class Slices:
@@ -71,7 +77,7 @@ class Slices:
         frame = float(scene.frame_current_final)
         step = (frame - self._frame) * scene.render.fps_base / scene.render.fps
         goes = step == 0.0 or goes_on(step)
-        passing = plays() or time.perf_counter() - self._came < rest()
+        passing = not followed(scene) and (plays() or time.perf_counter() - self._came < rest())
         if step != 0.0 or self._of != (scene.session_uid, changes.edits()):
             self._came = time.perf_counter()
         if not (self.busy(scene) and self._of[1] == changes.edits() and goes):
@@ -117,7 +123,7 @@ class Slices:
                 raise
             self._came = time.perf_counter()
             if float(scene.frame_current_final) != self._frame:  # the play has gone on meanwhile
-                self._renew(scene, float(scene.frame_current_final), passing=rest() > 0.0)
+                self._renew(scene, float(scene.frame_current_final), passing=rest() > 0.0 and not followed(scene))
 
     def _on_timer(self) -> float | None:
         scene = self._scene()
@@ -132,7 +138,7 @@ class Slices:
     def _on_rest(self) -> float | None:
         """Work out once more, and well, the frame that the scene rests at; what comes meanwhile has its own timer."""
         scene = self._scene()
-        if scene is None or self._work is not None or not skin_preview.coarse():
+        if scene is None or self._work is not None or not skin_preview.coarse() or followed(scene):
             return None
         left = self._came + rest() - time.perf_counter()
         if left > 0.0 or plays():

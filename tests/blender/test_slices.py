@@ -127,6 +127,26 @@ def test_what_is_passed_is_walked_coarsely_and_made_good_where_the_scene_rests(h
     assert np.array_equal(forces()[0], rested[0]) and not np.array_equal(passed[0], rested[0])
 
 
+@pytest.mark.real_time
+def test_nothing_is_coarse_while_a_device_follows_what_is_shown(hands, monkeypatch) -> None:
+    monkeypatch.setattr(slices, "rest", lambda: 1e9)
+    step(hands, 32)
+    assert skin_preview.coarse()
+    hands.dermis_stream.mode = "follow"
+    assert bpy.ops.dermis.stream_connect() == {"FINISHED"}
+    try:
+        passed = forces()
+        monkeypatch.setattr(slices, "rest", lambda: 0.0)
+        assert shown._slices._on_rest() is None and forces()[0] is passed[0]  # or the device would move by itself
+        monkeypatch.setattr(slices, "rest", lambda: 1e9)
+        step(hands, 33)
+        assert not skin_preview.coarse()
+        hands.dermis_stream.mode = "jog"
+        assert not slices.followed(hands)
+    finally:
+        bpy.ops.dermis.stream_disconnect()
+
+
 def test_a_coarse_frame_that_is_visited_again_is_made_good_too(hands, monkeypatch) -> None:
     monkeypatch.setattr(slices, "rest", lambda: 1e9)
     for frame in (32, 35, 32):

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from core.cache import Cache
 from core.devices.disc_pose import FrictionState, placed
 from core.devices.thimble import mechanism
 from core.errors import DermisError
@@ -15,11 +16,13 @@ from core.matching.thimble import describe
 from core.matching.thimble_use import calibrated_mechanism, prepare
 from core.presets import Library
 from core.skin.model import skin_from_parameters
+from core.skin.surface_store import SHIPPED, find_remainder, remainder_key
 from core.steps import drain
+from core.surrogate import onnx
 from core.surrogate.dataset import MAX_FORCE, record, split
 from core.surrogate.forward import DirectModel
 from core.surrogate.learned import LearnedModel, descriptors
-from core.surrogate.press_points import press_points
+from core.surrogate.press_points import press_points, pressed_on
 from core.surrogate.ridge import fit_ridge
 from core.surrogate.store import adapt, contact_of, load, place_of, save
 from core.surrogate.table import relative_rms
@@ -158,6 +161,27 @@ def test_surrogates_of_something_else_are_refused(tmp_path, skin, device, small,
         load(tmp_path / "mine", **changed)
 
 
+def test_a_network_learned_on_nodes_is_refused_beside_tables_learned_on_points(tmp_path, skin, device, small):
+    pytest.importorskip("onnxruntime")
+    made, _ = small
+    save(tmp_path / "mine", made)
+    onnx.write(tmp_path / "mine.onnx", made.network, {**made.meta, "pressed_on": "nodes"})
+    with pytest.raises(DermisError, match="another pressed_on"):
+        load(tmp_path / "mine", skin, device, 0.6)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [("schema", "dermis-surrogate 1", "another version of the product"), ("pressed_on", "nodes", "skin contact")],
+)
+def test_an_older_surrogate_is_refused_in_words_and_the_search_goes_on(tmp_path, skin, small, name, value, words):
+    spec, (made, _) = Library().device("thimble_3rrs"), small
+    save(tmp_path / "mine", replace(made, meta={**made.meta, name: value}))
+    used = prepare(spec, skin, {"thimble_method": "ridge", "thimble_surrogate": str(tmp_path / "mine.npz")})
+    assert used.method == "stress" and used.findings[0].code == "surrogate" and words in used.findings[0].what
+    assert "Adapt it" in used.findings[0].remedy
+
+
 def test_damaged_tables_are_refused(tmp_path, skin, device, small):
     save(tmp_path / "mine", small[0])
     data = (tmp_path / "mine.npz").read_bytes()
@@ -191,6 +215,30 @@ def test_a_job_makes_the_files_where_the_finger_looks_for_them(tmp_path, device)
     other = prepare(spec, skin_from_parameters(library.skin("little_medium"), level="draft"), use)
     assert other.method == "stress" and "no surrogate was adapted" in other.findings[0].what
     assert "direct method" in other.findings[0].remedy
+
+
+def test_a_job_presses_points_of_lengths_that_do_not_ship(tmp_path, device):
+    """Their table lies in the cache of skins, where the job is told to look; the process that asks has it in memory."""
+    pytest.importorskip("onnxruntime")
+    library, cache, lengths = Library(), Cache(tmp_path / "skins", 10**9), Library().skin("index_medium")
+    shipped = skin_from_parameters(lengths, level="draft")
+    lengths["width"] += 1e-5  # so little that the table of the other still serves
+    skin = skin_from_parameters(lengths, level="draft", cache=cache)
+    table = find_remainder(shipped.shape, shipped.material.poisson, shipped=SHIPPED)
+    cache.put(remainder_key(skin.shape, skin.material.poisson), table.write)
+    (tmp_path / "kept").mkdir()
+    parameters = {
+        "device": library.load("devices", "thimble_3rrs"),
+        "skin": lengths,
+        "level": "draft",
+        "skins": str(cache.folder),
+        "limit": cache.limit_bytes,
+        "folder": str(tmp_path / "kept"),
+        "trajectories": 20,
+        "iterations": 5,
+    }
+    adapt_job({}, parameters, lambda done, total: None)
+    assert pressed_on(skin) == "points" and place_of(tmp_path / "kept", skin, device, 0.6).is_file()
 
 
 @pytest.mark.parametrize("method", ["network", "ridge"])

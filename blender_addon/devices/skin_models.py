@@ -130,15 +130,21 @@ def make_pads(
     What cannot be made is left to the bake, which solves contact at the mesh's nodes and says so.
     """
     for finger in tactile.fingers:
-        try:
-            if not _solved(finger, presets) or not wants_pad(finger.parameters):
-                continue
-        except DermisError:
-            continue
-        while (done := make_pad(finger.parameters["skin"])) is not None and done < 1.0:
-            yield core.pipeline.bake.Progress("skin", round(100 * done), 100)
-            time.sleep(POLL / 5)  # nobody else waits meanwhile, and a timer may not run
-            _tick()
+        if _solved(finger, presets):
+            yield from pad_made(finger.parameters)
+
+
+def pad_made(parameters: Mapping[str, Any]) -> Generator[core.pipeline.bake.Progress, None, None]:
+    """Make the table of a finger's smooth pad where its contact needs one, see `wants_pad`; yield progress."""
+    try:
+        if not wants_pad(parameters):
+            return
+    except DermisError:
+        return
+    while (done := make_pad(parameters["skin"])) is not None and done < 1.0:
+        yield core.pipeline.bake.Progress("skin", round(100 * done), 100)
+        time.sleep(POLL / 5)  # nobody else waits meanwhile, and a timer may not run
+        _tick()
 
 
 def progress(skin: Mapping[str, float], level: str) -> float | None:

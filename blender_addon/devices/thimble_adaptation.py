@@ -40,11 +40,14 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
         "skin": dict(skin["skin"]),
         "level": skin["skin_level"],
         "contact": skin["contact"],
+        "skins": str(skin_models.cache().folder),
+        "limit": skin_models.LIMIT_BYTES,
         "use": use,
         "folder": str(folder),
         **less,
     }
     where = f"finger '{obj.name}', skin"
+    yield from skin_models.pad_made(skin)  # a bake makes it, and would then look for what was learned on points
     yield core.pipeline.bake.Progress("starting", 0, 1)
     with skin_models.one_thread():
         model = thimble_devices.pressed(obj, skin_models.get(skin["skin"], skin["skin_level"], where=where, wait=True))

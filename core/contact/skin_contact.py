@@ -103,7 +103,7 @@ class SkinContact:
     @property
     def pressed(self) -> SkinModel:
         """The skin as it was touched: what a device does to it is solved on points, or at nodes, as the touch was."""
-        return self.model.on_nodes if self.points is None and len(self.contact) else self.model
+        return self.model.on_nodes if self.points is None else self.model
 
     def force_at(self, sample: int) -> Array:
         """Return the forces of one sample [N], shape (m, 3); zeros without contact."""

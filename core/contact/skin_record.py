@@ -11,6 +11,7 @@ from ..arrays import Array
 from ..errors import Finding
 from ..skin.model import SkinModel
 from ..skin.point_forces import PointForces
+from ..skin.surface_compliance import SurfaceCompliance
 from .skin_contact import PointRecord, SkinContact, SkinStep
 
 _NOTHING = (0.0, 0.0, 0.0, 0.0, 0, 0)
@@ -41,9 +42,15 @@ class SkinRecord:
         )
 
     def finished(
-        self, model: SkinModel, times: Array, frames: Array, findings: tuple[Finding, ...], skipped: Mapping[str, int]
+        self,
+        model: SkinModel,
+        surface: SurfaceCompliance | None,
+        times: Array,
+        frames: Array,
+        findings: tuple[Finding, ...],
+        skipped: Mapping[str, int],
     ) -> SkinContact:
-        """Return the whole, at the sweep's times [s] and frames, shape (n,)."""
+        """Return the whole, at the sweep's times [s] and frames, shape (n,), with the smooth pad where it has one."""
         scalars = np.array(self._scalars, dtype=np.float64).reshape(-1, 6)
         return SkinContact(
             model=model,
@@ -59,15 +66,13 @@ class SkinRecord:
             slipping=scalars[:, 5].astype(np.int32),
             findings=findings,
             skipped={name: count for name, count in skipped.items() if count},
-            points=self._point_record(),
+            points=None if surface is None else self._point_record(surface),
         )
 
-    def _point_record(self) -> PointRecord | None:
-        if not self._points:
-            return None
+    def _point_record(self, surface: SurfaceCompliance) -> PointRecord:
         return PointRecord(
-            self._points[0].surface,
+            surface,
             np.cumsum([0, *(len(one.cells) for one in self._points)]),
-            np.concatenate([one.cells for one in self._points]).astype(np.int32),
-            np.concatenate([one.force for one in self._points]).astype(np.float32),
+            np.concatenate([np.zeros(0, np.int32), *(one.cells for one in self._points)]).astype(np.int32),
+            np.concatenate([np.zeros((0, 3)), *(one.force for one in self._points)]).astype(np.float32),
         )

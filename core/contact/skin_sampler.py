@@ -159,7 +159,7 @@ class SkinSampler:
         findings = stepper.findings
         if f == min(self._steppers):  # what is said of a held object is said once
             findings += self._held_findings
-        return self._records[f].finished(stepper.skin, times, frames, findings, skipped)
+        return self._records[f].finished(stepper.skin, stepper.surface, times, frames, findings, skipped)
 
 
 def _held_on_nodes(names: list[str]) -> tuple[Finding, ...]:

@@ -43,6 +43,7 @@ class SkinStepper:
 
     Attributes:
         far: pairs of a body and a sample that the broad phase skipped.
+        surface: the smooth pad whose points contact is solved on; None where it is solved at nodes.
 
     Raises:
         DermisError: a touch depth that is unknown, or a spring or force limit that is not above zero.
@@ -54,9 +55,9 @@ class SkinStepper:
         self.skin, self.index, self.name = skin, index, f"finger '{finger.name}'"
         self._finger, self._tolerance = finger, tolerance
         wanted = SKIN_CONTACT["contact"].of(finger.parameters, self.name) == "points"
-        self._surface = smooth_pad(skin) if wanted else None
-        self._told = (no_smooth_pad(skin, self.name),) if wanted and self._surface is None else ()
-        self.bone = CompliantBone.of(skin, finger.parameters, self.name, tolerance, self._surface)
+        self.surface = smooth_pad(skin) if wanted else None
+        self._told = (no_smooth_pad(skin, self.name),) if wanted and self.surface is None else ()
+        self.bone = CompliantBone.of(skin, finger.parameters, self.name, tolerance, self.surface)
         self._coarse = None if self.on_points else CoarseTouches(skin.mesh, self.name)
         self.far = 0
         self._scene = scene
@@ -158,21 +159,21 @@ class SkinStepper:
     @property
     def on_points(self) -> bool:
         """Whether contact is solved on points of the smooth skin."""
-        return self._surface is not None
+        return self.surface is not None
 
     def _taken(self, bone: BoneStep, frame: float) -> SkinStep:
         """Sum up a sample that was solved."""
         solution, solver = bone.step.solution, self.bone.solver
         if self._coarse is not None:
             self._coarse.take(solution, frame)
-        if self._surface is None or not isinstance(solver, PointSolver) or not solution.force.any():
+        if self.surface is None or not isinstance(solver, PointSolver) or not solution.force.any():
             return _skin_step(bone)
         loaded = np.flatnonzero(solution.force.any(axis=1))
-        return _skin_step(bone, PointForces(self._surface, solver.cells[loaded], solution.force[loaded]))
+        return _skin_step(bone, PointForces(self.surface, solver.cells[loaded], solution.force[loaded]))
 
     def stay_on_nodes(self) -> None:
         """Solve contact at the mesh's nodes, from rest; `SkinSampler` says why."""
-        self._surface, self._coarse = None, CoarseTouches(self.skin.mesh, self.name)
+        self.surface, self._coarse = None, CoarseTouches(self.skin.mesh, self.name)
         self.bone = CompliantBone.of(self.skin, self._finger.parameters, self.name, self._tolerance)
         self._proximity = Proximity(self.bone.solver.places, self.bone.solver.bone)
 

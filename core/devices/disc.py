@@ -62,7 +62,7 @@ class DiscContact:
         # weighs displacement against force: between the softest and the stiffest point, as in the iteration
         self._stiffness = 1.0 / float(np.median(np.diag(self.compliance)))
         self.near: NDArray[np.intp] = np.zeros(0, np.intp)
-        self._matrix = np.zeros((0, 0))
+        self._built: Array | None = None
         self._rest_positions = self._places = np.zeros((0, 3))
         self._block: tuple[bytes, Array] | None = None
         self._guess: tuple[Array, Array] | None = None  # forces and their slope at a pose
@@ -74,10 +74,17 @@ class DiscContact:
         self.hold(FrictionState.rest(self.count))
 
     def hold(self, state: FrictionState) -> None:
-        """Fix the friction state for the poses that follow."""
+        """Fix the friction state for the poses that follow.
+
+        What is found then depends on nothing that was solved before, be it by rounding: the candidates are the state's.
+        """
         self.state = state
         self._places_now = self.positions + state.moved
-        self._restrict()
+        near = np.zeros(0, np.intp) if state.last is None else state.last.near
+        if near is self.near:
+            self._restrict()
+        else:
+            self._take(near)
 
     def gap(self, pose: DiscPose) -> Array:
         """Return the gap of every undeformed point [m], shape (m,)."""
@@ -270,12 +277,24 @@ class DiscContact:
         near = gap < MARGIN
         if near[self.near].sum() == near.sum() and len(self.near):
             return
-        self.near = np.flatnonzero(gap < NEAR)
-        self.choice += 1
-        rows = _degrees(self.near)
-        self._matrix = np.ascontiguousarray(self.compliance[np.ix_(rows, rows)])
-        self._rest_positions = self.positions[self.near]
+        self._take(np.flatnonzero(gap < NEAR))
+
+    def _take(self, near: NDArray[np.intp]) -> None:
+        """Take other candidates."""
+        if not np.array_equal(near, self.near):
+            self.choice += 1
+            self._built = None
+        self.near = near
+        self._rest_positions = self.positions[near]
         self._restrict()
+
+    @property
+    def _matrix(self) -> Array:
+        """Compliance between the candidates, built when something touches."""
+        if self._built is None:
+            rows = _degrees(self.near)
+            self._built = np.ascontiguousarray(self.compliance[np.ix_(rows, rows)])
+        return self._built
 
     def _restrict(self) -> None:
         self._block = None

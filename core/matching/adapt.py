@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cache import Cache
 from ..devices.spec import from_preset
 from ..skin.model import skin_from_parameters
 from ..steps import drain
@@ -26,8 +27,9 @@ def adapt_job(
 
     Args:
         parameters: 'device' (preset as read), 'device_key', 'skin' (parameters in SI), 'level', 'folder', and
-            optionally 'contact' ('nodes' where the finger's touches are solved there), 'use' (calibration to the
-            person, see `calibrated_mechanism`), 'trajectories', 'iterations'.
+            optionally 'contact' ('nodes' where the finger's touches are solved there), 'skins' and 'limit' (folder and
+            size [bytes] of the cache of skins, where smooth pads of lengths that do not ship lie), 'use' (calibration
+            to the person, see `calibrated_mechanism`), 'trajectories', 'iterations'.
 
     Returns:
         'errors': of ridge and network on straight presses held out, shape (2,); 'samples' and 'movements' that were
@@ -39,7 +41,8 @@ def adapt_job(
     """
     spec = from_preset(str(parameters.get("device_key", "thimble")), parameters["device"])
     # what is learned is proportional to stiffness: one surrogate serves a finger whatever its personal factor
-    skin = skin_from_parameters(parameters["skin"], level=str(parameters.get("level", "standard")))
+    cache = Cache(Path(str(parameters["skins"])), int(parameters["limit"])) if "skins" in parameters else None
+    skin = skin_from_parameters(parameters["skin"], level=str(parameters.get("level", "standard")), cache=cache)
     if parameters.get("contact") == "nodes":
         skin = skin.on_nodes
     device, friction = calibrated_mechanism(spec, skin, parameters.get("use", {}))

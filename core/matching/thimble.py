@@ -18,6 +18,7 @@ from ..devices.spec import DeviceSpec
 from ..devices.thimble import MIN_MARGIN, Thimble
 from ..errors import DermisError, Finding, Severity
 from ..parameters.material import FRICTION
+from ..parameters.skin import TISSUE
 from ..recent import Recent
 from ..scene.tactile_scene import DeviceUse, TactileScene, device_times
 from ..skin.model import SkinModel
@@ -57,7 +58,8 @@ def describe(device: Thimble, skin: SkinModel, friction: float, tolerance: float
     """Return the descriptors of a device on a skin, kept in memory for the next finger of the same kind."""
 
     def made() -> Descriptors:
-        nominal = skin.with_material(alpha=1.0)  # the subspace does not depend on stiffness
+        # no part of the key: movements end at a force, so that without one stiffness for all the first finger decided
+        nominal = skin.with_material(young=TISSUE["young"].default, alpha=1.0)
         data = drain(record(device, contact_of(device, nominal, friction), DESCRIPTOR_MOVEMENTS))
         return descriptors(data, skin.stress_components(), tolerance=tolerance)
 

@@ -178,7 +178,7 @@ def load(path: Path, skin: SkinModel, device: Thimble, friction: float) -> Surro
     }
     for name, wanted in expected.items():
         check_made_for(meta, name, wanted, where)
-    network = onnx.OnnxFit(graph, {n: expected[n] for n in ("skin", "device", "friction")})
+    network = onnx.OnnxFit(graph, {n: expected[n] for n in ("skin", "pressed_on", "device", "friction")})
     made = Surrogate(
         Descriptors(spaces["stress"], observation_matrix, spaces["trial"], spaces["friction"]), ridge, network, meta
     )

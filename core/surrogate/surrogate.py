@@ -49,6 +49,9 @@ class Surrogate:
         return LearnedModel(fit, device, trial, spaces.trial, spaces.friction, stiffness)
 
 
+_WORDS = {"schema": "version of the product", "pressed_on": "kind of skin contact"}
+
+
 def check_made_for(meta: Mapping[str, Any], name: str, wanted: Any, where: str) -> None:
     """Refuse a surrogate of another skin, device or friction than the one it is wanted for.
 
@@ -57,7 +60,7 @@ def check_made_for(meta: Mapping[str, Any], name: str, wanted: Any, where: str) 
     """
     if meta.get(name) != wanted:
         raise DermisError(
-            f"the surrogate was made for another {name}",
+            f"the surrogate was made for another {_WORDS.get(name, name)}",
             where=where,
             value=meta.get(name),
             limit=str(wanted),

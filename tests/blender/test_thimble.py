@@ -157,6 +157,29 @@ def test_from_a_bake_the_rendered_skin_is_what_the_track_does(demo) -> None:
     assert f"{100 * found.mismatch[125]:.0f} % off" in rendered.note
 
 
+@pytest.mark.parametrize("contact", ["points", "nodes"])
+def test_what_is_rendered_is_shown_where_the_touch_is_solved(demo, contact) -> None:
+    demo.objects["Index"].dermis.finger.skin.contact = contact
+    for source in ("live", "bake"):
+        if source == "bake":
+            bake(demo, 24)
+        for frame in range(16, 22):
+            demo.frame_set(frame)
+            device_preview.step(bpy.context)
+            skin_preview.step(bpy.context)
+        target, rendered = views.skins(demo)
+        assert (target.source, rendered.source) == (source, source) and rendered.touching
+        for state in (target, rendered):
+            assert (state.points is not None) == (contact == "points")
+            if state.points is not None:
+                np.testing.assert_allclose(state.points.force.sum(axis=0), state.force.sum(axis=0), atol=1e-6)
+        followed = thimble_preview._paths.get("Index")
+        if source == "live":
+            assert followed.follower.matching.contact.points.on == contact
+        else:
+            assert thimble_preview._played["Index"].replay.contact.points.on == contact
+
+
 def test_live_follows_the_skin_step_by_step(demo) -> None:
     """The preview is the engine's own follower on the skins that are shown: one frame after the other, from rest."""
     frames, targets, rows = range(9, 30), [], []

@@ -71,6 +71,31 @@ def test_an_adaptation_is_found_by_both_methods(finger) -> None:
     assert thimble_adaptation.status(device, model_of(finger)) is None
 
 
+def test_lengths_that_do_not_ship_are_adapted_to_where_they_are_touched(finger, tmp_path, monkeypatch) -> None:
+    """On points, as a bake touches them: with the table of the smooth pad, which is made first."""
+    settings, stores = finger.dermis.finger.skin, core.skin.surface_store
+    settings.level, settings.contact = "draft", "points"
+    shipped = model_of(finger)
+    table = stores.find_remainder(shipped.shape, shipped.material.poisson, shipped=stores.SHIPPED)
+    cache = core.cache.Cache(tmp_path / "skins", 10**9)
+    monkeypatch.setattr(skin_models, "cache", lambda: cache)
+    monkeypatch.setattr(skin_models, "make_pad", lambda skin: made.append(skin) or keep())
+    skin_models.forget()
+    settings.width_mm += 0.01  # so little that the other's table still serves
+    made, wanted = [], skin_properties.parameters(settings)
+    assert skin_models.wants_pad(wanted)
+
+    def keep() -> float:
+        model = model_of(finger)
+        cache.put(stores.remainder_key(model.shape, model.material.poisson), table.write)
+        return 1.0
+
+    through(thimble_adaptation.adapt(finger, **LESS))
+    assert made == [wanted["skin"]] and core.surrogate.press_points.pressed_on(model_of(finger)) == "points"
+    assert thimble_adaptation.status(finger.dermis.finger.devices[0], model_of(finger)) is not None
+    skin_models.forget()
+
+
 def test_stopping_leaves_nothing_behind(finger) -> None:
     folder = thimble_devices.folder()
     steps = thimble_adaptation.adapt(finger, trajectories=2000)

@@ -26,6 +26,7 @@ from core.skin.shape import FingertipShape
 from core.skin.surface_store import smooth_pad
 from core.surface.gap import Surface
 from core.surface.shapes import block
+from core.surrogate.press_points import pressed_on
 from tests.unit.contact.test_held_bodies import CLOSED, COUNT, carried, make, on_block, run
 
 RATE, DEPTH = 240.0, 1e-3
@@ -49,14 +50,14 @@ def felt(
     *,
     slide: float = 0.0,
     cuts: tuple[int, ...] = (),
-    count: int = 16,
+    depth: float = DEPTH,
 ) -> SkinContact:
     """What a pad feels that is lowered onto the top of a mesh, and then drawn across it."""
     count = 16
     t = np.linspace(0.0, 1.0, count)
     finger = np.tile(np.eye(4), (count, 1, 1))
     top = float(mesh.vertices[:, 2].max())
-    finger[:, 2, 3] = top + 4e-4 - (DEPTH + 4e-4) * np.minimum(1.5 * t, 1.0)
+    finger[:, 2, 3] = top + 4e-4 - (depth + 4e-4) * np.minimum(1.5 * t, 1.0)
     finger[:, 0, 3] = slide * np.maximum(3.0 * t - 2.0, 0.0)
     scene = TactileScene(
         "s", Fraction(24), (1, 2), RATE, (Finger("f", (), given),), (Body("b", mesh, {"friction": 0.6}),), (), ()
@@ -86,6 +87,13 @@ def test_what_is_flat_or_gentle_feels_alike_either_way(skin: SkinModel, mesh: Me
     assert on_points.depth[-1] == pytest.approx(DEPTH, abs=0.05e-3)
     assert on_points.points is not None and on_nodes.points is None
     assert "contact-on-nodes" not in codes(on_points) + codes(on_nodes)
+
+
+def test_a_finger_that_touches_nothing_is_pressed_where_it_would_have_been_touched(skin: SkinModel) -> None:
+    """A device that hovers under it is the one that was adapted to it, on points or at nodes."""
+    on_points, on_nodes = (felt(skin, PLATE, given, depth=-DEPTH) for given in (POINTS, NODES))
+    assert not len(on_points.contact) and not len(on_nodes.contact) and on_points.points_at(0) is None
+    assert [pressed_on(touch.pressed) for touch in (on_points, on_nodes)] == ["points", "nodes"]
 
 
 def test_forces_on_nodes_have_the_sum_and_the_moment_of_those_on_points(slid: SkinContact) -> None:

@@ -10,7 +10,8 @@ from core.devices.disc import DiscContact
 from core.devices.disc_pose import Disc, FrictionState, placed
 from core.devices.press_problem import PressPoints
 from core.devices.thimble import mechanism
-from core.matching.thimble import observation_of
+from core.matching.thimble import follower, observation_of
+from core.matching.thimble_use import prepare
 from core.presets import Library
 from core.skin.model import fingertip_skin
 from core.skin.nodal_forces import NodalForces
@@ -20,6 +21,7 @@ from core.skin.surface_store import smooth_pad
 from core.surrogate.press_points import point_forces, press_points
 from core.surrogate.store import contact_of
 from tests.thimbles import match_sequence
+from tests.touches import ball_roll
 
 FRICTION = 0.6
 FORCE, STRESS = 0.02, 0.03  # of the touch, over a path: parts of 1.6 mm against 0.8 mm
@@ -115,3 +117,21 @@ def test_a_skin_on_nodes_is_pressed_there(device):
     assert contact.points.on == "nodes" and contact.count == skin.pad_count
     assert skin.key == fingertip_skin(level="draft").key
     assert point_forces(skin, np.zeros((contact.count, 3))) is None
+
+
+def test_the_same_touch_gives_the_same_bytes_whatever_was_solved_before(device):
+    """The first to follow a touch makes the table that searches start from; a preview takes steps back."""
+    skin = fingertip_skin(level="draft")
+    forces = ball_roll(40).forces(skin, points=True)
+    use = prepare(Library().device("thimble_3rrs"), skin, {"thimble_method": "force"})
+    first, again = follower(use), follower(use)
+    whole = first.follow(forces)
+    first.matching.reset()
+    for other in (again.follow(forces), first.follow(forces)):
+        assert other.x.tobytes() == whole.x.tobytes() and other.force.tobytes() == whole.force.tobytes()
+    again.matching.reset()
+    for target, x in zip(forces, whole.x, strict=True):
+        before = again.matching.save()
+        again.step(forces[20])  # somewhere else
+        again.matching.restore(before)
+        np.testing.assert_array_equal(again.step(target).x, x)

@@ -7,19 +7,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from core.cache import Cache
 from core.devices.disc_pose import FrictionState, placed
 from core.devices.thimble import mechanism
 from core.errors import DermisError
+from core.matching import thimble
 from core.matching.adapt import adapt_job
 from core.matching.thimble import describe
 from core.matching.thimble_use import calibrated_mechanism, prepare
 from core.presets import Library
+from core.recent import Recent
 from core.skin.model import skin_from_parameters
+from core.skin.surface_store import SHIPPED, find_remainder, remainder_key
 from core.steps import drain
+from core.surrogate import onnx
 from core.surrogate.dataset import MAX_FORCE, joined, record, split
 from core.surrogate.forward import DirectModel
 from core.surrogate.learned import LearnedModel, descriptors
 from core.surrogate.network import train
+from core.surrogate.press_points import pressed_on
 from core.surrogate.ridge import fit_ridge
 from core.surrogate.store import adapt, contact_of, load, place_of, save
 from core.surrogate.subspace import principal_components
@@ -253,6 +259,27 @@ def test_surrogates_of_something_else_are_refused(tmp_path, skin, device, small,
         load(tmp_path / "mine", **changed)
 
 
+def test_a_network_learned_on_nodes_is_refused_beside_tables_learned_on_points(tmp_path, skin, device, small):
+    pytest.importorskip("onnxruntime")
+    made, _ = small
+    save(tmp_path / "mine", made)
+    onnx.write(tmp_path / "mine.onnx", made.network, {**made.meta, "pressed_on": "nodes"})
+    with pytest.raises(DermisError, match="another pressed_on"):
+        load(tmp_path / "mine", skin, device, 0.6)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [("schema", "dermis-surrogate 1", "of an older form"), ("pressed_on", "nodes", "skin contact")],
+)
+def test_an_older_surrogate_is_refused_in_words_and_the_search_goes_on(tmp_path, skin, small, name, value, words):
+    spec, (made, _) = Library().device("thimble_3rrs"), small
+    save(tmp_path / "mine", replace(made, meta={**made.meta, name: value}))
+    used = prepare(spec, skin, {"thimble_method": "ridge", "thimble_surrogate": str(tmp_path / "mine.npz")})
+    assert used.method == "stress" and used.findings[0].code == "surrogate" and words in used.findings[0].what
+    assert "Adapt it" in used.findings[0].remedy
+
+
 def test_damaged_tables_are_refused(tmp_path, skin, device, small):
     save(tmp_path / "mine", small[0])
     data = (tmp_path / "mine.npz").read_bytes()
@@ -288,6 +315,30 @@ def test_a_job_makes_the_files_where_the_finger_looks_for_them(tmp_path, device)
     assert "direct method" in other.findings[0].remedy
 
 
+def test_a_job_presses_points_of_lengths_that_do_not_ship(tmp_path, device):
+    """Their table lies in the cache of skins, where the job is told to look; the process that asks has it in memory."""
+    pytest.importorskip("onnxruntime")
+    library, cache, lengths = Library(), Cache(tmp_path / "skins", 10**9), Library().skin("index_medium")
+    shipped = skin_from_parameters(lengths, level="draft")
+    lengths["width"] += 1e-5  # so little that the table of the other still serves
+    skin = skin_from_parameters(lengths, level="draft", cache=cache)
+    table = find_remainder(shipped.shape, shipped.material.poisson, shipped=SHIPPED)
+    cache.put(remainder_key(skin.shape, skin.material.poisson), table.write)
+    (tmp_path / "kept").mkdir()
+    parameters = {
+        "device": library.load("devices", "thimble_3rrs"),
+        "skin": lengths,
+        "level": "draft",
+        "skins": str(cache.folder),
+        "limit": cache.limit_bytes,
+        "folder": str(tmp_path / "kept"),
+        "trajectories": 20,
+        "iterations": 5,
+    }
+    adapt_job({}, parameters, lambda done, total: None)
+    assert pressed_on(skin) == "points" and place_of(tmp_path / "kept", skin, device, 0.6).is_file()
+
+
 @pytest.mark.parametrize("method", ["network", "ridge"])
 def test_without_a_surrogate_the_direct_method_goes_on_and_says_so(tmp_path, skin, method):
     spec = Library().device("thimble_3rrs")
@@ -308,6 +359,16 @@ def test_a_calibrated_thimble_touches_where_the_person_feels_it(skin, device):
         calibrated_mechanism(spec, skin, {**felt, "thimble_felt_2": 1.0})
     with pytest.raises(DermisError, match="'thimble_hover' is too large"):
         prepare(spec, skin, {"thimble_hover": 0.05})
+
+
+def test_what_a_device_can_make_felt_does_not_depend_on_whose_finger_was_first(device, monkeypatch):
+    """It is kept for a shape: a stiffer finger described before must leave no trace in this one's tracks."""
+    monkeypatch.setattr(thimble, "DESCRIPTOR_MOVEMENTS", 30)
+    monkeypatch.setattr(thimble, "_known", Recent(2))
+    skin = skin_from_parameters(Library().skin("index_medium"), level="draft")
+    stiff_first = describe(device, skin.with_material(young=2.5e5), 0.6).observation_matrix
+    thimble._known.clear()
+    np.testing.assert_array_equal(describe(device, skin, 0.6).observation_matrix, stiff_first)
 
 
 def test_a_learned_model_matches_nearly_as_well(skin, device, data):

@@ -194,7 +194,7 @@ def _chunk(sample: core.scene.tactile_scene.TactileScene) -> core.scene.tactile_
 def _signature(sample: core.scene.tactile_scene.TactileScene) -> tuple[Any, ...]:
     """Who takes part; a trail cannot go on where this changes."""
     return (
-        tuple(f.name for f in sample.fingers),
+        tuple((f.name, *(device.preset for device in f.devices)) for f in sample.fingers),
         tuple(b.name for b in sample.bodies),
         tuple(s.name for s in sample.screens),
         tuple(sorted(_chunk(sample).animated)),

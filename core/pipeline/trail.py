@@ -118,7 +118,7 @@ class Trail:
             self._sampler.add(chunk)
 
     def renew(self, scene: TactileScene) -> None:
-        """Go on with other settings of the same fingers, objects and screens."""
+        """Go on with other settings of the same fingers, devices, objects and screens."""
         scene.validate()
         self._scene, self._lasting = scene, {}
         self._sampler.renew(scene)

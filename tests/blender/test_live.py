@@ -8,6 +8,8 @@ import bpy
 import numpy as np
 import pytest
 
+from blender_addon import changes
+from blender_addon.demos import demo_scene
 from blender_addon.preview import device_preview
 from blender_addon.results import store
 from blender_addon.viewport import shown as views
@@ -89,6 +91,23 @@ def test_live_goes_on_forward_and_starts_anew_or_from_a_kept_state_after_a_jump(
     assert at(20) == (1, "live, from rest at frame 20: play or step forward")  # a jump
     bpy.data.objects["Cube"].dermis.material.weight_gravity += 0.01
     assert at(5) == (1, "live, from rest at frame 5: play or step forward")  # what was kept holds no more
+
+
+def test_where_another_device_takes_a_ones_place_the_trail_begins_anew() -> None:
+    scene = demo_scene.build("haptip", "electrovibration")
+    bpy.context.window.scene = scene
+    worn = scene.objects["Reader"].dermis.finger.devices
+    worn.add().preset = "haptip"
+    device_preview.reset()
+    for frame in range(1, 60):
+        scene.frame_set(frame)
+        device_preview.step(bpy.context)
+    worn.remove(0)
+    changes.mark_dirty("Reader")  # as the button does
+    bpy.context.view_layer.update()
+    after = device_preview.step(bpy.context)
+    assert after.note == "live, from rest at frame 59: play or step forward"
+    assert [row.device for row in after.rows if row.finger == "Reader"] == ["haptip"]
 
 
 def test_from_a_kept_state_devices_do_what_they_do_when_played_from_there(holding: bpy.types.Scene) -> None:

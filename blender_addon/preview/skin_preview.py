@@ -30,7 +30,7 @@ from .rows import as_it_was, goes_on, origin
 from .skin_state import SkinState
 
 SEEN = 300  # frames that were visited are shown again as they were
-HEAVY = 6  # states that are kept where contact is on points: 4 MB a finger each, where one on nodes has 0.1
+HEAVY = 6  # states that are kept where contact is on points: megabytes a finger each, where one on nodes has 0.1
 
 
 @dataclass

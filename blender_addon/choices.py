@@ -17,8 +17,6 @@ ICONS = {
 
 _PAGE = re.compile(r"\s*See \S+\.md\.?")  # which readers of files find beside them
 _cache: dict[str, tuple[Any, ...]] = {}
-_kinds: dict[str, str] = {}
-_words: dict[tuple[str, str], str] = {}
 _target = ""
 
 
@@ -26,14 +24,7 @@ def refresh() -> None:
     """Read the folders again."""
     presets = library()
     for group in ("devices", "materials", "skins"):
-        _cache[group] = presets.list(group)
-        for entry in _cache[group]:
-            text = presets.load(group, entry.key).get("description", "") if entry.error is None else ""
-            _words[group, entry.key] = _PAGE.sub("", str(text))
-    _kinds.clear()
-    for entry in _cache["devices"]:
-        if entry.error is None:
-            _kinds[entry.key] = presets.device(entry.key).kind
+        _cache[group] = presets.list(group)  # all that menus show: a file may be gone a moment later
 
 
 def entries(group: str) -> tuple[Any, ...]:
@@ -54,7 +45,8 @@ def title(group: str, key: str) -> str:
 
 def description(group: str, key: str) -> str:
     """Return what a preset is, in its own words; '' where that is not known."""
-    return _words.get((group, key), "")
+    found = entry(group, key)
+    return _PAGE.sub("", found.description) if found is not None else ""
 
 
 def search(group: str, text: str) -> list[str]:
@@ -71,7 +63,8 @@ def known() -> bool:
 
 def kind_of(key: str) -> str:
     """Return the kind of a device preset, such as 'shear_tactor'; '' where that is not known."""
-    return _kinds.get(key, "")
+    found = entry("devices", key)
+    return str(found.kind) if found is not None else ""
 
 
 def icon(kind: str) -> str:
@@ -84,7 +77,7 @@ def first_of_kind(kind: str) -> str:
     """Return the key of the first usable device of a kind, or ''."""
     if not known():
         refresh()
-    return next((key for key in sorted(_kinds) if _kinds[key] == kind), "")
+    return next((entry.key for entry in entries("devices") if entry.kind == kind), "")
 
 
 def aim(finger: str) -> None:
@@ -101,5 +94,3 @@ def target() -> str:
 def forget() -> None:
     """Drop what was read."""
     _cache.clear()
-    _kinds.clear()
-    _words.clear()

@@ -15,7 +15,7 @@ from .registration import registration
 def user_folder(name: str, *, create: bool = False) -> Path:
     """Return a folder of the extension's own in the user's profile: 'presets' or 'results'.
 
-    A source checkout has no such place; it uses one of its own among the system's temporary files.
+    A source checkout has no such place; each Blender has one for it among the system's temporary files.
     """
     if PACKAGE.startswith("bl_ext."):
         return Path(bpy.utils.extension_path_user(PACKAGE, path=name, create=create))
@@ -23,7 +23,8 @@ def user_folder(name: str, *, create: bool = False) -> Path:
     from tempfile import gettempdir
 
     checkout = sha256(str(Path(__file__).resolve()).encode()).hexdigest()[:12]
-    folder = Path(gettempdir()) / f"dermis-source-checkout-{checkout}" / name
+    blender = "{}.{}".format(*bpy.app.version)
+    folder = Path(gettempdir()) / f"dermis-source-checkout-{checkout}-{blender}" / name
     if create:
         folder.mkdir(parents=True, exist_ok=True)
     return folder

@@ -41,6 +41,8 @@ class PresetEntry:
         error: why it cannot be used, or None.
         user: it lies in the person's own folder.
         overrides: it replaces a built-in preset of the same key.
+        kind: of a device, such as 'shear_tactor'; '' for others, and where the file cannot be used.
+        description: what it is, in its own words; '' where it says nothing.
     """
 
     key: str
@@ -49,6 +51,8 @@ class PresetEntry:
     error: str | None = None
     user: bool = False
     overrides: bool = False
+    kind: str = ""
+    description: str = ""
 
 
 class Library:
@@ -161,7 +165,8 @@ class Library:
                 return self._read[path][1:]
             preset = read(path)
             check(group, path.stem, preset)
-            entry = PresetEntry(path.stem, str(preset["name"]), path, user=user)
+            kind, text = (str(preset.get(name, "")) for name in ("kind", "description"))
+            entry = PresetEntry(path.stem, str(preset["name"]), path, user=user, kind=kind, description=text)
         except (DermisError, OSError) as error:
             return PresetEntry(path.stem, path.stem, path, str(error), user), {}
         self._read[path] = (stamp, entry, preset)

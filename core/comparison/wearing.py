@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from ..devices.mechanism import kind_of
+from ..devices.kinds import KINDS
 from ..errors import DermisError
 from ..parameters.skin import SKIN_CONTACT
 from ..presets import Library
@@ -45,7 +45,7 @@ def wearing_all(scene: TactileScene, library: Library, finger: int) -> tuple[Tac
     keys = [use.preset for use in worn.devices]
     fit, skipped = [], []
     for entry in library.list("devices"):
-        why = str(entry.error).rstrip(".") if entry.error is not None else _misfit(library, entry.key, scene)
+        why = str(entry.error).rstrip(".") if entry.error is not None else _misfit(entry.kind, scene)
         if why:
             skipped.append(Skipped(entry.key, entry.name or entry.key, why))
         else:
@@ -56,9 +56,8 @@ def wearing_all(scene: TactileScene, library: Library, finger: int) -> tuple[Tac
     return replace(scene, fingers=tuple(fingers)), fit, skipped
 
 
-def _misfit(library: Library, key: str, scene: TactileScene) -> str:
-    kind = kind_of(library.device(key))
-    if kind.drawn == "screen" and not scene.screens:
+def _misfit(kind: str, scene: TactileScene) -> str:
+    if KINDS[kind].drawn == "screen" and not scene.screens:
         return "the scene has no touch screen"
     return ""
 

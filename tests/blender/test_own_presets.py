@@ -120,3 +120,26 @@ def test_a_device_button_says_what_the_device_is() -> None:
     said = operator.description(bpy.context, props)
     assert said.startswith("Wearable 2-DoF tactor") and ".md" not in said
     assert len({choices.icon(kind) for kind in ("shear_tactor", "friction_screen", "thimble", "hexapod")}) == 4
+
+
+def test_a_preset_that_goes_while_the_menus_are_read_stops_nobody(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another Blender may remove its file between the listing and whatever is done with it."""
+    obj = active(finger())
+    obj.dermis.finger.devices.add().preset = "haptip"
+    bpy.ops.dermis.save_preset(group="devices", name="Passing")
+    (path,) = folder.rglob("passing.json")
+    library = type(preferences.library())
+    listed = library.list
+
+    def list_and_lose(self: object, group: str) -> object:
+        found = listed(self, group)
+        path.unlink(missing_ok=True)
+        return found
+
+    monkeypatch.setattr(library, "list", list_and_lose)
+    obj.dermis.finger.devices[0].preset = "haptip"
+    choices.refresh()
+    assert choices.kind_of("passing") in ("", "shear_tactor") and choices.kind_of("haptip") == "shear_tactor"
+    assert choices.description("devices", "haptip")

@@ -16,6 +16,7 @@ from .arrays import Array
 from .contact.solver.bodies import ContactBody
 from .contact.solver.path import PathSolver, PathStep
 from .contact.solver.point_path import PointSolver
+from .contact.solver.stiff_skin import StiffSkin
 from .devices.spec import DeviceSpec
 from .errors import DermisError, Finding
 from .parameters.material import FRICTION
@@ -200,7 +201,8 @@ def press(
     with one_thread():
         solver: PathSolver
         if pad is None:
-            solver = PathSolver(skin.compliance, skin.positions, areas=skin.areas, name="press")
+            stiff = StiffSkin.of(skin)
+            solver = PathSolver(skin.compliance, skin.positions, areas=skin.areas, name="press", stiff=stiff)
         else:
             solver = PointSolver(pad, NodalForces(skin.mesh, pad.chart), name="press")
         step = _pressed(solver, body, depth, along)
@@ -208,8 +210,9 @@ def press(
     solution, points = step.solution, None
     if pad is not None and isinstance(solver, PointSolver):
         loaded = np.flatnonzero(solution.force.any(axis=1))
-        points = PointForces(pad, solver.cells[loaded], solution.force[loaded])
-    return Touch(skin, step.nodal, points, depth, solution.residual, solution.iterations, tuple(doubtful))
+        points = PointForces(pad, solver.cells[loaded], solution.force[loaded], step.amounts)
+    found = skin, step.nodal, points, step.amounts
+    return Touch(*found, depth, solution.residual, solution.iterations, tuple(doubtful))
 
 
 def _pressed(solver: PathSolver, body: ContactBody, depth: float, along: Array) -> PathStep:

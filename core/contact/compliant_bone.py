@@ -23,6 +23,7 @@ from .solver.bodies import ContactBody, NodeGaps
 from .solver.notes import Notes
 from .solver.path import DEPTH_LIMIT, TOLERANCE, PathSolver, PathStep
 from .solver.point_path import PointSolver
+from .solver.stiff_skin import StiffSkin
 from .solver.sub_steps import SubStepper
 
 LIMIT_TOLERANCE = 1e-3  # of the force limit
@@ -105,6 +106,7 @@ class CompliantBone:
             tolerance=TOLERANCE if tolerance is None else tolerance,
             name=name,
             depth_limit=depth_limit,
+            stiff=StiffSkin.of(skin),
         )
         return cls(solver, stiffness, limit, name)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ class SkinStep:
         sticking, slipping: number of nodes.
         work: what the solver did, see `PathStep`, or 'baked'. converged: whether the sample passed its check.
         points: the same forces where they act, on points of the smooth skin; None where contact is solved on nodes.
+        amounts: how much of each pattern skin that stiffens is displaced by, shape (k,); None of linear skin.
     """
 
     force: Array
@@ -40,6 +41,7 @@ class SkinStep:
     work: str = "idle"
     converged: bool = True
     points: PointForces | None = None
+    amounts: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +82,8 @@ class SkinContact:
         skipped: what was not computed, by name.
         points: the same forces where they act, on points of the smooth skin: stress near the skin is read from them.
             None where contact was solved on nodes.
+        amounts: how much of each pattern skin that stiffens is displaced by in the samples in contact, float32, shape
+            (k, patterns); None of linear skin.
     """
 
     model: SkinModel
@@ -96,6 +100,7 @@ class SkinContact:
     findings: tuple[Finding, ...]
     skipped: Mapping[str, int]
     points: PointRecord | None = None
+    amounts: NDArray[np.float32] | None = None
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({len(self.contact)} of {len(self.times)} samples touch, {self.model})"
@@ -113,11 +118,18 @@ class SkinContact:
     def points_at(self, sample: int) -> PointForces | None:
         """Return the forces of one sample where they act; None without contact, or where it was solved on nodes."""
         at = self._place_of(sample)
-        return None if at is None or self.points is None else self.points.at(at)
+        if at is None or self.points is None:
+            return None
+        return replace(self.points.at(at), amounts=self.amounts_at(sample))
+
+    def amounts_at(self, sample: int) -> Array | None:
+        """Return how much of each pattern there is at one sample, shape (k,); None without contact, or linear."""
+        at = self._place_of(sample)
+        return None if at is None or self.amounts is None else self.amounts[at].astype(np.float64)
 
     def stimulus_at(self, sample: int) -> Stimulus:
         """Return what the forces of one sample do to the skin."""
-        return Stimulus(self.model, self.force_at(sample), self.points_at(sample))
+        return Stimulus(self.model, self.force_at(sample), self.points_at(sample), self.amounts_at(sample))
 
     def at(self, sample: int) -> SkinStep:
         """Return what was felt at one sample; it converged where no sample failed to."""
@@ -132,6 +144,7 @@ class SkinContact:
             "baked",
             not any(f.code == "not-converged" for f in self.findings),
             self.points_at(sample),
+            self.amounts_at(sample),
         )
 
     def _place_of(self, sample: int) -> int | None:

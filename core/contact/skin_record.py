@@ -23,6 +23,7 @@ class SkinRecord:
     def __init__(self) -> None:
         self._contact: list[int] = []
         self._force: list[NDArray[np.float32]] = []
+        self._amounts: list[NDArray[np.float32]] = []  # as many as forces, or none
         self._points: list[PointForces] = []  # as many as forces, or none
         self._scalars: list[tuple[float, float, float, float, int, int]] = []
 
@@ -35,6 +36,8 @@ class SkinRecord:
         if step.force.any():
             self._contact.append(len(self._scalars))
             self._force.append(step.force.astype(np.float32))
+            if step.amounts is not None:
+                self._amounts.append(step.amounts.astype(np.float32))
             if step.points is not None:
                 self._points.append(step.points)
         self._scalars.append(
@@ -67,6 +70,7 @@ class SkinRecord:
             findings=findings,
             skipped={name: count for name, count in skipped.items() if count},
             points=None if surface is None else self._point_record(surface),
+            amounts=np.array(self._amounts) if self._amounts else None,
         )
 
     def _point_record(self, surface: SurfaceCompliance) -> PointRecord:

@@ -169,7 +169,8 @@ class SkinStepper:
         if self.surface is None or not isinstance(solver, PointSolver) or not solution.force.any():
             return _skin_step(bone)
         loaded = np.flatnonzero(solution.force.any(axis=1))
-        return _skin_step(bone, PointForces(self.surface, solver.cells[loaded], solution.force[loaded]))
+        points = PointForces(self.surface, solver.cells[loaded], solution.force[loaded], bone.step.amounts)
+        return _skin_step(bone, points)
 
     def stay_on_nodes(self) -> None:
         """Solve contact at the mesh's nodes, from rest; `SkinSampler` says why."""
@@ -219,4 +220,5 @@ def _skin_step(bone: BoneStep, points: PointForces | None = None) -> SkinStep:
         work,
         bool(solution.converged),
         points,
+        bone.step.amounts,
     )

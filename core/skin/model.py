@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +23,12 @@ from .mesh import TetraMesh
 from .own_mesh import own_mesh
 from .quality import check_mesh, unsolvable
 from .shape import FingertipShape, shape_from_parameters
+from .stiff_tables import StiffTables
 from .store import MESH_ARRAYS, read_model, read_table, write_model, write_table
 from .stress import Probes, StressOperator, receptor_probes
+
+if TYPE_CHECKING:
+    from ..stiffening.stiffening import Stiffening
 
 Floats = NDArray[np.floating[Any]]
 
@@ -49,6 +53,8 @@ class SkinModel:
         key: what the model depends on besides E and alpha, 64 hexadecimal digits.
         cache: where larger tables go, or None.
         shape: the fingertip that was meshed, whose skin is smooth; None for any other mesh.
+        stiffening: what its tissue does beyond linear skin; None where it is linear. What is said of displacement,
+            stress and energy here is of linear skin: `Stimulus` adds the rest.
     """
 
     mesh: TetraMesh
@@ -58,6 +64,7 @@ class SkinModel:
     key: str
     cache: Cache | None = None
     shape: FingertipShape | None = None
+    stiffening: Stiffening | None = None
 
     def __repr__(self) -> str:
         size = f"{len(self.mesh.nodes)} nodes, {self.pad_count} on the pad"
@@ -101,16 +108,22 @@ class SkinModel:
             alpha=self.material.alpha if alpha is None else alpha,
         )
         other = replace(self, material=material)
-        self._share(other, "unit_response", "_unit_stress", "probes")
+        self._share(other, "unit_response", "_unit_stress", "probes", "stiff")
         if "operator" in self.__dict__:
             other.__dict__["operator"] = self.operator.with_material(material)
+        return other
+
+    def with_stiffening(self, stiffening: Stiffening | None) -> SkinModel:
+        """Return the same skin of tissue that stiffens, or with None of linear tissue: no work, tables are shared."""
+        other = replace(self, stiffening=stiffening)
+        self._share(other, "unit_response", "_unit_stress", "probes", "operator", "compliance", "compliance32")
         return other
 
     @cached_property
     def on_nodes(self) -> SkinModel:
         """The same skin without its smooth surface: what presses it is solved at the nodes of its mesh."""
         other = replace(self, shape=None)
-        self._share(other, "unit_response", "_unit_stress", "probes", "operator", "compliance", "compliance32")
+        self._share(other, "unit_response", "_unit_stress", "probes", "operator", "compliance", "compliance32", "stiff")
         return other
 
     def _share(self, other: SkinModel, *tables: str) -> None:
@@ -183,6 +196,12 @@ class SkinModel:
         if self.cache is not None:
             self.cache.put(key, lambda part: write_table(part, full))
         return full
+
+    @cached_property
+    def stiff(self) -> StiffTables:
+        """What `stiffening` is on this mesh; only of skin that has one."""
+        assert self.stiffening is not None
+        return StiffTables(self.stiffening, self.mesh, self.unit_compliance, self.unit_response)
 
     def stress_components(self, count: int | None = None, forces: Floats | None = None) -> Array:
         """Return W: few numbers whose norm is the stress's, sigma_k = W f.

@@ -21,11 +21,13 @@ class PointForces:
     Attributes:
         surface: the smooth pad. cells: of its tree, that carry force, none within another, shape (n,).
         force: on them in the finger's frame [N], shape (n, 3).
+        amounts: how much of each pattern skin that stiffens is displaced by, shape (k,); None of linear skin.
     """
 
     surface: SurfaceCompliance
     cells: Indices
     force: Array
+    amounts: Array | None = None
 
     def stress_below(self, positions: Array, depths: Array) -> Array:
         """Return the stress below some points of the skin [Pa], xx, yy, zz, yz, xz, xy, shape (k, 6).

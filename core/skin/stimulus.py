@@ -10,7 +10,7 @@ import numpy as np
 
 from ..arrays import Array
 from .point_forces import PointForces
-from .stress import COMPONENTS, nodal_average, von_mises
+from .stress import COMPONENTS, nodal_average, stored, von_mises
 
 if TYPE_CHECKING:
     from .model import SkinModel
@@ -30,11 +30,14 @@ class Stimulus:
         skin: the model.
         force: on the skin at each pad node [N], shape (m, 3).
         points: the same forces where they act, on points of the smooth skin; None where they act on nodes.
+        given: how much of each pattern skin that stiffens is displaced by, as its contact found it, shape (k,); where
+            None it is found from the forces.
     """
 
     skin: SkinModel
     force: Array
     points: PointForces | None = None
+    given: Array | None = None
 
     def __repr__(self) -> str:
         return f"Stimulus(force ({', '.join(f'{f:.3g}' for f in self.resultant)}) N)"
@@ -45,14 +48,42 @@ class Stimulus:
         return bool(np.any(self.force))
 
     @cached_property
+    def amounts(self) -> Array | None:
+        """How much of each pattern skin that stiffens is displaced by, shape (k,); None of linear skin."""
+        if self.skin.stiffening is None or self.given is not None:
+            return self.given
+        modulus = self.skin.material.modulus
+        return self.skin.stiff.balanced(self.skin.stiff.pad.T @ np.asarray(self.force, float).ravel() / modulus)
+
+    @cached_property
     def pad_displacement(self) -> Array:
         """Displacement of the pad nodes [m], shape (m, 3)."""
-        return self.skin.pad_displacement(self.force)
+        out = self.skin.pad_displacement(self.force)
+        return out if self._beyond is None else out - (self.skin.stiff.pad @ self._beyond).reshape(-1, 3)
 
     @cached_property
     def displacement(self) -> Array:
         """Displacement of all nodes [m], shape (n, 3)."""
+        if self._beyond is None:
+            return self._linear_displacement
+        less = self.skin.stiff.nodes @ self._beyond.astype(np.float32)
+        return self._linear_displacement - less.reshape(-1, 3)
+
+    @cached_property
+    def _linear_displacement(self) -> Array:
         return self.skin.displacement(self.force)
+
+    @cached_property
+    def _beyond(self) -> Array | None:
+        """The force that stiffening takes in each pattern at E = 1, shape (k,); None of linear skin."""
+        stiffening, q = self.skin.stiffening, self.amounts
+        return None if stiffening is None or q is None else stiffening.energy.force(q)
+
+    @cached_property
+    def _fields(self) -> Array | None:
+        """How much there is of each field of stress beyond linear tissue's [Pa], shape (r,); None of linear skin."""
+        stiffening, q = self.skin.stiffening, self.amounts
+        return None if stiffening is None or q is None else self.skin.material.modulus * stiffening.stress.amounts(q)
 
     @cached_property
     def stress(self) -> Array:
@@ -60,7 +91,8 @@ class Stimulus:
 
         It is that of forces on nodes, smeared over an element: near the skin read `probe_stress`.
         """
-        return self.skin.operator.stress(self.displacement)
+        out = self.skin.operator.stress(self._linear_displacement)
+        return out if self._fields is None else out + (self.skin.stiff.elements @ self._fields).reshape(-1, 6)
 
     @cached_property
     def probe_stress(self) -> Array:
@@ -70,18 +102,26 @@ class Stimulus:
         """
         if self.points is not None:
             probes = self.skin.probes
-            return self.points.stress_below(self.skin.positions[probes.pad], probes.depth)
+            out = self.points.stress_below(self.skin.positions[probes.pad], probes.depth)
+            return out if self._fields is None else out + (self.skin.stiff.probes @ self._fields).reshape(-1, 6)
         return self.skin.probes.read(self.skin.mesh, self.stress)
 
     @cached_property
     def energy_density(self) -> Array:
         """Strain energy density of each element [J/m^3], shape (e,)."""
-        return self.skin.operator.energy_density(self.displacement)
+        if self._fields is None:
+            return self.skin.operator.energy_density(self._linear_displacement)
+        return stored(self.stress, self.skin.material)
 
     @cached_property
     def energy(self) -> float:
         """Strain energy [J]."""
-        return self.skin.energy(self.force)
+        out = self.skin.energy(self.force)
+        if self._beyond is None or self.skin.stiffening is None or self.amounts is None:
+            return out
+        n, stiff, modulus = self._beyond, self.skin.stiff, self.skin.material.modulus
+        own = self.skin.stiffening.energy.value(self.amounts) + 0.5 * float(n @ stiff.bound @ n)
+        return out - float(np.asarray(self.force, float).ravel() @ stiff.pad @ n) + modulus * own
 
     @cached_property
     def resultant(self) -> Array:

@@ -148,6 +148,14 @@ def von_mises(stress: Array) -> Array:
     return np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * (yz**2 + xz**2 + xy**2))
 
 
+def stored(stress: Array, material: Elastic) -> Array:
+    """Return the strain energy density that linear tissue has at stresses, (..., 6) to (...,) [J/m^3]."""
+    square = np.einsum("...i,i->...", stress * stress, _SHEAR_WEIGHT**2)
+    trace = stress[..., :3].sum(axis=-1)
+    young, poisson = material.modulus, material.poisson
+    return np.asarray(((1.0 + poisson) * square - poisson * trace * trace) / (2.0 * young))
+
+
 def nodal_average(mesh: TetraMesh, values: Array) -> Array:
     """Return the volume average at each node of values per element, shape (e, ...) to (n, ...)."""
     count = len(mesh.tetrahedra)

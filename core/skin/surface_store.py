@@ -97,7 +97,8 @@ def smooth_pad(skin: SkinModel) -> SurfaceCompliance | None:
             return None
         known = SurfaceCompliance(PadChart.of(skin.shape), material, remainder)
     pad = _pads.make(key, lambda: known)
-    return pad.with_material(young=material.young, alpha=material.alpha)
+    pad = pad.with_material(young=material.young, alpha=material.alpha)
+    return pad if skin.stiffening is None else pad.with_stiffening(skin.stiffening)
 
 
 def no_smooth_pad(skin: SkinModel, name: str) -> Finding:

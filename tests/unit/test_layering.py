@@ -25,7 +25,7 @@ MECHANISMS = {kind.mechanism.partition(".")[0] for kind in KINDS.values()} | set
 DEVICE = GROUND | {"devices.spec", "devices.mechanisms"}
 SCENE = GROUND | {"scene"}
 TRACK = DEVICE | {"presets", "track"}
-CONTACT = SCENE | {"motion", "skin", "surface", "contact.solver"}
+CONTACT = SCENE | {"motion", "skin", "stiffening", "surface", "contact.solver"}
 MATCHING = CONTACT | TRACK | {"contact", "devices", "effects", "images", "surrogate", "matching"}
 LIVE = TRACK | {"work", "stream.protocols", "stream.links", "stream.virtual"}
 # folder or loose file: which others it may import. Within itself everybody may; no file imports in a circle.
@@ -60,9 +60,11 @@ MAY_IMPORT: dict[str, set[str]] = {
     # what is felt
     "scene": GROUND,
     "surface": SCENE,
-    "skin": SCENE,
-    "contact.solver": GROUND | {"motion", "surface", "skin"},
+    "stiffening": GROUND,  # of skin, beyond its compliance
+    "skin": SCENE | {"stiffening"},
+    "contact.solver": GROUND | {"motion", "surface", "skin", "stiffening"},
     "contact": CONTACT,
+    "tissue": CONTACT,  # what stiffening is worked out from
     # what a device does about it
     "devices": DEVICE | {"surface", "contact.solver"},
     "effects": SCENE | {"images", "motion"},

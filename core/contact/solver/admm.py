@@ -6,7 +6,7 @@ projection, y = -w / rho carries the difference. Every fixed point is a solution
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,19 @@ class State(NamedTuple):
     y: Array
 
 
+class Inverse(Protocol):
+    """What takes displacements to forces as a product: a matrix, or what stands for one."""
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Of what it is multiplied with."""
+        ...
+
+    def __matmul__(self, values: Any, /) -> Any:
+        """Return the product with a vector."""
+        ...
+
+
 class Sweep(NamedTuple):
     """What iterating came to: the state, the iterations, and whether both residuals met the tolerance."""
 
@@ -32,7 +45,7 @@ class Sweep(NamedTuple):
 
 
 def iterate(
-    inverse: NDArray[np.floating],
+    inverse: NDArray[np.floating] | Inverse,
     rho: float | Array,
     offset: Array,
     normals: Array,

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Array, Indices
+from ...arrays import Array, Floats32, Indices
 from ...errors import DermisError, Finding
 from .admm import State, iterate
 from .bodies import BONE, ContactBody, NodeGaps, node_gaps, same_places
@@ -24,6 +24,7 @@ from .history import ContactHistory
 from .notes import Notes
 from .path_step import PathStep
 from .solve import Solution, solve, status_of
+from .stiff_skin import StiffSkin, Tangent
 
 __all__ = ["DEPTH_LIMIT", "TOLERANCE", "Compliance", "Linear", "PathSolver", "PathStep"]
 
@@ -35,6 +36,7 @@ UNCHANGED = 1.0
 MAX_ITERATIONS = 300
 # An iteration that stands still at once, while the check fails, so many times in a frame gets no further.
 MAX_ROUNDS = 30
+TANGENTS = 12  # of skin that stiffens, in the float64 solution of a frame
 # Iterations up to which a frame counts as easy: the next may need none.
 EASY = 3
 # Slip in a frame below this [m] is rest: the same pose then needs no new solve.
@@ -58,6 +60,7 @@ class PathSolver:
         bone: a point inside the finger [m]: open surfaces are touched on the side where it lies.
         name: for findings.
         depth_limit: depth of the undeformed skin beyond which a frame is a finding [m].
+        stiff: what the skin does beyond its compliance; None where it is linear.
 
     Attributes:
         counters: how many frames were 'solved', 'unchanged', 'same', 'idle' and 'held' (see `adopt`); 'fallback',
@@ -79,8 +82,9 @@ class PathSolver:
         bone: Array = BONE,
         name: str = "finger",
         depth_limit: float = DEPTH_LIMIT,
+        stiff: StiffSkin | None = None,
     ) -> None:
-        self._begin(tolerance, bone, name, depth_limit)
+        self._begin(tolerance, bone, name, depth_limit, stiff)
         self.operator: Compliance = Linear(compliance) if isinstance(compliance, np.ndarray) else compliance
         self.points = np.asarray(points, dtype=np.float64)
         self.areas = areas
@@ -103,13 +107,18 @@ class PathSolver:
         self.history = ContactHistory(m)
         self._zero = np.zeros((m, 3))
         self._status = np.zeros(m, dtype=np.int8)
+        if stiff is not None:
+            stiff.at(self.points)
         self.reset()
 
-    def _begin(self, tolerance: float, bone: Array, name: str, depth_limit: float) -> None:
+    def _begin(
+        self, tolerance: float, bone: Array, name: str, depth_limit: float, stiff: StiffSkin | None = None
+    ) -> None:
         self.tolerance = tolerance
         self.bone = np.asarray(bone, dtype=np.float64)
         self.name = name
         self.depth_limit = depth_limit
+        self._stiff = stiff
         self.counters = dict.fromkeys(
             (
                 "solved",
@@ -139,12 +148,14 @@ class PathSolver:
         self._step: PathStep | None = None
         self._bodies: tuple[ContactBody, ...] = ()
         self._at_rest = False
+        if self._stiff is not None:
+            self._stiff.reset()
 
     def save(self) -> dict[str, Any]:
         """Return the state between two frames, for `restore`: a step may then be tried and taken back."""
         state = {name: getattr(self, name) for name in _STATE}
         state.update(history=self.history.copy(), counters=dict(self.counters), _notes=self.notes.copy())
-        return state
+        return state if self._stiff is None else {**state, "stiff": self._stiff.save()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go back to a saved state. The inverse of the candidates stays: it holds no history."""
@@ -153,6 +164,8 @@ class PathSolver:
         self.history = state["history"].copy()
         self.counters, self.notes = dict(state["counters"]), state["_notes"].copy()
         self._candidates.rho = self._rho[:, 0]
+        if self._stiff is not None:
+            self._stiff.restore(state["stiff"])
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -280,7 +293,7 @@ class PathSolver:
         solution, y, image, work = self._solve(b, gaps, soft)
         self._remember(solution, y, image, gaps, soft)
         nodal = self._zero if part else self.nodal(solution.force)
-        step = PathStep(solution, image, gaps, work, from_rest, nodal)
+        step = PathStep(solution, image, gaps, work, from_rest, nodal, self.amounts)
         if part:
             self.counters["parts"] += 1
         else:
@@ -308,7 +321,7 @@ class PathSolver:
         self._last, self._force, self._y, self._image = None, force, displacement / -self._rho, self._apply(force)
         self._bodies, self._at_rest = gaps.bodies, False
         self.counters["held"] += 1
-        self._step = PathStep(solution, self._image, gaps, "solved", from_rest, self.nodal(force))
+        self._step = PathStep(solution, self._image, gaps, "solved", from_rest, self.nodal(force), self.amounts)
         self._report(self._step, self.frames if scene_frame is None else scene_frame)
         self.frames += 1
         return self._step
@@ -346,7 +359,7 @@ class PathSolver:
             z = reference[members]
             exact = (image[members] + soft[members, None] * z).reshape(-1)
             iteration = iterate(
-                self._candidates.matrix,
+                self._inverse(),
                 np.repeat(rho[members, 0], 3),
                 b[members].reshape(-1),
                 normal[members],
@@ -391,22 +404,28 @@ class PathSolver:
         """Solve the frame in float64 with every method there is."""
         self.counters["fallback"] += 1
         near = np.flatnonzero(gaps.body >= 0)
-        exact, more, method = self._exactly(near, b[near], gaps, soft[near], force[near])
-        force = np.zeros_like(self._zero)
-        force[near] = exact
-        image = self._apply(force)
-        w = image + soft[:, None] * force + b
-        residual, status = assess(force, w, gaps.normal, gaps.friction, 1.0 / self._rho)
-        found = Solution(
-            force, w, gaps.normal, gaps.friction, status, iterations + more, residual, CHECK * self.tolerance, method
-        )
+        goal = CHECK * self.tolerance
+        for _ in range(1 if self._stiff is None else TANGENTS):
+            start = np.zeros_like(self._zero)
+            start[near] = force[near]
+            beyond = 0.0 if self._stiff is None else self._stiff.past_tangent(start, near)
+            exact, more, method = self._exactly(near, b[near] - beyond, gaps, soft[near], force[near])
+            iterations += more
+            force = np.zeros_like(self._zero)
+            force[near] = exact
+            image = self._apply(force)
+            w = image + soft[:, None] * force + b
+            residual, status = assess(force, w, gaps.normal, gaps.friction, 1.0 / self._rho)
+            if residual <= goal:
+                break
+        found = Solution(force, w, gaps.normal, gaps.friction, status, iterations, residual, goal, method)
         return found, w / -self._rho, image, "solved"
 
     def _exactly(self, near: Indices, b: Array, gaps: NodeGaps, soft: Array, start: Array) -> tuple[Array, int, str]:
         """Return forces on some nodes [N], the iterations they took and the method."""
         rows = (3 * near[:, None] + np.arange(3)).reshape(-1)
         found = solve(
-            self._c[rows[:, None], rows],
+            self._c[rows[:, None], rows] - (0.0 if self._stiff is None else self._stiff.matrix(near)),
             b,
             gaps.friction[near],
             normals=gaps.normal[near],
@@ -439,8 +458,22 @@ class PathSolver:
 
     # -- small parts ---------------------------------------------------------------------------------------------
 
+    @property
+    def amounts(self) -> Array | None:
+        """How much of each pattern skin that stiffens is displaced by, shape (k,); None where it is linear."""
+        return None if self._stiff is None else self._stiff.amounts
+
     def _apply(self, force: Array) -> Array:
+        """Return the displacement under forces [m], shape (n, 3)."""
+        linear = self._linear(force)
+        return linear if self._stiff is None else linear - self._stiff.beyond(force)
+
+    def _linear(self, force: Array) -> Array:
         return (self._c @ force.reshape(-1)).reshape(-1, 3)
+
+    def _inverse(self) -> Floats32 | Tangent:
+        """Return what takes small changes of the members' displacement to those of their forces, shifted."""
+        return self._candidates.matrix if self._stiff is None else self._stiff.tangent(self._candidates)
 
     def nodal(self, force: Array) -> Array:
         """Return forces on the points [N] as forces on the nodes of the skin's mesh, which here are the same."""

@@ -30,6 +30,7 @@ class PathStep:
         from_rest: there was no history: the first frame, or a jump.
         nodal: the forces on the nodes of the skin's mesh [N]: those of the solution, brought to the nodes where the
             solver's points are others, shape (m, 3); none of a part of a frame.
+        amounts: how much of each pattern skin that stiffens is displaced by, shape (k,); None of linear skin.
     """
 
     solution: Solution
@@ -38,6 +39,7 @@ class PathStep:
     work: str
     from_rest: bool
     nodal: Array
+    amounts: Array | None = None
 
     def depth(self, points: Array, bone: Array) -> float:
         """Return how deep the undeformed skin lies in what it touches [m], zero above it.

@@ -35,6 +35,7 @@ from .point_set import PointSet
 from .point_sight import PointSight
 from .point_tree import MANY, OFTEN, PointTree
 from .rims import over_rims
+from .stiff_skin import StiffSkin
 
 TOLERANCE = 3e-4
 # Points join the iteration ahead of time below the first of these shares of their cell's side, and leave it above the
@@ -71,7 +72,7 @@ class PointSolver(PathSolver):
         name: str = "finger",
         depth_limit: float = DEPTH_LIMIT,
     ) -> None:
-        self._begin(tolerance, bone, name, depth_limit)
+        self._begin(tolerance, bone, name, depth_limit, StiffSkin.of(surface))
         self.surface, self.nodes = surface, nodes
         self.search_radius = REACH
         self._tree = PointTree(surface, REACH)
@@ -258,6 +259,8 @@ class PointSolver(PathSolver):
         """Go over to other cells; return where each point that stays was."""
         count = len(self.cells)
         order = self._points.change(leaving, entering)
+        if self._stiff is not None:
+            self._stiff.change(order, entering, self.surface)
         self._soft = np.concatenate([self._soft[order], np.zeros(len(entering))])
         self._number()
         self._cell_gaps.renumber(order, count)
@@ -327,7 +330,7 @@ class PointSolver(PathSolver):
                 remedy="Press less deep, or touch with fewer edges at once",
             )
 
-    def _apply(self, force: Array) -> Array:
+    def _linear(self, force: Array) -> Array:
         return self._points.matrix.displacement(force)
 
     def _exactly(self, near: Indices, b: Array, gaps: NodeGaps, soft: Array, start: Array) -> tuple[Array, int, str]:
@@ -335,6 +338,8 @@ class PointSolver(PathSolver):
         cells, rho = self.cells[near], np.repeat(self._rho[near, 0], 3)
         matrix = self.surface.block(cells, cells).reshape(rho.size, -1)
         matrix[np.diag_indices(rho.size)] += np.repeat(soft, 3)
+        if self._stiff is not None:
+            matrix -= self._stiff.matrix(near)
         normal, friction = gaps.normal[near], gaps.friction[near]
         first = project(start, normal, friction)[0]
         image = matrix @ first.reshape(-1)

@@ -1,0 +1,90 @@
+"""StiffTables: what a skin's stiffening is on the mesh that it is solved on, from what its shape has."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Array, Floats32
+from ..stiffening.balance import Balance
+from ..stiffening.stiffening import Stiffening
+from .mesh import TetraMesh
+from .stress import locate, receptor_probes
+
+
+class StiffTables:
+    """Patterns of displacement and fields of stress on a mesh, at E = 1.
+
+    Args:
+        stiffening: of the skin's shape. mesh: of that shape, at any level.
+        unit_compliance: of its pad at E = 1 [1/m], shape (3 m, 3 m). unit_response: as `SkinModel.unit_response`.
+    """
+
+    def __init__(
+        self, stiffening: Stiffening, mesh: TetraMesh, unit_compliance: Array, unit_response: NDArray[np.float32]
+    ) -> None:
+        self.stiffening, self.mesh = stiffening, mesh
+        self._compliance, self._response = unit_compliance, unit_response
+
+    @cached_property
+    def bound(self) -> Array:
+        """What loads store in patterns, loads' patterns: one, but for the mesh's own compliance, shape (k, k)."""
+        return np.asarray(self.loads.T @ self.pad)
+
+    def balanced(self, work: Array) -> Array:
+        """Return how much of each pattern there is under forces, from their work in the patterns, shape (k,)."""
+        balance = Balance(self.stiffening.energy)
+        balance.follow(work)
+        return balance.q
+
+    @cached_property
+    def pad(self) -> Array:
+        """The patterns at the pad nodes, shape (3 m, k)."""
+        found = self.stiffening.patterns.at(self.mesh.nodes[self.mesh.pad])
+        return found.reshape(len(self._compliance), -1).astype(np.float64)
+
+    @cached_property
+    def loads(self) -> Array:
+        """Forces on the pad nodes that displace them by the patterns in linear tissue, shape (3 m, k)."""
+        from scipy.linalg import cho_factor, cho_solve
+
+        return np.asarray(cho_solve(cho_factor(self._compliance), self.pad))
+
+    @cached_property
+    def nodes(self) -> Floats32:
+        """The patterns at all nodes, with what is beneath the pad free to follow, shape (3 n, k)."""
+        out = np.zeros((len(self.mesh.nodes), 3, self.stiffening.count), np.float32)
+        moved = self._response.T @ self.loads.astype(np.float32)
+        out[self.mesh.free] = moved.reshape(-1, 3, self.stiffening.count)
+        out[self.mesh.pad] = self.pad.reshape(-1, 3, self.stiffening.count)
+        return out.reshape(-1, self.stiffening.count)
+
+    @cached_property
+    def elements(self) -> Floats32:
+        """Fields of stress in the elements, shape (6 e, r)."""
+        fields = self.at(self.mesh.nodes)[self.mesh.tetrahedra].mean(axis=1)
+        return np.ascontiguousarray(fields.reshape(6 * len(self.mesh.tetrahedra), -1))
+
+    @cached_property
+    def probes(self) -> Floats32:
+        """Fields of stress at the skin's probes, shape (6 p, r)."""
+        points = receptor_probes(self.mesh).points
+        return self.at(points).reshape(6 * len(points), -1)
+
+    def at(self, points: Array) -> Floats32:
+        """Return fields of stress at points of the tissue; those outside have what is nearest, shape (p, 6, r)."""
+        series = self.stiffening.stress
+        if len(points) == len(series.nodes) and np.allclose(points, series.nodes, atol=1e-9):
+            return series.fields
+        from scipy.spatial import cKDTree
+
+        none = np.zeros(0, np.int32)
+        mesh = TetraMesh(series.nodes, series.tetrahedra.astype(np.int32), none, none, np.zeros((0, 3), np.int32))
+        element, weights = locate(mesh, points)
+        out = np.einsum("pj,pjcr->pcr", weights.astype(np.float32), series.fields[series.tetrahedra[element]])
+        outside = np.flatnonzero(element < 0)
+        if len(outside):
+            out[outside] = series.fields[cKDTree(series.nodes).query(points[outside])[1]]
+        return np.asarray(out, np.float32)

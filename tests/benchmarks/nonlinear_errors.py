@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from core.contact.solver.path_step import PathStep
 from core.parameters.error_bands import DEPTHS, LINEAR, NEO_HOOKEAN, SLID_AT, SLIDES
-from core.shipped import BUILT_IN
 from core.skin.model import SkinModel
 from core.skin.stimulus import Stimulus
 from tests.nonlinear import difference
@@ -62,16 +61,15 @@ def skin_of(tissue: str) -> SkinModel:
     Raises:
         LookupError: there is no table of it.
     """
-    from core.tissue.stiffening_store import find_stiffening
+    from core.tissue.stiffening_store import stiffened
 
-    skin = reference().skin
+    linear = reference().skin
     if tissue == LINEAR:
-        return skin
-    assert skin.shape is not None
-    table = find_stiffening(skin.shape, skin.material.poisson, shipped=BUILT_IN / "skins")
-    if table is None:
+        return linear
+    stiff = stiffened(linear)
+    if stiff is None:
         raise LookupError("no table of how the standard finger stiffens ships")
-    return skin.with_stiffening(table)
+    return stiff
 
 
 @functools.cache

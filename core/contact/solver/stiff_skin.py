@@ -13,6 +13,9 @@ from ...stiffening.balance import Balance
 from ...stiffening.stiffening import Stiffening
 from .candidates import CandidateInverse
 
+# Of M, where a compliance must stay positive definite although patterns are told to some digits only.
+STIFFEST = 0.95
+
 
 class Tangent:
     """(A - U M U' / E)^-1 as a product, from A^-1 = (C + softness + rho)^-1 (Woodbury)."""
@@ -110,7 +113,9 @@ class StiffSkin:
     def matrix(self, rows: Indices) -> Array:
         """Return U M U' / E at some points, to be taken off their compliance [m/N], shape (3 j, 3 j)."""
         few = self.patterns[rows].reshape(3 * len(rows), -1).astype(np.float64)
-        return (few @ (self.balance.softening() / self.modulus)) @ few.T
+        values, vectors = np.linalg.eigh(self.balance.softening())
+        half = few @ vectors
+        return (half * (np.minimum(values, STIFFEST) / self.modulus)) @ half.T
 
     def _image(self, candidates: CandidateInverse) -> tuple[Floats32, Array]:
         """Return A^-1 U over the members, and U' A^-1 U."""

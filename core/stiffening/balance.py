@@ -13,7 +13,7 @@ import numpy as np
 from ..arrays import Array
 from .energy import Energy
 
-TOLERANCE = 3e-5  # of q + n(q) - z, relative to z
+TOLERANCE = 2e-4  # of q + n(q) - z, relative to z
 STEPS = 3  # of Newton's method at one z, while tissue is stable
 FLOOR = 0.1  # of the stiffness over linear tissue's: below it a step would go anywhere
 RAMP = 8  # parts that a force from nowhere comes in

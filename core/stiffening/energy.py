@@ -71,12 +71,14 @@ class Energy:
 
     def _powers(self, q: Array) -> tuple[_Power, _Power]:
         """Return both powers; the fourth of the first l patterns alone."""
-        k, few, (i, j) = self.count, self.few, self._pairs
+        from scipy.linalg.blas import dsymv, ssymv  # reads half of the matrix
+
+        k, few, (i, j, place) = self.count, self.few, self._pairs
         first = q[:few]
         third = np.asarray(self._flat @ q.astype(self.cubic.dtype), np.float64).reshape(k, k)
         products = (self._twice * q[i] * q[j]).astype(self.quartic.dtype)
-        fourth = np.empty((few, few))
-        fourth[i, j] = fourth[j, i] = self.quartic @ products
+        product = ssymv if self.quartic.dtype == np.float32 else dsymv
+        fourth = product(1.0, self.quartic.T, products)[place].astype(np.float64)
         return _Power.of(3, q, third), _Power.of(4, first, fourth)
 
     def _beyond(self, q: Array, powers: tuple[_Power, _Power]) -> tuple[_Power, _Power]:
@@ -90,13 +92,16 @@ class Energy:
         return third.bent(q, t), _Power(4, fourth.value, *whole).bent(q, t)
 
     @cached_property
-    def _pairs(self) -> tuple[Indices, Indices]:
+    def _pairs(self) -> tuple[Indices, Indices, Indices]:
+        """Return both patterns of each pair, and where the pair of two patterns is, shape (l, l)."""
         i, j = np.triu_indices(self.few)
-        return i, j
+        place = np.empty((self.few, self.few), np.intp)
+        place[i, j] = place[j, i] = np.arange(len(i))
+        return i, j, place
 
     @cached_property
     def _twice(self) -> Array:
-        i, j = self._pairs
+        i, j, _ = self._pairs
         return np.where(i == j, 1.0, 2.0)
 
     @cached_property

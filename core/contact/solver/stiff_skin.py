@@ -17,6 +17,9 @@ from .candidates import CandidateInverse
 STIFFEST = 0.95
 
 
+CLOSE = 0.01  # of q, within which a tangent serves again
+
+
 class Tangent:
     """(A - U M U' / E)^-1 as a product, from A^-1 = (C + softness + rho)^-1 (Woodbury)."""
 
@@ -47,6 +50,7 @@ class StiffSkin:
         self.patterns = np.zeros((0, 3, stiffening.count), np.float32)
         self.balance = Balance(stiffening.energy)
         self._known: tuple[int, int, int, Floats32, Array] | None = None  # of A^-1 U
+        self._middle: tuple[Array, Floats32] | None = None  # of the tangent, and the q that it belongs to
 
     @classmethod
     def of(cls, skin: SkinModel | SurfaceCompliance) -> StiffSkin | None:
@@ -95,9 +99,12 @@ class StiffSkin:
     def tangent(self, candidates: CandidateInverse) -> Tangent:
         """Return the inverse for small changes from the last forces, over the members of a linear one."""
         image, gram = self._image(candidates)
-        softening = self.balance.softening() / self.modulus
-        middle = np.linalg.solve(np.eye(len(gram)) - softening @ gram, softening)
-        return Tangent(candidates.matrix, image, middle.astype(np.float32))
+        q = self.balance.q
+        if self._middle is None or np.linalg.norm(q - self._middle[0]) > CLOSE * np.linalg.norm(q):
+            softening = self.balance.softening() / self.modulus
+            middle = np.linalg.solve(np.eye(len(gram)) - softening @ gram, softening)
+            self._middle = q, middle.astype(np.float32)
+        return Tangent(candidates.matrix, image, self._middle[1])
 
     def past_tangent(self, force: Array, rows: Indices) -> Array:
         """Return U n(q) - U M U' f / E at some points, which alone carry forces [N]: what is off a line through rest.
@@ -125,5 +132,5 @@ class StiffSkin:
             rows = self.patterns[candidates.members].reshape(3 * len(candidates.members), -1)
             image = candidates.matrix @ rows
             known = (*now, image, (rows.T @ image).astype(np.float64))
-            self._known = known
+            self._known, self._middle = known, None
         return known[3], known[4]

@@ -16,7 +16,7 @@ from .energy import Energy
 TOLERANCE = 2e-4  # of q + n(q) - z, relative to z
 STEPS = 3  # of Newton's method at one z, while tissue is stable
 FLOOR = 0.1  # of the stiffness over linear tissue's: below it a step would go anywhere
-RAMP = 8  # parts that a force from nowhere comes in
+MAX_STEPS, SHORTEST = 60, 1e-4  # of a force from nowhere, and the least share of a step that is tried
 
 
 class Balance:
@@ -71,11 +71,25 @@ class Balance:
         self.left = float(np.linalg.norm(left)) / size
         return self.force + left - _solved(*self._factors(), left)
 
-    def ramp(self, z: Array) -> None:
-        """Go from rest to forces that nothing else is known of."""
+    def settle(self, z: Array) -> None:
+        """Go from rest downhill to where forces that nothing else is known of are balanced."""
         self.reset()
-        for part in range(1, RAMP + 1):
-            self.follow(z * (part / RAMP))
+        size = float(np.linalg.norm(z))
+        stored = 0.0  # energy less work
+        for _ in range(MAX_STEPS):
+            left = z - self.q - self.force
+            self.left = float(np.linalg.norm(left)) / max(size, 1e-300)
+            if self.left <= TOLERANCE:
+                break
+            step, share = _solved(*self._factors(), left), 1.0
+            while share > SHORTEST:
+                q = self.q + share * step
+                now = float(q @ (0.5 * q - z)) + self.energy.value(q)
+                if now < stored - 1e-4 * share * float(left @ step):
+                    break
+                share *= 0.5
+            self.q, stored, self._known = q, now, None
+            self.force, self._stiffness = self.energy.force_and_stiffness(q)
 
     def softening(self) -> Array:
         """Return M = 1 - (1 + n')^-1, by which stiffening skin gives way less than linear skin, shape (k, k)."""

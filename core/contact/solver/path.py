@@ -107,8 +107,6 @@ class PathSolver:
         self.history = ContactHistory(m)
         self._zero = np.zeros((m, 3))
         self._status = np.zeros(m, dtype=np.int8)
-        if stiff is not None:
-            stiff.at(self.points)
         self.reset()
 
     def _begin(
@@ -181,7 +179,7 @@ class PathSolver:
         self.reset()
         none = np.zeros(len(self._zero))
         nothing = Solution(self._zero, self._zero, self._zero, none, self._status, 0, 0.0, self.tolerance, "none")
-        self._step = PathStep(nothing, self._zero, None, "idle", False, self.nodal(self._zero))
+        self._step = PathStep(nothing, self._zero, None, "idle", False, self.nodal(self._zero), self.amounts)
         return self._step
 
     @property
@@ -404,7 +402,7 @@ class PathSolver:
         """Solve the frame in float64 with every method there is."""
         self.counters["fallback"] += 1
         near = np.flatnonzero(gaps.body >= 0)
-        goal = CHECK * self.tolerance
+        goal, best = CHECK * self.tolerance, None
         for _ in range(1 if self._stiff is None else TANGENTS):
             start = np.zeros_like(self._zero)
             start[near] = force[near]
@@ -416,10 +414,13 @@ class PathSolver:
             image = self._apply(force)
             w = image + soft[:, None] * force + b
             residual, status = assess(force, w, gaps.normal, gaps.friction, 1.0 / self._rho)
+            if best is None or residual < best[0].residual:
+                found = Solution(force, w, gaps.normal, gaps.friction, status, iterations, residual, goal, method)
+                best = found, w / -self._rho, image, "solved"
             if residual <= goal and self._balanced(goal):
                 break
-        found = Solution(force, w, gaps.normal, gaps.friction, status, iterations, residual, goal, method)
-        return found, w / -self._rho, image, "solved"
+        assert best is not None
+        return best
 
     def _exactly(self, near: Indices, b: Array, gaps: NodeGaps, soft: Array, start: Array) -> tuple[Array, int, str]:
         """Return forces on some nodes [N], the iterations they took and the method."""

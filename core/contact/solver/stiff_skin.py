@@ -39,15 +39,15 @@ class StiffSkin:
     """Points of a skin that stiffens.
 
     Args:
-        stiffening: of the skin. modulus: E alpha [Pa].
+        stiffening: of the skin. modulus: E alpha [Pa]. patterns: at the points, where these stay, shape (n, 3, k).
 
     Attributes:
         patterns: at the points, shape (n, 3, k). balance: of the last forces that were asked about.
     """
 
-    def __init__(self, stiffening: Stiffening, modulus: float) -> None:
+    def __init__(self, stiffening: Stiffening, modulus: float, patterns: Floats32 | None = None) -> None:
         self.stiffening, self.modulus = stiffening, modulus
-        self.patterns = np.zeros((0, 3, stiffening.count), np.float32)
+        self.patterns = np.zeros((0, 3, stiffening.count), np.float32) if patterns is None else patterns
         self.balance = Balance(stiffening.energy)
         self._known: tuple[int, int, int, Floats32, Array] | None = None  # of A^-1 U
         self._middle: tuple[Array, Floats32] | None = None  # of the tangent, and the q that it belongs to
@@ -55,12 +55,12 @@ class StiffSkin:
     @classmethod
     def of(cls, skin: SkinModel | SurfaceCompliance) -> StiffSkin | None:
         """Return what a skin does beyond its compliance; None where it is linear."""
-        return None if skin.stiffening is None else cls(skin.stiffening, skin.material.modulus)
-
-    def at(self, positions: Array) -> None:
-        """Take other points of the skin [m], shape (n, 3)."""
-        self.patterns = self.stiffening.patterns.at(positions)
-        self._known = None
+        if skin.stiffening is None:
+            return None
+        patterns = None
+        if isinstance(skin, SkinModel):  # at the nodes of its pad
+            patterns = skin.stiff.pad.reshape(-1, 3, skin.stiffening.count).astype(np.float32)
+        return cls(skin.stiffening, skin.material.modulus, patterns)
 
     def change(self, order: Indices, entering: Indices, pad: SurfaceCompliance) -> None:
         """Go over to other points: where each that stays was, and the cells of a pad that are new, shape (j,)."""

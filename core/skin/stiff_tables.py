@@ -30,7 +30,7 @@ class StiffTables:
 
     @cached_property
     def bound(self) -> Array:
-        """What the patterns store in linear tissue of this mesh, twice; of the one of the fit it is one, shape (k, k)."""
+        """What the patterns store in linear tissue, twice: one on the mesh that they were made on, shape (k, k)."""
         return np.asarray(self.loads.T @ self.pad)
 
     def balanced(self, work: Array) -> Array:

@@ -95,7 +95,6 @@ def skin() -> Skin:
 
 
 def test_without_friction_it_is_the_least_energy_that_a_plate_allows(skin: Skin) -> None:
-    from scipy.optimize import minimize
 
     solver = skin.solver(tolerance=1e-7)
     for depth in np.linspace(0.2e-3, 1.2e-3, 6):

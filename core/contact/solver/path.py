@@ -117,6 +117,8 @@ class PathSolver:
         self.name = name
         self.depth_limit = depth_limit
         self._stiff = stiff
+        if stiff is not None:
+            stiff.tolerance = 0.5 * CHECK * tolerance
         self.counters = dict.fromkeys(
             (
                 "solved",
@@ -351,11 +353,14 @@ class PathSolver:
         self._candidates.follow(gaps.clearance, self.loaded, self._spacing, soft)
         reference = start
         force, y = self._extrapolated(start, w)
+        ahead = 0.0 if self._stiff is None else self._stiff.begin()
         iterations = rounds = 0
         while True:
             members = self._candidates.members
             z = reference[members]
             exact = (image[members] + soft[members, None] * z).reshape(-1)
+            if self._stiff is not None and rounds == 0:
+                exact -= np.asarray(ahead)[members].reshape(-1)
             iteration = iterate(
                 self._inverse(),
                 np.repeat(rho[members, 0], 3),
@@ -373,6 +378,8 @@ class PathSolver:
             force = np.zeros_like(self._zero)
             force[members] = iteration.state.z
             image = self._apply(force)
+            if self._stiff is not None:
+                self._stiff.learn()
             w = image + soft[:, None] * force + b
             y = w / -rho
             y[members] = iteration.state.y

@@ -14,8 +14,9 @@ from ..arrays import Array
 from .energy import Energy
 
 TOLERANCE = 1e-5  # of q + n(q) - z, relative to z
-MAX_STEPS = 25
+STEPS = 3  # of Newton's method at one z, while tissue is stable
 FLOOR = 0.1  # of the stiffness over linear tissue's: below it a step would go anywhere
+MAX_STEPS, SHORTEST = 60, 1e-4  # of a force from nowhere, and the least share of a step that is tried
 
 
 class Balance:
@@ -25,7 +26,7 @@ class Balance:
         energy: beyond linear tissue's.
 
     Attributes:
-        q: how much of each pattern, shape (k,). force: n(q). settled: whether the last z was balanced.
+        q: how much of each pattern, shape (k,). force: n(q). left: |q + n(q) - z| over |z|, for the last z.
     """
 
     def __init__(self, energy: Energy) -> None:
@@ -35,76 +36,94 @@ class Balance:
     def reset(self) -> None:
         """Go back to rest."""
         zero = np.zeros(self.energy.count)
-        self.q, self.force, self._stiffness, self.settled = zero, zero, np.zeros((len(zero), len(zero))), True
+        self.q, self.force, self._stiffness, self.left = zero, zero, np.zeros((len(zero), len(zero))), 0.0
+        self._known: tuple[bool, Array, Array] | None = None
 
     def save(self) -> tuple[Any, ...]:
         """Return the state, for `restore`."""
-        return self.q, self.force, self._stiffness, self.settled
+        return self.q, self.force, self._stiffness, self.left, self._known
 
     def restore(self, state: tuple[Any, ...]) -> None:
         """Go back to a saved state."""
-        self.q, self.force, self._stiffness, self.settled = state
+        self.q, self.force, self._stiffness, self.left, self._known = state
 
-    def follow(self, z: Array) -> Array:
-        """Go to other forces; return n(q), shape (k,)."""
-        if not z.any():
+    def follow(self, z: Array, tolerance: float = TOLERANCE, near: Array | None = None) -> Array:
+        """Go towards other forces and return n, with what the next step would bring, shape (k,).
+
+        Args:
+            z: work of the forces in the patterns, shape (k,). tolerance: of the balance, relative to it.
+            near: q that is expected; where tissue is stable it is taken in place of the first step.
+
+        Where tissue is unstable under dead loads it takes one short step: who holds its displacement asks again, and
+        then q is where it is held after two.
+        """
+        size = float(np.linalg.norm(z))
+        if size == 0.0:
             self.reset()
             return self.force
-        goal = TOLERANCE * float(np.linalg.norm(z))
-        left = z - self.q - self.force
-        size = float(np.linalg.norm(left))
-        for _ in range(MAX_STEPS):
-            if size <= goal:
+        if near is not None and self._factors()[0]:
+            self._go(near)
+        for _ in range(STEPS):
+            left = z - self.q - self.force
+            if float(np.linalg.norm(left)) <= tolerance * size:
                 break
-            step = self._step(left)
-            share = 1.0
-            while True:
+            stable, values, vectors = self._factors()
+            self._go(self.q + _solved(stable, values, vectors, left))
+            if not stable:
+                break
+        left = z - self.q - self.force
+        self.left = float(np.linalg.norm(left)) / size
+        return self.force + left - _solved(*self._factors(), left)
+
+    def _go(self, q: Array) -> None:
+        self.q, self._known = q, None
+        self.force, self._stiffness = self.energy.force_and_stiffness(q)
+
+    def settle(self, z: Array) -> None:
+        """Go from rest downhill to where forces that nothing else is known of are balanced."""
+        self.reset()
+        size = float(np.linalg.norm(z))
+        stored = 0.0  # energy less work
+        for _ in range(MAX_STEPS):
+            left = z - self.q - self.force
+            self.left = float(np.linalg.norm(left)) / max(size, 1e-300)
+            if self.left <= TOLERANCE:
+                break
+            step, share = _solved(*self._factors(), left), 1.0
+            while share > SHORTEST:
                 q = self.q + share * step
-                force, stiffness = self.energy.force_and_stiffness(q)
-                left = z - q - force
-                tried = float(np.linalg.norm(left))
-                if tried <= (1.0 - 0.1 * share) * size or share < 1e-2:
+                now = float(q @ (0.5 * q - z)) + self.energy.value(q)
+                if now < stored - 1e-4 * share * float(left @ step):
                     break
                 share *= 0.5
-            self.q, self.force, self._stiffness, size = q, force, stiffness, tried
-        self.settled = size <= goal
-        return self.force
+            stored = now
+            self._go(q)
 
     def softening(self) -> Array:
         """Return M = 1 - (1 + n')^-1, by which stiffening skin gives way less than linear skin, shape (k, k)."""
+        stable, values, vectors = self._factors()
         one = np.eye(len(self.q))
-        factor = self._factor()
-        if factor is None:
-            values, vectors = self._floored()
-            return one - (vectors / values) @ vectors.T
-        from scipy.linalg.lapack import dpotri
+        return one - (_solved(stable, values, vectors, one) if stable else (vectors / values) @ vectors.T)
 
-        inverse = dpotri(factor, lower=1)[0]
-        inverse = np.tril(inverse) + np.tril(inverse, -1).T
-        return one - inverse
+    def _factors(self) -> tuple[bool, Array, Array]:
+        """Return whether 1 + n' is above the floor, and its Cholesky factor, or values with a floor and vectors."""
+        if self._known is None:
+            from scipy.linalg.lapack import dpotrf
 
-    def _step(self, left: Array) -> Array:
-        factor = self._factor()
-        if factor is None:
-            values, vectors = self._floored()
-            return vectors @ ((vectors.T @ left) / values)
+            whole = self._stiffness.copy()
+            whole[np.diag_indices(len(whole))] += 1.0 - FLOOR
+            if dpotrf(whole, lower=1)[1] == 0:
+                whole[np.diag_indices(len(whole))] += FLOOR
+                self._known = True, whole, np.asarray(dpotrf(whole, lower=1)[0])
+            else:
+                values, vectors = np.linalg.eigh(self._stiffness)
+                self._known = False, np.maximum(1.0 + values, FLOOR), vectors
+        return self._known
+
+
+def _solved(stable: bool, values: Array, vectors: Array, right: Array) -> Array:
+    if stable:
         from scipy.linalg.lapack import dpotrs
 
-        return np.asarray(dpotrs(factor, left, lower=1)[0])
-
-    def _factor(self) -> Array | None:
-        """Return the lower Cholesky factor of 1 + n'; None where it is not above the floor."""
-        from scipy.linalg.lapack import dpotrf
-
-        size = len(self.q)
-        shifted = self._stiffness.copy()
-        shifted[np.diag_indices(size)] += 1.0 - FLOOR
-        if dpotrf(shifted, lower=1, overwrite_a=1)[1] != 0:
-            return None
-        whole = self._stiffness.copy()
-        whole[np.diag_indices(size)] += 1.0
-        return np.asarray(dpotrf(whole, lower=1)[0])
-
-    def _floored(self) -> tuple[Array, Array]:
-        values, vectors = np.linalg.eigh(self._stiffness)
-        return np.maximum(1.0 + values, FLOOR), vectors
+        return np.asarray(dpotrs(vectors, right, lower=1)[0])
+    return np.asarray(vectors @ ((vectors.T @ right) / values))

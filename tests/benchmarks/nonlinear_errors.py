@@ -16,6 +16,7 @@ from core.skin.stimulus import Stimulus
 from tests.nonlinear import difference
 from tests.stiff import on_nodes
 
+from .nonlinear_paths import SHOWN
 from .nonlinear_reference import Reference
 
 Array = NDArray[np.float64]
@@ -131,23 +132,27 @@ def spread(values: list[float]) -> tuple[float, float]:
 
 
 def print_bands() -> None:
-    """Print the tables of `core/parameters/error_bands.py`: by depth where nothing slid, by what skin was drawn."""
+    """Print the tables of `core/parameters/error_bands.py`: by depth where nothing slid, by how far skin was drawn.
+
+    Below them stands what the object's own slide makes of it: where friction slips, skin is drawn no farther.
+    """
     for tissue in (LINEAR, NEO_HOOKEAN):
         print(tissue)
-        errors = measured(tissue).errors
-        deep = {f"{1e3 * d:g} mm deep": at(tissue, d) for d in DEPTHS}
-        slid = [e for e in errors if abs(e.depth - SLID_AT) < 1e-9]
+        slid = [e for e in measured(tissue).errors if abs(e.depth - SLID_AT) < 1e-9]
         bounds = [0.0, *(0.5 * (a + b) for a, b in zip(SLIDES, SLIDES[1:], strict=False)), np.inf]
-        drawn = {
-            f"{1e3 * s:g} mm drawn": [e for e in slid if low <= e.drawn < high]
-            for s, low, high in zip(SLIDES, bounds, bounds[1:], strict=False)
-        }
-        asked = {f"{1e3 * s:g} mm slid": at(tissue, SLID_AT, s) for s in (0.0, 1e-3, 2e-3, 4e-3, 6e-3)}
-        for name, rows in {**deep, **drawn, **asked}.items():
-            stress, force = spread([e.stress for e in rows]), spread([e.force for e in rows])
-            lost = sum(not e.converged for e in rows)
-            mean = 1e3 * float(np.mean([e.drawn for e in rows])) if rows else np.nan
-            print(
-                f"  {name:14} {len(rows):3} frames, drawn {mean:.2f} mm: stress {stress[0]:.3f} {stress[1]:.3f}"
-                f"  force {force[0]:.4f} {force[1]:.4f}" + (f"  {lost} NOT CONVERGED" if lost else "")
-            )
+        _tell("deep", DEPTHS, [at(tissue, depth) for depth in DEPTHS])
+        drawn_by = [[e for e in slid if low <= e.drawn < high] for low, high in zip(bounds, bounds[1:], strict=False)]
+        _tell("drawn", SLIDES, drawn_by)
+        _tell("slid", (0.0, *SHOWN[1]), [at(tissue, SLID_AT, slide) for slide in (0.0, *SHOWN[1])])
+
+
+def _tell(what: str, places: tuple[float, ...], groups: list[list[Error]]) -> None:
+    for place, rows in zip(places, groups, strict=True):
+        (stress, stress_p90), (force, force_p90) = (spread([getattr(e, k) for e in rows]) for k in ("stress", "force"))
+        mean = 1e3 * float(np.mean([e.drawn for e in rows])) if rows else np.nan
+        lost = sum(not e.converged for e in rows)
+        print(
+            f"  {1e3 * place:3g} mm {what:5} {len(rows):3} frames, drawn {mean:.2f} mm:"
+            f" stress ({stress:.2f}, {stress_p90:.2f}) force ({force:.3f}, {force_p90:.3f})"
+            + (f" {lost} NOT CONVERGED" if lost else "")
+        )

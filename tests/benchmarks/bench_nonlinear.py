@@ -68,6 +68,20 @@ def stress_error_edge() -> Result:
     return _error("nl_stress_error_edge", "stress", 2e-3, kinds=EDGES)
 
 
+@benchmark("nl_worse_than_linear", limit=0.0)
+def worse_than_linear() -> Result:
+    """The share of all frames, to 4 mm deep and 6 mm slid, at which stress is farther off than linear skin's."""
+    from core.parameters.error_bands import LINEAR, NEO_HOOKEAN
+
+    from .nonlinear_errors import measured
+
+    both = list(zip(measured(NEO_HOOKEAN).errors, measured(LINEAR).errors, strict=True))
+    share = float(np.mean([ours.stress > linear.stress for ours, linear in both]))
+    force = float(np.mean([ours.force > linear.force for ours, linear in both]))
+    lost = float(np.mean([not ours.converged for ours, _ in both]))
+    return Result("nl_worse_than_linear", share, "1", None, {"of force": force, "not converged": lost})
+
+
 def _error(name: str, what: str, depth: float, slide: float = 0.0, kinds: tuple[str, ...] = ()) -> Result:
     from core.parameters.error_bands import LINEAR, NEO_HOOKEAN
 

@@ -53,7 +53,7 @@ def small_stiffening(skin: SkinModel) -> Stiffening:
     patterns[:, inner] = -factor.solve(stiff[inner][:, on_pad] @ pad).T
     assert np.allclose((stiff @ patterns.T)[on_pad], loads, atol=1e-6 * np.abs(loads).max())
     energy = drained(fit_energy(law, factor.solve, patterns.reshape(COUNT, -1, 3), FEW))
-    none = np.zeros((len(mesh.nodes), 6, 1), np.float32)
+    none = np.zeros((len(mesh.tetrahedra), 6, 1), np.float32)
     pairs, triples = COUNT * (COUNT + 1) // 2, 1
     stress = StressSeries(
         mesh.nodes, mesh.tetrahedra, none, np.zeros((1, pairs), np.float32), np.zeros((1, triples), np.float32)

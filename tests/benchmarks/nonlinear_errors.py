@@ -147,12 +147,14 @@ def print_bands() -> None:
 
 
 def _tell(what: str, places: tuple[float, ...], groups: list[list[Error]]) -> None:
-    for place, rows in zip(places, groups, strict=True):
-        (stress, stress_p90), (force, force_p90) = (spread([getattr(e, k) for e in rows]) for k in ("stress", "force"))
-        mean = 1e3 * float(np.mean([e.drawn for e in rows])) if rows else np.nan
-        lost = sum(not e.converged for e in rows)
-        print(
-            f"  {1e3 * place:3g} mm {what:5} {len(rows):3} frames, drawn {mean:.2f} mm:"
-            f" stress ({stress:.2f}, {stress_p90:.2f}) force ({force:.3f}, {force_p90:.3f})"
-            + (f" {lost} NOT CONVERGED" if lost else "")
-        )
+    """Print a line a group, then the rows of the table: never less than nearer ones."""
+    rows: dict[str, list[tuple[float, float]]] = {"stress": [], "force": []}
+    for place, errors in zip(places, groups, strict=True):
+        for kind, found in rows.items():
+            found.append(spread([getattr(e, kind) for e in errors]))
+        mean, lost = np.mean([e.drawn for e in errors]) if errors else np.nan, sum(not e.converged for e in errors)
+        told = "  ".join(f"{kind} {found[-1][0]:.3f} {found[-1][1]:.3f}" for kind, found in rows.items())
+        print(f"  {1e3 * place:3g} mm {what:5} {len(errors):3} frames, {1e3 * mean:.2f} mm drawn, {lost} lost: {told}")
+    for kind, found in rows.items():
+        risen = np.fmax.accumulate(np.array(found), axis=0)
+        print(f'        "{kind}": (' + ", ".join(f"({a:.3f}, {b:.3f})" for a, b in risen) + "),")

@@ -156,10 +156,11 @@ def build() -> Result:
     from .nonlinear_reference import LEVEL, fingertip_skin
 
     skin = fingertip_skin(level=LEVEL)
-    started = time.perf_counter()
+    started, worked = time.perf_counter(), time.process_time()
     for _ in make_stiffening(skin.shape, skin.material.poisson):
         pass
-    return Result("nl_build_s", time.perf_counter() - started, "s")
+    worked = time.process_time() - worked  # where other work shares the processor, this says more
+    return Result("nl_build_s", time.perf_counter() - started, "s", None, {"of the processor": worked})
 
 
 @benchmark("nl_table_mb", limit=10.0)

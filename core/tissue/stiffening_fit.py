@@ -47,6 +47,9 @@ class Size:
     fields: int = 60
 
 
+STANDARD = Size()
+
+
 def fit_stiffening(
     shape: FingertipShape, poisson: float, size: Size | None = None, *, seed: int = 0, key: str = ""
 ) -> Generator[tuple[int, int], None, Stiffening]:
@@ -58,7 +61,7 @@ def fit_stiffening(
     Raises:
         DermisError: a shape that cannot be meshed.
     """
-    size = size or Size()
+    size = size or STANDARD
     yield 0, STEPS
     skin = fingertip_skin(shape, Elastic(1.0, poisson, 1.0), level=size.level)
     loads = yield from _within(_pressed(skin, size.touches, seed), 0)

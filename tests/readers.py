@@ -220,7 +220,7 @@ STIFFENING = {"version": np.array(1), "key": np.array("ab"), "cubic": np.ones(4,
 STIFFENING |= {"centres": np.zeros((3, 3)), "weights": np.ones((3, 3, 2), "<f4"), "nodes": np.zeros((4, 3))}
 STIFFENING |= {
     "tetrahedra": np.arange(4).reshape(1, 4),
-    "fields": np.ones((2, 24), "<f2"),
+    "fields": np.ones((2, 6), "<f2"),
     "cubes": np.ones((2, 4), "<f2"),
 }
 STIFFENING |= {"squares": np.ones((2, 3), "<f2")}

@@ -30,7 +30,7 @@ def small() -> Stiffening:
     stress = StressSeries(
         nodes,
         np.array([[0, 1, 2, 3], [3, 4, 5, 6]]),
-        rng.normal(size=(NODES, 6, RANK)).astype(np.float32),
+        rng.normal(size=(2, 6, RANK)).astype(np.float32),
         (1e9 * rng.normal(size=(RANK, entries(COUNT, 2)))).astype(np.float32),
         (1e13 * rng.normal(size=(RANK, entries(FEW, 3)))).astype(np.float32),
     )
@@ -49,8 +49,17 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read.stress.nodes, made.stress.nodes)
     np.testing.assert_array_equal(read.stress.tetrahedra, made.stress.tetrahedra)
     assert np.abs(read.stress.fields - made.stress.fields).max() <= 2.0**-11 * np.abs(made.stress.fields).max()
+    assert read.stress.nodal.shape == (NODES, 6, RANK)
     amounts = made.stress.amounts(q)
     assert np.abs(read.stress.amounts(q) - amounts).max() <= 2e-3 * np.abs(amounts).max()
+
+
+def test_fields_around_a_node_are_averaged_by_volume() -> None:
+    nodes = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -3.0]])
+    fields = np.stack([np.full((6, 1), 4.0), np.full((6, 1), 8.0)]).astype(np.float32)
+    one = np.ones((1, 1), np.float32)
+    series = StressSeries(nodes, np.array([[0, 1, 2, 3], [0, 2, 1, 4]]), fields, one, one)
+    np.testing.assert_allclose(series.nodal[:, 0, 0], [7.0, 7.0, 7.0, 4.0, 8.0])
 
 
 def test_the_same_numbers_make_the_same_bytes(tmp_path: Path) -> None:

@@ -37,7 +37,7 @@ class Patterns:
         positions = np.asarray(positions, np.float64)
         flat = np.asarray(values, np.float64).reshape(len(positions), -1)
         try:
-            weights: Array = np.linalg.solve(_kernel(positions, positions), flat)
+            weights = np.asarray(np.linalg.solve(_kernel(positions, positions), flat), np.float64)
         except np.linalg.LinAlgError:
             weights = np.full_like(flat, np.nan)
         if not np.isfinite(weights).all():

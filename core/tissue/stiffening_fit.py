@@ -76,8 +76,8 @@ def fit_stiffening(
     work = loads @ (skin.unit_compliance @ patterns)
     samples = np.array([balanced(energy, z) for z in _some(work, SEEN)])
     stress = yield from _within(fit_stress(linear, moved, energy, samples, few, size.fields), 3)
-    pad = moved[:, skin.mesh.pad].transpose(1, 2, 0)
-    return Stiffening(energy, Patterns.through(skin.positions, pad), stress, key)
+    skins = np.unique(skin.mesh.surface)  # beyond the pad, too: at its rim a pattern is then read between places
+    return Stiffening(energy, Patterns.through(skin.mesh.nodes[skins], moved[:, skins].transpose(1, 2, 0)), stress, key)
 
 
 def main_patterns(compliance: Array, loads: Array, answers: Array, count: int) -> Array:

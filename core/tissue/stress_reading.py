@@ -6,6 +6,7 @@ functional of stress, and one linear solve (the adjoint) says what that function
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,22 +54,35 @@ class StressReading:
 
     def squares(self, slopes: Slopes) -> Array:
         """Return what multiplies q_a q_b, a <= b, in the amounts, shape (r, pairs)."""
-        first, shear = self.tissue.lame
-        mesh, h, t = self.tissue.mesh, slopes.gradient, slopes.trace
-        count = len(h)
+        first, mesh = self.tissue.lame[0], self.tissue.mesh
+        count, elements = slopes.trace.shape
         i, j = np.triu_indices(count)
         out = np.empty((len(self.stress), len(i)))
-        for n, (w, g, p) in enumerate(zip(self.stress, self.follow, self.pressure, strict=True)):
-            spread = 0.5 * first * (p @ mesh.averaging)[:, None, None]
-            by = shear * (w @ h + np.swapaxes(h @ g, -1, -2)) - spread * np.swapaxes(h, -1, -2)
-            inner = spread[:, 0, 0] * t - 2.0 * shear * np.einsum("eij,beij->be", w, h)
-            pressed = -first * (t * np.trace(g, axis1=-2, axis2=-1) - np.einsum("eij,beji->be", g, h))
-            for k in range(3):
-                by[..., k, k] += inner
-            nodal = to_nodes(mesh, pressed) - 1.5 * first * p * slopes.nodal
-            form = h.reshape(count, -1) @ by.reshape(count, -1).T + slopes.nodal @ nodal.T
-            out[n] = np.where(i == j, 0.5, 1.0) * (form + form.T)[i, j]
+        h = np.ascontiguousarray(slopes.gradient.transpose(1, 2, 3, 0)).reshape(elements, 9, count)
+        for n, (form, press) in enumerate(zip(self._forms(), self._presses(), strict=True)):
+            pressed = np.einsum("ep,epb->be", press, h, optimize=True)
+            nodal = to_nodes(mesh, pressed) - 1.5 * first * self.pressure[n] * slopes.nodal
+            whole = h.reshape(-1, count).T @ (form @ h).reshape(-1, count) + slopes.nodal @ nodal.T
+            out[n] = np.where(i == j, 0.5, 1.0) * (whole + whole.T)[i, j]
         return out
+
+    def _forms(self) -> Iterator[Array]:
+        """Yield the bilinear form of two gradients that each field's amount is, but for pressure, shape (e, 9, 9)."""
+        first, shear = self.tissue.lame
+        one = np.eye(3)
+        for w, g, p in zip(self.stress, self.follow, self.pressure, strict=True):
+            spread = 0.5 * first * (p @ self.tissue.mesh.averaging)
+            form = shear * (np.einsum("eik,jl->eijkl", w, one) + np.einsum("jk,eli->eijkl", one, g))
+            form -= 2.0 * shear * np.einsum("ij,ekl->eijkl", one, w)
+            whole = np.einsum("ij,kl->ijkl", one, one) - np.einsum("il,jk->ijkl", one, one)
+            form += spread[:, None, None, None, None] * whole
+            yield form.reshape(-1, 9, 9)
+
+    def _presses(self) -> Iterator[Array]:
+        """Yield what a gradient is multiplied with beside the mean dilatation of an element, shape (e, 9)."""
+        for g in self.follow:
+            trace = np.einsum("eii->e", g)[:, None, None]
+            yield self.tissue.lame[0] * (np.swapaxes(g, -1, -2) - trace * np.eye(3)).reshape(-1, 9)
 
     def pressed(self, slopes: Slopes) -> Array:
         """Return what multiplies second-order pressures, over Lame's parameter, in the elements, shape (r, c, e)."""

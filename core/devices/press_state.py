@@ -82,7 +82,7 @@ class PressState:
         if self.stiff is None or not len(rows):
             return False
         size = np.maximum(np.linalg.norm(self.force[rows], axis=1), 1e-8)
-        off = self.problem.rho * self.stiff.follow(rows, self.force[rows]) / size
+        off = self.stiff.follow(rows, self.force[rows]) / (self.problem.rho * size)
         self.residual[rows] = np.maximum(self.residual[rows], off)
         return bool((off > BENT).any())
 

@@ -288,7 +288,7 @@ def _match_pins(touch: Stimulus, spec: DeviceSpec, method: str | None) -> Match:
     if chosen is None:
         raise DermisError("unknown matching method", where=spec.key, value=method, limit=", ".join(METHODS))
     ready = setup(touch.skin, spec)
-    found = make_solver(ready, spec, chosen, None).solve(touch.force)
+    found = make_solver(ready, spec, chosen, None).solve(touch.force, touch.amounts)
     error = found.displacement_error if chosen.startswith("DM") else found.force_error
     rendered = Stimulus(touch.skin, rendered_force(ready, found.forces))
     return Match(spec, chosen, found.forces, error, found.optimality, rendered)

@@ -93,8 +93,9 @@ class DiscContact:
         self._places_now = self.positions + state.moved
         near = np.zeros(0, np.intp) if state.last is None else state.last.near
         if self._stiff is not None:
-            self.tangent = self._stiff.rest if state.last is None else state.last.tangent
-            self._line = None
+            tangent = self._stiff.rest if state.last is None else state.last.tangent
+            if tangent is not self.tangent:
+                self.tangent, self._line = tangent, None
         if near is self.near:
             self._restrict()
         else:

@@ -288,7 +288,7 @@ def _match_pins(touch: Stimulus, spec: DeviceSpec, method: str | None) -> Match:
     if chosen is None:
         raise DermisError("unknown matching method", where=spec.key, value=method, limit=", ".join(METHODS))
     ready = setup(touch.skin, spec)
-    found = make_solver(ready, spec, chosen, None).solve(touch.force)
+    found = make_solver(ready, spec, chosen, None).solve(touch.force, touch.amounts)
     error = found.displacement_error if chosen.startswith("DM") else found.force_error
     rendered = Stimulus(touch.skin, rendered_force(ready, found.forces))
     return Match(spec, chosen, found.forces, error, found.optimality, rendered)
@@ -307,14 +307,16 @@ def _match_thimble(touch: Stimulus, spec: DeviceSpec, method: str | None) -> Mat
             value=method,
             limit="stress, force, geometry",
         )
-    found = match_touch(use, touch.force[None])
+    found = match_touch(use, touch.force[None], amounts=None if touch.amounts is None else touch.amounts[None])
     return Match(
         spec,
         use.method,
         found.commands(spec)[0],
         float(found.mismatch[0]),
         float(found.kkt[0]),
-        Stimulus(touch.skin, found.force[0].astype(np.float64)),
+        Stimulus(
+            touch.skin, found.force[0].astype(np.float64), given=None if found.amounts is None else found.amounts[0]
+        ),
     )
 
 

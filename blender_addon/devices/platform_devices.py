@@ -113,6 +113,7 @@ def swept(spec: Any, skin: dict[str, Any], level: str, rows: int | None) -> Gene
             executor=executor,
             material=material,
             points=core.surrogate.press_points.press_points(model),
+            stiffening=model.stiffening,
         )
         while True:
             try:

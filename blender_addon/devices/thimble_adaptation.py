@@ -53,6 +53,10 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
         model = thimble_devices.pressed(obj, skin_models.get(skin["skin"], skin["skin_level"], where=where, wait=True))
         mechanism = core.matching.thimble_use.calibrated_mechanism(spec, model, use)
         target = core.surrogate.store.place_of(folder, model, *mechanism)
+    tissue = target.with_suffix(".tissue.npz")
+    if model.stiffening is not None:  # its file may be nowhere that another process could look for it
+        model.stiffening.write(tissue)
+        parameters["stiffening"] = str(tissue)
     older, done = target.is_file(), False
     try:
         with core.work.processes.ProcessExecutor() as executor:
@@ -62,6 +66,7 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
             made, done = dict(job.result()), True
             return made
     finally:
+        tissue.unlink(missing_ok=True)
         if not done:
             _remove(folder, target.stem, whole=not older)
 

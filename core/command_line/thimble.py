@@ -19,7 +19,7 @@ from ..matching.adapt import adapt_job
 from ..matching.recorded import RecordedMatcher, check_recording, learn
 from ..matching.stimulus_plot import stimulus_plot
 from ..matching.stress import StressMatcher
-from ..matching.thimble import findings_of, forces_at, match_stimuli, match_touch, matcher
+from ..matching.thimble import amounts_at, findings_of, forces_at, match_stimuli, match_touch, matcher
 from ..matching.thimble_use import ThimbleUse, calibrated_mechanism, prepare
 from ..parameters.skin import DEFAULT_SKIN, SKIN_CONTACT
 from ..plot import stimuli as plot_stimuli
@@ -154,8 +154,10 @@ def plot(options: argparse.Namespace) -> int:
     forces = forces_at(felt, times)
     if not forces.any():
         raise DermisError("the finger touches nothing", where=f"finger '{finger.name}'")
-    found = match_touch(use, forces, use.device.servo_speed / spec.rate)
-    print(plot_stimuli.write(options.out, *picture(stimulus_plot(use, forces, found), found, finger.name)))
+    amounts = amounts_at(felt, times)
+    found = match_touch(use, forces, use.device.servo_speed / spec.rate, amounts)
+    made = stimulus_plot(use, forces, found, amounts=amounts)
+    print(plot_stimuli.write(options.out, *picture(made, found, finger.name)))
     return 0
 
 

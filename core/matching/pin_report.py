@@ -221,7 +221,8 @@ def error_on(ready: PinSetup, skin: SkinContact, matched: Matched) -> Array:
     matcher = ready.matcher
     result = np.zeros(len(skin.times))
     targets = skin.force.reshape(len(skin.contact), -1).astype(np.float64)
-    result[skin.contact] = matcher.displacement_error(targets, matched.forces[np.ix_(skin.contact, matcher.active)])
+    forces = matched.forces[np.ix_(skin.contact, matcher.active)]
+    result[skin.contact] = matcher.displacement_error(matcher.goals(targets, forces, skin.amounts), forces)
     return result
 
 
@@ -278,7 +279,8 @@ def _target_size(ready: PinSetup, skin: SkinContact) -> float:
     """Return the RMS of the target's displacement in the norm of u_err [m]."""
     targets = skin.force.reshape(len(skin.contact), -1).astype(np.float64)
     nothing = np.zeros((len(targets), len(ready.matcher.active)))
-    return _rms(ready.matcher.displacement_error(targets, nothing))
+    goals = ready.matcher.goals(targets, nothing, skin.amounts)
+    return _rms(ready.matcher.displacement_error(goals, nothing))
 
 
 def _rms(values: Array) -> float:

@@ -66,9 +66,9 @@ MAY_IMPORT: dict[str, set[str]] = {
     "contact": CONTACT,
     "tissue": CONTACT,  # what stiffening is worked out from
     # what a device does about it
-    "devices": DEVICE | {"surface", "contact.solver"},
+    "devices": DEVICE | {"surface", "contact.solver", "stiffening"},
     "effects": SCENE | {"images", "motion"},
-    "surrogate": DEVICE | {"skin", "devices"},
+    "surrogate": DEVICE | {"skin", "stiffening", "devices"},
     "matching": MATCHING,
     "experiment": MATCHING,
     "design": MATCHING | {"plot", "work"},

@@ -24,6 +24,8 @@ class SkinState:
         converged: whether the frame passed the solver's own check.
         counters: what was solved and what was skipped, by name.
         points: the same forces where they act, on points of the smooth skin; None where contact is solved on nodes.
+        amounts: how much of each pattern skin that stiffens is displaced by, shape (k,); None of linear skin.
+        slide: how far friction has drawn the loaded skin along itself [m].
         coarse: the way to the frame was walked in fewer steps than it takes.
     """
 
@@ -42,6 +44,8 @@ class SkinState:
     converged: bool = True
     counters: Mapping[str, int] = field(default_factory=dict)
     points: core.skin.point_forces.PointForces | None = None
+    amounts: Array | None = None
+    slide: float = 0.0
     coarse: bool = False
 
     @classmethod

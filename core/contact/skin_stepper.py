@@ -221,4 +221,5 @@ def _skin_step(bone: BoneStep, points: PointForces | None = None) -> SkinStep:
         bool(solution.converged),
         points,
         bone.step.amounts,
+        bone.step.slide,
     )

@@ -1,0 +1,112 @@
+"""How far each model of tissue is from a neo-Hookean finger under the same touch: what a legend and a result may say.
+
+Both press the same mesh with the same object, each with its own contact, and share the law of friction: what is told
+is the error of the tissue alone, not of the mesh, of the shape or of a person's stiffness. Simulated, not measured on
+fingers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from ..errors import DermisError
+from ..units import finite
+
+LINEAR, NEO_HOOKEAN = "linear", "neo_hookean"
+DEPTHS = (0.5e-3, 1e-3, 1.5e-3, 2e-3, 3e-3, 4e-3)  # that a touch was pressed to, not slid [m]
+SLIDES = (0.0, 1e-3, 2e-3, 4e-3, 6e-3)  # that the object was then drawn across, 2 mm deep [m]
+SLID_AT = 2e-3  # depth of the slides [m]
+
+
+class Spread(NamedTuple):
+    """Relative errors of one kind: half and a tenth of the touches are farther off."""
+
+    median: float
+    p90: float
+
+
+class ErrorBand(NamedTuple):
+    """What a model of tissue is off by at a depth and a slide.
+
+    Attributes:
+        stress: of all tissue, by volume, relative to the neo-Hookean one. force: the sum on the finger, as a vector.
+    """
+
+    stress: Spread
+    force: Spread
+
+
+# of `python -m tests.benchmarks.nonlinear_reference bands`: median and 90th percentile, at DEPTHS and at SLIDES
+_BY_DEPTH: dict[str, dict[str, tuple[tuple[float, float], ...]]] = {
+    LINEAR: {
+        "stress": ((0.06, 0.08), (0.12, 0.16), (0.15, 0.20), (0.18, 0.28), (0.27, 0.42), (0.36, 0.56)),
+        "force": ((0.03, 0.04), (0.06, 0.09), (0.11, 0.15), (0.16, 0.24), (0.26, 0.39), (0.36, 0.54)),
+    },
+    NEO_HOOKEAN: {
+        "stress": ((0.02, 0.03), (0.04, 0.06), (0.05, 0.10), (0.07, 0.13), (0.14, 0.28), (0.25, 0.45)),
+        "force": ((0.01, 0.01), (0.01, 0.01), (0.01, 0.02), (0.01, 0.02), (0.03, 0.05), (0.08, 0.15)),
+    },
+}
+_BY_SLIDE: dict[str, dict[str, tuple[tuple[float, float], ...]]] = {
+    LINEAR: {
+        "stress": ((0.18, 0.28), (0.26, 0.38), (0.32, 0.45), (0.40, 0.56), (0.45, 0.63)),
+        "force": ((0.16, 0.24), (0.17, 0.26), (0.19, 0.29), (0.23, 0.35), (0.26, 0.40)),
+    },
+    NEO_HOOKEAN: {
+        "stress": ((0.07, 0.13), (0.09, 0.16), (0.10, 0.20), (0.13, 0.25), (0.15, 0.30)),
+        "force": ((0.01, 0.02), (0.01, 0.02), (0.02, 0.04), (0.03, 0.06), (0.04, 0.08)),
+    },
+}
+
+
+def error_band(tissue: str, depth: float, slide: float = 0.0) -> ErrorBand:
+    """Return what a model of tissue is off by.
+
+    Between the measured depths and slides errors are interpolated, from none at rest; beyond the last they are the
+    last ones, and `validated` says so. A slide adds what it does 2 mm deep, by share of the depth where it is less.
+
+    Args:
+        tissue: 'linear' or 'neo_hookean'. depth: that the undeformed skin lies in what it touches [m].
+        slide: of what it touches across it, since it touched [m].
+
+    Raises:
+        DermisError: an unknown tissue, or a depth or slide that is not finite or below zero.
+    """
+    _check(tissue, depth, slide)
+    share = min(depth / SLID_AT, 1.0)
+    found = []
+    for kind in ("stress", "force"):
+        pressed, slid = _BY_DEPTH[tissue][kind], _BY_SLIDE[tissue][kind]
+        both = []
+        for k in (0, 1):
+            more = _between(slide, SLIDES, [row[k] for row in slid]) - slid[0][k]
+            both.append(_between(depth, (0.0, *DEPTHS), [0.0, *(row[k] for row in pressed)]) + share * more)
+        found.append(Spread(*both))
+    return ErrorBand(*found)
+
+
+def validated(tissue: str, depth: float, slide: float = 0.0) -> bool:
+    """Return whether errors were measured as deep and as far.
+
+    Raises:
+        DermisError: as `error_band`.
+    """
+    _check(tissue, depth, slide)
+    return depth <= DEPTHS[-1] and slide <= SLIDES[-1]
+
+
+def _check(tissue: str, depth: float, slide: float) -> None:
+    if tissue not in _BY_DEPTH:
+        raise DermisError("unknown tissue", where="error band", value=tissue, limit=", ".join(_BY_DEPTH))
+    for name, value in {"depth": depth, "slide": slide}.items():
+        if not finite(value) or value < 0.0:
+            raise DermisError(f"the {name} is no length", where="error band", value=value, limit=">= 0 m")
+
+
+def _between(at: float, places: Sequence[float], values: Sequence[float]) -> float:
+    """Return the line through values at rising places; the last value beyond the last."""
+    for low, high, first, second in zip(places, places[1:], values, values[1:], strict=False):
+        if at <= high:
+            return first + (second - first) * (at - low) / (high - low)
+    return values[-1]

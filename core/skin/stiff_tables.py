@@ -36,7 +36,7 @@ class StiffTables:
     def balanced(self, work: Array) -> Array:
         """Return how much of each pattern there is under forces, from their work in the patterns, shape (k,)."""
         balance = Balance(self.stiffening.energy)
-        balance.follow(work)
+        balance.ramp(work)
         return balance.q
 
     @cached_property

@@ -35,7 +35,7 @@ class Patterns:
 
     def at(self, positions: Array) -> Floats32:
         """Return the patterns at points of the skin, shape (n, 3, k)."""
-        kernel = _kernel(np.asarray(positions, np.float64), self.centres).astype(np.float32)
+        kernel = _kernel(np.asarray(positions, np.float64), self.centres)  # large terms cancel
         out = kernel @ self.weights.reshape(len(self.centres), -1)
         return np.asarray(out.reshape(len(positions), 3, -1), np.float32)
 

@@ -8,12 +8,24 @@ the smooth skin, ask for the patterns where they need them.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from ..files import write_npz
+from ..npz import opened_npz
 from .energy import Energy
 from .patterns import Patterns
 from .stress_series import StressSeries
+from .symmetric import packed_cubic, packed_quartic, side, whole_cubic, whole_quartic
 
 VERSION = 1
+_ARRAYS = "version key cubic quartic centres weights nodes tetrahedra fields squares cubes".split()
+_FLOATS = "cubic quartic centres weights nodes fields squares cubes".split()
+_HALF = ("fields", "squares", "cubes")  # each row by its largest number: stress is then good to 0.05 %
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,3 +46,104 @@ class Stiffening:
     def count(self) -> int:
         """Number of patterns k."""
         return self.energy.count
+
+    def write(self, path: Path) -> None:
+        """Write it as plain arrays, each number as short as its error allows.
+
+        Raises:
+            DermisError: the file cannot be written.
+        """
+        stress = self.stress
+        arrays: dict[str, NDArray[Any]] = {
+            "version": np.array(VERSION),
+            "key": np.array(self.key),
+            "cubic": packed_cubic(self.energy.cubic).astype(np.float32),
+            "quartic": packed_quartic(self.energy.quartic).astype(np.float32),
+            "centres": self.patterns.centres,
+            "weights": self.patterns.weights,
+            "nodes": stress.nodes,
+            "tetrahedra": stress.tetrahedra.astype(np.int32),
+        }
+        fields = stress.fields.reshape(-1, stress.fields.shape[-1]).T
+        for name, rows in zip(_HALF, (fields, stress.squares, stress.cubes), strict=True):
+            arrays[name], arrays[f"{name}_scale"] = _halved(rows)
+        write_npz(path, arrays)
+
+    @classmethod
+    def read(cls, path: Path) -> Stiffening:
+        """Read what `write` wrote.
+
+        Raises:
+            DermisError: the file cannot be read, is of another version, or its arrays do not fit together.
+        """
+        where = str(path)
+        with opened_npz(path, kind="the table of a skin that stiffens") as archive:
+            found = archive.arrays([*_ARRAYS, *(f"{name}_scale" for name in _HALF)])
+        version = found["version"]
+        if version.shape != () or version.dtype.kind not in "iu" or int(version) != VERSION:
+            raise DermisError(
+                "a table of a skin that stiffens, of another version",
+                where=where,
+                value=str(version)[:40],
+                limit=VERSION,
+                remedy="Delete it: it is made again",
+            )
+        if not _fits(found):
+            raise DermisError("a stiffening skin's arrays do not fit", where=where, value=found["weights"].shape)
+        rows = {name: found[name].astype(np.float32) * found[f"{name}_scale"][:, None] for name in _HALF}
+        fields = rows["fields"].T.reshape(len(found["nodes"]), 6, -1)
+        return cls(
+            Energy(whole_cubic(found["cubic"]), whole_quartic(found["quartic"])),
+            Patterns(found["centres"], found["weights"]),
+            StressSeries(
+                found["nodes"],
+                found["tetrahedra"],
+                np.ascontiguousarray(fields),
+                np.ascontiguousarray(rows["squares"]),
+                np.ascontiguousarray(rows["cubes"]),
+            ),
+            str(found["key"]),
+        )
+
+
+def _halved(rows: NDArray[np.float32]) -> tuple[NDArray[np.float16], NDArray[np.float32]]:
+    """Return rows in half precision over their largest numbers, and those numbers."""
+    scale = np.abs(rows).max(axis=1, initial=0.0)
+    scale = np.where(scale > 0.0, scale, 1.0).astype(np.float32)
+    return (rows / scale[:, None]).astype(np.float16), scale
+
+
+def _fits(found: dict[str, NDArray[Any]]) -> bool:
+    """Return whether the arrays of a file belong together."""
+    if any(found[n].dtype.kind != "f" or not np.isfinite(found[n]).all() for n in _FLOATS):
+        return False
+    if found["key"].dtype.kind != "U" or found["key"].shape != ():
+        return False
+    rank = len(found["fields"])
+    for name in _HALF:
+        scale = found[f"{name}_scale"]
+        if found[name].ndim != 2 or scale.dtype.kind != "f" or scale.shape != (rank,) or len(found[name]) != rank:
+            return False
+        if not (np.isfinite(scale).all() and (scale > 0.0).all()):
+            return False
+    if found["cubic"].ndim != 1 or found["quartic"].ndim != 1:
+        return False
+    count, few = side(len(found["cubic"]), 3), side(len(found["quartic"]), 4)
+    centres, nodes, tetra = found["centres"], found["nodes"], found["tetrahedra"]
+    return (
+        0 < few <= count
+        and centres.ndim == 2
+        and found["weights"].shape == (len(centres), 3, count)
+        and centres.shape[1] == 3
+        and nodes.ndim == 2
+        and nodes.shape[1] == 3
+        and found["fields"].shape[1] == 6 * len(nodes)
+        and found["squares"].shape[1] == count * (count + 1) // 2
+        and 0 < side(found["cubes"].shape[1], 3) <= count
+        and tetra.dtype.kind in "iu"
+        and tetra.ndim == 2
+        and tetra.shape[1] == 4
+        and len(tetra) > 0
+        and 0 <= int(tetra.min())
+        and int(tetra.max()) < len(nodes)
+    )

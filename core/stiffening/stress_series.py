@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array, Floats32, Indices
+from .symmetric import rising, side
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,14 +40,5 @@ class StressSeries:
 
     @cached_property
     def _triples(self) -> tuple[Indices, Indices, Indices]:
-        few = 1
-        while few * (few + 1) * (few + 2) // 6 < self.cubes.shape[1]:
-            few += 1
-        return triples(few)
-
-
-def triples(few: int) -> tuple[Indices, Indices, Indices]:
-    """Return all a <= b <= c below `few`, in order."""
-    a, b, c = np.meshgrid(*[np.arange(few)] * 3, indexing="ij")
-    kept = (a <= b) & (b <= c)
-    return a[kept], b[kept], c[kept]
+        a, b, c = rising(side(self.cubes.shape[1], 3), 3)
+        return a, b, c

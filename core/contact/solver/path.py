@@ -380,7 +380,7 @@ class PathSolver:
             y[members] = iteration.state.y
             reference = force
             residual, status = assess(force, w, normal, mu, 1.0 / rho)
-            if residual <= goal:
+            if residual <= goal and self._balanced(goal):
                 return Solution(force, w, normal, mu, status, iterations, residual, goal, "admm"), y, image, "solved"
             missed = np.flatnonzero(np.logical_not(self._candidates.inside) & (along(w, normal) < 0.0))
             if missed.size:
@@ -416,7 +416,7 @@ class PathSolver:
             image = self._apply(force)
             w = image + soft[:, None] * force + b
             residual, status = assess(force, w, gaps.normal, gaps.friction, 1.0 / self._rho)
-            if residual <= goal:
+            if residual <= goal and self._balanced(goal):
                 break
         found = Solution(force, w, gaps.normal, gaps.friction, status, iterations, residual, goal, method)
         return found, w / -self._rho, image, "solved"
@@ -467,6 +467,10 @@ class PathSolver:
         """Return the displacement under forces [m], shape (n, 3)."""
         linear = self._linear(force)
         return linear if self._stiff is None else linear - self._stiff.beyond(force)
+
+    def _balanced(self, goal: float) -> bool:
+        """Return whether skin that stiffens has come to where the last forces bring it."""
+        return self._stiff is None or self._stiff.balance.left <= goal
 
     def _linear(self, force: Array) -> Array:
         return (self._c @ force.reshape(-1)).reshape(-1, 3)

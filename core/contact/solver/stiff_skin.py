@@ -13,6 +13,12 @@ from ...stiffening.balance import Balance
 from ...stiffening.stiffening import Stiffening
 from .candidates import CandidateInverse
 
+# Of M, where a compliance must stay positive definite although patterns are told to some digits only.
+STIFFEST = 0.95
+
+
+CLOSE = 0.01  # of q, within which a tangent serves again
+
 
 class Tangent:
     """(A - U M U' / E)^-1 as a product, from A^-1 = (C + softness + rho)^-1 (Woodbury)."""
@@ -44,6 +50,7 @@ class StiffSkin:
         self.patterns = np.zeros((0, 3, stiffening.count), np.float32)
         self.balance = Balance(stiffening.energy)
         self._known: tuple[int, int, int, Floats32, Array] | None = None  # of A^-1 U
+        self._middle: tuple[Array, Floats32] | None = None  # of the tangent, and the q that it belongs to
 
     @classmethod
     def of(cls, skin: SkinModel | SurfaceCompliance) -> StiffSkin | None:
@@ -92,9 +99,12 @@ class StiffSkin:
     def tangent(self, candidates: CandidateInverse) -> Tangent:
         """Return the inverse for small changes from the last forces, over the members of a linear one."""
         image, gram = self._image(candidates)
-        softening = self.balance.softening() / self.modulus
-        middle = np.linalg.solve(np.eye(len(gram)) - softening @ gram, softening)
-        return Tangent(candidates.matrix, image, middle.astype(np.float32))
+        q = self.balance.q
+        if self._middle is None or np.linalg.norm(q - self._middle[0]) > CLOSE * np.linalg.norm(q):
+            softening = self.balance.softening() / self.modulus
+            middle = np.linalg.solve(np.eye(len(gram)) - softening @ gram, softening)
+            self._middle = q, middle.astype(np.float32)
+        return Tangent(candidates.matrix, image, self._middle[1])
 
     def past_tangent(self, force: Array, rows: Indices) -> Array:
         """Return U n(q) - U M U' f / E at some points, which alone carry forces [N]: what is off a line through rest.
@@ -110,7 +120,9 @@ class StiffSkin:
     def matrix(self, rows: Indices) -> Array:
         """Return U M U' / E at some points, to be taken off their compliance [m/N], shape (3 j, 3 j)."""
         few = self.patterns[rows].reshape(3 * len(rows), -1).astype(np.float64)
-        return (few @ (self.balance.softening() / self.modulus)) @ few.T
+        values, vectors = np.linalg.eigh(self.balance.softening())
+        half = few @ vectors
+        return (half * (np.minimum(values, STIFFEST) / self.modulus)) @ half.T
 
     def _image(self, candidates: CandidateInverse) -> tuple[Floats32, Array]:
         """Return A^-1 U over the members, and U' A^-1 U."""
@@ -120,5 +132,5 @@ class StiffSkin:
             rows = self.patterns[candidates.members].reshape(3 * len(candidates.members), -1)
             image = candidates.matrix @ rows
             known = (*now, image, (rows.T @ image).astype(np.float64))
-            self._known = known
+            self._known, self._middle = known, None
         return known[3], known[4]

@@ -21,7 +21,7 @@ from ..matching.stimulus_plot import stimulus_plot
 from ..matching.stress import StressMatcher
 from ..matching.thimble import findings_of, forces_at, match_stimuli, match_touch, matcher
 from ..matching.thimble_use import ThimbleUse, calibrated_mechanism, prepare
-from ..parameters.skin import DEFAULT_SKIN, SKIN_CONTACT
+from ..parameters.skin import DEFAULT_SKIN
 from ..plot import stimuli as plot_stimuli
 from ..presets import Library
 from ..scene import scene_file
@@ -31,6 +31,7 @@ from ..skin.sensor import electrode_sensor, noise_floor_of, noise_of, read_stimu
 from ..surrogate.lessons import KINDS
 from ..surrogate.store import contact_of
 from ..surrogate.table import read_table
+from ..tissue.finger_skin import finger_skin
 from ..track import csv
 from ..track.command_track import CommandTrack
 
@@ -198,7 +199,5 @@ def _thimble(library: Library, key: str) -> DeviceSpec:
 
 
 def _felt(scene: TactileScene, library: Library, finger: int) -> SkinContact:
-    p = scene.fingers[finger].parameters
-    parameters = p.get("skin") or library.skin(DEFAULT_SKIN)
-    skin = skin_from_parameters(parameters, level=SKIN_CONTACT["skin_level"].of(p))
+    skin = finger_skin(scene.fingers[finger].parameters, library.skin(DEFAULT_SKIN))
     return skin_contacts(scene, {finger: skin})[finger]

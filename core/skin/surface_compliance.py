@@ -145,7 +145,7 @@ class SurfaceCompliance:
         """Return the patterns of a skin that stiffens at cells, shape (n, 3, k); computed once for each cell."""
         assert self.stiffening is not None
         flat = self._patterns[np.asarray(cells)]
-        return np.ascontiguousarray(flat.reshape(len(flat), 3, -1))
+        return np.ascontiguousarray(flat.reshape(len(flat), 3, self.stiffening.count))
 
     def probes(self, places: Array, depths: Floats | float) -> Probes:
         """Return points below the skin at places of the chart, shape (k, 2), and depths [m] above zero, shape (k,)."""

@@ -34,7 +34,7 @@ def model_of(obj: bpy.types.Object) -> core.skin.model.SkinModel | None:
         DermisError: a size that leaves no room for tissue.
     """
     skin = skin_properties.parameters(obj.dermis.finger.skin)
-    return skin_models.get(skin["skin"], skin["skin_level"], where=f"finger '{obj.name}', skin")
+    return skin_models.of(skin, where=f"finger '{obj.name}', skin")
 
 
 def table(obj: bpy.types.Object, device: Any) -> core.matching.table.SkinTable | None:

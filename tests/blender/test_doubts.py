@@ -184,7 +184,7 @@ def test_a_press_deeper_than_skin_is_trusted_gets_a_compliant_bone_where_skin_is
     finger.dermis.finger.skin.shown = True
     assert found() == {}
     finger.keyframe_insert("location", frame=1)
-    finger.location.z = -0.0031
+    finger.location.z = -0.0026
     finger.keyframe_insert("location", frame=30)
     bpy.context.scene.frame_set(1)
     assert found() == {"deep": "Finger"}  # at a key that is not shown now

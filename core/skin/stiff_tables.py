@@ -32,27 +32,39 @@ class StiffTables:
 
     @cached_property
     def bound(self) -> Array:
-        """What loads store in patterns, loads' patterns: one, but for the mesh's own compliance, shape (k, k)."""
+        """What the patterns store in linear tissue, twice: one on the mesh that they were made on, shape (k, k)."""
         return np.asarray(self.loads.T @ self.pad)
 
     def balanced(self, work: Array) -> Array:
         """Return how much of each pattern there is under forces, from their work in the patterns, shape (k,)."""
         balance = Balance(self.stiffening.energy)
-        balance.ramp(work)
+        balance.settle(work)
         return balance.q
 
-    @cached_property
+    @property
     def pad(self) -> Array:
         """The patterns at the pad nodes, shape (3 m, k)."""
-        found = self.stiffening.patterns.at(self.mesh.nodes[self.mesh.pad])
-        return found.reshape(len(self._compliance), -1).astype(np.float64)
+        return self._pad[0]
 
-    @cached_property
+    @property
     def loads(self) -> Array:
         """Forces on the pad nodes that displace them by the patterns in linear tissue, shape (3 m, k)."""
+        return self._pad[1]
+
+    @cached_property
+    def _pad(self) -> tuple[Array, Array]:
+        """Return the patterns and their loads; what a coarse mesh holds for stiffer than it is, is made smaller.
+
+        Where a pattern stored more than one, skin that stiffens much would give way against what presses it.
+        """
         from scipy.linalg import cho_factor, cho_solve
 
-        return np.asarray(cho_solve(cho_factor(self._compliance), self.pad))
+        found = self.stiffening.patterns.at(self.mesh.nodes[self.mesh.pad])
+        pad = found.reshape(len(self._compliance), -1).astype(np.float64)
+        loads = np.asarray(cho_solve(cho_factor(self._compliance), pad))
+        values, vectors = np.linalg.eigh(loads.T @ pad)
+        share = (vectors / np.sqrt(np.maximum(values, 1.0))) @ vectors.T
+        return pad @ share, loads @ share
 
     @cached_property
     def nodes(self) -> Floats32:

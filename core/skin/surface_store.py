@@ -97,8 +97,10 @@ def smooth_pad(skin: SkinModel) -> SurfaceCompliance | None:
             return None
         known = SurfaceCompliance(PadChart.of(skin.shape), material, remainder)
     pad = _pads.make(key, lambda: known)
-    pad = pad.with_material(young=material.young, alpha=material.alpha)
-    return pad if skin.stiffening is None else pad.with_stiffening(skin.stiffening)
+    if skin.stiffening is not None:
+        stiff = pad.with_stiffening(skin.stiffening)
+        pad = _pads.make(f"{key} {skin.stiffening.key}", lambda: stiff) if skin.stiffening.key else stiff
+    return pad.with_material(young=material.young, alpha=material.alpha)
 
 
 def no_smooth_pad(skin: SkinModel, name: str) -> Finding:

@@ -13,10 +13,10 @@ import numpy as np
 from ..arrays import Array
 from .energy import Energy
 
-TOLERANCE = 2e-4  # of q + n(q) - z, relative to z
+TOLERANCE = 1e-5  # of q + n(q) - z, relative to z
 STEPS = 3  # of Newton's method at one z, while tissue is stable
 FLOOR = 0.1  # of the stiffness over linear tissue's: below it a step would go anywhere
-RAMP = 8  # parts that a force from nowhere comes in
+MAX_STEPS, SHORTEST = 60, 1e-4  # of a force from nowhere, and the least share of a step that is tried
 
 
 class Balance:
@@ -47,8 +47,12 @@ class Balance:
         """Go back to a saved state."""
         self.q, self.force, self._stiffness, self.left, self._known = state
 
-    def follow(self, z: Array) -> Array:
+    def follow(self, z: Array, tolerance: float = TOLERANCE, near: Array | None = None) -> Array:
         """Go towards other forces and return n, with what the next step would bring, shape (k,).
+
+        Args:
+            z: work of the forces in the patterns, shape (k,). tolerance: of the balance, relative to it.
+            near: q that is expected; where tissue is stable it is taken in place of the first step.
 
         Where tissue is unstable under dead loads it takes one short step: who holds its displacement asks again, and
         then q is where it is held after two.
@@ -57,25 +61,43 @@ class Balance:
         if size == 0.0:
             self.reset()
             return self.force
+        if near is not None and self._factors()[0]:
+            self._go(near)
         for _ in range(STEPS):
             left = z - self.q - self.force
-            if float(np.linalg.norm(left)) <= TOLERANCE * size:
+            if float(np.linalg.norm(left)) <= tolerance * size:
                 break
             stable, values, vectors = self._factors()
-            self.q = self.q + _solved(stable, values, vectors, left)
-            self.force, self._stiffness = self.energy.force_and_stiffness(self.q)
-            self._known = None
+            self._go(self.q + _solved(stable, values, vectors, left))
             if not stable:
                 break
         left = z - self.q - self.force
         self.left = float(np.linalg.norm(left)) / size
         return self.force + left - _solved(*self._factors(), left)
 
-    def ramp(self, z: Array) -> None:
-        """Go from rest to forces that nothing else is known of."""
+    def _go(self, q: Array) -> None:
+        self.q, self._known = q, None
+        self.force, self._stiffness = self.energy.force_and_stiffness(q)
+
+    def settle(self, z: Array) -> None:
+        """Go from rest downhill to where forces that nothing else is known of are balanced."""
         self.reset()
-        for part in range(1, RAMP + 1):
-            self.follow(z * (part / RAMP))
+        size = float(np.linalg.norm(z))
+        stored = 0.0  # energy less work
+        for _ in range(MAX_STEPS):
+            left = z - self.q - self.force
+            self.left = float(np.linalg.norm(left)) / max(size, 1e-300)
+            if self.left <= TOLERANCE:
+                break
+            step, share = _solved(*self._factors(), left), 1.0
+            while share > SHORTEST:
+                q = self.q + share * step
+                now = float(q @ (0.5 * q - z)) + self.energy.value(q)
+                if now < stored - 1e-4 * share * float(left @ step):
+                    break
+                share *= 0.5
+            stored = now
+            self._go(q)
 
     def softening(self) -> Array:
         """Return M = 1 - (1 + n')^-1, by which stiffening skin gives way less than linear skin, shape (k, k)."""

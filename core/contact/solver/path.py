@@ -107,8 +107,6 @@ class PathSolver:
         self.history = ContactHistory(m)
         self._zero = np.zeros((m, 3))
         self._status = np.zeros(m, dtype=np.int8)
-        if stiff is not None:
-            stiff.at(self.points)
         self.reset()
 
     def _begin(
@@ -119,6 +117,8 @@ class PathSolver:
         self.name = name
         self.depth_limit = depth_limit
         self._stiff = stiff
+        if stiff is not None:
+            stiff.tolerance = 0.5 * CHECK * tolerance
         self.counters = dict.fromkeys(
             (
                 "solved",
@@ -181,7 +181,7 @@ class PathSolver:
         self.reset()
         none = np.zeros(len(self._zero))
         nothing = Solution(self._zero, self._zero, self._zero, none, self._status, 0, 0.0, self.tolerance, "none")
-        self._step = PathStep(nothing, self._zero, None, "idle", False, self.nodal(self._zero))
+        self._step = PathStep(nothing, self._zero, None, "idle", False, self.nodal(self._zero), self.amounts)
         return self._step
 
     @property
@@ -353,11 +353,14 @@ class PathSolver:
         self._candidates.follow(gaps.clearance, self.loaded, self._spacing, soft)
         reference = start
         force, y = self._extrapolated(start, w)
+        ahead = 0.0 if self._stiff is None else self._stiff.begin()
         iterations = rounds = 0
         while True:
             members = self._candidates.members
             z = reference[members]
             exact = (image[members] + soft[members, None] * z).reshape(-1)
+            if self._stiff is not None and rounds == 0:
+                exact -= np.asarray(ahead)[members].reshape(-1)
             iteration = iterate(
                 self._inverse(),
                 np.repeat(rho[members, 0], 3),
@@ -375,6 +378,8 @@ class PathSolver:
             force = np.zeros_like(self._zero)
             force[members] = iteration.state.z
             image = self._apply(force)
+            if self._stiff is not None:
+                self._stiff.learn()
             w = image + soft[:, None] * force + b
             y = w / -rho
             y[members] = iteration.state.y
@@ -404,7 +409,7 @@ class PathSolver:
         """Solve the frame in float64 with every method there is."""
         self.counters["fallback"] += 1
         near = np.flatnonzero(gaps.body >= 0)
-        goal = CHECK * self.tolerance
+        goal, best = CHECK * self.tolerance, None
         for _ in range(1 if self._stiff is None else TANGENTS):
             start = np.zeros_like(self._zero)
             start[near] = force[near]
@@ -416,10 +421,13 @@ class PathSolver:
             image = self._apply(force)
             w = image + soft[:, None] * force + b
             residual, status = assess(force, w, gaps.normal, gaps.friction, 1.0 / self._rho)
+            if best is None or residual < best[0].residual:
+                found = Solution(force, w, gaps.normal, gaps.friction, status, iterations, residual, goal, method)
+                best = found, w / -self._rho, image, "solved"
             if residual <= goal and self._balanced(goal):
                 break
-        found = Solution(force, w, gaps.normal, gaps.friction, status, iterations, residual, goal, method)
-        return found, w / -self._rho, image, "solved"
+        assert best is not None
+        return best
 
     def _exactly(self, near: Indices, b: Array, gaps: NodeGaps, soft: Array, start: Array) -> tuple[Array, int, str]:
         """Return forces on some nodes [N], the iterations they took and the method."""

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...arrays import Array, Floats32, Indices
 from ...skin.model import SkinModel
 from ...skin.surface_compliance import SurfaceCompliance
-from ...stiffening.balance import Balance
+from ...stiffening.balance import TOLERANCE, Balance
 from ...stiffening.stiffening import Stiffening
 from .candidates import CandidateInverse
 
@@ -35,32 +35,47 @@ class Tangent:
         return self._inverse @ values + self._image @ (self._middle @ (values @ self._image))
 
 
+class _Middle(NamedTuple):
+    """What a tangent has between A^-1 U and its transpose.
+
+    Attributes:
+        of: which state of the candidates. q: where it was taken. softening: M, shape (k, k). product: shape (k, k).
+    """
+
+    of: tuple[int, ...]
+    q: Array
+    softening: Array
+    product: Floats32
+
+
 class StiffSkin:
     """Points of a skin that stiffens.
 
     Args:
-        stiffening: of the skin. modulus: E alpha [Pa].
+        stiffening: of the skin. modulus: E alpha [Pa]. patterns: at the points, where these stay, shape (n, 3, k).
 
     Attributes:
         patterns: at the points, shape (n, 3, k). balance: of the last forces that were asked about.
+        tolerance: of the balance, relative to the forces' work.
     """
 
-    def __init__(self, stiffening: Stiffening, modulus: float) -> None:
+    def __init__(self, stiffening: Stiffening, modulus: float, patterns: Floats32 | None = None) -> None:
         self.stiffening, self.modulus = stiffening, modulus
-        self.patterns = np.zeros((0, 3, stiffening.count), np.float32)
-        self.balance = Balance(stiffening.energy)
-        self._known: tuple[int, int, int, Floats32, Array] | None = None  # of A^-1 U
-        self._middle: tuple[Array, Floats32] | None = None  # of the tangent, and the q that it belongs to
+        self.patterns = np.zeros((0, 3, stiffening.count), np.float32) if patterns is None else patterns
+        self.balance, self.tolerance = Balance(stiffening.energy), TOLERANCE
+        self._image: tuple[tuple[int, ...], Floats32, Array] | None = None  # A^-1 U and U' A^-1 U, and of what
+        self._middle: _Middle | None = None
+        self.reset()
 
     @classmethod
     def of(cls, skin: SkinModel | SurfaceCompliance) -> StiffSkin | None:
         """Return what a skin does beyond its compliance; None where it is linear."""
-        return None if skin.stiffening is None else cls(skin.stiffening, skin.material.modulus)
-
-    def at(self, positions: Array) -> None:
-        """Take other points of the skin [m], shape (n, 3)."""
-        self.patterns = self.stiffening.patterns.at(positions)
-        self._known = None
+        if skin.stiffening is None:
+            return None
+        patterns = None
+        if isinstance(skin, SkinModel):  # at the nodes of its pad
+            patterns = skin.stiff.pad.reshape(-1, 3, skin.stiffening.count).astype(np.float32)
+        return cls(skin.stiffening, skin.material.modulus, patterns)
 
     def change(self, order: Indices, entering: Indices, pad: SurfaceCompliance) -> None:
         """Go over to other points: where each that stays was, and the cells of a pad that are new, shape (j,)."""
@@ -70,16 +85,19 @@ class StiffSkin:
     def reset(self) -> None:
         """Go back to rest."""
         self.balance.reset()
+        none = np.zeros(self.stiffening.count)
+        self._last = self._start = none, none  # work of the last forces and n there; where the frame began
+        self._bent, self._first = none, True
 
     def save(self) -> tuple[Any, ...]:
         """Return the state, for `restore`."""
-        return self.balance.save(), self.patterns
+        return self.balance.save(), self.patterns, self._middle, self._last, self._bent
 
     def restore(self, state: tuple[Any, ...]) -> None:
         """Go back to a saved state."""
-        balance, self.patterns = state
+        balance, self.patterns, self._middle, self._last, self._bent = state
         self.balance.restore(balance)
-        self._known = None
+        self._image = None
 
     @property
     def amounts(self) -> Array:
@@ -92,19 +110,45 @@ class StiffSkin:
         rows = self.patterns if 2 * len(loaded) > len(force) else self.patterns[loaded]
         carried = force if len(rows) == len(force) else force[loaded]
         work = carried.reshape(-1).astype(np.float32) @ rows.reshape(carried.size, self.stiffening.count)
-        beyond = self.balance.follow(work.astype(np.float64) / self.modulus)
-        out = self.patterns.reshape(force.size, -1) @ beyond.astype(np.float32)
+        z = work.astype(np.float64) / self.modulus
+        near = None
+        if self._first and self._middle is not None:  # on the frame's first line, bent as in the last frame
+            z0, n0 = self._start
+            near = z - n0 - self._middle.softening @ (z - z0) - self._bent
+        beyond = self.balance.follow(z, self.tolerance, near)
+        self._last = z, beyond
+        return self._moved(beyond)
+
+    def begin(self) -> Array:
+        """Begin a frame: return how far its first line will miss what skin does, as in the last frame, (n, 3) [m]."""
+        self._start, self._first = self._last, True
+        return self._moved(self._bent)
+
+    def learn(self) -> None:
+        """Note by how much the frame's first line missed what skin does under the forces that it led to."""
+        if self._first and self._middle is not None:
+            (z, n), (z0, n0) = self._last, self._start
+            self._bent = n - n0 - self._middle.softening @ (z - z0)
+        self._first = False
+
+    def _moved(self, beyond: Array) -> Array:
+        out = self.patterns.reshape(3 * len(self.patterns), -1) @ beyond.astype(np.float32)
         return out.reshape(-1, 3).astype(np.float64)
 
     def tangent(self, candidates: CandidateInverse) -> Tangent:
         """Return the inverse for small changes from the last forces, over the members of a linear one."""
-        image, gram = self._image(candidates)
-        q = self.balance.q
-        if self._middle is None or np.linalg.norm(q - self._middle[0]) > CLOSE * np.linalg.norm(q):
-            softening = self.balance.softening() / self.modulus
-            middle = np.linalg.solve(np.eye(len(gram)) - softening @ gram, softening)
-            self._middle = q, middle.astype(np.float32)
-        return Tangent(candidates.matrix, image, self._middle[1])
+        now = (id(candidates), candidates.updates, candidates.rebuilds)
+        if self._image is None or self._image[0] != now:
+            rows = self.patterns[candidates.members].reshape(3 * len(candidates.members), -1)
+            image = candidates.matrix @ rows
+            self._image = now, image, (rows.T @ image).astype(np.float64) / self.modulus
+        _, image, gram = self._image
+        q, known = self.balance.q, self._middle
+        if known is None or known.of != now[1:] or np.linalg.norm(q - known.q) > CLOSE * np.linalg.norm(q):
+            softening = self.balance.softening()
+            middle = np.linalg.solve(np.eye(len(gram)) - softening @ gram, softening) / self.modulus
+            self._middle = known = _Middle(now[1:], q, softening, middle.astype(np.float32))
+        return Tangent(candidates.matrix, image, known.product)
 
     def past_tangent(self, force: Array, rows: Indices) -> Array:
         """Return U n(q) - U M U' f / E at some points, which alone carry forces [N]: what is off a line through rest.
@@ -123,14 +167,3 @@ class StiffSkin:
         values, vectors = np.linalg.eigh(self.balance.softening())
         half = few @ vectors
         return (half * (np.minimum(values, STIFFEST) / self.modulus)) @ half.T
-
-    def _image(self, candidates: CandidateInverse) -> tuple[Floats32, Array]:
-        """Return A^-1 U over the members, and U' A^-1 U."""
-        now = (id(candidates), candidates.updates, candidates.rebuilds)
-        known = self._known
-        if known is None or known[:3] != now:
-            rows = self.patterns[candidates.members].reshape(3 * len(candidates.members), -1)
-            image = candidates.matrix @ rows
-            known = (*now, image, (rows.T @ image).astype(np.float64))
-            self._known, self._middle = known, None
-        return known[3], known[4]

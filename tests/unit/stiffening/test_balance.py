@@ -1,0 +1,124 @@
+"""Balance: q + n(q) = z, where tissue is stable and where it is not, and the energy beyond its reach."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("scipy")
+
+from core.stiffening.balance import FLOOR, TOLERANCE, Balance
+from core.stiffening.energy import Energy
+
+COUNT, FEW = 4, 3
+
+
+def energy(cubic: float = 0.3, quartic: float = 0.2, reach: float = np.inf) -> Energy:
+    """Return an energy of three and four powers: sums of powers of amounts along some ways."""
+    rng = np.random.default_rng(0)
+    ways = rng.normal(size=(6, COUNT)) / 2.0
+    third = cubic * np.einsum("n,na,nb,nc->abc", rng.normal(size=6), ways, ways, ways)
+    some = ways[:, :FEW]
+    i, j = np.triu_indices(FEW)
+    pairs = some[:, i] * some[:, j]
+    return Energy(third, quartic * pairs.T @ pairs, reach)
+
+
+@pytest.mark.parametrize("size", [0.1, 1.0, 3.0])
+def test_it_balances_a_force_from_rest_and_from_another(size: float) -> None:
+    made, one = energy(), Balance(energy())
+    z = size * np.random.default_rng(1).normal(size=COUNT)
+    one.settle(z)
+    assert np.linalg.norm(one.q + made.force(one.q) - z) <= TOLERANCE * np.linalg.norm(z)
+    other = 0.9 * z
+    one.follow(other)
+    assert np.linalg.norm(one.q + made.force(one.q) - other) <= TOLERANCE * np.linalg.norm(other)
+
+
+def test_what_it_tells_is_off_by_the_square_of_what_is_left() -> None:
+    """Held displacement z - n is q to second order in what a single step leaves."""
+    made, off, left = energy(), [], []
+    z = np.array([1.0, -0.5, 0.7, 0.2])
+    exact = Balance(made)
+    exact.settle(z)
+    for _ in range(30):
+        exact.follow(z)
+    for part in (0.04, 0.02):
+        near = Balance(made)
+        near.settle(z * (1.0 - part))
+        told = near.force + (z * (1 - part) - near.q - near.force)
+        one = Balance(made)
+        one.restore(near.save())
+        beyond = one.follow(z)
+        left.append(one.left)
+        off.append(float(np.linalg.norm(beyond - (z - exact.q))))
+        assert np.isfinite(told).all()
+    assert off[1] <= 0.3 * off[0] or max(off) <= TOLERANCE
+
+
+def test_softening_is_what_a_change_of_force_shows() -> None:
+    made, one = energy(), Balance(energy())
+    z, way = np.array([0.8, -0.3, 0.5, 0.1]), np.array([0.2, 0.4, -0.1, 0.3])
+    one.settle(z)
+    whole = np.linalg.inv(np.eye(COUNT) + made.stiffness(one.q))
+    np.testing.assert_allclose(one.softening(), np.eye(COUNT) - whole, atol=1e-12)
+    h, ends = 1e-3, []
+    for sign in (1, -1):
+        other = Balance(made)
+        other.settle(z)
+        for _ in range(20):
+            other.follow(z + sign * h * way)
+            other.q = other.q + np.linalg.solve(
+                np.eye(COUNT) + made.stiffness(other.q), z + sign * h * way - other.q - made.force(other.q)
+            )
+            other.force, other._stiffness = made.force_and_stiffness(other.q)
+            other._known = None
+        ends.append(other.q)
+    slope = (ends[0] - ends[1]) / (2 * h)
+    np.testing.assert_allclose(way - one.softening() @ way, slope, rtol=1e-4, atol=1e-5)
+
+
+def test_tissue_that_no_force_holds_is_found_by_who_holds_its_displacement() -> None:
+    """Of one pattern with q + n(q) = q - q^2: beyond 1/2 a force lets it run away, a displacement does not."""
+    made = Energy(np.full((1, 1, 1), -1.0 / 3.0), np.zeros((1, 1)))
+    one, held, z = Balance(made), 0.8, np.array([0.2])
+    one.settle(z)
+    for _ in range(6):
+        # displacement z - n shall be `held`: the tangent that contact sees is 1 - M, never below zero
+        beyond = one.follow(z)
+        z = z + (held - (z - beyond)) / (1.0 - one.softening()[0])
+    assert abs(one.q[0] - held) <= 1e-3 and one.left <= 1e-2
+    assert abs(z[0] - (held - held**2)) <= 1e-3
+    assert 1.0 - one.softening()[0, 0] == pytest.approx(1.0 / FLOOR)
+
+
+def test_beyond_its_reach_the_energy_is_a_parabola_along_each_ray() -> None:
+    made, inner = energy(reach=1.0), energy()
+    way = np.array([0.5, -0.5, 0.5, 0.5])
+    value, slope, bend = inner.value(way), float(inner.force(way) @ way), float(way @ inner.stiffness(way) @ way)
+    for far in (1.0, 1.5, 4.0):
+        s = far - 1.0
+        assert made.value(far * way) == pytest.approx(value + slope * s + 0.5 * bend * s * s, rel=1e-12)
+
+
+@pytest.mark.parametrize("far", [0.5, 1.7, 3.0])
+def test_force_and_stiffness_are_slopes_within_its_reach_and_beyond(far: float) -> None:
+    made, rng = energy(reach=1.0), np.random.default_rng(7)
+    q = rng.normal(size=COUNT)
+    q, way, h = far * q / np.linalg.norm(q), rng.normal(size=COUNT), 1e-5
+    slope = (made.value(q + h * way) - made.value(q - h * way)) / (2 * h)
+    assert slope == pytest.approx(float(made.force(q) @ way), rel=1e-7)
+    change = (made.force(q + h * way) - made.force(q - h * way)) / (2 * h)
+    np.testing.assert_allclose(change, made.stiffness(q) @ way, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(made.stiffness(q), made.stiffness(q).T, atol=1e-12)
+
+
+def test_saved_and_restored_it_goes_on_the_same() -> None:
+    one, z = Balance(energy()), np.array([0.8, -0.3, 0.5, 0.1])
+    one.settle(z)
+    state = one.save()
+    first = one.follow(1.1 * z), one.q
+    one.restore(state)
+    again = one.follow(1.1 * z), one.q
+    np.testing.assert_array_equal(first[0], again[0])
+    np.testing.assert_array_equal(first[1], again[1])

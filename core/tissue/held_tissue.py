@@ -45,6 +45,13 @@ class HeldTissue:
         out[:, self._beneath] = self.held(np.ascontiguousarray(-(coupling @ pad))).T
         return out.reshape(len(out), -1, 3)
 
+    def followed_forces(self, forces: Array) -> Array:
+        """Return what forces beneath a pad that is held do, those on the pad left out, shapes (b, n, 3) to (b, n, 3)."""
+        flat = forces.reshape(len(forces), -1)
+        out = np.zeros_like(flat)
+        out[:, self._beneath] = self.held(np.ascontiguousarray(flat[:, self._beneath].T)).T
+        return out.reshape(forces.shape)
+
     def held(self, forces: Array) -> Array:
         """Return what forces beneath a pad that is held do there, (d, b) to (d, b)."""
         return np.asarray(self._held.solve(forces))

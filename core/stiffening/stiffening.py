@@ -85,7 +85,7 @@ class Stiffening:
                 "a table of a skin that stiffens, of another version",
                 where=where,
                 value=str(version)[:40],
-                limit=VERSION,
+                limit=str(VERSION),
                 remedy="Delete it: it is made again",
             )
         if not _fits(found):

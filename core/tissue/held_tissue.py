@@ -46,7 +46,7 @@ class HeldTissue:
         return out.reshape(len(out), -1, 3)
 
     def followed_forces(self, forces: Array) -> Array:
-        """Return what forces beneath a pad that is held do, those on the pad left out, shapes (b, n, 3) to (b, n, 3)."""
+        """Return what forces beneath a pad that is held do, those on the pad left out, to (b, n, 3)."""
         flat = forces.reshape(len(forces), -1)
         out = np.zeros_like(flat)
         out[:, self._beneath] = self.held(np.ascontiguousarray(flat[:, self._beneath].T)).T

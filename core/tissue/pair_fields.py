@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Array, Floats32, Indices
+from ..arrays import Array, Floats32
 from ..skin.mesh import TetraMesh
 from ..stiffening.symmetric import rising
 from .held_tissue import HeldTissue

@@ -16,7 +16,7 @@ from ..stiffening.stress_series import StressSeries
 from ..stiffening.symmetric import rising
 from .held_tissue import HeldTissue
 from .jets import jets
-from .pair_fields import Slopes, mean_of_nodes, pair_fields, second_displacements, to_nodes
+from .pair_fields import Slopes, pair_fields, second_displacements, to_nodes
 from .stress_reading import StressReading
 
 AT_ONCE = 12  # displacements whose series are in memory together
@@ -66,11 +66,13 @@ def _linear_stress(linear: HeldTissue, moved: Array) -> Array:
 
 def _beyond(linear: HeldTissue, patterns: Array, own: Array, energy: Energy, amounts: Array) -> Array:
     """Return the second and the third power of the stress beyond linear tissue's, shape (2 s, 6 n)."""
-    series = jets(linear.tissue, linear.free_held, np.tensordot(amounts, patterns, axes=1), 3)
+    series = jets(linear.tissue, linear.free_held, np.asarray(np.tensordot(amounts, patterns, axes=1), np.float64), 3)
     stress = linear.tissue.response(series).cauchy()
     force = np.array([energy.force(q) for q in amounts])
     square = 3.0 * np.einsum("abc,sb,sc->sa", energy.cubic, amounts, amounts, optimize=True)
-    return np.concatenate([_nodal(linear, stress[2]) - square @ own, _nodal(linear, stress[3]) - (force - square) @ own])
+    return np.concatenate(
+        [_nodal(linear, stress[2]) - square @ own, _nodal(linear, stress[3]) - (force - square) @ own]
+    )
 
 
 def _nodal(linear: HeldTissue, stress: Array) -> Array:
@@ -97,7 +99,7 @@ def _cubes(linear: HeldTissue, reading: StressReading, slopes: Slopes) -> Genera
         gradients = np.einsum("peai,eaj->peij", moved, tissue.geometry.gradients[chunk], optimize=True)
         fields = pair_fields(here, gradients)
         dual = reading.dual(here, chunk, widened[..., chunk])
-        part = dual.reshape(len(dual), -1) @ fields.reshape(len(fields), -1).T
+        part = (dual.reshape(len(dual), -1) @ fields.reshape(len(fields), -1).T).astype(np.float64)
         yield n + 1, part if n else part + nodal
 
 

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Array, Floats32
-from ..skin.mesh import TetraMesh
 from .held_tissue import HeldTissue
 from .neo_hookean import NeoHookean
-from .pair_fields import PARTS, Slopes, mean_of_nodes, to_nodes
+from .pair_fields import PARTS, Slopes, to_nodes
 
 _WHOLE = np.array([0, 5, 4, 5, 1, 3, 4, 3, 2])  # components of a symmetric tensor, row by row
 _HALVES = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 0.5])  # a component off the diagonal stands for two
@@ -97,19 +96,19 @@ class StressReading:
         spread = (first * (self.pressure @ self.tissue.mesh.averaging)[:, None, elements]).astype(np.float32)
         spread = spread[..., None, None]
         across = np.swapaxes(h, -1, -2)
-        shear = np.float32(shear)
+        mu = np.float32(shear)
         wide = widened.astype(np.float32)[..., None, None]
         trace = np.einsum("rceii->rce", g)[..., None, None]
-        told = shear * np.einsum("reij,ceij->rce", w[:, 0], h, optimize=True)[..., None, None]
-        back = shear * np.swapaxes(g @ h, -1, -2)
+        told = mu * np.einsum("reij,ceij->rce", w[:, 0], h, optimize=True)[..., None, None]
+        back = mu * np.swapaxes(g @ h, -1, -2)
         one = np.eye(3, dtype=np.float32)
         out = np.empty((*wide.shape[:3], PARTS), np.float32)
         shape = (*wide.shape[:3], 9)
-        part = 2.0 * shear * (w @ h - t * w) + shear * np.swapaxes(h @ g, -1, -2) + back - spread * across + press * turned
+        part = 2.0 * mu * (w @ h - t * w) + mu * np.swapaxes(h @ g, -1, -2) + back - spread * across + press * turned
         out[..., :9] = (part + (spread * t - 2.0 * told - press * trace + wide) * one).reshape(shape)
         part = (spread / 3.0) * across - back - press * turned
         out[..., 9:18] = (part + (told - spread * t / 6.0 + 0.5 * press * trace - 0.5 * wide) * one).reshape(shape)
         out[..., 18:27] = (press * turned - (spread / 3.0) * across).reshape(shape)
-        out[..., 27:36] = (-shear * t * w).reshape(shape)
+        out[..., 27:36] = (-mu * t * w).reshape(shape)
         out[..., 36] = (told + spread * t / 6.0 - 0.5 * press * trace + 0.5 * wide)[..., 0, 0]
         return out.reshape(-1, *out.shape[2:])

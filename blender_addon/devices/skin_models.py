@@ -221,7 +221,6 @@ def forget() -> None:
     _models.clear()
     _stiff.clear()
     _there.clear()
-    core.tissue.finger_skin.forget()
     _failed.clear()
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)

@@ -6,15 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..cache import Cache
+from ..errors import DermisError
 from ..parameters.error_bands import LINEAR
 from ..parameters.skin import SKIN_CONTACT
-from ..recent import Recent
 from ..skin.model import SkinModel, skin_from_parameters
-from ..skin.surface_store import SHIPPED
-from ..stiffening.stiffening import Stiffening
-from .stiffening_store import find_stiffening, stiffening_key
-
-_tables: Recent[str, Stiffening] = Recent(10)  # a person's fingers
+from .stiffening_store import stiffened
 
 
 def finger_skin(
@@ -48,16 +44,11 @@ def of_tissue(skin: SkinModel, tissue: str) -> SkinModel:
     Fingers of one shape share the table. It ships for the presets' lengths, and is looked for in the skin's cache for
     others; a mesh of one's own has none.
     """
-    if tissue == LINEAR or skin.shape is None:
+    if tissue == LINEAR:
         return skin if skin.stiffening is None else skin.with_stiffening(None)
-    shape, poisson = skin.shape, skin.material.poisson
-    key = stiffening_key(shape, poisson)
-    found = _tables.get(key) or find_stiffening(shape, poisson, shipped=SHIPPED, cache=skin.cache)
-    if found is None or found is skin.stiffening:
+    if skin.stiffening is not None:
         return skin
-    return skin.with_stiffening(_tables.make(key, lambda: found))
-
-
-def forget() -> None:
-    """Drop the tables from memory; those on disk stay."""
-    _tables.clear()
+    try:
+        return stiffened(skin) or skin
+    except DermisError:  # nobody can make its table: what is solved with it says so
+        return skin

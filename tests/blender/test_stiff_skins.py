@@ -22,10 +22,12 @@ from blender_addon.viewport import skin_field, skin_shown
 from core.cache import Cache
 from core.contact.trusted import trusted
 from core.parameters.error_bands import error_band
+from core.recent import Recent
 from core.skin.model import fingertip_skin, shape_and_material
 from core.skin.stimulus import Stimulus
 from core.skin.stress import von_mises
 from core.skin.surface_store import smooth_pad
+from core.tissue import stiffening_store
 from tests.problems import flat_press
 from tests.stiff_skins import kept, made_up
 
@@ -41,6 +43,7 @@ def skins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Cache]:
     skin_preview.reset()
     skin_models.forget()
     monkeypatch.setattr(skin_models, "cache", lambda: cache)
+    monkeypatch.setattr(stiffening_store, "_known", Recent(10))
     yield cache
     skin_preview.reset()
     skin_models.forget()
@@ -174,6 +177,7 @@ def test_a_stored_bake_whose_table_is_gone_is_not_shown_as_linear(pressing: bpy.
     assert bpy.ops.dermis.bake() == {"FINISHED"}
     store.forget()
     skin_models.forget()
+    stiffening_store._known.clear()
     skins.clear()
     assert bpy.ops.dermis.load_result() == {"FINISHED"}
     assert dict(store.current(pressing).bake.skins) == {}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,13 +14,14 @@ from core.experiment import fingertip
 from core.pipeline.bake import Bake
 from core.pipeline.render import render
 from core.presets import Library
+from core.recent import Recent
 from core.scene.from_poses import scene_from_poses
 from core.scene.tactile_scene import Body, Finger, TactileScene
 from core.skin.model import fingertip_skin
 from core.skin.shape import shape_from_parameters
 from core.steps import drain
 from core.surface.gap import Surface
-from core.tissue import finger_skin as module
+from core.tissue import stiffening_store
 from core.tissue.finger_skin import finger_skin, of_tissue
 from core.tissue.stiffening_store import stiffening_key
 from tests.stiff_skins import kept
@@ -30,11 +30,10 @@ WIDTH = 15.93e-3  # that no preset has
 
 
 @pytest.fixture
-def cache(tmp_path: Path) -> Iterator[Cache]:
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Cache:
     """Return an empty cache, with no table in memory."""
-    module.forget()
-    yield Cache(tmp_path, 10**9)
-    module.forget()
+    monkeypatch.setattr(stiffening_store, "_known", Recent(10))
+    return Cache(tmp_path, 10**9)
 
 
 @pytest.fixture

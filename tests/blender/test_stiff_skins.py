@@ -225,6 +225,31 @@ def test_a_table_is_wanted_where_tissue_is_to_stiffen_and_none_is_there(
     assert skin_models.get(parameters["skin"], "draft").tissue == "linear"
 
 
+def test_a_child_process_makes_the_table_and_ends_when_nobody_waits(pressing: bpy.types.Scene, skins: Cache) -> None:
+    parameters = skin_properties.parameters(pressing.objects["Finger"].dermis.finger.skin)
+    steps = skin_models.tables_made(parameters)  # nodes want no smooth pad
+    first = next(steps)
+    (job,) = skin_models._making.values()
+    assert first.stage == "tissue" and not job.done()
+    steps.close()  # Esc
+    assert job.cancelled() and not skin_models._making and skin_models.wants_stiffening(parameters)
+    assert not list(skins.folder.rglob("*")) if skins.folder.exists() else True
+
+
+def test_what_no_table_can_be_made_for_is_told_and_stays_linear(pressing: bpy.types.Scene) -> None:
+    skin = pressing.objects["Finger"].dermis.finger.skin
+    skin.poisson = 0.497
+    parameters = skin_properties.parameters(skin)
+    assert list(skin_models.tables_made(parameters))  # waits until its refusal
+    refusal = skin_models.refusal(parameters["skin"], skin_models.STIFFENING)
+    assert "Poisson" in refusal and "0.497" in refusal and skin_models.of(parameters).tissue == "linear"
+    pressing.frame_set(5)
+    (state,) = skin_preview.step(bpy.context)
+    assert "linear tissue: " in state.note and "Poisson" in state.note
+    assert bpy.ops.dermis.bake() == {"FINISHED"}
+    assert "tissue-linear" in {f.code for f in store.current(pressing).bake.all_findings}
+
+
 def test_a_preview_goes_on_with_linear_tissue_and_says_so(
     pressing: bpy.types.Scene, skins: Cache, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -72,20 +72,17 @@ class _Stiff(NamedTuple):
     Attributes:
         moved: its patterns at the nodes of the surface, shape (3 s, k).
         stress: its fields there, as they are averaged, shape (6 s, r).
-        below: its fields at the points of a `_Below`, by the smooth skin's remainder, shape (v, 6, r).
     """
 
     moved: Floats32
     stress: Floats32
-    below: dict[int, Floats32]
 
 
 class _Beyond(NamedTuple):
-    """How much there is of it: force that stiffening takes in each pattern, and stress in each field [Pa]."""
+    """What a skin that stiffens is moved [m], shape (s, 3), and stressed [Pa], shape (s, 6), beyond linear skin."""
 
-    stiff: _Stiff
-    patterns: Floats32
-    fields: Floats32
+    moved: Array
+    stress: Array
 
 
 @dataclass(eq=False)
@@ -145,12 +142,11 @@ def draw_of(state: SkinState, quantity: str, exaggeration: float = 1.0) -> Drawn
             flat = _stress_of(own, state.model) @ linear.ravel()
             stress = state.model.material.modulus * flat.reshape(-1, 6)
     if beyond is not None:
-        moved = moved - (beyond.stiff.moved @ beyond.patterns).reshape(-1, 3)
-        stress = stress + (beyond.stiff.stress @ beyond.fields).reshape(-1, 6)
+        moved, stress = moved + beyond.moved, stress + beyond.stress
     nodal = _nodal(own, stimulus, quantity, moved, stress)
     positions, normals, values = surface.deformed(own.points, exaggeration * moved, nodal)
     if state.points is not None and (quantity == "von_mises" or quantity in SIGNED):
-        near, stress = _beneath(own, state.points, beyond, state.model)
+        near, stress = _beneath(own, state.points, beyond)
         values[near] = _read(quantity, stress)
         nodal = values
     positions[:, 2] += state.lift
@@ -167,18 +163,20 @@ def _beyond(own: _Kit, stimulus: core.skin.stimulus.Stimulus) -> _Beyond | None:
         return None
     kept = own.stiff.get(id(model.stiffening))
     if kept is None:
-        tables, nodes = model.stiff, own.surface.nodes
-        moved = tables.nodes.reshape(len(model.mesh.nodes), -1)[nodes].reshape(3 * len(nodes), -1)
-        stress = own.averaging @ tables.elements.reshape(len(model.mesh.tetrahedra), -1)
-        made = _Stiff(moved, np.asarray(stress, np.float32).reshape(6 * len(nodes), -1), {})
+        stiff, nodes = model.stiff, own.surface.nodes
+        moved = stiff.nodes.reshape(len(model.mesh.nodes), -1)[nodes].reshape(3 * len(nodes), -1)
+        stress = own.averaging @ stiff.elements.reshape(len(model.mesh.tetrahedra), -1)
+        made = _Stiff(moved, np.asarray(stress, np.float32).reshape(6 * len(nodes), -1))
         kept = own.stiff[id(model.stiffening)] = model.stiffening, made
-    patterns = model.stiffening.energy.force(amounts)
-    fields = model.material.modulus * model.stiffening.stress.amounts(amounts)
-    return _Beyond(kept[1], patterns.astype(np.float32), fields.astype(np.float32))
+    patterns = model.stiffening.energy.force(amounts).astype(np.float32)
+    fields = (model.material.modulus * model.stiffening.stress.amounts(amounts)).astype(np.float32)
+    tables = kept[1]
+    moved, stress = -(tables.moved @ patterns), tables.stress @ fields
+    return _Beyond(np.asarray(moved.reshape(-1, 3), float), np.asarray(stress.reshape(-1, 6), float))
 
 
 def _beneath(
-    own: _Kit, points: core.skin.point_forces.PointForces, beyond: _Beyond | None, model: Any
+    own: _Kit, points: core.skin.point_forces.PointForces, beyond: _Beyond | None
 ) -> tuple[NDArray[np.intp], Array]:
     """Return which drawn vertices are near what presses, and the stress as deep below them as the first receptors lie.
 
@@ -198,10 +196,8 @@ def _beneath(
     near = np.flatnonzero(apart < NEAR)
     stress = below.table.stress(points.cells, points.force, near)
     if beyond is not None:
-        known = beyond.stiff.below.get(id(surface.remainder))
-        if known is None:
-            known = beyond.stiff.below[id(surface.remainder)] = model.stiff.at(below.table.probes.points)
-        stress = stress + known[near] @ beyond.fields
+        # what stiffening adds is smooth, and varies no more over the first receptors' depth than between nodes
+        stress = stress + own.surface.refine[below.vertices[near]] @ beyond.stress
     return below.vertices[near], stress
 
 
@@ -318,6 +314,4 @@ def _tissue_text(tissue: str, states: Sequence[SkinState]) -> str:
     beyond = ": deeper than it is trusted" if deepest.too_deep else ""
     beyond = ": dragged farther than it is trusted" if deepest.too_far and not beyond else beyond
     stress, force = (f"{100 * one.median:.0f} %" for one in band)
-    return f"{name} skin: stress about {stress} off (in one touch of ten over {100 * band.stress.p90:.0f} %), " + (
-        f"force {force}, at {place} (simulated){beyond}"
-    )
+    return f"{name} skin: stress about {stress} off, force {force}, at {place} (simulated){beyond}"

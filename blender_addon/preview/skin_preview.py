@@ -322,10 +322,13 @@ def _solve(f: int, finger: Any, posed: core.contact.posed_scene.PosedScene, fram
 
 def _path_of(f: int, finger: Any, model: Any, posed: core.contact.posed_scene.PosedScene) -> _FingerPath:
     p = finger.parameters
-    # a table of the smooth skin that has been made since begins a new path
+    # a table that has been made since, of the smooth skin or of its tissue, begins a new path
     waits = skin_models.wants_pad(p)
     key = (id(model), p["depth_mode"], p["bone_stiffness"], p["force_limit"], p["contact"], waits)
     path = _live.paths.get(finger.name)
+    if path is not None and path.key != key:  # what was seen is of another skin
+        _live.seen.clear()
+        _live.kept.clear()
     if path is None or path.key != key:
         stepper = core.contact.skin_stepper.SkinStepper(model, f, finger, posed)
         path = _live.paths[finger.name] = _FingerPath(key, stepper, stepper.save())

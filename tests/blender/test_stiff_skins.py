@@ -260,6 +260,9 @@ def test_a_preview_goes_on_with_linear_tissue_and_says_so(
     pressing.frame_set(6)
     (state,) = skin_preview.step(bpy.context)
     assert "linear tissue" not in state.note and state.tissue == "neo_hookean" and state.amounts is not None
+    pressing.frame_set(5)
+    (state,) = skin_preview.step(bpy.context)
+    assert state.tissue == "neo_hookean"  # and not the linear skin that was seen there
 
 
 def test_the_legend_says_the_band_of_each_tissue() -> None:

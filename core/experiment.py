@@ -28,11 +28,10 @@ from .skin.blas import one_thread
 from .skin.model import SkinModel, skin_from_parameters
 from .skin.nodal_forces import NodalForces
 from .skin.point_forces import PointForces
-from .skin.stiff_tables import no_stiffening
 from .skin.stimulus import Stimulus, von_mises
 from .skin.surface_store import no_smooth_pad, smooth_pad
 from .surface.gap import Surface
-from .tissue.finger_skin import of_tissue
+from .tissue.finger_skin import asked_for
 from .track.command_track import CommandTrack
 
 STEP = 0.1e-3  # from pose to pose on the way of a press; friction remembers the way [m]
@@ -146,7 +145,6 @@ def fingertip(
         DermisError: no such preset, level, tissue or length, a shape that cannot be meshed, or no table of how it
             stiffens (code 'tissue-linear').
     """
-    SKIN_CONTACT["tissue"].check(tissue, f"fingertip '{preset}'")
     parameters = (presets or Library()).skin(preset)
     unknown = sorted(set(lengths) - set(parameters) | set(lengths) & set(TISSUE))
     if unknown:
@@ -154,11 +152,8 @@ def fingertip(
         raise DermisError("a fingertip has no such length", where=preset, value=", ".join(unknown), limit=known)
     given = {"young": young, "poisson": poisson, "alpha": alpha, **lengths}
     parameters |= {name: value for name, value in given.items() if value is not None}
-    made = of_tissue(skin_from_parameters(parameters, level=level, cache=cache, where=f"fingertip '{preset}'"), tissue)
-    if made.tissue != tissue:
-        found = no_stiffening(made.shape, f"fingertip '{preset}'")
-        raise DermisError("there is no table of how it stiffens", where=found.where, value=found.value, code=found.code)
-    return made
+    where = f"fingertip '{preset}'"
+    return asked_for(skin_from_parameters(parameters, level=level, cache=cache, where=where), tissue, where)
 
 
 def press(

@@ -31,7 +31,7 @@ from ..skin.sensor import electrode_sensor, noise_floor_of, noise_of, read_stimu
 from ..surrogate.lessons import KINDS
 from ..surrogate.store import contact_of
 from ..surrogate.table import read_table
-from ..tissue.finger_skin import finger_skin
+from ..tissue.finger_skin import asked_for, finger_skin
 from ..track import csv
 from ..track.command_track import CommandTrack
 
@@ -54,6 +54,7 @@ def adapt(options: argparse.Namespace) -> int:
             "device_key": options.device,
             "skin": library.skin(options.skin),
             "level": options.level,
+            "tissue": options.tissue,
             "folder": str(options.out),
             **more,
         },
@@ -75,7 +76,7 @@ def follow(options: argparse.Namespace) -> int:
         raise DermisError("noise is a standard deviation", where="--noise", value=options.noise, limit=">= 0")
     library = Library(options.presets)
     spec = _thimble(library, options.device)
-    skin = skin_from_parameters(library.skin(options.skin), level=options.level)
+    skin = asked_for(skin_from_parameters(library.skin(options.skin), level=options.level), options.tissue, "--tissue")
     device, friction = calibrated_mechanism(spec, skin, {})
     change = device.servo_speed / spec.rate
     made = (

@@ -10,6 +10,7 @@ from ..errors import DermisError
 from ..parameters.error_bands import LINEAR
 from ..parameters.skin import SKIN_CONTACT
 from ..skin.model import SkinModel, skin_from_parameters
+from ..skin.stiff_tables import no_stiffening
 from .stiffening_store import stiffened
 
 
@@ -52,3 +53,23 @@ def of_tissue(skin: SkinModel, tissue: str) -> SkinModel:
         return stiffened(skin) or skin
     except DermisError:  # nobody can make its table: what is solved with it says so
         return skin
+
+
+def asked_for(skin: SkinModel, tissue: str, where: str) -> SkinModel:
+    """Return the same skin of the tissue that somebody asked for by name.
+
+    Raises:
+        DermisError: an unknown tissue; code 'tissue-linear': there is no table of how the skin stiffens.
+    """
+    SKIN_CONTACT["tissue"].check(tissue, where)
+    made = of_tissue(skin, tissue)
+    if made.tissue != tissue:
+        why = no_stiffening(skin.shape, where)
+        raise DermisError(
+            "there is no table of how its tissue stiffens",
+            where=where,
+            value=why.value,
+            remedy=why.remedy,
+            code=why.code,
+        )
+    return made

@@ -28,8 +28,8 @@ from core.skin.stimulus import Stimulus
 from core.skin.stress import von_mises
 from core.skin.surface_store import smooth_pad
 from core.tissue import stiffening_store
+from tests.made_up_tissue import kept, made_up
 from tests.problems import flat_press
-from tests.stiff_skins import kept, made_up
 
 from .build import cube, finger, keys, span
 

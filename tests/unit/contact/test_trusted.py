@@ -16,7 +16,7 @@ from core.errors import DermisError, Finding
 from core.parameters.error_bands import error_band
 from core.skin.model import SkinModel, fingertip_skin
 from core.surface.gap import Surface
-from tests.stiff_skins import made_up
+from tests.made_up_tissue import made_up
 
 
 @pytest.fixture(scope="module")

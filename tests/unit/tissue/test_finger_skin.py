@@ -24,7 +24,7 @@ from core.surface.gap import Surface
 from core.tissue import stiffening_store
 from core.tissue.finger_skin import finger_skin, of_tissue
 from core.tissue.stiffening_store import stiffening_key
-from tests.stiff_skins import kept
+from tests.made_up_tissue import kept
 
 WIDTH = 15.93e-3  # that no preset has
 

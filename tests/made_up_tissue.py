@@ -38,12 +38,12 @@ def made_up(skin: SkinModel, count: int = 5, hardening: float = 0.3, key: str = 
     four = np.einsum("ab,cd->abcd", s, s)
     four = (four + four.transpose(0, 2, 1, 3) + four.transpose(0, 3, 2, 1)) / 3.0
     quartic = four[i[:, None], j[:, None], i, j] * hardening / (4.0 * TYPICAL**2)
-    nodes = skin.mesh.nodes
-    fields = np.stack([np.sin(200.0 * nodes @ turn) for turn in _directions(3)], axis=1)
+    middles = skin.mesh.nodes[skin.mesh.tetrahedra].mean(axis=1)
+    fields = np.stack([np.sin(200.0 * middles @ turn) for turn in _directions(3)], axis=1)
     shares = np.array([1.0, -0.5, 0.8, 0.3, -0.2, 0.4])
     squares = np.ones((3, count * (count + 1) // 2)) * 0.05 / TYPICAL**2
     stress = StressSeries(
-        nodes,
+        skin.mesh.nodes,
         skin.mesh.tetrahedra,
         (fields[:, None, :] * shares[:, None]).astype(np.float32),
         squares.astype(np.float32),

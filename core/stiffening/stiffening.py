@@ -91,7 +91,7 @@ class Stiffening:
         if not _fits(found):
             raise DermisError("a stiffening skin's arrays do not fit", where=where, value=found["weights"].shape)
         rows = {name: found[name].astype(np.float32) * found[f"{name}_scale"][:, None] for name in _HALF}
-        fields = rows["fields"].T.reshape(len(found["nodes"]), 6, -1)
+        fields = rows["fields"].T.reshape(len(found["tetrahedra"]), 6, -1)
         return cls(
             Energy(whole_cubic(found["cubic"]), whole_quartic(found["quartic"])),
             Patterns(found["centres"], found["weights"]),
@@ -137,13 +137,13 @@ def _fits(found: dict[str, NDArray[Any]]) -> bool:
         and centres.shape[1] == 3
         and nodes.ndim == 2
         and nodes.shape[1] == 3
-        and found["fields"].shape[1] == 6 * len(nodes)
         and found["squares"].shape[1] == count * (count + 1) // 2
         and 0 < side(found["cubes"].shape[1], 3) <= count
         and tetra.dtype.kind in "iu"
         and tetra.ndim == 2
         and tetra.shape[1] == 4
         and len(tetra) > 0
+        and found["fields"].shape[1] == 6 * len(tetra)
         and 0 <= int(tetra.min())
         and int(tetra.max()) < len(nodes)
     )

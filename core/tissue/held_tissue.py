@@ -56,6 +56,18 @@ class HeldTissue:
         """Return what forces beneath a pad that is held do there, (d, b) to (d, b)."""
         return np.asarray(self._held.solve(forces))
 
+    def second_loads(self, loads: Array) -> Array:
+        """Return the forces of the second power on a pad that is held where loads displace it, (b, 3 m) to (b, 3 m).
+
+        They are what skin that stiffens takes beyond linear skin, and where it gives way to them is not where it is
+        pressed.
+        """
+        moved = self.moved(np.ascontiguousarray(loads.T))
+        series = np.stack([np.zeros_like(moved), moved, np.zeros_like(moved)])
+        left = self.tissue.forces(self.tissue.response(series).piola[2])
+        follow = -self.followed_forces(left).reshape(len(loads), -1)
+        return np.asarray(left.reshape(len(loads), -1)[:, self._pad] + (self._stiffness[self._pad] @ follow.T).T)
+
     def free_held(self, forces: Array) -> Array:
         """Return what forces on all free nodes do while the pad is held, as `jets` wants it, (d, b) to (d, b)."""
         inside = np.searchsorted(self._free, self._beneath)

@@ -25,7 +25,9 @@ from .touches import loads_of, touches
 Made = TypeVar("Made")
 
 STEPS = 100  # that making one is told in
-_ENDS = (0, 15, 25, 45, STEPS)  # of the steps: touches, patterns, energy, stress
+_ENDS = (0, 6, 14, 40, STEPS)  # of the steps: touches, their answers, energy, stress
+AT_ONCE = 12  # loads that are answered together
+ANSWERED = 220  # loads at most, whose answers patterns are to hold
 SEEN = 120  # samples at most that say which fields of stress matter
 _FAINT = 0.05  # of the largest load: smaller ones do not count for as much
 
@@ -42,9 +44,12 @@ class Size:
 
     level: str = "standard"
     touches: int = 100
-    patterns: int = 60
+    patterns: int = 100
     few: int = 40
-    fields: int = 60
+    fields: int = 70
+
+
+STANDARD = Size()
 
 
 def fit_stiffening(
@@ -58,14 +63,14 @@ def fit_stiffening(
     Raises:
         DermisError: a shape that cannot be meshed.
     """
-    size = size or Size()
+    size = size or STANDARD
     yield 0, STEPS
     skin = fingertip_skin(shape, Elastic(1.0, poisson, 1.0), level=size.level)
     loads = yield from _within(_pressed(skin, size.touches, seed), 0)
-    patterns = main_patterns(skin.unit_compliance, loads, size.patterns)
     linear = HeldTissue(NeoHookean(skin.mesh, poisson))
+    answers = yield from _within(_answered(linear, _some(loads, ANSWERED)), 1)
+    patterns = main_patterns(skin.unit_compliance, loads, answers, size.patterns)
     moved = linear.moved(patterns)
-    yield _ENDS[2], STEPS
     few = min(size.few, patterns.shape[1])
     energy = yield from _within(fit_energy(linear.tissue, linear.held, moved, few), 2)
     work = loads @ (skin.unit_compliance @ patterns)
@@ -75,18 +80,21 @@ def fit_stiffening(
     return Stiffening(energy, Patterns.through(skin.positions, pad), stress, key)
 
 
-def main_patterns(compliance: Array, loads: Array, count: int) -> Array:
-    """Return the loads whose displacements are most of what loads bring, shape (3 m, k): each stores energy 1/2.
+def main_patterns(compliance: Array, loads: Array, answers: Array, count: int) -> Array:
+    """Return the loads whose displacements are most of what touches bring, shape (3 m, k): each stores energy 1/2.
 
     Args:
-        compliance: of the pad at E = 1, shape (3 m, 3 m). loads: over E, shape (s, 3 m).
+        compliance: of the pad at E = 1, shape (3 m, 3 m). loads: of touches, over E, shape (s, 3 m).
+        answers: forces of the second power that tissue answers some of them with, as evenly spread, shape (a, 3 m).
     """
     from scipy.linalg import cholesky, solve_triangular
 
     root = cholesky(compliance, lower=True)
     sizes = np.linalg.norm(loads, axis=1)
-    seen = (loads @ root) / (sizes + _FAINT * sizes.max())[:, None]
-    chosen = np.linalg.svd(seen, full_matrices=False)[2][:count].T
+    weights = 1.0 / (sizes + _FAINT * sizes.max())
+    often = np.sqrt(len(loads) / len(answers))  # they stand for as many
+    seen = [(loads * weights[:, None]) @ root, (answers * (often * _some(weights, ANSWERED))[:, None]) @ root]
+    chosen = np.linalg.svd(np.concatenate(seen), full_matrices=False)[2][:count].T
     return np.asarray(solve_triangular(root, chosen, lower=True, trans="T"))
 
 
@@ -103,6 +111,14 @@ def _pressed(skin: SkinModel, count: int, seed: int) -> Generator[tuple[int, int
     for n, touch in enumerate(touches(skin, count, seed)):
         yield n, count
         found.append(loads_of(skin, touch))
+    return np.concatenate(found)
+
+
+def _answered(linear: HeldTissue, loads: Array) -> Generator[tuple[int, int], None, Array]:
+    found = []
+    for start in range(0, len(loads), AT_ONCE):
+        yield start, len(loads)
+        found.append(linear.second_loads(loads[start : start + AT_ONCE]))
     return np.concatenate(found)
 
 

@@ -10,7 +10,6 @@ from collections.abc import Generator
 import numpy as np
 
 from ..arrays import Array
-from ..skin.stress import nodal_average
 from ..stiffening.energy import Energy
 from ..stiffening.stress_series import StressSeries
 from ..stiffening.symmetric import rising
@@ -38,14 +37,14 @@ def fit_stress(
     batches = [samples[s : s + AT_ONCE] for s in range(0, len(samples), AT_ONCE)]
     starts = range(0, len(mesh.tetrahedra), CHUNK)
     steps = len(batches) + 2 + len(starts)
-    weight = np.repeat(np.sqrt(tissue.geometry.nodal_volumes), 6) * np.tile(_TWICE, len(mesh.nodes))
+    weight = (np.sqrt(mesh.volumes)[:, None] * _TWICE).ravel()
     own = _linear_stress(linear, patterns)
     seen = []
     for n, batch in enumerate(batches):
         yield n + 1, steps
         seen.append(_beyond(linear, patterns, own, energy, batch))
     right = np.linalg.svd(np.concatenate(seen) * weight, full_matrices=False)[2][:rank]
-    reading = StressReading.of(linear, (right * weight).reshape(len(right), len(mesh.nodes), 6))
+    reading = StressReading.of(linear, (right * weight).reshape(len(right), -1, 6))
     yield len(batches) + 1, steps
     slopes, first = Slopes.of(tissue, patterns), (right * weight) @ own.T
     squares = reading.squares(slopes) - first @ _slopes_of_squares(energy).T
@@ -55,30 +54,22 @@ def fit_stress(
         cubes += part
         yield len(batches) + 2 + done, steps
     cubes = _rising(cubes.reshape(len(right), few, -1)) - first[:, : energy.few] @ _slopes_of_cubes(energy, few).T
-    fields = np.ascontiguousarray((right / weight).T.reshape(len(mesh.nodes), 6, -1), np.float32)
+    fields = np.ascontiguousarray((right / weight).T.reshape(len(mesh.tetrahedra), 6, -1), np.float32)
     return StressSeries(mesh.nodes, mesh.tetrahedra, fields, squares.astype(np.float32), cubes.astype(np.float32))
 
 
 def _linear_stress(linear: HeldTissue, moved: Array) -> Array:
-    """Return the linear stress of displacements, averaged around the nodes, (b, n, 3) to (b, 6 n)."""
-    return _nodal(linear, linear.tissue.response(np.stack([np.zeros_like(moved), moved])).cauchy()[1])
+    """Return the linear stress of displacements, (b, n, 3) to (b, 6 e)."""
+    return linear.tissue.response(np.stack([np.zeros_like(moved), moved])).cauchy()[1].reshape(len(moved), -1)
 
 
 def _beyond(linear: HeldTissue, patterns: Array, own: Array, energy: Energy, amounts: Array) -> Array:
-    """Return the second and the third power of the stress beyond linear tissue's, shape (2 s, 6 n)."""
+    """Return the second and the third power of the stress beyond linear tissue's, shape (2 s, 6 e)."""
     series = jets(linear.tissue, linear.free_held, np.asarray(np.tensordot(amounts, patterns, axes=1), np.float64), 3)
-    stress = linear.tissue.response(series).cauchy()
+    stress = linear.tissue.response(series).cauchy().reshape(4, len(amounts), -1)
     force = np.array([energy.force(q) for q in amounts])
     square = 3.0 * np.einsum("abc,sb,sc->sa", energy.cubic, amounts, amounts, optimize=True)
-    return np.concatenate(
-        [_nodal(linear, stress[2]) - square @ own, _nodal(linear, stress[3]) - (force - square) @ own]
-    )
-
-
-def _nodal(linear: HeldTissue, stress: Array) -> Array:
-    """Return stress averaged around the nodes, (b, e, 6) to (b, 6 n)."""
-    averaged = nodal_average(linear.tissue.mesh, stress.transpose(1, 0, 2))
-    return np.ascontiguousarray(averaged.transpose(1, 0, 2)).reshape(len(stress), -1)
+    return np.concatenate([stress[2] - square @ own, stress[3] - (force - square) @ own])
 
 
 def _cubes(linear: HeldTissue, reading: StressReading, slopes: Slopes) -> Generator[tuple[int, Array], None, None]:

@@ -36,13 +36,11 @@ class StressReading:
     pressure: Array
 
     @classmethod
-    def of(cls, linear: HeldTissue, nodal: Array) -> StressReading:
-        """Return what reads stress averaged around the nodes with weights of shape (r, n, 6)."""
+    def of(cls, linear: HeldTissue, weights: Array) -> StressReading:
+        """Return what reads the stress of the elements with weights of shape (r, e, 6)."""
         tissue, mesh = linear.tissue, linear.tissue.mesh
         first, shear = tissue.lame
-        flat = nodal.transpose(1, 0, 2).reshape(len(mesh.nodes), -1)
-        stress = (mesh.averaging.T @ flat).reshape(-1, len(nodal), 6).transpose(1, 0, 2) * _HALVES
-        stress = stress[..., _WHOLE].reshape(len(nodal), -1, 3, 3)
+        stress = (weights * _HALVES)[..., _WHOLE].reshape(*weights.shape[:2], 3, 3)
         trace = np.einsum("reii->re", stress)
         held = 2.0 * shear * stress
         squeeze = first * (to_nodes(mesh, trace) @ mesh.averaging)

@@ -47,16 +47,13 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
         **less,
     }
     where = f"finger '{obj.name}', skin"
-    yield from skin_models.pad_made(skin)  # a bake makes it, and would then look for what was learned on points
+    yield from skin_models.tables_made(skin)  # a bake makes it, and would then look for what was learned on points
     yield core.pipeline.bake.Progress("starting", 0, 1)
     with skin_models.one_thread():
-        model = thimble_devices.pressed(obj, skin_models.get(skin["skin"], skin["skin_level"], where=where, wait=True))
+        model = thimble_devices.pressed(obj, skin_models.of(skin, where=where, wait=True))
+        parameters["tissue"] = model.tissue  # linear where no table could be made
         mechanism = core.matching.thimble_use.calibrated_mechanism(spec, model, use)
         target = core.surrogate.store.place_of(folder, model, *mechanism)
-    tissue = target.with_suffix(".tissue.npz")
-    if model.stiffening is not None:  # its file may be nowhere that another process could look for it
-        model.stiffening.write(tissue)
-        parameters["stiffening"] = str(tissue)
     older, done = target.is_file(), False
     try:
         with core.work.processes.ProcessExecutor() as executor:
@@ -66,7 +63,6 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
             made, done = dict(job.result()), True
             return made
     finally:
-        tissue.unlink(missing_ok=True)
         if not done:
             _remove(folder, target.stem, whole=not older)
 

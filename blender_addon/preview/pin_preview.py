@@ -49,7 +49,7 @@ def pins_of(obj: bpy.types.Object, device: str) -> Pins | None:
         DermisError: a skin or a layout that cannot be used.
     """
     skin, spec = skin_properties.parameters(obj.dermis.finger.skin), active_presets.spec_of(device, "pins")
-    model = skin_models.get(skin["skin"], skin["skin_level"])
+    model = skin_models.of(skin)
     if model is None or spec is None:
         return None
     return _pins.make((model.key, spec.hash), lambda: _pins_on(model, spec))

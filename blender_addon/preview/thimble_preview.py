@@ -88,7 +88,7 @@ def follow(scene: bpy.types.Scene, target: SkinState, device: Any) -> _FingerPat
     settings = _settings.make((target.finger, device.preset, changes.edits()), lambda: _settings_of(device))
     model = thimble_devices.pressed(scene.objects[target.finger], target.model)
     on = core.surrogate.press_points.pressed_on(model)
-    key = (device.preset, settings, model.key, on, repr(model.material), changes.generation())
+    key = (device.preset, settings, model.key, model.tissue, on, repr(model.material), changes.generation())
     path = _paths.get(target.finger)
     if path is None or path.key != key:
         path = _paths[target.finger] = _FingerPath(key)

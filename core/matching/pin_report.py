@@ -25,7 +25,8 @@ from ..parameters.device import DEVICE
 from ..parameters.skin import DEFAULT_SKIN, SKIN_CONTACT
 from ..presets import Library
 from ..scene.tactile_scene import TactileScene
-from ..skin.model import SkinModel, skin_from_parameters
+from ..skin.model import SkinModel
+from ..tissue.finger_skin import finger_skin
 from . import pin_resolution
 from .deformation import METHODS, Method
 from .pins import Matched, PinSetup, Weighting, make_solver, match, setup
@@ -209,10 +210,8 @@ def _skins(
             library.device(d.preset).follows_skin for d in finger.devices
         )
         if f in wearers or simulated:
-            own = SKIN_CONTACT["skin_level"].of(p, _named(scene, f))
-            parameters, where = p.get("skin") or library.skin(DEFAULT_SKIN), f"{_named(scene, f)}, skin"
-            chosen = level if level and f in wearers else own
-            skins[f] = skin_from_parameters(parameters, level=chosen, cache=cache, where=where)
+            own, preset = level if f in wearers else "", library.skin(DEFAULT_SKIN)
+            skins[f] = finger_skin(p, preset, level=own, cache=cache, where=_named(scene, f))
     return skins
 
 

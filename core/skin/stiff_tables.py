@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array, Floats32
+from ..errors import Finding
 from ..stiffening.balance import Balance
 from ..stiffening.stiffening import Stiffening
 from .mesh import TetraMesh
+from .shape import FingertipShape
 from .stress import locate, receptor_probes
 
 
@@ -103,6 +105,17 @@ class StiffTables:
         if len(outside):
             out[outside] = series.nodal[cKDTree(series.nodes).query(points[outside])[1]]
         return np.asarray(out, np.float32)
+
+
+def no_stiffening(shape: FingertipShape | None, name: str) -> Finding:
+    """Return why tissue that is to stiffen is linear. The name is the finger's, the shape its skin's."""
+    if shape is None:
+        why, remedy = "a mesh of one's own has no table of it", "Use a fingertip of lengths"
+    else:
+        why = "these lengths, or this Poisson's ratio, have no table of it yet"
+        remedy = "Let Blender make it, which takes some two minutes once, or use a preset's lengths"
+    what = "tissue is linear: it does not stiffen as the finger is pressed and dragged"
+    return Finding("warning", "tissue-linear", what, name, why, remedy=remedy)
 
 
 def _same(first: NDArray[np.number], second: NDArray[np.number]) -> bool:

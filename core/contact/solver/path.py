@@ -530,7 +530,7 @@ class PathSolver:
             self.counters["deep"] += 1
             self.notes.warn(
                 "too-deep",
-                "the finger sinks deeper than linear skin is trusted",
+                f"the finger sinks deeper than {'linear' if self._stiff is None else 'neo-Hookean'} skin is trusted",
                 where,
                 value=f"{1e3 * depth:.2f} mm",
                 limit=f"<= {1e3 * self.depth_limit:g} mm",

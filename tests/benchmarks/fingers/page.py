@@ -277,7 +277,7 @@ def _order(tissues: Mapping[str, Any]) -> str:
         said.append(f"{name}: {', '.join(kept)}" + (f"; **not** {', '.join(broken)}" if broken else ""))
     also = all(t["balls"][f"{BELOW[1]:g}"][r] for t in tissues.values() for r in rules[:2])
     ends = f"At {BELOW[1]:g} mm, where TouchSim puts SA1 receptors, peaks {'are in the same order' if also else 'are not all in that order'}; widths there show the solver's squares and are not told."
-    return f"The order is people's in the peak ({'; '.join(said)}). {ends}"
+    return f"Of what people's afferents do, the energy does: {'; '.join(said)}. {ends}"
 
 
 def _deepest(tissues: Mapping[str, Any]) -> dict[str, str]:

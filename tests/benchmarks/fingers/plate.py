@@ -75,6 +75,9 @@ class Plate:
         self.cells = every[above < above.min() + HIGH]
         self.patches, self.places, self.friction = pad.cells.take(self.cells), pad.chart.places[self.cells], friction
         compliance = pad.rows(self.cells, self.cells).astype(np.float64)
+        stiff = StiffSkin.of(pad)
+        if stiff is not None:
+            stiff.patterns = pad.patterns(self.cells)
         self._solver = PathSolver(
             0.5 * (compliance + compliance.T),
             self.patches.positions,
@@ -82,7 +85,7 @@ class Plate:
             tolerance=TOLERANCE,
             name="plate",
             depth_limit=np.inf,
-            stiff=StiffSkin.of(pad),
+            stiff=stiff,
         )
         self._flat = flat()
         self._kept: dict[float, tuple[list[Moment], Any]] = {}  # of forces that were pressed to

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     import core.command_line.thimble
     import core.contact.posed_scene
     import core.contact.resultants
+    import core.contact.trusted
     import core.contact.skin_contact
     import core.contact.skin_stepper
     import core.contact.solver.cone
@@ -56,6 +57,7 @@ if TYPE_CHECKING:
     import core.pipeline.bake
     import core.own_presets
     import core.parameters.device
+    import core.parameters.error_bands
     import core.parameters.finger
     import core.parameters.material
     import core.parameters.parameter
@@ -86,6 +88,8 @@ if TYPE_CHECKING:
     import core.stream.state
     import core.surface.curved
     import core.surrogate.store
+    import core.tissue.finger_skin
+    import core.tissue.stiffening_store
     import core.track.binary
     import core.track.check
     import core.track.command_track

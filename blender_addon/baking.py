@@ -33,7 +33,7 @@ def _baked(scene: bpy.types.Scene, library: Any, span: tuple[int, int] | None) -
     yield from platform_devices.make_missing(scene)
     tactile = scene_sweep.sample(scene, span=span)
     sweep = tactile.chunks
-    yield from skin_models.make_pads(tactile, library)
+    yield from skin_models.make_tables(tactile, library)
     skins = skin_models.solved_in(tactile, library)
     steps = core.pipeline.render.render(tactile, library, cache=skin_models.cache())
     sampling_seconds = 0.0

@@ -213,10 +213,12 @@ def _pressed(
         text = f"{through} is thinner than {finger.name} presses: it goes through the bone, and is not felt there"
         yield Doubt("thin", finger.name, text, "Raise It to a Press of 1 mm")
     elif (
-        deepest * unit > 1.02 * _DEEPEST and _solves_skin(finger) and finger.dermis.finger.skin.depth_mode == "animated"
+        deepest * unit > 1.02 * (trusted := _trusted(finger))
+        and _solves_skin(finger)
+        and finger.dermis.finger.skin.depth_mode == "animated"
     ):
         text = (
-            f"{finger.name} is pressed {1e3 * deepest * unit:.1f} mm deep; its skin is trusted to {1e3 * _DEEPEST:g} mm"
+            f"{finger.name} is pressed {1e3 * deepest * unit:.1f} mm deep; its skin is trusted to {1e3 * trusted:g} mm"
         )
         yield Doubt("deep", finger.name, text, "Let the Bone Give Way")
 
@@ -225,6 +227,12 @@ def _to_nail_and_bone(finger: bpy.types.Object) -> tuple[float, float]:
     """Return how far nail and bone are from the pad [m]."""
     lengths = skin_properties.lengths(finger.dermis.finger.skin)
     return lengths["thickness"], lengths["thickness"] - lengths["bone_bed"] - lengths["bone_thickness"]
+
+
+def _trusted(finger: bpy.types.Object) -> float:
+    """Return the depth that a finger's tissue is trusted at [m]."""
+    tissue = finger.dermis.finger.skin.tissue
+    return _DEEPEST if tissue == "linear" else float(core.contact.trusted.trusted(tissue).depth)
 
 
 def _solves_skin(finger: bpy.types.Object) -> bool:

@@ -13,10 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .arrays import Array
+from .cache import Cache
 from .contact.solver.bodies import ContactBody
 from .contact.solver.path import PathSolver, PathStep
 from .contact.solver.point_path import PointSolver
 from .contact.solver.stiff_skin import StiffSkin
+from .contact.trusted import trusted
 from .devices.spec import DeviceSpec
 from .errors import DermisError, Finding
 from .parameters.material import FRICTION
@@ -29,6 +31,7 @@ from .skin.point_forces import PointForces
 from .skin.stimulus import Stimulus, von_mises
 from .skin.surface_store import no_smooth_pad, smooth_pad
 from .surface.gap import Surface
+from .tissue.finger_skin import asked_for
 from .track.command_track import CommandTrack
 
 STEP = 0.1e-3  # from pose to pose on the way of a press; friction remembers the way [m]
@@ -118,7 +121,9 @@ def fingertip(
     young: float | None = None,
     poisson: float | None = None,
     alpha: float | None = None,
+    tissue: str = "linear",
     presets: Library | None = None,
+    cache: Cache | None = None,
     **lengths: float,
 ) -> SkinModel:
     """Return a fingertip's skin.
@@ -126,6 +131,8 @@ def fingertip(
     Args:
         preset: of `presets/skins`. level: 'draft', 'standard', 'fine' or 'reference': how fine its mesh is.
         young: modulus [Pa]. poisson: ratio. alpha: a person's stiffness relative to it.
+        tissue: 'linear', or 'neo_hookean', which stiffens.
+        cache: where tables of other lengths than the presets' lie, and skins are kept.
         lengths: others than the preset's [m], by its names: width, thickness, length, bone_bed ...
 
     >>> import dermis
@@ -135,7 +142,8 @@ def fingertip(
     SkinModel(fingertip, 468 nodes, 78 on the pad, E 80 kPa)
 
     Raises:
-        DermisError: no such preset, level or length, or a shape that cannot be meshed.
+        DermisError: no such preset, level, tissue or length, a shape that cannot be meshed, or no table of how it
+            stiffens (code 'tissue-linear').
     """
     parameters = (presets or Library()).skin(preset)
     unknown = sorted(set(lengths) - set(parameters) | set(lengths) & set(TISSUE))
@@ -144,7 +152,8 @@ def fingertip(
         raise DermisError("a fingertip has no such length", where=preset, value=", ".join(unknown), limit=known)
     given = {"young": young, "poisson": poisson, "alpha": alpha, **lengths}
     parameters |= {name: value for name, value in given.items() if value is not None}
-    return skin_from_parameters(parameters, level=level, where=f"fingertip '{preset}'")
+    where = f"fingertip '{preset}'"
+    return asked_for(skin_from_parameters(parameters, level=level, cache=cache, where=where), tissue, where)
 
 
 def press(
@@ -198,13 +207,16 @@ def press(
     pad = smooth_pad(skin) if contact == "points" else None
     if contact == "points" and pad is None:
         doubtful.append(no_smooth_pad(skin, "press"))
+    limit = trusted(skin.tissue).depth
     with one_thread():
         solver: PathSolver
         if pad is None:
             stiff = StiffSkin.of(skin)
-            solver = PathSolver(skin.compliance, skin.positions, areas=skin.areas, name="press", stiff=stiff)
+            solver = PathSolver(
+                skin.compliance, skin.positions, areas=skin.areas, name="press", depth_limit=limit, stiff=stiff
+            )
         else:
-            solver = PointSolver(pad, NodalForces(skin.mesh, pad.chart), name="press")
+            solver = PointSolver(pad, NodalForces(skin.mesh, pad.chart), name="press", depth_limit=limit)
         step = _pressed(solver, body, depth, along)
     doubtful += [replace(finding, frame=None) for finding in solver.findings]  # frames are of scenes
     solution, points = step.solution, None
@@ -288,7 +300,7 @@ def _match_pins(touch: Stimulus, spec: DeviceSpec, method: str | None) -> Match:
     if chosen is None:
         raise DermisError("unknown matching method", where=spec.key, value=method, limit=", ".join(METHODS))
     ready = setup(touch.skin, spec)
-    found = make_solver(ready, spec, chosen, None).solve(touch.force)
+    found = make_solver(ready, spec, chosen, None).solve(touch.force, touch.amounts)
     error = found.displacement_error if chosen.startswith("DM") else found.force_error
     rendered = Stimulus(touch.skin, rendered_force(ready, found.forces))
     return Match(spec, chosen, found.forces, error, found.optimality, rendered)
@@ -307,14 +319,16 @@ def _match_thimble(touch: Stimulus, spec: DeviceSpec, method: str | None) -> Mat
             value=method,
             limit="stress, force, geometry",
         )
-    found = match_touch(use, touch.force[None])
+    found = match_touch(use, touch.force[None], amounts=None if touch.amounts is None else touch.amounts[None])
     return Match(
         spec,
         use.method,
         found.commands(spec)[0],
         float(found.mismatch[0]),
         float(found.kkt[0]),
-        Stimulus(touch.skin, found.force[0].astype(np.float64)),
+        Stimulus(
+            touch.skin, found.force[0].astype(np.float64), given=None if found.amounts is None else found.amounts[0]
+        ),
     )
 
 

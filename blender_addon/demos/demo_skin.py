@@ -1,6 +1,7 @@
 """The example for skin: a fingertip presses a sphere, an edge and a ribbed plate and slides over them.
 
-With five fingers each has a thing of its own, and all touch at once. Everything has its real size.
+With five fingers each has a thing of its own, and all touch at once; two of the same size, of linear tissue and of
+tissue that stiffens, are pressed into one block and dragged along it. Everything has its real size.
 """
 
 from __future__ import annotations
@@ -19,13 +20,18 @@ SPHERE_RADIUS, RIDGE_ANGLE = 6e-3, math.radians(100.0)
 HEIGHT = 12e-3  # of what is touched above the table's top, which is at 0 [m]
 DEPTH = 1.1e-3  # of the presses [m]
 SLIDE = 4e-3
+TISSUES = {"Linear": "linear", "Neo-Hookean": "neo_hookean"}
+DEEP, DRAG = 1.8e-3, 2e-3  # of the two tissues' touch [m]
 
 
 def build(fingers: int) -> bpy.types.Scene:
-    """Return a new scene with one finger that touches three things in turn, or five that touch five at once."""
+    """Return a new scene: one finger that touches three things in turn, two of two tissues, or five of five things."""
     scene = demo_stage.begin(NAME, FPS, 145 if fingers == 1 else 73)
     if fingers == 1:
         _one(scene)
+    elif fingers == 2:
+        _tissues(scene)
+        return demo_stage.finish(scene, (-0.05, 0.15, 0.08), (0.0, 0.0, 0.014))
     else:
         _five(scene)
         return demo_stage.finish(scene, (-0.07, 0.21, 0.112), (-0.006, 0.0, 0.014))  # the thumb is seen too
@@ -53,6 +59,18 @@ def _one(scene: bpy.types.Scene) -> None:
         ]
     rows.append((145, spots[2], 0.0, HEIGHT + 8e-3))
     demo_stage.key(finger, "location", rows)
+
+
+def _tissues(scene: bpy.types.Scene) -> None:
+    _desk(scene, 0.09)
+    touchable(add(scene, "Block", block(0.06, 0.03, HEIGHT), (0.0, 0.0, HEIGHT), STEEL), 0.6)
+    for i, (name, tissue) in enumerate(TISSUES.items()):
+        x = (0.5 - i) * 0.03  # from left to right as the view sees them
+        finger = demo_stage.finger_with_skin(scene, name, preset="index_medium", level="standard")
+        finger.dermis.finger.skin.tissue = tissue
+        deep, high = HEIGHT - DEEP, HEIGHT + 8e-3
+        rows = [(1, x, 0.0, high), (17, x, 0.0, deep), (29, x, 0.0, deep), (53, x, -DRAG, deep), (73, x, -DRAG, high)]
+        demo_stage.key(finger, "location", rows)
 
 
 def _five(scene: bpy.types.Scene) -> None:

@@ -65,11 +65,12 @@ def find(scene: bpy.types.Scene) -> Generator[Any, None, Any]:
         table = task.load_table(spec, Path(bpy.path.abspath(settings.table)))
         if skin is not None:
             with skin_models.one_thread():
-                model = skin_models.get(skin["skin"], skin["level"], wait=True)
+                model = skin_models.get(skin["skin"], skin["level"], skin["tissue"], wait=True)
     else:
         if skin is None:
-            skin = {"skin": {}, "level": "draft"}
-        model, table = yield from platform_devices.swept(spec, skin["skin"], skin["level"], settings.table_rows)
+            skin = {"skin": {}, "level": "draft", "tissue": "linear"}
+        rows = settings.table_rows
+        model, table = yield from platform_devices.swept(spec, skin["skin"], skin["level"], rows, skin["tissue"])
     return (yield from task.answer(spec, table, sensed, noise=settings.noise, skin=model, spread=not settings.table))
 
 
@@ -182,4 +183,5 @@ def _baked(scene: bpy.types.Scene, settings: Any, number: int) -> tuple[dict[str
         kept = store.skin_of(obj)
     sensed = core.design.task.sense_touch(skins[name], noise=settings.noise, seed=number)
     title = scene.name.split(":")[-1].strip()
-    return {"skin": dict(kept["skin"]), "level": str(kept["level"])}, {title: sensed}
+    own = {"skin": dict(kept["skin"]), "level": str(kept["level"]), "tissue": str(skins[name].model.tissue)}
+    return own, {title: sensed}

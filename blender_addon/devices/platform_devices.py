@@ -34,7 +34,7 @@ def model_of(obj: bpy.types.Object) -> core.skin.model.SkinModel | None:
         DermisError: a size that leaves no room for tissue.
     """
     skin = skin_properties.parameters(obj.dermis.finger.skin)
-    return skin_models.get(skin["skin"], skin["skin_level"], where=f"finger '{obj.name}', skin")
+    return skin_models.of(skin, where=f"finger '{obj.name}', skin")
 
 
 def table(obj: bpy.types.Object, device: Any) -> core.matching.table.SkinTable | None:
@@ -72,7 +72,7 @@ def make(obj: bpy.types.Object, device: Any) -> Generator[Any, None, Any]:
         raise DermisError("the finger wears no platform", where=f"finger '{obj.name}'", remedy="Add one under Devices")
     yield core.pipeline.bake.Progress("skin", 0, 1)
     skin, rows = skin_properties.parameters(obj.dermis.finger.skin), int(device.table_rows)
-    steps = swept(spec, skin["skin"], skin["skin_level"], rows)
+    steps = swept(spec, skin["skin"], skin["skin_level"], rows, skin["tissue"])
     model, made = yield from steps
     core.matching.lookup.keep_table(model, spec, rows, made)
     return made
@@ -92,14 +92,16 @@ def make_missing(scene: bpy.types.Scene) -> Generator[Any, None, None]:
                     continue
 
 
-def swept(spec: Any, skin: dict[str, Any], level: str, rows: int | None) -> Generator[Any, None, tuple[Any, Any]]:
+def swept(
+    spec: Any, skin: dict[str, Any], level: str, rows: int | None, tissue: str
+) -> Generator[Any, None, tuple[Any, Any]]:
     """Sweep a device on a skin in child processes; yield progress, return the skin's model and the table.
 
     Raises:
         DermisError: a skin that cannot be made, or a sweep that fails.
     """
     with skin_models.one_thread():
-        model = skin_models.get(skin, level, wait=True)
+        model = skin_models.get(skin, level, tissue, wait=True)
     material = {k: float(v) for k, v in skin.items() if k in ("young", "poisson", "alpha")}
     lengths = {k: v for k, v in skin.items() if k not in material}
     shape = core.skin.shape.shape_from_parameters(lengths)
@@ -113,6 +115,7 @@ def swept(spec: Any, skin: dict[str, Any], level: str, rows: int | None) -> Gene
             executor=executor,
             material=material,
             points=core.surrogate.press_points.press_points(model),
+            stiffening=model.stiffening,
         )
         while True:
             try:

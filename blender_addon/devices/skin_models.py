@@ -1,8 +1,8 @@
 """The skins at hand: made once, shared by all fingers of the same size, kept on disk in the extension's user folder.
 
 Draft and standard skins are made where they are first asked for (some tenths of a second, once per size). A fine one
-takes seconds: in a window a child process makes it, and whoever asked gets None until it is there. So does the table of
-a smooth pad, for lengths that no preset has: a preview goes on without it, a bake waits for it.
+takes seconds: in a window a child process makes it, and whoever asked gets None until it is there. So do the tables of
+a smooth pad, and of how tissue stiffens, for lengths that no preset has: a preview goes on without them, a bake waits.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ..preferences import user_folder
 
 LIMIT_BYTES = 4_000_000_000
 SLOW = ("fine",)
-PAD = "pad"  # in place of a level: the table of the smooth pad
+PAD, STIFFENING = "pad", "stiffening"  # in place of a level, and jobs: tables of the smooth pad and of its tissue
 POLL = 0.1
 
 on_made: Callable[[], None] | None = None
@@ -30,7 +30,8 @@ _models: core.recent.Recent[str, core.skin.model.SkinModel] = core.recent.Recent
 _making: dict[str, core.work.executor.JobFuture] = {}
 _progress: dict[str, float] = {}
 _failed: dict[str, BaseException] = {}
-_pads: set[str] = set()  # whose tables are there
+_stiff: core.recent.Recent[str, tuple[core.skin.model.SkinModel, core.skin.model.SkinModel]] = core.recent.Recent(8)
+_there: set[str] = set()  # tables
 
 
 def cache() -> core.cache.Cache:
@@ -62,19 +63,20 @@ def _solved(finger: core.scene.tactile_scene.Finger, presets: core.presets.Libra
 
 @overload
 def get(
-    skin: Mapping[str, float], level: str, *, where: str = ..., wait: Literal[True]
+    skin: Mapping[str, float], level: str, tissue: str = ..., *, where: str = ..., wait: Literal[True]
 ) -> core.skin.model.SkinModel: ...
 @overload
 def get(
-    skin: Mapping[str, float], level: str, *, where: str = ..., wait: bool = ...
+    skin: Mapping[str, float], level: str, tissue: str = ..., *, where: str = ..., wait: bool = ...
 ) -> core.skin.model.SkinModel | None: ...
 def get(
-    skin: Mapping[str, float], level: str, *, where: str = "skin", wait: bool = False
+    skin: Mapping[str, float], level: str, tissue: str = "linear", *, where: str = "skin", wait: bool = False
 ) -> core.skin.model.SkinModel | None:
     """Return a skin's model, or None while it is being made.
 
     Args:
         skin: size and material in SI, as in a skin preset.
+        tissue: 'linear', or 'neo_hookean', which is linear until its table is there (see `wants_stiffening`).
         wait: make it now, however long it takes.
 
     Raises:
@@ -94,7 +96,21 @@ def get(
     if (young, alpha) != (model.material.young, model.material.alpha):
         model = model.with_material(young=young, alpha=alpha)
         _models[key] = model
-    return model
+    return model if tissue == "linear" else _stiffened(key, model, tissue)
+
+
+def of(parameters: Mapping[str, Any], *, where: str = "skin", wait: bool = False) -> core.skin.model.SkinModel | None:
+    """Return the skin of a finger's parameters, as `get` does."""
+    tissue = str(parameters.get("tissue", "linear"))
+    return get(parameters["skin"], str(parameters["skin_level"]), tissue, where=where, wait=wait)
+
+
+def _stiffened(key: str, model: core.skin.model.SkinModel, tissue: str) -> core.skin.model.SkinModel:
+    """Return a skin of a tissue that stiffens, the same as long as the skin is: a preview goes on with it."""
+    kept = _stiff.get(key)
+    if kept is None or kept[0] is not model or kept[1].tissue != tissue:
+        kept = _stiff[key] = model, core.tissue.finger_skin.of_tissue(model, tissue)
+    return kept[1]
 
 
 def wants_pad(parameters: Mapping[str, Any]) -> bool:
@@ -104,47 +120,91 @@ def wants_pad(parameters: Mapping[str, Any]) -> bool:
         DermisError: a size that leaves no room for tissue.
     """
     skin = parameters["skin"]
-    if parameters["contact"] != "points" or "mesh" in skin or _key(skin, PAD) in _pads:
+    if parameters["contact"] != "points" or "mesh" in skin or _key(skin, PAD) in _there:
         return False
     if core.skin.surface_store.surface_compliance(skin, shipped=core.skin.surface_store.SHIPPED, cache=cache()) is None:
         return True
-    _pads.add(_key(skin, PAD))
+    _there.add(_key(skin, PAD))
+    return False
+
+
+def wants_stiffening(parameters: Mapping[str, Any]) -> bool:
+    """Return whether a finger's tissue is to stiffen, and the table of how it does is not made yet.
+
+    Raises:
+        DermisError: a size that leaves no room for tissue.
+    """
+    skin = parameters["skin"]
+    if parameters.get("tissue", "linear") == "linear" or "mesh" in skin or _key(skin, STIFFENING) in _there:
+        return False
+    shape, material = core.skin.model.shape_and_material(skin)
+    find, shipped = core.tissue.stiffening_store.find_stiffening, core.skin.surface_store.SHIPPED
+    if shape is not None and find(shape, material.poisson, shipped=shipped, cache=cache()) is None:
+        return True
+    _there.add(_key(skin, STIFFENING))
     return False
 
 
 def make_pad(skin: Mapping[str, float]) -> float | None:
     """Let a child process make the table of a skin's smooth pad; return how far it is, None where that failed."""
-    key = _key(skin, PAD)
+    return _made(skin, PAD)
+
+
+def make_stiffening(skin: Mapping[str, float]) -> float | None:
+    """Let a child process make the table of how a skin stiffens; return how far it is, None where that failed."""
+    return _made(skin, STIFFENING)
+
+
+def refusal(skin: Mapping[str, float], table: str) -> str:
+    """Return why a table could not be made, or ''."""
+    error = _failed.get(_key(skin, table))
+    return "" if error is None else str(error)
+
+
+def _made(skin: Mapping[str, float], table: str) -> float | None:
+    key = _key(skin, table)
     if key in _failed:
         return None
     if not _finished(key):
-        _begin(key, skin, PAD)
+        _begin(key, skin, table)
     return _progress[key]
 
 
-def make_pads(
+def make_tables(
     tactile: core.scene.tactile_scene.TactileScene, presets: core.presets.Library
 ) -> Generator[core.pipeline.bake.Progress, None, None]:
-    """Make the tables of smooth pads that a bake will need; yield progress.
+    """Make the tables of skins that a bake will need; yield progress.
 
-    What cannot be made is left to the bake, which solves contact at the mesh's nodes and says so.
+    What cannot be made is left to the bake, which solves contact at the mesh's nodes, or linear tissue, and says so.
     """
     for finger in tactile.fingers:
         if _solved(finger, presets):
-            yield from pad_made(finger.parameters)
+            yield from tables_made(finger.parameters)
 
 
-def pad_made(parameters: Mapping[str, Any]) -> Generator[core.pipeline.bake.Progress, None, None]:
-    """Make the table of a finger's smooth pad where its contact needs one, see `wants_pad`; yield progress."""
-    try:
-        if not wants_pad(parameters):
+def tables_made(parameters: Mapping[str, Any]) -> Generator[core.pipeline.bake.Progress, None, None]:
+    """Make the tables of a finger's skin that are wanted and not there, see `wants_pad`; yield progress.
+
+    Closing the generator ends a child process that it began.
+    """
+    skin = parameters["skin"]
+    for table, wants, make in ((PAD, wants_pad, make_pad), (STIFFENING, wants_stiffening, make_stiffening)):
+        try:
+            if not wants(parameters):
+                continue
+        except DermisError:
             return
-    except DermisError:
-        return
-    while (done := make_pad(parameters["skin"])) is not None and done < 1.0:
-        yield core.pipeline.bake.Progress("skin", round(100 * done), 100)
-        time.sleep(POLL / 5)  # nobody else waits meanwhile, and a timer may not run
-        _tick()
+        key = _key(skin, table)
+        mine = key not in _making
+        try:
+            while (done := make(skin)) is not None and done < 1.0:
+                yield core.pipeline.bake.Progress("skin" if table == PAD else "tissue", round(100 * done), 100)
+                time.sleep(POLL / 5)  # nobody else waits meanwhile, and a timer may not run
+                _tick()
+        finally:
+            if mine and key in _making:
+                _making.pop(key).cancel()
+                _progress.pop(key, None)
 
 
 def progress(skin: Mapping[str, float], level: str) -> float | None:
@@ -159,7 +219,8 @@ def forget() -> None:
     _making.clear()
     _progress.clear()
     _models.clear()
-    _pads.clear()
+    _stiff.clear()
+    _there.clear()
     _failed.clear()
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)
@@ -180,7 +241,7 @@ def _begin(key: str, skin: Mapping[str, float], level: str) -> None:
         return
     executor = core.work.processes.ProcessExecutor()
     parameters = {"skin": dict(skin), "folder": str(cache().folder), "limit": LIMIT_BYTES}
-    job, more = (PAD, {}) if level == PAD else ("skin", {"level": level})
+    job, more = (level, {}) if level in (PAD, STIFFENING) else ("skin", {"level": level})
     _making[key] = executor.submit(job, {}, parameters | more)
     executor.shutdown(wait=False)  # its process ends with the job
     _progress[key] = 0.0

@@ -46,7 +46,7 @@ def prepared(device: Any, model: Any) -> Any:
         raise DermisError("no such thimble", where="thimble", value=device.preset)
     values = {k: v for k, v in parameters_of(device).items() if k.startswith("thimble_")}
     on = core.surrogate.press_points.pressed_on(model)
-    key = json.dumps([spec.hash, model.key, on, repr(model.material), values], sort_keys=True)
+    key = json.dumps([spec.hash, model.key, model.tissue, on, repr(model.material), values], sort_keys=True)
     with skin_models.one_thread():
         return _uses.make(key, lambda: core.matching.thimble_use.prepare(spec, model, values, device.preset))
 

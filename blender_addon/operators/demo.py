@@ -65,12 +65,17 @@ class DERMIS_OT_demo_skin_scene(_Demo, bpy.types.Operator):
         items=(
             ("ONE", "One", "One finger touches one thing after the other"),
             ("FIVE", "Five", "Five fingers touch five things at once"),
+            (
+                "TISSUES",
+                "Two Tissues",
+                "Linear tissue and tissue that stiffens are pressed into one block, side by side",
+            ),
         ),
     )
 
     def build(self) -> bpy.types.Scene:
         """Return the scene."""
-        return demo_skin.build(5 if self.fingers == "FIVE" else 1)
+        return demo_skin.build({"ONE": 1, "TISSUES": 2, "FIVE": 5}[self.fingers])
 
 
 class DERMIS_OT_demo_pins_scene(_Demo, bpy.types.Operator):

@@ -62,7 +62,7 @@ class DERMIS_OT_press_test(Work, bpy.types.Operator):
         skin = context.object.dermis.finger.skin
         values = skin_properties.parameters(skin)
         with skin_models.one_thread():
-            model = skin_models.get({**values["skin"], "alpha": 1.0}, values["skin_level"], wait=True)
+            model: Any = skin_models.of({**values, "skin": {**values["skin"], "alpha": 1.0}}, wait=True)
             depths = [d for d, _ in read]
             modelled: Any = core.matching.press_test.press_loads(model, depths) if depths else []
         fit = core.matching.press_test.stiffness_factor(depths, [f for _, f in read], modelled)

@@ -25,6 +25,8 @@ class DERMIS_MT_add(bpy.types.Menu):
         layout.operator("dermis.demo_skin_scene", text="Demo Skin Scene", icon="SCENE_DATA").fingers = "ONE"
         five = layout.operator("dermis.demo_skin_scene", text="Demo Skin Scene, Five Fingers", icon="SCENE_DATA")
         five.fingers = "FIVE"
+        two = layout.operator("dermis.demo_skin_scene", text="Demo Skin Scene, Two Tissues", icon="SCENE_DATA")
+        two.fingers = "TISSUES"
         layout.operator("dermis.demo_pins_scene", text="Demo Pin Array Scene", icon="SCENE_DATA")
         layout.menu("DERMIS_MT_thimble_demos", icon="SCENE_DATA")
         layout.menu("DERMIS_MT_motors_demos", icon="SCENE_DATA")

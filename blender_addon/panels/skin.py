@@ -55,7 +55,7 @@ class DERMIS_PT_skin(DermisPanel, bpy.types.Panel):
             row.active = False
             row.alignment = "RIGHT"
             row.label(text=f"about {core.parameters.skin.TETRAHEDRA[skin.level]} tetrahedra")
-            properties(layout, skin, "contact", keys=False)
+            properties(layout, skin, "tissue", "contact", keys=False)
         properties(layout, skin, "young_kpa", "alpha", keys=False)
         column = properties(layout, skin, "depth_mode", keys=False)
         if skin.depth_mode == "compliant":
@@ -115,9 +115,9 @@ class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
         if not states and not skin_preview.failure():
             paragraph(layout, context, "Move along the timeline to see what the skin feels.")
         if states:
-            deepest = max(s.depth for s in states)
+            beyond = any(s.too_deep or s.too_far for s in states)
             text = skin_field.error_text(states)
-            paragraph(layout, context, text[:1].upper() + text[1:], "ERROR" if deepest > 2e-3 else "INFO")
+            paragraph(layout, context, text[:1].upper() + text[1:], "ERROR" if beyond else "INFO")
 
 
 @needs(lambda context: bool(_states(context)))
@@ -187,8 +187,10 @@ def _figures(column: Any, context: bpy.types.Context, state: SkinState, said: st
         return
     _pair(column, "normal force", skin_cards.force(state.normal_force))
     _pair(column, "tangential force", skin_cards.force(state.tangential_force))
-    deep = state.depth > 2e-3
-    _pair(column, "touch depth", f"{1e3 * state.depth:.2f} mm", "ERROR" if deep else "NONE")
+    _pair(column, "tissue", core.contact.trusted.WORDS[state.tissue])
+    _pair(column, "touch depth", f"{1e3 * state.depth:.2f} mm", "ERROR" if state.too_deep else "NONE")
+    if state.dragged:
+        _pair(column, "dragged by friction", f"{1e3 * state.slide:.2f} mm", "ERROR" if state.too_far else "NONE")
     if state.lift > 0.0:
         _pair(column, "bone gave way", f"{1e3 * state.lift:.2f} mm")
     _pair(column, "nodes", skin_cards.friction(state))

@@ -49,7 +49,7 @@ def pins_of(obj: bpy.types.Object, device: str) -> Pins | None:
         DermisError: a skin or a layout that cannot be used.
     """
     skin, spec = skin_properties.parameters(obj.dermis.finger.skin), active_presets.spec_of(device, "pins")
-    model = skin_models.get(skin["skin"], skin["skin_level"])
+    model = skin_models.of(skin)
     if model is None or spec is None:
         return None
     return _pins.make((model.key, spec.hash), lambda: _pins_on(model, spec))
@@ -107,7 +107,7 @@ def _matched(target: SkinState, device: Any, spec: Any) -> tuple[SkinState, Arra
         try:
             ready = pins.setup(target.model, spec, device.pin_nodes)
             solver = pins.make_solver(ready, spec, device.pin_method, None, bounded=device.pin_bounded)
-            matched = solver.solve(target.force)
+            matched = solver.solve(target.force, target.amounts)
             forces, force = matched.forces, pins.rendered_force(ready, matched.forces)
             note = f"{1e3 * matched.displacement_error:.2f} mm off"
         except DermisError as error:
@@ -119,6 +119,7 @@ def _matched(target: SkinState, device: Any, spec: Any) -> tuple[SkinState, Arra
         force=force,
         normal_force=float(total[2]),
         note=note,
+        amounts=None,
         sticking=0,
         slipping=0,
         tangential_force=float(np.hypot(total[0], total[1])),

@@ -295,7 +295,7 @@ def _solve(f: int, finger: Any, posed: core.contact.posed_scene.PosedScene, fram
     where = f"finger '{finger.name}'"
     level = str(finger.parameters["skin_level"])
     try:
-        model = skin_models.get(finger.parameters["skin"], level, where=f"{where}, skin")
+        model = skin_models.of(finger.parameters, where=f"{where}, skin")
     except DermisError as error:  # the other fingers go on
         return SkinState(finger.name, None, np.zeros((0, 3)), note=str(error))
     if model is None:
@@ -312,16 +312,23 @@ def _solve(f: int, finger: Any, posed: core.contact.posed_scene.PosedScene, fram
     if skin_models.wants_pad(finger.parameters):
         made = skin_models.make_pad(finger.parameters["skin"])
         note += "; at the mesh's nodes" + (f" while the smooth skin is made: {made:.0%}" if made is not None else "")
+    if skin_models.wants_stiffening(finger.parameters):
+        made = skin_models.make_stiffening(finger.parameters["skin"])
+        why = skin_models.refusal(finger.parameters["skin"], skin_models.STIFFENING)
+        note += "; linear tissue" + (f" while its table is made: {made:.0%}" if made is not None else f": {why}")
     state = SkinState.of(finger.name, model, step, "live", note, _counters(path.stepper))
     return replace(state, coarse=True) if path.stepper.cut else state
 
 
 def _path_of(f: int, finger: Any, model: Any, posed: core.contact.posed_scene.PosedScene) -> _FingerPath:
     p = finger.parameters
-    # a table of the smooth skin that has been made since begins a new path
+    # a table that has been made since, of the smooth skin or of its tissue, begins a new path
     waits = skin_models.wants_pad(p)
     key = (id(model), p["depth_mode"], p["bone_stiffness"], p["force_limit"], p["contact"], waits)
     path = _live.paths.get(finger.name)
+    if path is not None and path.key != key:  # what was seen is of another skin
+        _live.seen.clear()
+        _live.kept.clear()
     if path is None or path.key != key:
         stepper = core.contact.skin_stepper.SkinStepper(model, f, finger, posed)
         path = _live.paths[finger.name] = _FingerPath(key, stepper, stepper.save())

@@ -8,6 +8,8 @@ from typing import Any
 
 from .._core import Array, core
 
+DRAGGED = 0.1e-3  # [m]
+
 
 @dataclass(frozen=True, eq=False)
 class SkinState:
@@ -24,6 +26,8 @@ class SkinState:
         converged: whether the frame passed the solver's own check.
         counters: what was solved and what was skipped, by name.
         points: the same forces where they act, on points of the smooth skin; None where contact is solved on nodes.
+        amounts: how much of each pattern skin that stiffens is displaced by, shape (k,); None of linear skin.
+        slide: how far friction has drawn the loaded skin along itself [m].
         coarse: the way to the frame was walked in fewer steps than it takes.
     """
 
@@ -42,6 +46,8 @@ class SkinState:
     converged: bool = True
     counters: Mapping[str, int] = field(default_factory=dict)
     points: core.skin.point_forces.PointForces | None = None
+    amounts: Array | None = None
+    slide: float = 0.0
     coarse: bool = False
 
     @classmethod
@@ -56,6 +62,26 @@ class SkinState:
     ) -> SkinState:
         """Return the state of a skin from one sample of the engine's."""
         return cls(finger, model, source=source, note=note, counters=counters, **vars(step))
+
+    @property
+    def tissue(self) -> str:
+        """What the tissue is: 'linear' or 'neo_hookean'."""
+        return "linear" if self.model is None else str(self.model.tissue)
+
+    @property
+    def dragged(self) -> bool:
+        """Whether friction draws the skin so far that a person would want to know."""
+        return self.slide >= DRAGGED
+
+    @property
+    def too_deep(self) -> bool:
+        """Whether the skin is pressed deeper than its tissue is trusted."""
+        return self.depth > core.contact.trusted.trusted(self.tissue).depth
+
+    @property
+    def too_far(self) -> bool:
+        """Whether the skin is dragged farther than its tissue is trusted."""
+        return self.slide > core.contact.trusted.trusted(self.tissue).slide
 
     @property
     def touching(self) -> bool:

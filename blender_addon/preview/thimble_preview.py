@@ -88,7 +88,7 @@ def follow(scene: bpy.types.Scene, target: SkinState, device: Any) -> _FingerPat
     settings = _settings.make((target.finger, device.preset, changes.edits()), lambda: _settings_of(device))
     model = thimble_devices.pressed(scene.objects[target.finger], target.model)
     on = core.surrogate.press_points.pressed_on(model)
-    key = (device.preset, settings, model.key, on, repr(model.material), changes.generation())
+    key = (device.preset, settings, model.key, model.tissue, on, repr(model.material), changes.generation())
     path = _paths.get(target.finger)
     if path is None or path.key != key:
         path = _paths[target.finger] = _FingerPath(key)
@@ -148,7 +148,7 @@ def _step(path: _FingerPath, target: SkinState, frame: float, fps: float) -> Non
             matching.reset()
             matching.change = None  # the first frame shows where it would be, not the way there
     path.before = matching.save()
-    path.rendered, path.error = path.follower.step(target.force), ""
+    path.rendered, path.error = path.follower.step(target.force, target.amounts), ""
 
 
 def _live_state(scene: bpy.types.Scene, target: SkinState, device: Any) -> SkinState | None:
@@ -238,4 +238,5 @@ def _state(target: SkinState, method: str, solution: Any, contact: Any, mismatch
         converged=bool(solution.converged),
         counters={},
         points=core.surrogate.press_points.point_forces(target.model, spread) if on_points else None,
+        amounts=solution.amounts,
     )

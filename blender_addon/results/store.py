@@ -23,7 +23,8 @@ from ..properties import skin_properties
 from ..sampling.frames import frame_range, frames_per_second
 from . import stored_skins
 
-RESULT_VERSION = 1
+RESULT_VERSION = 2
+READ = (2, 1)  # versions; in the first skin does not stiffen
 NOTES = {
     "fresh": "from the bake",
     "stale": "from a bake that is out of date",
@@ -146,7 +147,8 @@ def load(scene: bpy.types.Scene) -> Result | None:
     key = scene.dermis.bake_key
     # no `cache()`: that would make the folder
     folder = core.cache.Cache(user_folder("results"), int(setting("cache_megabytes")) * 1_000_000)
-    path = folder.get(_key(key), use=False) if key else None
+    found = (folder.get(_key(key, version), use=False) for version in READ) if key else iter(())
+    path = next((path for path in found if path is not None), None)
     if path is None:
         return None
     result = _read(path)
@@ -160,8 +162,8 @@ def skin_of(obj: bpy.types.Object) -> dict[str, Any]:
     return {"skin": values["skin"], "level": values["skin_level"]}
 
 
-def _key(content_hash: str) -> str:
-    return str(core.cache.cache_key(f"bake {RESULT_VERSION}", content_hash))
+def _key(content_hash: str, version: int = RESULT_VERSION) -> str:
+    return str(core.cache.cache_key(f"bake {version}", content_hash))
 
 
 def _write(path: Path, result: Result) -> None:
@@ -209,12 +211,12 @@ def _read(path: Path) -> Result:
         with core.npz.opened_npz(path, kind="a stored result", trusted=True) as archive:
             file = archive.arrays([name for name in archive.names if stored_skins.at_once(name)])
             header = core.foreign.json_of(file["header"].tobytes(), str(path), core.foreign.MAX_TEXT, constants=True)
-            if header["version"] != RESULT_VERSION:
+            if header["version"] not in READ:
                 raise DermisError(
                     "made by another version",
                     where=str(path),
                     value=header["version"],
-                    limit=str(RESULT_VERSION),
+                    limit=", ".join(map(str, READ)),
                     remedy="Bake again",
                 )
             outputs = tuple(

@@ -20,6 +20,7 @@ PREFIX = "skin_"  # of the names of their arrays
 SMALL = ("_times", "_normal_force")  # what is read at once
 POINTS = ("starts", "cells", "force")
 SERIES = ("times", "frames", "normal_force", "tangential_force", "depth", "lift", "sticking", "slipping")
+LATER = ("amounts", "slide")  # not in every version's results, or not of every skin
 
 
 def pack(
@@ -27,7 +28,8 @@ def pack(
 ) -> list[dict[str, Any]]:
     """Add the arrays of a bake's skins to `arrays`; return their entries of the file's header.
 
-    Displacement and stress are not kept: they follow from the forces.
+    Displacement and stress are not kept: they follow from the forces, and of skin that stiffens from how much of each
+    pattern its contact found.
     """
     entries = []
     for i, (finger, touch) in enumerate(skins.items()):
@@ -38,13 +40,16 @@ def pack(
         if touch.points is not None:
             for name in POINTS:
                 arrays[f"{PREFIX}{i}_point_{name}"] = getattr(touch.points, name)
-        for name in SERIES:
+        for name in (*SERIES, *(name for name in LATER if getattr(touch, name) is not None)):
             arrays[f"{PREFIX}{i}_{name}"] = np.asarray(getattr(touch, name))
+        stiffening = touch.model.stiffening
         entries.append(
             {
                 "finger": finger,
                 "number": i,
                 **made_of[finger],
+                "tissue": touch.model.tissue,
+                "stiffening": "" if stiffening is None else stiffening.key,
                 "nodes": touch.model.pad_count,
                 "findings": [f.as_dict() for f in touch.findings],
                 "skipped": dict(touch.skipped),
@@ -114,11 +119,12 @@ def _unpacked(path: Path, entry: Mapping[str, Any]) -> Any:
     """Return one skin of a stored result.
 
     Raises:
-        DermisError: the file is gone or damaged, or the skin is made otherwise by this version, so that the forces do
-            not belong to its nodes.
+        DermisError: the file is gone or damaged, the skin is made otherwise by this version, so that the forces do
+            not belong to its nodes, or how it stiffened is not known any more.
     """
     i, finger = int(entry["number"]), str(entry["finger"])
-    model: Any = skin_models.get(entry["skin"], entry["level"], where=f"finger '{finger}', skin", wait=True)
+    tissue, where = str(entry.get("tissue", "linear")), f"finger '{finger}', skin"
+    model: Any = skin_models.get(entry["skin"], entry["level"], tissue, where=where, wait=True)
     if model.pad_count != entry["nodes"]:
         raise DermisError(
             "the skin has other nodes in this version",
@@ -127,9 +133,16 @@ def _unpacked(path: Path, entry: Mapping[str, Any]) -> Any:
             limit=str(model.pad_count),
             remedy="Bake again",
         )
+    if model.tissue != tissue or (model.stiffening is not None and model.stiffening.key != entry["stiffening"]):
+        raise DermisError(
+            "the table of how the skin stiffens is gone, or another one",
+            where=f"finger '{finger}'",
+            remedy="Bake again",
+            code="tissue-linear",
+        )
     with core.foreign.damage_told("the stored result cannot be read", str(path), remedy="Bake again"):
         with core.npz.opened_npz(path, kind="a stored result", trusted=True) as archive:
-            file = archive.arrays([name for name in archive.names if name.startswith(f"{PREFIX}{i}_")])
+            file: Any = archive.arrays([name for name in archive.names if name.startswith(f"{PREFIX}{i}_")])
         return core.contact.skin_contact.SkinContact(
             model=model,
             contact=file[f"{PREFIX}{i}_contact"].astype(np.intp),
@@ -138,6 +151,7 @@ def _unpacked(path: Path, entry: Mapping[str, Any]) -> Any:
             skipped=entry["skipped"],
             points=_points(model, {name: file.get(f"{PREFIX}{i}_point_{name}") for name in POINTS}),
             **{name: file[f"{PREFIX}{i}_{name}"] for name in SERIES},
+            **{name: file.get(f"{PREFIX}{i}_{name}") for name in LATER},
         )
 
 

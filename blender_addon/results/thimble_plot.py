@@ -33,6 +33,7 @@ def write(scene: bpy.types.Scene, obj: bpy.types.Object, path: Path) -> Path:
     with skin_models.one_thread():
         use = thimble_devices.prepared(device, felt.pressed)
         forces = core.matching.thimble.forces_at(felt, times)
-        found = core.matching.thimble.match_touch(use, forces, use.device.servo_speed / spec.rate)
-        made = core.matching.stimulus_plot.stimulus_plot(use, forces, found)
+        amounts = core.matching.thimble.amounts_at(felt, times)
+        found = core.matching.thimble.match_touch(use, forces, use.device.servo_speed / spec.rate, amounts)
+        made = core.matching.stimulus_plot.stimulus_plot(use, forces, found, amounts=amounts)
     return core.plot.stimuli.write(path, *core.command_line.thimble.picture(made, found, obj.name))

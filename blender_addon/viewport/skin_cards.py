@@ -53,7 +53,7 @@ def line(state: SkinState, place: Box, scale: float) -> None:
         words, colour = "no skin", paint.ORANGE
     elif state.touching:
         words = f"N {force(state.normal_force)}  T {force(state.tangential_force)}  {1e3 * state.depth:.2f} mm"
-        colour = paint.INK if state.depth <= 2e-3 and state.converged else paint.ORANGE
+        colour = paint.INK if state.converged and not (state.too_deep or state.too_far) else paint.ORANGE
     paint.text(words, x + width, y, colour, scale, align=1.0)
 
 
@@ -87,7 +87,7 @@ def _figures(state: SkinState, x: float, y: float, width: float, scale: float, *
     else:
         rows = [
             (f"N {force(state.normal_force)}   T {force(state.tangential_force)}", paint.INK),
-            (f"{1e3 * state.depth:.2f} mm deep", paint.INK if state.depth <= 2e-3 else paint.ORANGE),
+            (f"{1e3 * state.depth:.2f} mm deep", paint.ORANGE if state.too_deep else paint.INK),
             (friction(state), paint.FAINT) if state.converged else ("did not converge", paint.ORANGE),
         ]
         if state.work == "rendered":
@@ -115,7 +115,7 @@ class Legend(NamedTuple):
     @classmethod
     def of(cls, now: Shown, *, full: bool, said: str) -> Legend:
         """Return the legend of skins; a short one says only what their colours mean. `said` stands elsewhere."""
-        deep = max((s.depth for s in now.states), default=0.0) > 2e-3
+        deep = any(s.too_deep or s.too_far for s in now.states)
         noted = next((s for s in now.states if s.note not in ("", said) and s.work != "rendered"), None)
         off = paint.wrapped(skin_field.error_text(now.states), 42) if full else []
         own = "skin: " if said else ""  # of which both frames are, where devices began at another one

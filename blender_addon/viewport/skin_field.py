@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .._core import Array, core
+from .._core import Array, Floats32, core
 from ..preview.skin_state import SkinState
 from .skin_surface import DisplaySurface
 
@@ -19,8 +19,6 @@ COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
 SIGNED = frozenset(COMPONENTS)
 NEAR = 2e-3  # to what presses, where stress is read under every drawn vertex and not between nodes [m]
 SMALL = 250  # pad nodes of a skin whose map from forces to the drawn surface is kept whole: at most 10 MB
-# Depth of a press [m] and how far a linear skin's force is then off. Source: the linear model against a nonlinear one.
-ERROR_BAND = ((0.0, 0.0), (1e-3, 0.18), (2e-3, 0.33))
 
 
 class Quantity(NamedTuple):
@@ -68,6 +66,25 @@ class _Below(NamedTuple):
     table: core.skin.stress_table.StressTable
 
 
+class _Stiff(NamedTuple):
+    """What skin that stiffens does beyond linear skin, at E = 1.
+
+    Attributes:
+        moved: its patterns at the nodes of the surface, shape (3 s, k).
+        stress: its fields there, as they are averaged, shape (6 s, r).
+    """
+
+    moved: Floats32
+    stress: Floats32
+
+
+class _Beyond(NamedTuple):
+    """What a skin that stiffens is moved [m], shape (s, 3), and stressed [Pa], shape (s, 6), beyond linear skin."""
+
+    moved: Array
+    stress: Array
+
+
 @dataclass(eq=False)
 class _Kit:
     """What belongs to a mesh: its surface, and how element values get to the surface's nodes.
@@ -78,6 +95,7 @@ class _Kit:
         stresses: by the skin's key, from displacement to their stress at E = 1 Pa, sparse (6 s, 3 n).
         shortcuts: by the skin's key, displacement and stress of the nodes for unit forces; see `_shortcut`.
         below: by the smooth skin's remainder, stress below what is drawn of the pad.
+        stiff: by a table of how skin stiffens, with that table, what it does beyond linear skin.
     """
 
     surface: DisplaySurface
@@ -87,6 +105,7 @@ class _Kit:
     stresses: dict[str, Any] = field(default_factory=dict)
     shortcuts: dict[str, NDArray[np.float32]] = field(default_factory=dict)
     below: dict[int, _Below] = field(default_factory=dict)
+    stiff: dict[int, tuple[Any, _Stiff]] = field(default_factory=dict)
 
 
 _kits: weakref.WeakKeyDictionary[Any, _Kit] = weakref.WeakKeyDictionary()
@@ -110,20 +129,24 @@ def draw_of(state: SkinState, quantity: str, exaggeration: float = 1.0) -> Drawn
         zero = np.zeros(len(surface.rest))
         lifted = surface.rest + (0.0, 0.0, state.lift)
         return Drawn(surface, lifted, surface.at_rest, zero, 0.0, 0.0, surface.middle, np.zeros(2))
-    stimulus = core.skin.stimulus.Stimulus(state.model, state.force, state.points)
+    stimulus = core.skin.stimulus.Stimulus(state.model, state.force, state.points, state.amounts)
+    beyond = _beyond(own, stimulus)
     if state.model.pad_count <= SMALL and quantity != "energy":
         moved, stress = _by_shortcut(own, state.model, state.force)
     else:
-        moved = stimulus.displacement[surface.nodes]
+        linear = state.model.displacement(state.force)
+        moved = linear[surface.nodes]
         stressed = quantity == "von_mises" or quantity in SIGNED
         stress = np.zeros((len(moved), 6))
         if stressed:
-            flat = _stress_of(own, state.model) @ stimulus.displacement.ravel()
+            flat = _stress_of(own, state.model) @ linear.ravel()
             stress = state.model.material.modulus * flat.reshape(-1, 6)
+    if beyond is not None:
+        moved, stress = moved + beyond.moved, stress + beyond.stress
     nodal = _nodal(own, stimulus, quantity, moved, stress)
     positions, normals, values = surface.deformed(own.points, exaggeration * moved, nodal)
     if state.points is not None and (quantity == "von_mises" or quantity in SIGNED):
-        near, stress = _beneath(own, state.points)
+        near, stress = _beneath(own, state.points, beyond)
         values[near] = _read(quantity, stress)
         nodal = values
     positions[:, 2] += state.lift
@@ -133,7 +156,28 @@ def draw_of(state: SkinState, quantity: str, exaggeration: float = 1.0) -> Drawn
     return Drawn(surface, positions, normals, values, float(nodal.min()), float(nodal.max()), centre, shear)
 
 
-def _beneath(own: _Kit, points: core.skin.point_forces.PointForces) -> tuple[NDArray[np.intp], Array]:
+def _beyond(own: _Kit, stimulus: core.skin.stimulus.Stimulus) -> _Beyond | None:
+    """Return what a skin does beyond linear skin; None where it is linear."""
+    model, amounts = stimulus.skin, stimulus.amounts
+    if model.stiffening is None or amounts is None:
+        return None
+    kept = own.stiff.get(id(model.stiffening))
+    if kept is None:
+        stiff, nodes = model.stiff, own.surface.nodes
+        moved = stiff.nodes.reshape(len(model.mesh.nodes), -1)[nodes].reshape(3 * len(nodes), -1)
+        stress = own.averaging @ stiff.elements.reshape(len(model.mesh.tetrahedra), -1)
+        made = _Stiff(moved, np.asarray(stress, np.float32).reshape(6 * len(nodes), -1))
+        kept = own.stiff[id(model.stiffening)] = model.stiffening, made
+    patterns = model.stiffening.energy.force(amounts).astype(np.float32)
+    fields = (model.material.modulus * model.stiffening.stress.amounts(amounts)).astype(np.float32)
+    tables = kept[1]
+    moved, stress = -(tables.moved @ patterns), tables.stress @ fields
+    return _Beyond(np.asarray(moved.reshape(-1, 3), float), np.asarray(stress.reshape(-1, 6), float))
+
+
+def _beneath(
+    own: _Kit, points: core.skin.point_forces.PointForces, beyond: _Beyond | None
+) -> tuple[NDArray[np.intp], Array]:
     """Return which drawn vertices are near what presses, and the stress as deep below them as the first receptors lie.
 
     An edge is finer than the mesh, whose stress is smeared over its elements; farther off that is right.
@@ -150,7 +194,11 @@ def _beneath(own: _Kit, points: core.skin.point_forces.PointForces) -> tuple[NDA
         below = own.below[id(surface.remainder)] = _Below(vertices, core.skin.stress_table.StressTable(surface, probes))
     apart = cKDTree(cells[points.cells]).query(own.surface.rest[below.vertices], distance_upper_bound=NEAR)[0]
     near = np.flatnonzero(apart < NEAR)
-    return below.vertices[near], below.table.stress(points.cells, points.force, near)
+    stress = below.table.stress(points.cells, points.force, near)
+    if beyond is not None:
+        # what stiffening adds is smooth, and varies no more over the first receptors' depth than between nodes
+        stress = stress + own.surface.refine[below.vertices[near]] @ beyond.stress
+    return below.vertices[near], stress
 
 
 def _read(quantity: str, stress: Array) -> Array:
@@ -243,20 +291,27 @@ def nice(value: float) -> float:
     return next(float(f"{m * power:.3g}") for m in (1, 1.5, 2, 3, 4, 5, 6, 8, 10) if m * power >= value * (1 - 1e-9))
 
 
-def model_error(depth: float) -> float:
-    """Return by how much a linear skin is off at a depth [m], as a part of the force: 0.18 at 1 mm, 0.33 at 2 mm."""
-    depths, errors = zip(*ERROR_BAND, strict=True)
-    if depth > depths[-1]:
-        return float(errors[-1] + (depth - depths[-1]) * (errors[-1] - errors[-2]) / (depths[-1] - depths[-2]))
-    return float(np.interp(depth, depths, errors))
-
-
 def error_text(states: Sequence[SkinState]) -> str:
-    """Return the legend's word on how far off a frame's skins are: the linear model, and contact by what presses."""
-    depth = max((s.depth for s in states), default=0.0)
-    if depth <= 0.0:
-        return "linear skin: about 18 % off at 1 mm, 33 % at 2 mm"
-    beyond = ": deeper than it is trusted" if depth > ERROR_BAND[-1][0] else ""
-    text = f"linear skin: about {100 * model_error(depth):.0f} % off at {1e3 * depth:.2f} mm{beyond}"
+    """Return the legend's word on how far off a frame's skins are: their tissue, and contact by what presses."""
+    tissues = list(dict.fromkeys(s.tissue for s in states)) or ["linear"]
+    said = [_tissue_text(tissue, [s for s in states if s.tissue == tissue]) for tissue in tissues]
+    if not any(s.depth > 0.0 for s in states):
+        return "; ".join(said)
     where = "nodes" if any(s.touching and s.points is None and s.work != "rendered" for s in states) else "points"
-    return f"{text}; contact on {where}: {core.parameters.skin.FORCE_ERRORS[where]} off at most"
+    said.append(f"contact on {where}: {core.parameters.skin.FORCE_ERRORS[where]} off at most")
+    return "; ".join(said)
+
+
+def _tissue_text(tissue: str, states: Sequence[SkinState]) -> str:
+    """Return how far off a tissue is, where it is pressed deepest."""
+    bands, name = core.parameters.error_bands, core.contact.trusted.WORDS[tissue]
+    deepest = max(states, key=lambda s: s.depth, default=None)
+    if deepest is None or deepest.depth <= 0.0:
+        shallow, deep = (100 * bands.error_band(tissue, depth).stress.median for depth in (1e-3, 2e-3))
+        return f"{name} skin: stress about {shallow:.0f} % off at 1 mm, {deep:.0f} % at 2 mm (simulated)"
+    band = bands.error_band(tissue, deepest.depth, deepest.slide)
+    place = f"{1e3 * deepest.depth:.2f} mm" + (f", {1e3 * deepest.slide:.1f} mm dragged" if deepest.dragged else "")
+    beyond = ": deeper than it is trusted" if deepest.too_deep else ""
+    beyond = ": dragged farther than it is trusted" if deepest.too_far and not beyond else beyond
+    stress, force = (f"{100 * one.median:.0f} %" for one in band)
+    return f"{name} skin: stress about {stress} off, force {force}, at {place} (simulated){beyond}"

@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 
 from .. import changes
+from .._core import Array
 from ..devices import skin_models
 from ..preview.skin_state import SkinState
 from . import skin_field
@@ -57,7 +58,10 @@ def values(state: SkinState, quantity: str, exaggeration: float) -> Drawn:
     if kept is not None and kept[1] == key:
         before = kept[0]
         if before is state or (
-            before.model is state.model and before.lift == state.lift and np.array_equal(before.force, state.force)
+            before.model is state.model
+            and before.lift == state.lift
+            and np.array_equal(before.force, state.force)
+            and _alike(before.amounts, state.amounts)
         ):
             return kept[2]
     _stresses["computed" if state.touching else "skipped"] += 1
@@ -65,6 +69,10 @@ def values(state: SkinState, quantity: str, exaggeration: float) -> Drawn:
         drawn = skin_field.draw_of(state, quantity, key[1])
     _drawn[state.finger] = (state, key, drawn)
     return drawn
+
+
+def _alike(first: Array | None, second: Array | None) -> bool:
+    return first is second or (first is not None and second is not None and np.array_equal(first, second))
 
 
 def _range(scene: bpy.types.Scene, drawn: list[Drawn]) -> tuple[float, float]:

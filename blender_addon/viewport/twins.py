@@ -61,7 +61,7 @@ def mounted_mechanism(obj: bpy.types.Object, preset: str) -> tuple[core.devices.
             return None
         model = thimble_devices.pressed(obj, model)
         felt = tuple(values[f"thimble_felt_{i}"] for i in (1, 2, 3))
-        key = (spec.hash, model.key, core.surrogate.press_points.pressed_on(model), felt)
+        key = (spec.hash, model.key, model.tissue, core.surrogate.press_points.pressed_on(model), felt)
         device = _mechanisms.make(key, lambda: core.matching.thimble_use.calibrated_mechanism(spec, model, values)[0])
     return device, core.devices.thimble.reference_distance(spec, device)
 
@@ -123,5 +123,10 @@ def _platform(obj: bpy.types.Object, row: Row) -> Twin | None:
         state = platform_twin.state(spec, row.numbers, skin, touching)
         return _of_one_part(platform_twin.parts(state), state)
 
-    key = (spec.hash, tuple(row.values.values()), touching, None if skin is None else (skin.key, skin.material))
+    key = (
+        spec.hash,
+        tuple(row.values.values()),
+        touching,
+        None if skin is None else (skin.key, skin.tissue, skin.material),
+    )
     return _platforms.make(key, build)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..errors import DermisError
-from ..parameters.skin import DEFAULT_SKIN
+from ..parameters.skin import DEFAULT_SKIN, SKIN_CONTACT
 from ..parameters.stream import STREAM
 
 
@@ -90,9 +90,12 @@ TRACK = argument("track", type=Path, metavar="TRACK", help="a command track: CSV
 MAPS = switch("--maps", "also write the maps of touch screens, for real fingers")
 QUIET = switch("--quiet", "no progress")
 LEVEL = argument("--level", default="draft", choices=("draft", "standard"), help="accuracy of the skin")
+TISSUE = argument(
+    "--tissue", default=SKIN_CONTACT["tissue"].default, choices=SKIN_CONTACT["tissue"].keys, help="of the skin (linear)"
+)
 
 THIMBLE = (argument("--device", default="thimble_3rrs", metavar="PRESET", help="the device preset"), PRESETS)
-SKIN = (argument("--skin", default=DEFAULT_SKIN, metavar="PRESET", help="the skin preset"), LEVEL)
+SKIN = (argument("--skin", default=DEFAULT_SKIN, metavar="PRESET", help="the skin preset"), LEVEL, TISSUE)
 
 SPEAKS = (
     argument(

@@ -19,9 +19,9 @@ from ..matching.adapt import adapt_job
 from ..matching.recorded import RecordedMatcher, check_recording, learn
 from ..matching.stimulus_plot import stimulus_plot
 from ..matching.stress import StressMatcher
-from ..matching.thimble import findings_of, forces_at, match_stimuli, match_touch, matcher
+from ..matching.thimble import amounts_at, findings_of, forces_at, match_stimuli, match_touch, matcher
 from ..matching.thimble_use import ThimbleUse, calibrated_mechanism, prepare
-from ..parameters.skin import DEFAULT_SKIN, SKIN_CONTACT
+from ..parameters.skin import DEFAULT_SKIN
 from ..plot import stimuli as plot_stimuli
 from ..presets import Library
 from ..scene import scene_file
@@ -31,6 +31,7 @@ from ..skin.sensor import electrode_sensor, noise_floor_of, noise_of, read_stimu
 from ..surrogate.lessons import KINDS
 from ..surrogate.store import contact_of
 from ..surrogate.table import read_table
+from ..tissue.finger_skin import asked_for, finger_skin
 from ..track import csv
 from ..track.command_track import CommandTrack
 
@@ -53,6 +54,7 @@ def adapt(options: argparse.Namespace) -> int:
             "device_key": options.device,
             "skin": library.skin(options.skin),
             "level": options.level,
+            "tissue": options.tissue,
             "folder": str(options.out),
             **more,
         },
@@ -74,7 +76,7 @@ def follow(options: argparse.Namespace) -> int:
         raise DermisError("noise is a standard deviation", where="--noise", value=options.noise, limit=">= 0")
     library = Library(options.presets)
     spec = _thimble(library, options.device)
-    skin = skin_from_parameters(library.skin(options.skin), level=options.level)
+    skin = asked_for(skin_from_parameters(library.skin(options.skin), level=options.level), options.tissue, "--tissue")
     device, friction = calibrated_mechanism(spec, skin, {})
     change = device.servo_speed / spec.rate
     made = (
@@ -154,8 +156,10 @@ def plot(options: argparse.Namespace) -> int:
     forces = forces_at(felt, times)
     if not forces.any():
         raise DermisError("the finger touches nothing", where=f"finger '{finger.name}'")
-    found = match_touch(use, forces, use.device.servo_speed / spec.rate)
-    print(plot_stimuli.write(options.out, *picture(stimulus_plot(use, forces, found), found, finger.name)))
+    amounts = amounts_at(felt, times)
+    found = match_touch(use, forces, use.device.servo_speed / spec.rate, amounts)
+    made = stimulus_plot(use, forces, found, amounts=amounts)
+    print(plot_stimuli.write(options.out, *picture(made, found, finger.name)))
     return 0
 
 
@@ -198,7 +202,5 @@ def _thimble(library: Library, key: str) -> DeviceSpec:
 
 
 def _felt(scene: TactileScene, library: Library, finger: int) -> SkinContact:
-    p = scene.fingers[finger].parameters
-    parameters = p.get("skin") or library.skin(DEFAULT_SKIN)
-    skin = skin_from_parameters(parameters, level=SKIN_CONTACT["skin_level"].of(p))
+    skin = finger_skin(scene.fingers[finger].parameters, library.skin(DEFAULT_SKIN))
     return skin_contacts(scene, {finger: skin})[finger]

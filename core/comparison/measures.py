@@ -6,7 +6,7 @@ shear tactor by the displacement that its effects ask for, a friction screen by 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -21,7 +21,7 @@ from ..errors import DermisError
 from ..pipeline.bake import Output
 from ..skin.model import SkinModel
 from ..skin.stimulus import Stimulus
-from .rendered_forces import rendered_forces
+from .rendered_forces import rendered_touches
 
 MOST = 60  # samples of a touch at which skin is looked at
 FELT = 0.01  # [N] below which a touch asks for nothing
@@ -123,8 +123,9 @@ def _pressing(output: Output, skin: SkinContact, parameters: Mapping[str, Any]) 
     samples = _looked_at(skin)
     times = skin.times[samples]
     target = np.stack([skin.force_at(i) for i in samples.tolist()])
-    shown = rendered_forces(output.track, skin, samples, parameters)
-    wanted_stress, stress = _stress(skin.model, target), _stress(skin.model, shown)
+    shown, given = rendered_touches(output.track, skin, samples, parameters)
+    felt = [skin.amounts_at(i) for i in samples.tolist()]
+    wanted_stress, stress = _stress(skin.model, target, felt), _stress(skin.model, shown, given)
     wanted_size, size = (np.sqrt(np.square(s).mean(axis=(1, 2))) for s in (wanted_stress, stress))
     off = rms(stress - wanted_stress) / max(rms(wanted_stress), 1e-300)
     total, made = target.sum(axis=1), shown.sum(axis=1)
@@ -154,6 +155,7 @@ def _looked_at(skin: SkinContact) -> NDArray[np.intp]:
     return np.union1d(chosen, touched[skin.normal_force[touched].argmax()])
 
 
-def _stress(model: SkinModel, forces: Array) -> Array:
+def _stress(model: SkinModel, forces: Array, amounts: Sequence[Array | None]) -> Array:
     """Return stress where receptors lie under the pad [Pa], shape (k, probes, 6)."""
-    return np.stack([Stimulus(model, force).probe_stress for force in forces])
+    both = zip(forces, amounts, strict=True)
+    return np.stack([Stimulus(model, force, given=given).probe_stress for force, given in both])

@@ -23,7 +23,14 @@ from ..track.command_track import CommandTrack
 def rendered_forces(
     track: CommandTrack, skin: SkinContact, samples: NDArray[np.intp], parameters: Mapping[str, Any]
 ) -> Array:
-    """Return the forces on the pad's nodes while a track is played, shape (k, m, 3) [N].
+    """Return the forces on the pad's nodes while a track is played, shape (k, m, 3) [N]; see `rendered_touches`."""
+    return rendered_touches(track, skin, samples, parameters)[0]
+
+
+def rendered_touches(
+    track: CommandTrack, skin: SkinContact, samples: NDArray[np.intp], parameters: Mapping[str, Any]
+) -> tuple[Array, list[Array | None]]:
+    """Return the forces on the pad's nodes while a track is played, shape (k, m, 3) [N], and `Stimulus.given` of each.
 
     A thimble is replayed from the beginning, since friction remembers; a platform is pressed from rest at each sample.
 
@@ -38,14 +45,19 @@ def rendered_forces(
         ready = pins.setup(skin.model, track.spec, DEVICE["pin_nodes"].of(parameters))
         lead = float(track.meta.get("lead_s", 0.0))  # the track is so much ahead of what the pins press
         pressed = interpolate(track.times, track.values, np.clip(times - lead, track.times[0], track.times[-1]))
-        return np.stack([pins.rendered_force(ready, row) for row in pressed])
+        return np.stack([pins.rendered_force(ready, row) for row in pressed]), [None] * len(pressed)
     if track.spec.kind == "thimble":
         device, friction = calibrated_mechanism(track.spec, skin.pressed, parameters)
         replay = Replay(device, skin.pressed, friction, configurations(track, device))
         at = np.abs(track.times[None] - times[:, None]).argmin(axis=1)
-        return np.stack([replay.forces(i) for i in at.tolist()])
+        found = [replay.solution(i) for i in at.tolist()]
+        return np.stack([replay.contact.nodal(each) for each in found]), [each.amounts for each in found]
     commands = interpolate(track.times, track.values, np.clip(times, track.times[0], track.times[-1]))
     coupling = coupling_of(track.spec)
     if coupling is not None:
         commands = coupling.original(commands)
-    return press_of(skin.model, track.spec).press(commands).force.astype(np.float64)
+    made = press_of(skin.model, track.spec).press(commands)
+    given: list[Array | None] = [None] * len(commands)
+    if made.amounts is not None:
+        given = list(made.amounts.astype(np.float64))
+    return made.force.astype(np.float64), given

@@ -21,10 +21,11 @@ from ..skin.nodal_forces import NodalForces
 from ..skin.surface_compliance import SurfaceCompliance
 from .solver.bodies import ContactBody, NodeGaps
 from .solver.notes import Notes
-from .solver.path import DEPTH_LIMIT, TOLERANCE, PathSolver, PathStep
+from .solver.path import TOLERANCE, PathSolver, PathStep
 from .solver.point_path import PointSolver
 from .solver.stiff_skin import StiffSkin
 from .solver.sub_steps import SubStepper
+from .trusted import WORDS, trusted
 
 LIMIT_TOLERANCE = 1e-3  # of the force limit
 MAX_TRIALS = 12
@@ -52,13 +53,15 @@ class CompliantBone:
         stiffness: of the spring [N/m], 0 for a bone that follows the animation exactly.
         force_limit: largest force on the bone along Z [N], inf without a limit.
         name: for findings.
+        tissue: of the finger, 'linear' or 'neo_hookean'.
 
     Attributes:
         sub_steps: walks the solver from frame to frame.
     """
 
-    def __init__(self, solver: PathSolver, stiffness: float, force_limit: float, name: str) -> None:
+    def __init__(self, solver: PathSolver, stiffness: float, force_limit: float, name: str, tissue: str) -> None:
         self.solver, self.stiffness, self.force_limit, self.name = solver, stiffness, force_limit, name
+        self._tissue, self._range = WORDS[tissue], trusted(tissue)
         self.sub_steps = SubStepper(solver, float(np.linalg.norm(solver.bone)))
         self._retraction = 0.0  # by the force limit, beyond what the spring gives way [m]
         self._slope = 0.0
@@ -90,7 +93,7 @@ class CompliantBone:
             compliance = compliance.copy()
             compliance[2::3, 2::3] += 1.0 / stiffness
         # what the spring gives way is known only after the solve: then `step` looks at the depth itself
-        depth_limit = DEPTH_LIMIT if stiffness == 0 else np.inf
+        depth_limit = trusted(skin.tissue).depth if stiffness == 0 else np.inf
         if surface is not None:
             if stiffness:
                 surface = surface.with_spring(np.array([0.0, 0.0, 1.0]), stiffness)
@@ -98,7 +101,7 @@ class CompliantBone:
             points = PointSolver(surface, nodes, name=name, depth_limit=depth_limit)
             if tolerance is not None:
                 points.tolerance = tolerance
-            return cls(points, stiffness, limit, name)
+            return cls(points, stiffness, limit, name, skin.tissue)
         solver = PathSolver(
             compliance,
             skin.positions,
@@ -108,7 +111,7 @@ class CompliantBone:
             depth_limit=depth_limit,
             stiff=StiffSkin.of(skin),
         )
-        return cls(solver, stiffness, limit, name)
+        return cls(solver, stiffness, limit, name, skin.tissue)
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -174,15 +177,24 @@ class CompliantBone:
         spring = self._spring(step)
         depth = step.depth(self.solver.points, self.solver.bone)
         depth = max(depth - spring, 0.0)
-        if spring > 0 and depth > DEPTH_LIMIT:
-            what = "the finger sinks deeper than linear skin is trusted"
+        if spring > 0 and depth > self._range.depth:
+            what = f"the finger sinks deeper than {self._tissue} skin is trusted"
             self._notes.warn(
                 "too-deep",
                 what,
                 scene_frame,
                 value=f"{1e3 * depth:.2f} mm",
-                limit=f"<= {1e3 * DEPTH_LIMIT:g} mm",
+                limit=f"<= {1e3 * self._range.depth:g} mm",
                 remedy="Raise the finger, or use a softer spring",
+            )
+        if step.slide > self._range.slide:
+            self._notes.warn(
+                "slid-far",
+                f"the finger is dragged farther than {self._tissue} skin is trusted",
+                scene_frame,
+                value=f"{1e3 * step.slide:.2f} mm",
+                limit=f"<= {1e3 * self._range.slide:g} mm",
+                remedy="Press less deep while it slides, or use less friction",
             )
         return BoneStep(step, retraction + spring, depth)
 

@@ -16,6 +16,7 @@ from .sample_window import SampleWindow
 from .skin_contact import SkinStep
 from .skin_stepper import SkinStepper
 from .solver.grip_solver import GripStep, HoldContext, HoldingFinger
+from .solver.stiff_skin import StiffSkin
 
 
 class HeldBodies:
@@ -96,4 +97,5 @@ class HeldBodies:
 
 def _holding_finger(stepper: SkinStepper) -> HoldingFinger:
     solver, skin = stepper.bone.solver, stepper.skin
-    return HoldingFinger(solver.operator.compliance, skin.positions, stepper.name, skin.areas, solver.bone)
+    fits = solver.operator.compliance, skin.positions, stepper.name, skin.areas, solver.bone
+    return HoldingFinger(*fits, StiffSkin.of(skin))

@@ -10,9 +10,10 @@ import numpy as np
 
 from ..arrays import Array
 from ..files import atomic
+from ..parameters.error_bands import error_band
 from .skin_contact import SkinContact
 
-VERSION = 1
+VERSION = 2
 # Column -> unit, in the order of the file.
 COLUMNS = {
     "frame": "1",
@@ -29,6 +30,9 @@ COLUMNS = {
     "lift": "m",
     "sticking": "1",
     "slipping": "1",
+    "slide": "m",
+    "stress_error": "1",
+    "force_error": "1",
 }
 
 
@@ -36,7 +40,8 @@ def resultants(skin_contact: SkinContact) -> dict[str, Array]:
     """Return series by the names of `COLUMNS`, in SI and in the finger's frame, shape (n,) each.
 
     `force` is the sum on the skin; `centre` is the mean of the undeformed pad nodes weighted by the force into the
-    skin, nan without contact.
+    skin, nan without contact. `stress_error` and `force_error` are how far the model of tissue is off at that depth and
+    slide in half of all touches, simulated (see `error_band`); nan without contact.
     """
     n = len(skin_contact.times)
     total, centre = np.zeros((n, 3)), np.full((n, 3), np.nan)
@@ -52,7 +57,13 @@ def resultants(skin_contact: SkinContact) -> dict[str, Array]:
         for name, values in (("force", total), ("centre", centre))
         for i, axis in enumerate("xyz")
     }
-    known = {"frame": skin_contact.frames, "time": skin_contact.times, **axes}
+    slide = np.full(n, np.nan) if skin_contact.slide is None else skin_contact.slide
+    stress_error, force_error = np.full(n, np.nan), np.full(n, np.nan)
+    for i in skin_contact.contact.tolist():
+        band = error_band(skin_contact.model.tissue, float(skin_contact.depth[i]), float(np.nan_to_num(slide[i])))
+        stress_error[i], force_error[i] = band.stress.median, band.force.median
+    errors = {"slide": slide, "stress_error": stress_error, "force_error": force_error}
+    known = {"frame": skin_contact.frames, "time": skin_contact.times, **axes, **errors}
     return {name: np.asarray(known.get(name, getattr(skin_contact, name, None)), np.float64) for name in COLUMNS}
 
 
@@ -60,7 +71,8 @@ def dumps(skin_contact: SkinContact, meta: Mapping[str, str] | None = None) -> s
     """Return the resultants as CSV text: comments with what they are of, names with units, one row a sample."""
     out = io.StringIO()
     out.write(f"# dermis-resultants {VERSION}\n")
-    for name, value in {**(meta or {}), "frame of reference": "finger: +Y to the tip, +Z to the nail"}.items():
+    own = {"tissue": skin_contact.model.tissue, "frame of reference": "finger: +Y to the tip, +Z to the nail"}
+    for name, value in {**(meta or {}), **own}.items():
         out.write(f"# {name}: {' '.join(str(value).split())}\n")
     out.write(",".join(f"{name}[{unit}]" for name, unit in COLUMNS.items()) + "\n")
     series = resultants(skin_contact)

@@ -29,6 +29,7 @@ class SkinStep:
         work: what the solver did, see `PathStep`, or 'baked'. converged: whether the sample passed its check.
         points: the same forces where they act, on points of the smooth skin; None where contact is solved on nodes.
         amounts: how much of each pattern skin that stiffens is displaced by, shape (k,); None of linear skin.
+        slide: how far friction has drawn the loaded skin along itself, see `PathStep.slide` [m].
     """
 
     force: Array
@@ -42,6 +43,7 @@ class SkinStep:
     converged: bool = True
     points: PointForces | None = None
     amounts: Array | None = None
+    slide: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +86,8 @@ class SkinContact:
             None where contact was solved on nodes.
         amounts: how much of each pattern skin that stiffens is displaced by in the samples in contact, float32, shape
             (k, patterns); None of linear skin.
+        slide: how far friction has drawn the loaded skin along itself, see `PathStep.slide` [m], shape (n,); None in
+            results of versions that did not measure it.
     """
 
     model: SkinModel
@@ -101,6 +105,7 @@ class SkinContact:
     skipped: Mapping[str, int]
     points: PointRecord | None = None
     amounts: NDArray[np.float32] | None = None
+    slide: Array | None = None
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({len(self.contact)} of {len(self.times)} samples touch, {self.model})"
@@ -145,6 +150,7 @@ class SkinContact:
             not any(f.code == "not-converged" for f in self.findings),
             self.points_at(sample),
             self.amounts_at(sample),
+            0.0 if self.slide is None else float(self.slide[sample]),
         )
 
     def _place_of(self, sample: int) -> int | None:

@@ -14,7 +14,7 @@ from ..skin.point_forces import PointForces
 from ..skin.surface_compliance import SurfaceCompliance
 from .skin_contact import PointRecord, SkinContact, SkinStep
 
-_NOTHING = (0.0, 0.0, 0.0, 0.0, 0, 0)
+_NOTHING = (0.0, 0.0, 0.0, 0.0, 0, 0, 0.0)
 
 
 class SkinRecord:
@@ -25,7 +25,7 @@ class SkinRecord:
         self._force: list[NDArray[np.float32]] = []
         self._amounts: list[NDArray[np.float32]] = []  # as many as forces, or none
         self._points: list[PointForces] = []  # as many as forces, or none
-        self._scalars: list[tuple[float, float, float, float, int, int]] = []
+        self._scalars: list[tuple[float, float, float, float, int, int, float]] = []
 
     def nothing(self, count: int = 1) -> None:
         """Take samples in which nothing is near."""
@@ -41,7 +41,7 @@ class SkinRecord:
             if step.points is not None:
                 self._points.append(step.points)
         self._scalars.append(
-            (step.normal_force, step.tangential_force, step.depth, step.lift, step.sticking, step.slipping)
+            (step.normal_force, step.tangential_force, step.depth, step.lift, step.sticking, step.slipping, step.slide)
         )
 
     def finished(
@@ -54,7 +54,7 @@ class SkinRecord:
         skipped: Mapping[str, int],
     ) -> SkinContact:
         """Return the whole, at the sweep's times [s] and frames, shape (n,), with the smooth pad where it has one."""
-        scalars = np.array(self._scalars, dtype=np.float64).reshape(-1, 6)
+        scalars = np.array(self._scalars, dtype=np.float64).reshape(-1, 7)
         return SkinContact(
             model=model,
             times=times,
@@ -71,6 +71,7 @@ class SkinRecord:
             skipped={name: count for name, count in skipped.items() if count},
             points=None if surface is None else self._point_record(surface),
             amounts=np.array(self._amounts) if self._amounts else None,
+            slide=scalars[:, 6],
         )
 
     def _point_record(self, surface: SurfaceCompliance) -> PointRecord:

@@ -14,10 +14,12 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import Finding
+from ..parameters.error_bands import LINEAR
 from ..parameters.skin import SKIN_CONTACT
 from ..scene.tactile_scene import Finger
 from ..skin.model import SkinModel
 from ..skin.point_forces import PointForces
+from ..skin.stiff_tables import no_stiffening
 from ..skin.surface_store import no_smooth_pad, smooth_pad
 from .coarse_touches import CoarseTouches
 from .compliant_bone import BoneStep, CompliantBone
@@ -56,7 +58,11 @@ class SkinStepper:
         self._finger, self._tolerance = finger, tolerance
         wanted = SKIN_CONTACT["contact"].of(finger.parameters, self.name) == "points"
         self.surface = smooth_pad(skin) if wanted else None
-        self._told = (no_smooth_pad(skin, self.name),) if wanted and self.surface is None else ()
+        self._told: tuple[Finding, ...] = ()
+        if wanted and self.surface is None:
+            self._told += (no_smooth_pad(skin, self.name),)
+        if SKIN_CONTACT["tissue"].of(finger.parameters, self.name) != LINEAR and skin.stiffening is None:
+            self._told += (no_stiffening(skin.shape, self.name),)
         self.bone = CompliantBone.of(skin, finger.parameters, self.name, tolerance, self.surface)
         self._coarse = None if self.on_points else CoarseTouches(skin.mesh, self.name)
         self.far = 0
@@ -221,4 +227,5 @@ def _skin_step(bone: BoneStep, points: PointForces | None = None) -> SkinStep:
         bool(solution.converged),
         points,
         bone.step.amounts,
+        bone.step.slide,
     )

@@ -20,19 +20,22 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..cache import cache_key
-from ..devices.press import Press
+from ..devices.press import Press, Pressed
 from ..devices.press_problem import PressPoints
 from ..devices.spec import DeviceSpec, from_preset
+from ..devices.stiff_points import StiffPoints
 from ..errors import DermisError
 from ..files import write_npz
 from ..matching.platforms import mechanism, original_key
-from ..matching.readings import Counts, quantised, readings_of
+from ..matching.readings import Counts, Readings, quantised, readings_of
 from ..matching.sweep import commands_swept, reached, sweep
 from ..matching.table import SkinTable, assemble, press_of, tabulate
 from ..npz import opened_npz
+from ..skin.felt_state import felt_key
 from ..skin.material import Elastic
 from ..skin.model import SkinModel, fingertip_skin
 from ..skin.shape import FingertipShape
+from ..stiffening.stiffening import Stiffening
 from ..surrogate.press_points import press_points
 from ..work.executor import POLL_SECONDS, InlineExecutor, JobExecutor
 
@@ -50,6 +53,7 @@ def collect(
     executor: JobExecutor | None = None,
     material: Mapping[str, float] | None = None,
     points: PressPoints | None = None,
+    stiffening: Stiffening | None = None,
 ) -> Generator[tuple[int, int], None, SkinTable]:
     """Sweep a device's configurations on a fingertip; yield (rows done, rows in all), return the table.
 
@@ -59,14 +63,15 @@ def collect(
         executor: who does the job 'collect'; this process where None.
         material: of the skin: young [Pa], poisson, alpha; what is left out is as usual.
         points: of this very skin that are pressed, where it has some in a cache that only the caller knows.
+        stiffening: what its tissue does beyond linear skin; None where it is linear.
 
     Raises:
         DermisError: a preset without a sweep, parts that cannot be written, or a table with too few rows.
     """
-    skin = _skin(shape, Elastic(**(material or {})), level)
+    skin = _skin(shape, Elastic(**(material or {})), level).with_stiffening(stiffening)
     points = press_points(skin) if points is None else points
     commands, unreached = sweep(spec, points.positions, rows)
-    name = "dermis-sweep 2", original_key(spec), skin.key, repr(skin.material), points.on
+    name = "dermis-sweep 2", original_key(spec), felt_key(skin), repr(skin.material), points.on
     key = cache_key(*name, commands.tobytes())[:16]
     folder = Path(folder) / key
     parts = [(i, folder / f"{i:06d}.npz") for i in range(0, len(commands), PART)]
@@ -80,8 +85,12 @@ def collect(
         "level": level,
         "material": dict(material or {}),
     }
+    if stiffening is not None and todo:
+        parameters["stiffening"] = str(folder / "stiffening.npz")
+        stiffening.write(folder / "stiffening.npz")
     arrays = {"positions": points.positions, "compliance": points.compliance}
     arrays |= {} if points.nodal is None else {"nodal": points.nodal}
+    arrays |= {} if points.stiff is None else {"patterns": points.stiff.patterns}
     for count in _pressed(executor or InlineExecutor(), commands, todo, arrays, parameters):
         done += count
         yield done, len(commands)
@@ -101,7 +110,7 @@ def reversed_spread(spec: DeviceSpec, skin: SkinModel, rows: int = SPREAD_ROWS) 
     commands, deeper = commands[within], deeper[within]
     direct, back = press.press(commands), press.press(commands, via=deeper)
     both = direct.touching & back.touching & (direct.imbalance < 0.02) & (back.imbalance < 0.02)
-    apart = quantised(sensor.counts(direct.force[both])) - quantised(sensor.counts(back.force[both])).astype(float)
+    apart = quantised(_counts(sensor, direct, both)) - quantised(_counts(sensor, back, both)).astype(float)
     each = np.sqrt((apart**2).mean(axis=1))
     if not len(each):
         raise DermisError("no row of the sweep touches", where=f"device preset '{spec.key}'")
@@ -112,16 +121,32 @@ def work(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], repo
     """Press one part: the job 'collect'."""
     spec = from_preset(str(parameters["key"]), parameters["preset"])
     skin = _skin(FingertipShape(**parameters["shape"]), Elastic(**parameters["material"]), str(parameters["level"]))
-    points = PressPoints(arrays["positions"], arrays["compliance"], arrays.get("nodal"))
+    stiff = None
+    if "stiffening" in parameters:
+        skin = _stiff(str(parameters["stiffening"]), skin)
+        assert skin.stiffening is not None
+        stiff = StiffPoints(skin.stiffening, skin.material.modulus, arrays["patterns"])
+    points = PressPoints(arrays["positions"], arrays["compliance"], arrays.get("nodal"), stiff)
     press = Press(points, mechanism(spec), float(spec.value("friction")))
     kept, counts, left = tabulate(readings_of(skin), arrays["commands"], press.press(arrays["commands"]))
     return {"commands": kept.astype(np.float32), "readings": counts, "left": np.array(list(left.values()), np.int64)}
+
+
+def _counts(sensor: Readings, pressed: Pressed, rows: NDArray[np.bool_]) -> Array:
+    """Return exact counts of some rows that were pressed."""
+    return sensor.counts(pressed.force[rows], None if pressed.amounts is None else pressed.amounts[rows])
 
 
 @lru_cache(maxsize=1)
 def _skin(shape: FingertipShape, material: Elastic, level: str) -> SkinModel:
     """Return a skin; the parts of one collection have the same."""
     return fingertip_skin(shape, material, level=level)
+
+
+@lru_cache(maxsize=1)
+def _stiff(path: str, skin: SkinModel) -> SkinModel:
+    """Return a skin of the tissue in a file."""
+    return skin.with_stiffening(Stiffening.read(Path(path)))
 
 
 def _pressed(

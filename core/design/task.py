@@ -23,6 +23,7 @@ from ..scene.tactile_scene import TactileScene
 from ..skin.model import SkinModel
 from ..skin.shape import FingertipShape
 from ..steps import in_words
+from ..stiffening.stiffening import Stiffening
 from ..work.executor import JobExecutor
 from .collect import collect, reversed_spread
 from .coupled_preset import preset, write_preset
@@ -101,13 +102,16 @@ def table_for(
     rows: int | None = ROWS,
     executor: JobExecutor | None = None,
     material: Mapping[str, float] | None = None,
+    stiffening: Stiffening | None = None,
 ) -> Generator[Step, None, SkinTable]:
     """Return a device's table, swept by an executor and kept in a folder.
 
     Raises:
         DermisError: a sweep that fails.
     """
-    steps = collect(spec, shape, folder, level=level, rows=rows, executor=executor, material=material)
+    steps = collect(
+        spec, shape, folder, level=level, rows=rows, executor=executor, material=material, stiffening=stiffening
+    )
     return in_words(steps, lambda step: Step("table", *step))
 
 

@@ -54,7 +54,7 @@ def sense(touch: SkinContact, noise: float = NOISE, seed: int = 0) -> Counts:
     sensor = readings_of(touch.model)
     exact = np.tile(sensor.rest, (len(touch.times), 1))
     if len(touch.contact):
-        exact[touch.contact] = sensor.counts(touch.force)
+        exact[touch.contact] = sensor.counts(touch.force, touch.amounts)
     rng = np.random.default_rng([seed, 977])
     return quantised(exact + noise * rng.standard_normal(exact.shape)) if noise > 0.0 else quantised(exact)
 

@@ -12,12 +12,15 @@ reduces to A f = -D b with A = (I - D) / r + D C. The same factors give the exac
 differentiation): in a frame that turns with the disc the law does not change, so with the turning part taken out,
 h = df - Omega f obeys A h = -D (C Omega f - Omega C f + db'), where db' is the change of b as the disc sees it.
 
+Skin that stiffens is a line in the forces near one of its states (`StiffTangent`): C and b are of that line, which is
+laid anew through what was found until the law of the tissue holds.
+
 Source: [S0] 3.1 (rigid disc on the skin), 3.4 and 5.1 (friction state); Alart and Curnier 1991.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +28,13 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..contact.solver.cone import OPEN, SLIP, STICK
 from ..contact.solver.solve import solve as solve_contact
+from ..stiffening.tangent import StiffTangent
 from .disc_pose import FALLBACK_TOLERANCE, TOLERANCE, Disc, DiscPose, DiscSolution, FrictionState
 from .press_problem import PressPoints
+from .stiff_points import StiffPoints
 
 MAX_STEPS = 10
+MAX_TANGENTS = 8
 _UNIT = np.eye(3)
 NEAR, MARGIN = 0.9e-3, 0.3e-3  # candidates have gaps below NEAR; they are chosen anew when others come to MARGIN
 
@@ -54,11 +60,16 @@ class DiscContact:
 
     Attributes:
         solved, fallbacks: how many poses were solved, and for how many Newton's method was not enough.
+        tangent: of skin that stiffens, on which poses are tried: of the last pose that was solved, or of the friction
+            state that is held.
     """
 
     def __init__(self, points: PressPoints, disc: Disc, friction: float) -> None:
         self.points, self.disc, self.friction = points, disc, float(friction)
         self.compliance, self.positions, self.count = points.compliance, points.positions, len(points.positions)
+        self._stiff = points.stiff
+        self.tangent = None if self._stiff is None else self._stiff.rest
+        self._line: tuple[Array, Array] | None = None  # compliance between the candidates on the tangent, and its shift
         # weighs displacement against force: between the softest and the stiffest point, as in the iteration
         self._stiffness = 1.0 / float(np.median(np.diag(self.compliance)))
         self.near: NDArray[np.intp] = np.zeros(0, np.intp)
@@ -81,6 +92,10 @@ class DiscContact:
         self.state = state
         self._places_now = self.positions + state.moved
         near = np.zeros(0, np.intp) if state.last is None else state.last.near
+        if self._stiff is not None:
+            tangent = self._stiff.rest if state.last is None else state.last.tangent
+            if tangent is not self.tangent:
+                self.tangent, self._line = tangent, None
         if near is self.near:
             self._restrict()
         else:
@@ -98,13 +113,45 @@ class DiscContact:
 
     def solve(self, pose: DiscPose) -> DiscSolution:
         """Return the contact at a pose, from the friction state that is held."""
+        found = self.tried(pose)
+        return found if self._stiff is None else self._settled(self._stiff, pose, found)
+
+    def _settled(self, stiff: StiffPoints, pose: DiscPose, found: DiscSolution) -> DiscSolution:
+        """Lay the tangent of skin that stiffens anew through what it led to, until both agree."""
+        bend, off = np.inf, 0.0  # what a tangent leaves out falls with the square of the way from where it was laid
+        for _ in range(MAX_TANGENTS):
+            if not found.touching or found.tangent is None:
+                return found
+            columns, force = _degrees(found.near), found.force.ravel()
+            z = stiff.work(columns, force)
+            way = _apart(found.tangent, z)
+            if bend * way**2 <= TOLERANCE:
+                return found
+            new = stiff.moved(found.tangent, z)
+            beyond = stiff.patterns[columns] @ (new.force_at(z) - found.tangent.force_at(z))
+            off = self._stiffness * float(np.linalg.norm(beyond) / np.linalg.norm(force))
+            if off <= TOLERANCE:
+                return found
+            bend = off / max(way, 1e-300) ** 2
+            self.tangent, self._line = new, None
+            found = self.tried(pose)
+        return replace(found, residual=max(found.residual, off))
+
+    def tried(self, pose: DiscPose) -> DiscSolution:
+        """Return the contact at a pose with skin as stiff as it was where its tangent was laid: linear skin's is exact.
+
+        Skin that stiffens is off by the square of what its displacement differs from that.
+        """
         self._choose(pose)
         self.solved += 1
         offset, change = self._offsets(pose)
         if not (offset @ pose.normal < 0.0).any():
             zero = np.zeros_like(offset)
             nothing = np.zeros(len(offset), np.int8)
-            return DiscSolution(pose, self.near, zero, offset, np.zeros((*zero.shape, 3)), nothing, 0.0, 0, "none")
+            found = DiscSolution(pose, self.near, zero, offset, np.zeros((*zero.shape, 3)), nothing, 0.0, 0, "none")
+            return (
+                found if self._stiff is None else replace(found, tangent=self._stiff.rest, amounts=self._stiff.rest.q)
+            )
         guess = self._held_force
         if self._guess is not None:
             # forces move with the disc to first order: nearly always the right points stick and slip at once
@@ -114,21 +161,25 @@ class DiscContact:
         if residual > TOLERANCE:
             self.fallbacks += 1
             method = "fallback"
-            found = solve_contact(
+            other = solve_contact(
                 self._matrix,
-                offset.ravel(),
+                (offset if self._stiff is None else offset + self._tangent_line(self._stiff)[1]).ravel(),
                 self.friction,
                 normals=np.tile(pose.normal, (len(offset), 1)),
                 start=force,
                 tolerance=FALLBACK_TOLERANCE,
             )
-            force, w, slope, status, residual, more = self._newton(pose, offset, change, found.force, steps=1)
-            if residual > found.residual:
-                force, w, status, residual = found.force, found.displacement, found.status, found.residual
-            steps += found.iterations + more
+            force, w, slope, status, residual, more = self._newton(pose, offset, change, other.force, steps=1)
+            if residual > other.residual:
+                force, w, status, residual = other.force, other.displacement, other.status, other.residual
+            steps += other.iterations + more
         self._guess = (force, slope)
         self._guess_pose = pose
-        return DiscSolution(pose, self.near, force, w, slope, status, residual, steps, method)
+        found = DiscSolution(pose, self.near, force, w, slope, status, residual, steps, method)
+        if self._stiff is None or self.tangent is None:
+            return found
+        z = self._stiff.work(_degrees(self.near), force.ravel())
+        return replace(found, tangent=self.tangent, amounts=self.tangent.amounts_at(z))
 
     def nodal(self, solution: DiscSolution) -> Array:
         """Return the forces on the nodes of the skin's mesh [N], shape (m, 3)."""
@@ -153,6 +204,9 @@ class DiscContact:
         if len(loaded):
             rows = _degrees(solution.near[loaded])
             moved = (self.compliance[rows].T @ solution.force[loaded].ravel()).reshape(-1, 3)
+            if self._stiff is not None and solution.tangent is not None:
+                beyond = solution.tangent.force_at(self._stiff.work(rows, solution.force[loaded].ravel()))
+                moved -= (self._stiff.patterns @ beyond).reshape(-1, 3)
             anchor += (moved @ pose.rotation)[:, :2]
         kept = solution.near[(solution.status == STICK) & self.state.anchored[solution.near]]
         anchor[kept] = self.state.anchor[kept]
@@ -167,6 +221,9 @@ class DiscContact:
     ) -> tuple[Array, Array, Array, NDArray[np.int8], float, int]:
         """Newton's method on the forces, and their derivatives from its last factors."""
         normal, r, mu, size = pose.normal, self._stiffness, self.friction, len(offset)
+        untouched = offset
+        if self._stiff is not None:
+            offset = offset + self._tangent_line(self._stiff)[1]
         force, step = guess, 0
         best = (np.inf, force, offset, np.zeros(size, np.int8))
         factors: _Factors | None = None
@@ -216,7 +273,7 @@ class DiscContact:
             answer, _ = self._back(lower, pivots, -right.ravel(), trans=1)
             force[active] = answer.reshape(-1, 3)
         residual, force, w, status = best
-        slope = self._slope(pose, best_factors, force, w - offset, change)
+        slope = self._slope(pose, best_factors, force, w - untouched, change)
         return force, w, slope, status, residual, step
 
     def _slope(self, pose: DiscPose, factors: _Factors | None, force: Array, moved: Array, change: Array) -> Array:
@@ -283,7 +340,7 @@ class DiscContact:
         """Take other candidates."""
         if not np.array_equal(near, self.near):
             self.choice += 1
-            self._built = None
+            self._built = self._line = None
         self.near = near
         self._rest_positions = self.positions[near]
         self._restrict()
@@ -291,10 +348,23 @@ class DiscContact:
     @property
     def _matrix(self) -> Array:
         """Compliance between the candidates, built when something touches."""
+        return self._linear if self._stiff is None else self._tangent_line(self._stiff)[0]
+
+    @property
+    def _linear(self) -> Array:
         if self._built is None:
             rows = _degrees(self.near)
             self._built = np.ascontiguousarray(self.compliance[np.ix_(rows, rows)])
         return self._built
+
+    def _tangent_line(self, stiff: StiffPoints) -> tuple[Array, Array]:
+        """Return the compliance between the candidates on the tangent, and where it has them without force, (s, 3)."""
+        if self._line is None:
+            assert self.tangent is not None
+            rows = _degrees(self.near)
+            shift = -(stiff.patterns[rows] @ self.tangent.offset).reshape(-1, 3)
+            self._line, self._block = (self._linear - stiff.matrix(self.tangent, rows), shift), None
+        return self._line
 
     def _restrict(self) -> None:
         self._block = None
@@ -314,6 +384,12 @@ class DiscContact:
             rows = _degrees(active)
             self._block = (key, self._matrix[rows[:, None], rows])
         return self._block[1]
+
+
+def _apart(tangent: StiffTangent, z: Array) -> float:
+    """Return how far forces are from those that a tangent was laid at, of what is the larger."""
+    own = tangent.q + tangent.force
+    return float(np.linalg.norm(z - own) / max(float(np.linalg.norm(z)), float(np.linalg.norm(own)), 1e-300))
 
 
 def _degrees(points: NDArray[np.intp]) -> NDArray[np.intp]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..contact.solver.bodies import ContactBody
 from ..contact.solver.cone import OPEN
+from ..stiffening.tangent import StiffTangent
 from ..surface.gap import GapQuery
 from ..surface.plane import Plane
 from .linkage import PlatformPose
@@ -118,6 +119,8 @@ class DiscSolution:
         status: OPEN, STICK or SLIP, shape (s,).
         residual: |f - P(f - w / rho)| / |f|. iterations: Newton steps.
         method: 'none', 'newton', or 'fallback' where Newton did not settle.
+        tangent: of skin that stiffens, that these forces were found with; None of linear skin.
+        amounts: of each pattern that such skin is displaced by, shape (k,); zero without force.
     """
 
     pose: DiscPose
@@ -129,6 +132,8 @@ class DiscSolution:
     residual: float
     iterations: int
     method: str
+    tangent: StiffTangent | None = None
+    amounts: Array | None = None
 
     @property
     def converged(self) -> bool:

@@ -45,6 +45,7 @@ class Pressed:
         touching: shape (n,).
         residual: |f - P(f - w / rho)| / |f| of the contact, shape (n,).
         imbalance: force on the platform left over [N], shape (n,).
+        amounts: of each pattern that skin which stiffens is displaced by, float32, shape (n, k); None of linear skin.
     """
 
     force: Floats32
@@ -53,11 +54,14 @@ class Pressed:
     touching: NDArray[np.bool_]
     residual: Array
     imbalance: Array
+    amounts: Floats32 | None = None
 
     def set(self, rows: Indices, found: Pressed) -> None:
         """Put in what was found for some rows."""
         for name in ("force", "displacement", "touching", "residual", "imbalance"):
             getattr(self, name)[rows] = getattr(found, name)
+        if self.amounts is not None and found.amounts is not None:
+            self.amounts[rows] = found.amounts
         self.poses.rotation[rows], self.poses.centre[rows] = found.poses.rotation, found.poses.centre
 
 
@@ -77,7 +81,7 @@ class Press:
     def __init__(self, points: PressPoints, carrier: Carrier, friction: float, *, steps: int = STEPS) -> None:
         if steps < 1:
             raise DermisError("too few steps", where="platform", value=steps, limit=">= 1")
-        self.problem = PressProblem(points.compliance, points.positions, carrier, friction)
+        self.problem = PressProblem(points.compliance, points.positions, carrier, friction, points.stiff)
         self.points, self.carrier, self.steps = points, carrier, int(steps)
 
     def press(self, commands: Array, *, via: Array | None = None) -> Pressed:
@@ -90,7 +94,9 @@ class Press:
         n, whole = len(commands), self.problem
         force, moved = (np.zeros((n, m, 3), np.float32) for m in (self.points.node_count, whole.count))
         poses = self.carrier.rest_poses(n)
-        made = Pressed(force, moved, poses, np.zeros(n, bool), np.zeros(n), np.zeros(n))
+        stiff = self.points.stiff
+        amounts = None if stiff is None else np.zeros((n, stiff.stiffening.count), np.float32)
+        made = Pressed(force, moved, poses, np.zeros(n, bool), np.zeros(n), np.zeros(n), amounts)
         first = commands if via is None else via
         free, where = self.carrier.rest_poses(n), np.zeros((n, 3))
         for rows in np.split(np.arange(n), range(AT_ONCE, n, AT_ONCE)):
@@ -161,9 +167,13 @@ class Press:
         flat[:, whole.columns(near)] = state.force
         force = np.ascontiguousarray(flat.reshape(n, 3, -1).transpose(0, 2, 1))
         image = state.force @ whole.compliance[whole.columns(near)]
+        amounts = None
+        if state.stiff is not None and whole.stiff is not None:
+            taken, amounts = state.stiff.balance(state.force)
+            image -= (taken @ whole.stiff.patterns[whole.own].T).astype(np.float32)
         moved = np.ascontiguousarray(image.reshape(n, 3, -1).transpose(0, 2, 1))
         touching = np.asarray(force.any(axis=(1, 2)))
-        return Pressed(self._nodal(force), moved, state.poses, touching, state.residual, state.imbalance)
+        return Pressed(self._nodal(force), moved, state.poses, touching, state.residual, state.imbalance, amounts)
 
     def _nodal(self, force: Floats32) -> Floats32:
         nodal = self.points.nodal

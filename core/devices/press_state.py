@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..arrays import Array, Floats32
 from .poses import Poses
 from .press_problem import PressProblem
+from .stiff_rows import StiffRows
 
 TOLERANCE = 2e-4  # of the iteration, relative to the forces of a row: below the last of 12 bits
 MAX_ITERATIONS = 240
@@ -20,6 +21,8 @@ LEAVE = 8  # where one in so many of the rows that are left has settled, those t
 RELAXATION = 1.8
 LINEARISATIONS = 4
 BALANCE = 2e-3  # [N] that may be left over on a platform that gives way
+TANGENTS = 2, 6  # of skin that stiffens, on the way and at the last commands
+BENT = 1e-3  # of a row's forces: what skin that stiffens may be off its tangent at the last commands
 
 
 class PressState:
@@ -36,13 +39,15 @@ class PressState:
         self.sticking = np.zeros((n, m), bool)
         self.residual = np.zeros(n)
         self.imbalance = np.zeros(n)
+        self.stiff = None if problem.stiff is None else StiffRows(problem.stiff, problem.own, n)
 
     def step(self, commands: Array, *, last: bool) -> None:
         """Go to the next commands; at the last the platform's balance is linearised anew until it holds."""
         problem = self.problem
         self.free = problem.carrier.carry(commands, self.free)
         self.poses = self.free.moved(self.deflection)
-        for k in range(LINEARISATIONS if last else 1):
+        rounds = LINEARISATIONS if last else 1
+        for k in range(rounds if self.stiff is None else TANGENTS[last]):
             given = problem.carrier.give(commands, self.poses, first=k == 0)
             local, gap = problem.local(self.poses)
             offset = local.copy()
@@ -55,8 +60,11 @@ class PressState:
             rows = np.flatnonzero((gap.min(axis=1) < 0.0) | self.force.any(axis=1))
             if len(rows):
                 self._solve(rows, offset, self.poses.rotation[:, :, 2], None if given is None else given[1])
+            bent = self._bent(rows)
             if given is None:
-                break
+                if not bent:
+                    break
+                continue
             load = self._load()
             movement = np.einsum("nij,nj->ni", given[1], given[0] + load)
             self.poses = self.poses.moved(movement)
@@ -65,9 +73,18 @@ class PressState:
                 after = problem.carrier.give(commands, self.poses, first=False)
                 assert after is not None
                 self.imbalance = np.linalg.norm((after[0] + load)[:, :3], axis=1)
-                if self.imbalance.max(initial=0.0) <= BALANCE:
+                if self.imbalance.max(initial=0.0) <= BALANCE and not bent:
                     break
         self._settle()
+
+    def _bent(self, rows: NDArray[np.intp]) -> bool:
+        """Lay the tangents of skin that stiffens anew; return whether any was far off."""
+        if self.stiff is None or not len(rows):
+            return False
+        size = np.maximum(np.linalg.norm(self.force[rows], axis=1), 1e-8)
+        off = self.stiff.follow(rows, self.force[rows]) / (self.problem.rho * size)
+        self.residual[rows] = np.maximum(self.residual[rows], off)
+        return bool((off > BENT).any())
 
     def _load(self) -> Array:
         """Force and moment of the skin on the platform, shape (n, 6)."""
@@ -86,10 +103,10 @@ class PressState:
         rho = np.float32(problem.rho)
         self.sticking[:] = False
         core = None
-        if gives is not None:
-            core = gives[rows]
-            core = (core @ np.linalg.inv(np.eye(6) + problem.gram @ core)).astype(np.float32)  # Woodbury
-        b = offset[rows].astype(np.float32)
+        if gives is not None or self.stiff is not None:
+            core = self._giving(rows, gives)
+            core = (core @ np.linalg.inv(np.eye(core.shape[1]) + problem.gram @ core)).astype(np.float32)  # Woodbury
+        b = (offset[rows] if self.stiff is None else offset[rows] + self.stiff.shift(rows)).astype(np.float32)
         n = normal[rows].astype(np.float32)
         z, y = self.force[rows].copy(), self.shift[rows].copy()
         active = np.arange(len(rows))
@@ -129,6 +146,19 @@ class PressState:
         self.residual = np.zeros(len(offset))
         self.residual[rows] = residual
         self.image[rows] = self.force[rows] @ problem.compliance
+        if self.stiff is not None:
+            self.image[rows] -= self.stiff.beyond(rows, self.force[rows]).astype(np.float32)
+
+    def _giving(self, rows: NDArray[np.intp], gives: Array | None) -> Array:
+        """Return how platform and stiffening give way, the compliance of the problem's ways, shape (n, w, w)."""
+        if self.stiff is None:
+            assert gives is not None
+            return gives[rows]
+        core = np.zeros((len(rows), *self.problem.gram.shape))
+        core[:, 6:, 6:] = self.stiff.compliance(rows)
+        if gives is not None:
+            core[:, :6, :6] = gives[rows]
+        return core
 
 
 def _projected(v: Floats32, normal: Floats32, friction: float, m: int) -> tuple[Floats32, NDArray[np.bool_]]:

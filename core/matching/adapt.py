@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 
 from ..cache import Cache
 from ..devices.spec import from_preset
+from ..parameters.skin import SKIN_CONTACT
 from ..skin.model import skin_from_parameters
 from ..steps import drain
 from ..surrogate.lessons import KINDS
 from ..surrogate.store import adapt, place_of, save
+from ..tissue.finger_skin import asked_for
 from .thimble_use import calibrated_mechanism
 
 SHARES = {"dataset": (0, 600), "descriptors": (600, 620), "training": (620, 1000)}  # of the time, in thousandths
@@ -27,9 +29,9 @@ def adapt_job(
 
     Args:
         parameters: 'device' (preset as read), 'device_key', 'skin' (parameters in SI), 'level', 'folder', and
-            optionally 'contact' ('nodes' where the finger's touches are solved there), 'skins' and 'limit' (folder and
-            size [bytes] of the cache of skins, where smooth pads of lengths that do not ship lie), 'use' (calibration
-            to the person, see `calibrated_mechanism`), 'trajectories', 'iterations'.
+            optionally 'tissue', 'contact' ('nodes' where the finger's touches are solved there), 'skins' and 'limit'
+            (folder and size [bytes] of the cache of skins, where tables of lengths that do not ship lie), 'use'
+            (calibration to the person, see `calibrated_mechanism`), 'trajectories', 'iterations'.
 
     Returns:
         'errors': of ridge and network on straight presses held out, shape (2,); 'samples' and 'movements' that were
@@ -43,6 +45,7 @@ def adapt_job(
     # what is learned is proportional to stiffness: one surrogate serves a finger whatever its personal factor
     cache = Cache(Path(str(parameters["skins"])), int(parameters["limit"])) if "skins" in parameters else None
     skin = skin_from_parameters(parameters["skin"], level=str(parameters.get("level", "standard")), cache=cache)
+    skin = asked_for(skin, str(parameters.get("tissue", SKIN_CONTACT["tissue"].absent)), "skin")
     if parameters.get("contact") == "nodes":
         skin = skin.on_nodes
     device, friction = calibrated_mechanism(spec, skin, parameters.get("use", {}))

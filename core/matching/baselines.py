@@ -17,6 +17,7 @@ from ..arrays import Array
 from ..devices.disc_pose import placed
 from ..devices.thimble import Thimble
 from ..skin.model import SkinModel
+from ..skin.stimulus import Stimulus
 from .gauss_newton import Minimum, ServoLimits, minimise
 
 HOLD = 1e-2  # weight of staying where the platform was, relative to the contact's own: decides tilts a line leaves open
@@ -40,11 +41,11 @@ class ContactPatch:
     areas: Array
 
 
-def contact_patch(skin: SkinModel, force: Array) -> ContactPatch:
-    """Return the touched part of the skin for contact forces [N], shape (m, 3)."""
+def contact_patch(skin: SkinModel, force: Array, amounts: Array | None = None) -> ContactPatch:
+    """Return the touched part of the skin for contact forces [N], shape (m, 3), and amounts as of `Stimulus`."""
     force = np.asarray(force, np.float64).reshape(-1, 3)
     touched = np.flatnonzero(force.any(axis=1))
-    moved = skin.pad_displacement(force) if len(touched) else np.zeros_like(force)
+    moved = Stimulus(skin, force, None, amounts).pad_displacement if len(touched) else np.zeros_like(force)
     return ContactPatch((skin.positions + moved)[touched], skin.areas[touched])
 
 

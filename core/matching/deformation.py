@@ -11,14 +11,17 @@ Source: [S1] eq. 5-18 with the corrections: eq. 18 has A'f, and pins are bounded
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..errors import DermisError
+from ..skin.stiff_tables import StiffTables
+from ..stiffening.tangent import StiffTangent
 from .bounded_lsq import BoundedLeastSquares, BoundedSolution
+from .pin_tissue import ROUNDS, SETTLED, PinTissue
 
 Method = Literal["DM0", "DM1", "DM2", "FM0", "FM1", "FM2"]
 METHODS: tuple[Method, ...] = get_args(Method)
@@ -32,11 +35,14 @@ class PinStep(NamedTuple):
     Attributes:
         x: forces of the active pins [N], shape (active pins,).
         optimality, converged: as in `PinForces`.
+        goal: of skin that stiffens the forces that `Matcher.displacement_error` compares with; None of linear skin,
+            where they are the target's.
     """
 
     x: Array
     optimality: float
     converged: bool
+    goal: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -69,8 +75,10 @@ class Matcher:
         active: pins that meet the skin, shape (pins,); the others stay at zero.
         tolerance: patterns of pins whose gain on the pad, a singular value of A, is below this share of the largest
             are not controllable: DM0, DM1, FM0 and FM1 do without them.
+        stiff: tables of skin that stiffens, of E alpha = `modulus` [Pa]; None where it is linear.
 
     Attributes:
+        tissue: what stiffening changes; None of linear skin.
         controllable_patterns: how many patterns of pins are controllable.
 
     Raises:
@@ -85,6 +93,8 @@ class Matcher:
         active: NDArray[np.bool_] | None = None,
         *,
         tolerance: float = RANK_TOLERANCE,
+        stiff: StiffTables | None = None,
+        modulus: float = 1.0,
     ) -> None:
         pins = distribution.shape[1]
         active = np.ones(pins, dtype=bool) if active is None else np.asarray(active, dtype=bool)
@@ -121,6 +131,8 @@ class Matcher:
         self.controllable_patterns = int(seen.sum())
         patterns = right[seen].T
         self.force_inverse = (patterns / gains[seen]) @ left[:, seen].T
+        self.patterns = patterns
+        self.tissue = None if stiff is None else PinTissue(stiff, modulus, a, self.target_gram)
         if self.controllable_patterns == a.shape[1]:
             self.deformation_inverse = np.linalg.pinv(rendered, rcond=RANK_TOLERANCE) @ weighted
         else:  # the least squares among what is left
@@ -138,9 +150,27 @@ class Matcher:
     def displacement_error(self, force: Array, x: Array) -> Array:
         """Return u_err [m] of frames: pad forces f of the target, (k, 3m), against active pins' x, (k, pins); (k,).
 
+        Of skin that stiffens f are the goals of the steps (`PinStep`), or from `goals`.
+
         Source: [S1] eq. 20
         """
         return self._error(force, x, self.target_gram, self.deformation_rhs, self.deformation_gram)
+
+    def goals(self, force: Array, x: Array, amounts: NDArray[np.floating[Any]] | None = None) -> Array:
+        """Return what `displacement_error` compares with: of skin that stiffens less than the target's forces.
+
+        Args:
+            force: of the target [N], shape (k, 3m). x: of the active pins [N], shape (k, pins).
+            amounts: of each pattern in the target, shape (k, patterns); from the forces where None.
+        """
+        if self.tissue is None:
+            return force
+        given = [None] * len(force) if amounts is None else np.asarray(amounts, np.float64)
+        rows = zip(force, x, given, strict=True)
+        return np.array([self._goal(self.tissue, *row) for row in rows]).reshape(force.shape)
+
+    def _goal(self, tissue: PinTissue, force: Array, x: Array, amounts: Array | None) -> Array:
+        return tissue.like(force, tissue.taken_by(force, amounts) - tissue.settled(x))
 
     def force_error(self, force: Array, x: Array) -> Array:
         """Return f_err [N] of frames over the compared nodes, as `displacement_error`. Source: [S1] eq. 21."""
@@ -185,29 +215,38 @@ class PinSolver:
         most = self.UNBOUNDED if force_limit is None else force_limit
         self.high = np.broadcast_to(np.asarray(most, np.float64), (matcher.pins,))[matcher.active]
         self._last = np.zeros(len(matcher.active))
+        self._tangent = None if matcher.tissue is None else matcher.tissue.rest
         self._quadratic = BoundedLeastSquares(matcher.gram(method), 0.0, self.high) if method.endswith("2") else None
+        self._status: NDArray[np.int8] | None = None
 
-    def solve(self, force: Array) -> PinForces:
+    def solve(self, force: Array, amounts: Array | None = None) -> PinForces:
         """Match target pad forces [N], shape (3m,) or (m, 3), and say how far off the skin is.
+
+        Args:
+            amounts: as in `step`.
 
         Raises:
             DermisError: forces of another size, or not finite.
         """
         matcher, force = self.matcher, np.asarray(force, dtype=np.float64).ravel()
-        step = self.step(force)
+        step = self.step(force, amounts)
+        goal = force if step.goal is None else step.goal
         result = np.zeros(matcher.pins)
         result[matcher.active] = step.x
         return PinForces(
             result,
-            float(matcher.displacement_error(force, step.x)[0]),
+            float(matcher.displacement_error(goal, step.x)[0]),
             float(matcher.force_error(force, step.x)[0]),
             step.optimality,
             self.at_limit(step.x),
             step.converged,
         )
 
-    def step(self, force: Array) -> PinStep:
+    def step(self, force: Array, amounts: Array | None = None) -> PinStep:
         """Match target pad forces [N], shape (3m,), and nothing else: what a frame costs live.
+
+        Args:
+            amounts: of each pattern that skin which stiffens is displaced by, shape (k,); from the forces where None.
 
         Raises:
             DermisError: forces of another size, or not finite.
@@ -219,7 +258,8 @@ class PinSolver:
                 value=force.shape,
                 limit=f"({3 * self.matcher.loaded},)",
             )
-        step = self._active(force)
+        tissue = self.matcher.tissue
+        step = self._active(force) if tissue is None else self._bent(tissue, force, amounts)
         self._last = step.x
         return step
 
@@ -230,6 +270,34 @@ class PinSolver:
     def reset(self) -> None:
         """Forget the frame before: the pins are at rest."""
         self._last = np.zeros(len(self.matcher.active))
+        self._tangent = None if self.matcher.tissue is None else self.matcher.tissue.rest
+
+    def _bent(self, tissue: PinTissue, force: Array, amounts: Array | None) -> PinStep:
+        """Match the displacement of skin that stiffens, on its tangent, laid anew until the law of its tissue holds."""
+        taken, settled = tissue.taken_by(force, amounts), False
+        tangent, deforming = self._tangent or tissue.rest, self.method.startswith("DM")
+        step = PinStep(self._last, 0.0, True) if deforming else self._active(force)
+        for _ in range(ROUNDS):
+            if deforming:
+                step = self._on(tissue, tangent, tissue.like(force, taken))
+            tangent, off = tissue.moved(tangent, step.x)
+            settled = off <= SETTLED
+            if settled:
+                break
+        self._tangent = tangent
+        goal = tissue.like(force, taken - tissue.taken_at(tangent, step.x))
+        return PinStep(step.x, step.optimality, step.converged and settled, goal)
+
+    def _on(self, tissue: PinTissue, tangent: StiffTangent, goal: Array) -> PinStep:
+        """Match displacement on a tangent by the method."""
+        low, high = self._bounds()
+        if self._quadratic is None:
+            x = tissue.least_squares(tangent, goal, self.matcher.patterns, RANK_TOLERANCE)
+            return PinStep(x if self.method.endswith("0") else np.clip(x, low, high), 0.0, True)
+        gram, c = tissue.quadratic(tangent, goal)
+        found = BoundedLeastSquares(gram, low, high).solve(c, start=self._status)
+        self._status = found.status
+        return PinStep(found.x, found.optimality(low, high), found.converged)
 
     def _active(self, force: Array) -> PinStep:
         matcher = self.matcher

@@ -27,6 +27,7 @@ from ..interpolate import interpolate
 from ..parameters.device import DEVICE
 from ..recent import Recent
 from ..scene.tactile_scene import DeviceUse, TactileScene, device_times
+from ..skin.felt_state import felt_key
 from ..skin.model import SkinModel
 from ..track.command_track import CommandTrack
 from .nearest import NEIGHBOURS
@@ -155,7 +156,11 @@ def render(
                 remedy="Set the finger's Contact to the same as the table's, or collect the table again",
             )
         )
-    sensed = sensor.sense(skin.force) if len(touched) else np.empty((0, table.readings.shape[1]), np.uint16)
+    sensed = (
+        sensor.sense(skin.force, amounts=skin.amounts)
+        if len(touched)
+        else np.empty((0, table.readings.shape[1]), np.uint16)
+    )
     if len(touched):
         commands[touched] = commands_of(table, sensed)
         series["contact"][touched] = 1.0
@@ -221,16 +226,21 @@ def render(
     return Rendered(CommandTrack(spec, times, limited, meta), series, tuple(findings), skipped)
 
 
-def commands_now(table: SkinTable, spec: DeviceSpec, skin: SkinModel, force: Array) -> Array:
+def commands_now(
+    table: SkinTable, spec: DeviceSpec, skin: SkinModel, force: Array, amounts: Array | None = None
+) -> Array:
     """Return the device's own commands for one moment, within its range; those of rest where nothing touches.
 
     Args:
         force: on the pad nodes [N], shape (1, m, 3); (0, m, 3) where nothing touches.
+        amounts: of each pattern that skin which stiffens is displaced by, shape (k,); from the force where None.
     """
     coupling = coupling_of(spec)
     original = table.commands[table.rest]
     if len(force):
-        original = commands_of(table, readings_of(skin).sense(force))[-1]
+        original = commands_of(
+            table, readings_of(skin).sense(force, amounts=None if amounts is None else amounts[None])
+        )[-1]
     return np.clip(original if coupling is None else coupling.reduced(original), *_ends(spec))
 
 
@@ -305,7 +315,7 @@ def keep_table(skin: SkinModel, spec: DeviceSpec, rows: int, table: SkinTable) -
 
 
 def _table_name(skin: SkinModel, spec: DeviceSpec, rows: int) -> tuple[str, str, int]:
-    return original_key(spec), skin.key + repr(skin.material), rows
+    return original_key(spec), felt_key(skin) + repr(skin.material), rows
 
 
 def _from_file(path: Path, spec: DeviceSpec) -> SkinTable:

@@ -25,7 +25,8 @@ from ..parameters.device import DEVICE
 from ..parameters.skin import DEFAULT_SKIN, SKIN_CONTACT
 from ..presets import Library
 from ..scene.tactile_scene import TactileScene
-from ..skin.model import SkinModel, skin_from_parameters
+from ..skin.model import SkinModel
+from ..tissue.finger_skin import finger_skin
 from . import pin_resolution
 from .deformation import METHODS, Method
 from .pins import Matched, PinSetup, Weighting, make_solver, match, setup
@@ -209,10 +210,8 @@ def _skins(
             library.device(d.preset).follows_skin for d in finger.devices
         )
         if f in wearers or simulated:
-            own = SKIN_CONTACT["skin_level"].of(p, _named(scene, f))
-            parameters, where = p.get("skin") or library.skin(DEFAULT_SKIN), f"{_named(scene, f)}, skin"
-            chosen = level if level and f in wearers else own
-            skins[f] = skin_from_parameters(parameters, level=chosen, cache=cache, where=where)
+            own, preset = level if f in wearers else "", library.skin(DEFAULT_SKIN)
+            skins[f] = finger_skin(p, preset, level=own, cache=cache, where=_named(scene, f))
     return skins
 
 
@@ -221,7 +220,8 @@ def error_on(ready: PinSetup, skin: SkinContact, matched: Matched) -> Array:
     matcher = ready.matcher
     result = np.zeros(len(skin.times))
     targets = skin.force.reshape(len(skin.contact), -1).astype(np.float64)
-    result[skin.contact] = matcher.displacement_error(targets, matched.forces[np.ix_(skin.contact, matcher.active)])
+    forces = matched.forces[np.ix_(skin.contact, matcher.active)]
+    result[skin.contact] = matcher.displacement_error(matcher.goals(targets, forces, skin.amounts), forces)
     return result
 
 
@@ -278,7 +278,8 @@ def _target_size(ready: PinSetup, skin: SkinContact) -> float:
     """Return the RMS of the target's displacement in the norm of u_err [m]."""
     targets = skin.force.reshape(len(skin.contact), -1).astype(np.float64)
     nothing = np.zeros((len(targets), len(ready.matcher.active)))
-    return _rms(ready.matcher.displacement_error(targets, nothing))
+    goals = ready.matcher.goals(targets, nothing, skin.amounts)
+    return _rms(ready.matcher.displacement_error(goals, nothing))
 
 
 def _rms(values: Array) -> float:

@@ -22,6 +22,7 @@ from ..interpolate import interpolate, smoothstep
 from ..parameters.device import DEVICE
 from ..recent import Recent
 from ..scene.tactile_scene import DeviceUse, TactileScene, device_times
+from ..skin.felt_state import felt_key
 from ..skin.model import SkinModel
 from ..skin.stress import RECEPTOR_DEPTHS
 from ..surface.gap import Surface
@@ -64,7 +65,7 @@ def setup(skin: SkinModel, spec: DeviceSpec, weighting: Weighting = "all") -> Pi
     """
     if weighting not in WEIGHTINGS:
         raise DermisError("unknown weighting", where=spec.key, value=weighting, limit=", ".join(WEIGHTINGS))
-    key = (skin.key, skin.material.modulus, spec.hash, weighting)
+    key = (felt_key(skin), skin.material.modulus, spec.hash, weighting)
     return _setups.make(key, lambda: _made(skin, spec, weighting))
 
 
@@ -76,7 +77,14 @@ def _made(skin: SkinModel, spec: DeviceSpec, weighting: Weighting) -> PinSetup:
     chosen = node_weights(skin, weighting)[mesh.free] > 0
     response = skin.unit_response[:, np.repeat(chosen, 3)]
     influence = response.T.astype(np.float64) / skin.material.modulus
-    matcher = Matcher(distribution, influence, active=met.hits, tolerance=pin_resolution.tolerance_of(pins, met))
+    matcher = Matcher(
+        distribution,
+        influence,
+        active=met.hits,
+        tolerance=pin_resolution.tolerance_of(pins, met),
+        stiff=None if skin.stiffening is None else skin.stiff,
+        modulus=skin.material.modulus,
+    )
     return PinSetup(pins, met, matcher, distribution)
 
 
@@ -187,16 +195,20 @@ def match(solver: PinSolver, skin: SkinContact) -> Matched:
     for start in range(0, len(skin.contact), BLOCK):
         frames = skin.contact[start : start + BLOCK]
         targets = skin.force[start : start + BLOCK].reshape(len(frames), -1).astype(np.float64)
-        active_forces = np.zeros((len(frames), len(matcher.active)))
+        active_forces, goals = np.zeros((len(frames), len(matcher.active))), targets
+        if matcher.tissue is not None:
+            goals = targets.copy()
         for row, (i, target) in enumerate(zip(frames.tolist(), targets, strict=True)):
             if i != before + 1:
                 solver.reset()
-            before, step = i, solver.step(target)
+            before, step = i, solver.step(target, skin.amounts_at(i))
+            if step.goal is not None:
+                goals[row] = step.goal
             active_forces[row] = step.x
             at_limit[i] = solver.at_limit(step.x)
             worst, unsolved = max(worst, step.optimality), unsolved + (not step.converged)
         forces[np.ix_(frames, matcher.active)] = active_forces
-        u[frames] = matcher.displacement_error(targets, active_forces)
+        u[frames] = matcher.displacement_error(goals, active_forces)
         f[frames] = matcher.force_error(targets, active_forces)
     return Matched(forces, u, f, at_limit, worst, unsolved)
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array
+from ..skin.felt_state import state_of
 from ..skin.model import SkinModel
 from ..skin.sensor import electrode_sensor
 
@@ -31,23 +32,38 @@ class Readings:
     """The sensor of one skin as a linear map and its quantisation.
 
     Attributes:
-        matrix: counts for forces on the pad nodes [1/N], the last row the pressure, shape (20, 3 m).
+        matrix: counts for forces on the pad nodes [1/N], the last row the pressure, shape (20, 3 m); of skin that
+            stiffens for all that it feels (`skin.felt_state`).
         rest: counts of untouched skin, shape (20,).
+        skin: that it is in, where that stiffens.
     """
 
     matrix: Array
     rest: Array
+    skin: SkinModel | None = None
 
-    def counts(self, force: NDArray[np.floating[Any]]) -> Array:
-        """Return exact counts of contact forces [N], (n, m, 3) to (n, 20)."""
-        flat = np.asarray(force, np.float64).reshape(len(force), self.matrix.shape[1])
-        return flat @ self.matrix.T + self.rest
+    def counts(self, force: NDArray[np.floating[Any]], amounts: NDArray[np.floating[Any]] | None = None) -> Array:
+        """Return exact counts of contact forces [N], (n, m, 3) to (n, 20).
+
+        Args:
+            amounts: of each pattern that skin which stiffens is displaced by, shape (n, k); from the forces where None.
+        """
+        if self.skin is None:
+            flat = np.asarray(force, np.float64).reshape(len(force), self.matrix.shape[1])
+            return flat @ self.matrix.T + self.rest
+        given = [None] * len(force) if amounts is None else np.asarray(amounts, np.float64)
+        states = [state_of(self.skin, row, own) for row, own in zip(force, given, strict=True)]
+        return np.array(states).reshape(len(force), self.matrix.shape[1]) @ self.matrix.T + self.rest
 
     def sense(
-        self, force: NDArray[np.floating[Any]], noise: float = 0.0, rng: np.random.Generator | None = None
+        self,
+        force: NDArray[np.floating[Any]],
+        noise: float = 0.0,
+        rng: np.random.Generator | None = None,
+        amounts: NDArray[np.floating[Any]] | None = None,
     ) -> Counts:
         """Return what is read: whole counts, with normal noise of a standard deviation [counts], within the scale."""
-        exact = self.counts(force)
+        exact = self.counts(force, amounts)
         if noise > 0.0:
             exact = exact + noise * (rng or np.random.default_rng(0)).standard_normal(exact.shape)
         return quantised(exact)
@@ -82,4 +98,7 @@ def readings_of(skin: SkinModel) -> Readings:
     pressure = -PRESSURE_GAIN * skin.normals.reshape(1, -1) / skin.areas.sum()
     rest = np.full(CHANNELS, ELECTRODE_REST)
     rest[-1] = PRESSURE_REST
-    return Readings(np.vstack([electrodes, pressure]), rest)
+    if skin.stiffening is None:
+        return Readings(np.vstack([electrodes, pressure]), rest)
+    beyond = np.zeros((1, electrodes.shape[1] - pressure.shape[1]))
+    return Readings(np.vstack([electrodes, np.hstack([pressure, beyond])]), rest, skin)

@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array
+from ..skin.felt_state import state_of, state_size
+from ..skin.model import SkinModel
 from ..steps import drain
 from ..surrogate.dataset import MAX_DEPTH, MAX_TILT, record
 from ..surrogate.store import contact_of
@@ -45,11 +47,14 @@ class StimulusPlot:
     left: float
 
 
-def stimulus_plot(use: ThimbleUse, forces: Array, found: ThimbleSequence, seed: int = 1) -> StimulusPlot:
+def stimulus_plot(
+    use: ThimbleUse, forces: Array, found: ThimbleSequence, seed: int = 1, amounts: Array | None = None
+) -> StimulusPlot:
     """Return the plot of a touch and what a thimble made of it.
 
     Args:
         forces: of the virtual touch on the pad nodes [N], shape (k, m, 3). found: what the thimble did.
+        amounts: of each pattern in that touch, as in `Follower.follow`, shape (k, patterns).
 
     Raises:
         DermisError: servo limits that exclude contact.
@@ -69,13 +74,17 @@ def stimulus_plot(use: ThimbleUse, forces: Array, found: ThimbleSequence, seed: 
     return StimulusPlot(
         stimuli[chosen, :3],
         np.clip(configuration[chosen], -1.0, 1.0),
-        _through(forces[touched], three),
-        _through(found.force[touched], three),
+        _through(use.skin, forces[touched], None if amounts is None else amounts[touched], three),
+        _through(use.skin, found.force[touched], None if found.amounts is None else found.amounts[touched], three),
         None if found.predicted is None else found.predicted[touched, :3],
         float(np.sqrt((about[:, 3:] ** 2).sum() / (about**2).sum())),
     )
 
 
-def _through(force: NDArray[np.floating], observation_matrix: Array) -> Array:
-    flat: Array = force.reshape(len(force), observation_matrix.shape[1]).astype(np.float64)
+def _through(skin: SkinModel, force: NDArray[np.floating], amounts: Array | None, observation_matrix: Array) -> Array:
+    flat: Array = force.reshape(len(force), 3 * skin.pad_count).astype(np.float64)
+    if skin.stiffening is not None:
+        given = [None] * len(flat) if amounts is None else amounts
+        states = [state_of(skin, row, own) for row, own in zip(flat, given, strict=True)]
+        flat = np.array(states).reshape(len(flat), state_size(skin))
     return flat @ observation_matrix.T

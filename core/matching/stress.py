@@ -33,6 +33,8 @@ NOTHING = 1e-12  # targets below this share of the table's strongest stimulus ar
 PROMISE = 0.85  # a table entry must leave less than this share of a mismatch to be tried
 MISTRUST = 0.5  # of the target: a learned model farther from the true contact at its own pose is not believed
 WORTHWHILE = 0.05  # of the cost: for less than that the device does not jump
+BENT = 1e-3  # of the target: skin that stiffens is off its tangent by more, and searched again on one laid there
+TANGENTS = 4  # searches of a frame
 LONGEST_WAIT = 32  # frames between two tries of the table while they fail
 
 
@@ -67,7 +69,7 @@ class StressMatcher:
 
     Args:
         device: the mechanism. contact: disc and skin, for the friction update.
-        observation_matrix: stimulus components of forces, shape (k, 3 m).
+        observation_matrix: stimulus components of forces, shape (k, 3 m), or of all that is felt (`skin.felt_state`).
         model: what the search evaluates; the contact itself where None.
         change: largest change of a servo angle from frame to frame [rad]; None: not limited here.
         hover: distance kept from the skin while nothing is touched [m].
@@ -161,6 +163,8 @@ class StressMatcher:
             x, self._goal = self._retracted(limits), None
         solution = self._contact_at(x, searched=minimum is not None and search is None)
         stimulus = self._rendered_stimulus(solution, minimum)
+        if minimum is not None and search is None and self.model is self.direct:
+            minimum, x, solution, stimulus = self._straightened(target, limits, minimum, x, solution, stimulus)
         learned = minimum is not None and search is None and self.model is not self.direct
         if learned and minimum is not None and self._mistrusted(stimulus, minimum, size):
             before = self.rescues
@@ -253,6 +257,21 @@ class StressMatcher:
             return minimum, x, solution, stimulus
         self.rescues += 1
         return other, other.x, found, self.direct.stimulus(found)
+
+    def _straightened(
+        self, target: Array, limits: ServoLimits, minimum: Minimum, x: Array, solution: DiscSolution, stimulus: Array
+    ) -> tuple[Minimum, Array, DiscSolution, Array]:
+        """Search again where skin that stiffens was far off the tangent that the search was on."""
+        if self.contact.points.stiff is None or minimum.why == "underway":
+            return minimum, x, solution, stimulus
+        for _ in range(1, TANGENTS):
+            off = float(np.linalg.norm(stimulus - minimum.stimulus))
+            if off <= BENT * float(np.linalg.norm(target)):
+                break
+            minimum = descend(self.model.evaluate, target, x, self.device, limits)
+            x, solution = minimum.x, self.direct.solution(minimum.x)
+            stimulus = self.direct.stimulus(solution)
+        return minimum, x, solution, stimulus
 
     def _rendered_stimulus(self, solution: DiscSolution, minimum: Minimum | None) -> Array:
         """Return the stimulus at the pose chosen."""

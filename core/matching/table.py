@@ -22,6 +22,7 @@ from ..errors import DermisError, Finding
 from ..files import write_npz
 from ..foreign import json_of
 from ..npz import opened_npz
+from ..skin.felt_state import felt_key
 from ..skin.model import SkinModel
 from ..surrogate.press_points import press_points
 from .nearest import NEIGHBOURS, NearestPoints
@@ -189,7 +190,8 @@ def tabulate(readings: Readings, commands: Array, pressed: Pressed) -> tuple[Arr
     """Return commands and readings of the rows that touch and are in balance, and how many were left out and why."""
     good = (pressed.imbalance <= UNBALANCED) & (pressed.residual <= UNSETTLED)
     keep = good & pressed.touching
-    counts = quantised(readings.counts(pressed.force[keep]))
+    amounts = None if pressed.amounts is None else pressed.amounts[keep]
+    counts = quantised(readings.counts(pressed.force[keep], amounts))
     left = {
         "rest_rows": int((good & ~pressed.touching).sum()),
         "unbalanced_rows": int((~good).sum()),
@@ -217,7 +219,7 @@ def assemble(
         "device": spec.key,
         "device_hash": spec.hash,
         "mechanism": mechanism_key(spec),
-        "skin": skin.key,
+        "skin": felt_key(skin),
         "material": repr(skin.material),
         **meta,
     }
@@ -246,7 +248,7 @@ def belongs(table: SkinTable, spec: DeviceSpec, skin: SkinModel | None = None, w
             limit=f"device preset '{spec.key}' as it is now",
             remedy="Collect a table for this preset",
         )
-    own = None if skin is None else (skin.key, repr(skin.material))
+    own = None if skin is None else (felt_key(skin), repr(skin.material))
     if own is None or own == (table.meta.get("skin", own[0]), table.meta.get("material", own[1])):
         return ()
     return (

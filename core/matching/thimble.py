@@ -7,6 +7,7 @@ disc on such points, and the forces of either come as forces on nodes with the s
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
@@ -21,6 +22,7 @@ from ..parameters.material import FRICTION
 from ..parameters.skin import TISSUE
 from ..recent import Recent
 from ..scene.tactile_scene import DeviceUse, TactileScene, device_times
+from ..skin.felt_state import felt_key, observed, state_size, stress_components
 from ..skin.model import SkinModel
 from ..skin.store import read_table, write_table
 from ..steps import drain
@@ -61,18 +63,18 @@ def describe(device: Thimble, skin: SkinModel, friction: float, tolerance: float
         # no part of the key: movements end at a force, so that without one stiffness for all the first finger decided
         nominal = skin.with_material(young=TISSUE["young"].default, alpha=1.0)
         data = drain(record(device, contact_of(device, nominal, friction), DESCRIPTOR_MOVEMENTS))
-        return descriptors(data, skin.stress_components(), tolerance=tolerance)
+        return descriptors(data, stress_components(skin), tolerance=tolerance)
 
-    return _known.make((skin.key, pressed_on(skin), device_key(device), friction, tolerance), made)
+    return _known.make((felt_key(skin), pressed_on(skin), device_key(device), friction, tolerance), made)
 
 
 def observation_of(device: Thimble, skin: SkinModel, friction: float) -> Array:
-    """Return the observation matrix of `describe`, from the skin's cache where it is there; shape (k, 3 m)."""
+    """Return the observation matrix of `describe`, from the skin's cache where it is there; shape (k, state)."""
     if skin.cache is None:
         return describe(device, skin, friction).observation_matrix
-    key = cache_key(version(), skin.key, pressed_on(skin), device_key(device), repr(friction), "observation")
+    key = cache_key(version(), felt_key(skin), pressed_on(skin), device_key(device), repr(friction), "observation")
     path = skin.cache.get(key)
-    kept = None if path is None else read_table(path, (None, 3 * skin.pad_count), np.float64)
+    kept = None if path is None else read_table(path, (None, state_size(skin)), np.float64)
     if kept is not None:
         return kept
     made = describe(device, skin, friction).observation_matrix
@@ -121,7 +123,7 @@ def matcher(
         observation_matrix = observation_of(device, skin, friction)
     table, learned = None, model if method in LEARNED else None
     if learned is None:  # five fingers of one hand start from the same table
-        what = (skin.key, pressed_on(skin), repr(skin.material), device_key(device), repr(friction))
+        what = (felt_key(skin), pressed_on(skin), repr(skin.material), device_key(device), repr(friction))
         key = cache_key(*what, observation_matrix.tobytes())
         direct = DirectModel(device, contact, observation_matrix)
         table = _tables.make(key, lambda: warm_start_table(device, contact, direct))
@@ -140,21 +142,27 @@ class Follower:
     def __init__(self, matching: StressMatcher, skin: SkinModel, method: str) -> None:
         self.matching, self.skin, self.method = matching, skin, method
 
-    def step(self, force: Array) -> ThimbleFrame:
+    def step(self, force: Array, amounts: Array | None = None) -> ThimbleFrame:
         """Find what the device does for the touch's forces on the pad nodes [N], shape (m, 3) or (3 m,).
+
+        Args:
+            amounts: of each pattern that skin which stiffens is displaced by, shape (k,); from the forces where None.
 
         Raises:
             DermisError: forces that are not finite.
         """
         force = np.asarray(force, np.float64).ravel()
-        target = self.matching.direct.observation_matrix @ force
+        target = observed(self.skin, self.matching.direct.observation_matrix, force, amounts)
         if self.method != "geometry" or not target.any():
             return self.matching.step(target)
-        patch = contact_patch(self.skin, force)
+        patch = contact_patch(self.skin, force, amounts)
         return self.matching.step(target, lambda x, limits: fit_plane(self.matching.device, patch, x, limits))
 
-    def follow(self, forces: Array) -> ThimbleSequence:
+    def follow(self, forces: Array, amounts: Array | None = None) -> ThimbleSequence:
         """Follow a sequence of touches; forces on the pad nodes [N], shape (n, m, 3) or (n, 3 m).
+
+        Args:
+            amounts: of each pattern, as in `step`, shape (n, k).
 
         Raises:
             DermisError: forces that do not fit the skin or are not finite.
@@ -168,7 +176,9 @@ class Follower:
                 value=forces.shape,
                 limit=f"(n, {3 * nodes})",
             )
-        return collect([self.step(force) for force in forces], self.matching.contact, self.method)
+        given = [None] * len(forces) if amounts is None else amounts
+        frames = [self.step(force, own) for force, own in zip(forces, given, strict=True)]
+        return collect(frames, self.matching.contact, self.method)
 
 
 def follower(use: ThimbleUse, change: float | None = None) -> Follower:
@@ -190,9 +200,11 @@ def follower(use: ThimbleUse, change: float | None = None) -> Follower:
     return Follower(matching, use.skin, use.method)
 
 
-def match_touch(use: ThimbleUse, forces: Array, change: float | None = None) -> ThimbleSequence:
-    """Match a sequence of virtual touches as a thimble is used; forces as in `Follower.follow`."""
-    return follower(use, change).follow(forces)
+def match_touch(
+    use: ThimbleUse, forces: Array, change: float | None = None, amounts: Array | None = None
+) -> ThimbleSequence:
+    """Match a sequence of virtual touches as a thimble is used; forces and amounts as in `Follower.follow`."""
+    return follower(use, change).follow(forces, amounts)
 
 
 def match_stimuli(matching: StressMatcher, stimuli: Array) -> ThimbleSequence:
@@ -218,7 +230,7 @@ def render(
     prepared = prepare(spec, skin.pressed, use.parameters, where)
     times = device_times(scene, spec.rate)
     forces = forces_at(skin, times)
-    found = match_touch(prepared, forces, prepared.device.servo_speed / spec.rate)
+    found = match_touch(prepared, forces, prepared.device.servo_speed / spec.rate, amounts_at(skin, times))
     findings = [*prepared.findings, *findings_of(found, where)]
     track = CommandTrack(spec, times, found.commands(spec), {"method": prepared.method})
     signals = {
@@ -234,16 +246,34 @@ def render(
 
 def forces_at(skin: SkinContact, times: Array) -> Array:
     """Forces of the virtual touch at the device's times, linear between samples [N], shape (n, m, 3)."""
-    out = np.zeros((len(times), skin.model.pad_count, 3))
+    return _between(skin, times, skin.force_at, (skin.model.pad_count, 3))
+
+
+def amounts_at(skin: SkinContact, times: Array) -> Array | None:
+    """Amounts of each pattern at the device's times, linear between samples, shape (n, k); None of linear skin."""
+    if skin.amounts is None:
+        return None
+
+    def amounts(sample: int) -> Array:
+        found = skin.amounts_at(sample)
+        assert found is not None
+        return found
+
+    return _between(skin, times, amounts, skin.amounts.shape[1:])
+
+
+def _between(skin: SkinContact, times: Array, at: Callable[[int], Array], shape: tuple[int, ...]) -> Array:
+    """Return what is known of samples in contact, linear between samples and zero without contact."""
+    out = np.zeros((len(times), *shape))
     place = np.interp(times, skin.times, np.arange(len(skin.times)))
     before = np.minimum(place.astype(int), len(skin.times) - 1)
     share = place - before
     touched = set(skin.contact.tolist())
     for i, (b, s) in enumerate(zip(before.tolist(), share.tolist(), strict=True)):
         if b in touched:
-            out[i] += (1.0 - s) * skin.force_at(b)
+            out[i] += (1.0 - s) * at(b)
         if s > 0.0 and b + 1 in touched:
-            out[i] += s * skin.force_at(b + 1)
+            out[i] += s * at(b + 1)
     return out
 
 

@@ -32,6 +32,7 @@ class ThimbleSequence:
         method: which one.
         predicted: stimulus that the search expected, in its model's components, shape (n, k); zeros without touch. None
             for 'force' and 'geometry', which look for something else.
+        amounts: of each pattern that skin which stiffens is displaced by, shape (n, k); None of linear skin.
     """
 
     x: Array
@@ -47,6 +48,7 @@ class ThimbleSequence:
     rescued: NDArray[np.bool_]
     method: str
     predicted: Array | None = None
+    amounts: Array | None = None
 
     def commands(self, spec: DeviceSpec) -> Array:
         """Return what the channels of a preset hold, shape (n, channels).
@@ -86,4 +88,5 @@ def collect(frames: list[ThimbleFrame], contact: DiscContact, method: str) -> Th
         np.array([f.rescued for f in frames]),
         method,
         predicted,
+        None if contact.points.stiff is None else np.array([f.solution.amounts for f in frames]),
     )

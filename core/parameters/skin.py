@@ -135,6 +135,29 @@ SKIN_CONTACT = table(
         note="'reference', 88k tetrahedra, is for scripts: no window should wait for it",
     ),
     Parameter(
+        name="tissue",
+        unit=TEXT,
+        label="Tissue",
+        text="How the finger's tissue answers load",
+        default="linear",
+        choices=(
+            (
+                "linear",
+                "Linear",
+                "Twice the load, twice the displacement: for light touch, and for devices that need it",
+            ),
+            (
+                "neo_hookean",
+                "Neo-Hookean",
+                "Stiffens and shears as rubber does, at about twice the price of a frame: for presses beyond half a "
+                "millimetre, and for drag",
+            ),
+        ),
+        note="neo-Hookean tissue needs a table of the fingertip's shape, made once in about two minutes where it does "
+        "not ship; until then, and on a mesh of one's own, tissue is linear and a finding says so. Poisson's ratio and "
+        "E mean what they mean in linear tissue, which is its limit under small loads",
+    ),
+    Parameter(
         name="contact",
         unit=TEXT,
         label="Contact",

@@ -67,8 +67,8 @@ def render(scene: TactileScene, library: Library, *, cache: Cache | None = None)
         findings += contact.findings
         skipped.update(contact.skipped)
 
-    on_points = [scene.fingers[f].name for f, contact in skin_contacts.items() if contact.points is not None]
-    content_hash = _full_hash(content, [spec for _, _, spec in uses], on_points)
+    tables = [mark for f, contact in skin_contacts.items() for mark in _tables_of(scene.fingers[f].name, contact)]
+    content_hash = _full_hash(content, [spec for _, _, spec in uses], tables)
     outputs = []
     for step, (finger, use, spec) in enumerate(uses):
         yield Progress("devices", step, len(uses))
@@ -127,15 +127,14 @@ def _skin_models(
     skin_models: dict[int, SkinModel] = {}
     for done, f in enumerate(sorted(needed)):
         yield Progress("skin", done, len(needed))
-        from ..skin.model import skin_from_parameters
+        from ..tissue.finger_skin import finger_skin
 
         finger = scene.fingers[f]
         place = f"finger '{finger.name}'"
         try:
             with clock.stage("skin"):
-                parameters = finger.parameters.get("skin") or library.skin(DEFAULT_SKIN)
-                level = SKIN_CONTACT["skin_level"].of(finger.parameters, place)
-                skin_models[f] = skin_from_parameters(parameters, level=level, cache=cache, where=f"{place}, skin")
+                preset = library.skin(DEFAULT_SKIN)
+                skin_models[f] = finger_skin(finger.parameters, preset, cache=cache, where=place)
         except DermisError as error:
             findings.append(unavailable(finger.name, error))
             uses[:] = [w for w in uses if w[0] != f or not w[2].follows_skin]
@@ -184,12 +183,20 @@ def _contact(
     return pad_contact, skin.finish()
 
 
-def _full_hash(content: ContentHash, specs: list[DeviceSpec], on_points: list[str]) -> str:
-    """Hash of the scene's content, the presets it uses, the version that rendered it and the fingers on points.
+def _tables_of(finger: str, contact: SkinContact) -> list[str]:
+    """Return what of a finger's skin depends on tables that may be there or not: it is otherwise as the scene says."""
+    stiffening = contact.model.stiffening
+    on_points = [] if contact.points is None else [finger]
+    return on_points if stiffening is None else [*on_points, f"{finger} {stiffening.key}"]
 
-    The last since the table of a smooth pad may be there or not: whoever asked for points then gets something else.
+
+def _full_hash(content: ContentHash, specs: list[DeviceSpec], tables: list[str]) -> str:
+    """Hash of the scene's content, the presets it uses, the version that rendered it and the skins' tables.
+
+    The last since the table of a smooth pad, or of how tissue stiffens, may be there or not: whoever asked for points
+    or for such tissue then gets something else.
     """
-    parts = [content.hexdigest(), version(), *(spec.hash for spec in specs), *on_points]
+    parts = [content.hexdigest(), version(), *(spec.hash for spec in specs), *tables]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:32]
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..cache import Cache, cache_key
 from ..errors import DermisError
+from ..parameters.error_bands import LINEAR, NEO_HOOKEAN
 from ..parameters.skin import LENGTHS, OWN_MESH, TISSUE
 from .assembly import Element, degrees, stiffness
 from .condense import Condensed, condense
@@ -68,12 +69,18 @@ class SkinModel:
 
     def __repr__(self) -> str:
         size = f"{len(self.mesh.nodes)} nodes, {self.pad_count} on the pad"
-        return f"SkinModel({self.mesh.name}, {size}, E {1e-3 * self.material.modulus:.3g} kPa)"
+        kind = "" if self.stiffening is None else ", neo-Hookean"
+        return f"SkinModel({self.mesh.name}, {size}, E {1e-3 * self.material.modulus:.3g} kPa{kind})"
 
     @property
     def pad_count(self) -> int:
         """Number of pad nodes, m."""
         return len(self.mesh.pad)
+
+    @property
+    def tissue(self) -> str:
+        """What its tissue is: 'linear' or 'neo_hookean'."""
+        return LINEAR if self.stiffening is None else NEO_HOOKEAN
 
     @property
     def positions(self) -> Array:

@@ -2,9 +2,9 @@
 
 The real sensor's electrodes sit on its core and read the impedance of the fluid between core and skin, which grows as
 the skin comes nearer. The virtual ones read the same cause: the share by which the tissue over each electrode gets
-thinner, a weighted mean over the skin around it. Readings are linear in the contact forces, as the skin is. Places of
-the electrodes are this product's own: symmetric, over the same part of the finger. Whatever is computed with them is
-simulated and must be called virtual.
+thinner, a weighted mean over the skin around it. Readings are linear in the skin's displacement, and so in the contact
+forces where skin is linear. Places of the electrodes are this product's own: symmetric, over the same part of the
+finger. Whatever is computed with them is simulated and must be called virtual.
 
 Source: [S0] 6 (a BioTac with 19 electrodes as a measurable descriptor of the stimulus)
 """
@@ -20,6 +20,7 @@ from ..arrays import Array
 from ..errors import DermisError
 from ..npz import opened_npz
 from ..number_rows import read_rows
+from .felt_state import state_size
 from .model import SkinModel
 
 # Places of the electrodes seen from the pad, as fractions of half the finger's width (x) and of the distance from the
@@ -41,7 +42,8 @@ class ElectrodeSensor:
         places: of the skin over each electrode [m], shape (c, 3).
         thickness: of the tissue there [m], shape (c,).
         weights: how much of each pad node it sees, rows sum to 1, shape (c, m).
-        matrix: readings [1] of forces on the pad nodes [N], shape (c, 3 m).
+        matrix: readings [1] of forces on the pad nodes [N], shape (c, 3 m), or of all that skin which stiffens feels
+            (`felt_state`), shape (c, 3 m + r + k).
     """
 
     places: Array
@@ -79,7 +81,12 @@ def electrode_sensor(skin: SkinModel, layout: Array = LAYOUT, spread: float = SP
     bone = skin.mesh.nodes[skin.mesh.fixed]
     thickness = np.array([np.sqrt(((bone - p) ** 2).sum(axis=1).min()) for p in places])
     inward = -(weights[:, :, None] * normals[None]).reshape(len(places), -1) / thickness[:, None]
-    return ElectrodeSensor(places, thickness, weights, inward @ skin.compliance)
+    matrix = inward @ skin.compliance
+    if skin.stiffening is not None:
+        beyond = np.zeros((len(inward), state_size(skin) - inward.shape[1]))
+        beyond[:, -skin.stiffening.count :] = -inward @ skin.stiff.pad
+        matrix = np.hstack([matrix, beyond])
+    return ElectrodeSensor(places, thickness, weights, matrix)
 
 
 def read_stimuli(path: Path, channels: int) -> tuple[Array, Array]:

@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array, Floats32
+from ..errors import Finding
 from ..stiffening.balance import Balance
 from ..stiffening.stiffening import Stiffening
 from .mesh import TetraMesh
+from .shape import FingertipShape
 from .stress import locate, receptor_probes
 
 
@@ -76,7 +78,10 @@ class StiffTables:
     @cached_property
     def elements(self) -> Floats32:
         """Fields of stress in the elements, shape (6 e, r)."""
-        fields = self.at(self.mesh.nodes)[self.mesh.tetrahedra].mean(axis=1)
+        series = self.stiffening.stress
+        fields = series.fields
+        if not (_same(self.mesh.tetrahedra, series.tetrahedra) and _same(self.mesh.nodes, series.nodes)):
+            fields = self.at(self.mesh.nodes)[self.mesh.tetrahedra].mean(axis=1)
         return np.ascontiguousarray(fields.reshape(6 * len(self.mesh.tetrahedra), -1))
 
     @cached_property
@@ -86,17 +91,33 @@ class StiffTables:
         return self.at(points).reshape(6 * len(points), -1)
 
     def at(self, points: Array) -> Floats32:
-        """Return fields of stress at points of the tissue; those outside have what is nearest, shape (p, 6, r)."""
+        """Return fields of stress at points of the tissue, smooth; those outside have what is nearest, (p, 6, r)."""
         series = self.stiffening.stress
-        if len(points) == len(series.nodes) and np.allclose(points, series.nodes, atol=1e-9):
-            return series.fields
+        if _same(points, series.nodes):
+            return series.nodal
         from scipy.spatial import cKDTree
 
         none = np.zeros(0, np.int32)
         mesh = TetraMesh(series.nodes, series.tetrahedra.astype(np.int32), none, none, np.zeros((0, 3), np.int32))
         element, weights = locate(mesh, points)
-        out = np.einsum("pj,pjcr->pcr", weights.astype(np.float32), series.fields[series.tetrahedra[element]])
+        out = np.einsum("pj,pjcr->pcr", weights.astype(np.float32), series.nodal[series.tetrahedra[element]])
         outside = np.flatnonzero(element < 0)
         if len(outside):
-            out[outside] = series.fields[cKDTree(series.nodes).query(points[outside])[1]]
+            out[outside] = series.nodal[cKDTree(series.nodes).query(points[outside])[1]]
         return np.asarray(out, np.float32)
+
+
+def no_stiffening(shape: FingertipShape | None, name: str) -> Finding:
+    """Return why tissue that is to stiffen is linear. The name is the finger's, the shape its skin's."""
+    if shape is None:
+        why, remedy = "a mesh of one's own has no table of it", "Use a fingertip of lengths"
+    else:
+        why = "these lengths, or this Poisson's ratio, have no table of it yet"
+        remedy = "Let Blender make it, which takes some two minutes once, or use a preset's lengths"
+    what = "tissue is linear: it does not stiffen as the finger is pressed and dragged"
+    return Finding("warning", "tissue-linear", what, name, why, remedy=remedy)
+
+
+def _same(first: NDArray[np.number], second: NDArray[np.number]) -> bool:
+    """Return whether arrays are the same but for rounding."""
+    return first.shape == second.shape and np.allclose(first, second, rtol=0.0, atol=1e-9)

@@ -14,6 +14,9 @@ from ..arrays import Array
 from .energy import Energy
 
 TOLERANCE = 1e-5  # of q + n(q) - z, relative to z
+# A step that multiplies what is left by more, from where tissue is stable and where it is not, is made shorter, down to
+# a share.
+WORSE, FLOORED, SHORT = 3.0, 3.0, 0.02
 STEPS = 3  # of Newton's method at one z, while tissue is stable
 FLOOR = 0.1  # of the stiffness over linear tissue's: below it a step would go anywhere
 MAX_STEPS, SHORTEST = 60, 1e-4  # of a force from nowhere, and the least share of a step that is tried
@@ -63,14 +66,19 @@ class Balance:
             return self.force
         if near is not None and self._factors()[0]:
             self._go(near)
-        for _ in range(STEPS):
+        for part in range(STEPS):
             left = z - self.q - self.force
             if float(np.linalg.norm(left)) <= tolerance * size:
                 break
-            stable, values, vectors = self._factors()
-            self._go(self.q + _solved(stable, values, vectors, left))
-            if not stable:
+            before, factors = self.q, self._factors()
+            if part > 0 and not factors[0]:
                 break
+            worse = WORSE if factors[0] else FLOORED
+            step, share = _solved(*factors, left), 1.0
+            self._go(before + step)
+            while np.linalg.norm(z - self.q - self.force) > worse * np.linalg.norm(left) and share > SHORT:
+                share *= 0.25
+                self._go(before + share * step)
         left = z - self.q - self.force
         self.left = float(np.linalg.norm(left)) / size
         return self.force + left - _solved(*self._factors(), left)

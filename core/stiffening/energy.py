@@ -23,21 +23,22 @@ Floats = NDArray[np.floating[Any]]
 class Energy:
     """Phi3 and Phi4 of some patterns.
 
-    Beyond `reach` the series is followed no further: along each ray the energy goes on as the parabola that it has
-    there, so that skin stays as stiff as it was, and what is pressed on gets its work back.
+    Beyond `reach`, where t = |q / reach| is above 1, the series is followed no further: along each ray the energy goes
+    on as the parabola that it has there, and a wall (t - 1)^3 keeps it from running away. It stays one energy: what is
+    pressed on gets its work back.
 
     Attributes:
         cubic: T of Phi3 = sum T_abc q_a q_b q_c, symmetric, shape (k, k, k).
         quartic: R of Phi4 = sum R_abcd q_a q_b q_c q_d over the first l <= k patterns, symmetric in all four, as a
             matrix of pairs a <= b and c <= d, shape (l (l + 1) / 2, l (l + 1) / 2).
-        reach: |q| up to which the series is trusted.
+        reach: amounts up to which the series is trusted, shape (k,); anywhere where None.
 
     In single precision it takes half the time.
     """
 
     cubic: Floats
     quartic: Floats
-    reach: float = np.inf
+    reach: Array | None = None
 
     @property
     def count(self) -> int:
@@ -51,7 +52,8 @@ class Energy:
 
     def value(self, q: Array) -> float:
         """Return Phi3 + Phi4."""
-        return sum(power.value for power in self._beyond(q, self._powers(q)))
+        third, fourth = self._beyond(q, self._powers(q))
+        return third.value + fourth.value
 
     def force(self, q: Array) -> Array:
         """Return the slope of Phi3 + Phi4, the force beyond linear tissue's, shape (k,)."""
@@ -82,14 +84,23 @@ class Energy:
         return _Power.of(3, q, third), _Power.of(4, first, fourth)
 
     def _beyond(self, q: Array, powers: tuple[_Power, _Power]) -> tuple[_Power, _Power]:
-        """Return the powers, bent to parabolas along the rays where |q| is beyond `reach`."""
-        t = float(np.linalg.norm(q)) / self.reach
+        """Return the powers, bent to parabolas along the rays beyond `reach`, with the wall in the third."""
+        if self.reach is None:
+            return powers
+        scaled = q / self.reach
+        t = float(np.linalg.norm(scaled))
         if t <= 1.0:
             return powers
         third, fourth = powers
         whole = np.zeros(len(q)), np.zeros((len(q), len(q)))
         whole[0][: self.few], whole[1][: self.few, : self.few] = fourth.slope, fourth.bend
-        return third.bent(q, t), _Power(4, fourth.value, *whole).bent(q, t)
+        along = scaled / (self.reach * t)  # slope of t
+        across = (np.diag(self.reach**-2.0) - np.outer(along, along)) / t
+        s, firm = t - 1.0, float((self.reach**2).max())
+        bend = firm * (2.0 * s * np.outer(along, along) + s * s * across)
+        wall = _Power(0, firm * s**3 / 3.0, firm * s * s * along, bend)
+        bent = _Power(4, fourth.value, *whole).bent(t, along, across)
+        return third.bent(t, along, across).plus(wall), bent
 
     @cached_property
     def _pairs(self) -> tuple[Indices, Indices, Indices]:
@@ -124,16 +135,21 @@ class _Power(NamedTuple):
         value = float(slope @ q)
         return cls(power, value, power * slope, power * (power - 1) * form)
 
-    def bent(self, q: Array, t: float) -> _Power:
-        """Return a(t) times it, which goes on along each ray as the parabola that it has at t = |q| / reach = 1."""
+    def plus(self, other: _Power) -> _Power:
+        """Return the sum with another."""
+        return _Power(self.power, self.value + other.value, self.slope + other.slope, self.bend + other.bend)
+
+    def bent(self, t: float, along: Array, across: Array) -> _Power:
+        """Return a(t) times it, which goes on along each ray as the parabola that it has at t = 1.
+
+        Args:
+            t: above 1, homogeneous of degree 1. along, across: its slope (k,) and second derivative (k, k).
+        """
         p, s = self.power, t - 1.0
         rise = (p + p * (p - 1) * s) / t**p
         a = (1.0 + p * s + 0.5 * p * (p - 1) * s * s) / t**p
         da = rise - p * a / t
         dda = p * (p - 1) / t**p - p * rise / t - p * da / t + p * a / (t * t)
-        size = float(np.linalg.norm(q))
-        way = q / size
-        along, across = way * (t / size), (np.eye(len(q)) - np.outer(way, way)) * (t / size**2)
         both = np.outer(self.slope, along)
         bend = a * self.bend + da * (both + both.T) + self.value * (dda * np.outer(along, along) + da * across)
         return _Power(p, a * self.value, a * self.slope + da * self.value * along, bend)

@@ -38,7 +38,7 @@ def side(found: int, power: int) -> int:
     return 0
 
 
-def packed_cubic(tensor: Array) -> Array:
+def packed_cubic(tensor: NDArray[np.floating]) -> Array:
     """Return what differs in T_abc, shape (k, k, k) to (k (k + 1) (k + 2) / 6,)."""
     return np.asarray(tensor[tuple(rising(len(tensor), 3))])
 
@@ -53,7 +53,7 @@ def whole_cubic(packed: NDArray[np.floating]) -> Array:
     return out
 
 
-def packed_quartic(pairs: Array) -> Array:
+def packed_quartic(pairs: NDArray[np.floating]) -> Array:
     """Return what differs in R_abcd, a matrix of pairs a <= b and c <= d, shape (p, p) to (n,)."""
     count = side(len(pairs), 2)
     a, b, c, d = rising(count, 4)

@@ -12,7 +12,9 @@ import numpy as np
 
 from ..arrays import Array, Indices
 from ..devices.press_problem import PressPoints
+from ..devices.stiff_points import StiffPoints
 from ..recent import Recent
+from ..skin.felt_state import felt_key
 from ..skin.model import SkinModel
 from ..skin.nodal_forces import NodalForces
 from ..skin.pad_chart import PadChart
@@ -32,8 +34,8 @@ def press_points(skin: SkinModel) -> PressPoints:
     """Return the points that are pressed: the mesh's nodes where a skin has no smooth pad, or not yet."""
     pad = smooth_pad(skin)
     if pad is None:
-        return PressPoints(skin.positions, skin.compliance)
-    return _kept.make((skin.key, repr(skin.material)), lambda: _grouped(skin, pad))
+        return PressPoints(skin.positions, skin.compliance, stiff=_stiff(skin, skin.positions, None))
+    return _kept.make((felt_key(skin), repr(skin.material)), lambda: _grouped(skin, pad))
 
 
 def point_forces(skin: SkinModel, force: Array) -> PointForces | None:
@@ -73,7 +75,21 @@ def _grouped(skin: SkinModel, pad: SurfaceCompliance) -> PressPoints:
         for axis in range(3):
             nodal[:, :, i, axis] = nodes.spread(cells[own], share[own][:, None] * np.eye(3)[axis])
     matrix = compliance.reshape(3 * n, 3 * n)
-    return PressPoints(positions, 0.5 * (matrix + matrix.T), nodal.reshape(-1, 3 * n))
+    stiff = _stiff(skin, chart.cells.positions[cells], (point, share, n))
+    return PressPoints(positions, 0.5 * (matrix + matrix.T), nodal.reshape(-1, 3 * n), stiff)
+
+
+def _stiff(skin: SkinModel, places: Array, parts: tuple[Indices, Array, int] | None) -> StiffPoints | None:
+    """Return what stiffening adds at places of the skin, or at points that each have a share of some of them."""
+    if skin.stiffening is None:
+        return None
+    patterns = skin.stiffening.patterns.at(places).astype(np.float64)
+    if parts is not None:
+        point, share, count = parts
+        whole = np.zeros((count, *patterns.shape[1:]))
+        np.add.at(whole, point, share[:, None, None] * patterns)
+        patterns = whole
+    return StiffPoints(skin.stiffening, skin.material.modulus, patterns.reshape(3 * len(patterns), -1))
 
 
 _kept: Recent[tuple[str, str], PressPoints] = Recent(6)  # a person's hand

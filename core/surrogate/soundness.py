@@ -14,24 +14,24 @@ from .surrogate import Surrogate
 REMEDY = "Adapt it again, or use the direct method"
 
 
-def check_parts(made: Surrogate, nodes: int, where: str) -> None:
+def check_parts(made: Surrogate, size: int, where: str) -> None:
     """Refuse a surrogate whose parts do not fit together.
 
     Args:
-        nodes: on the skin's pad.
+        size: number of components of what the skin feels (`skin.felt_state`).
 
     Raises:
         DermisError: a part of another shape, with values that are not finite, or sizes that differ between parts.
     """
     spaces, ridge = made.descriptors, made.ridge
     stress, trial, friction = spaces.stress, spaces.trial, spaces.friction
-    nodes3, k, t, q = 3 * nodes, *(len(np.atleast_1d(space.basis)) for space in (stress, trial, friction))
+    k, t, q = (len(np.atleast_1d(space.basis)) for space in (stress, trial, friction))
     p, any_size, places3 = 3 + t + q, stress.mean.size, trial.mean.size  # what is pressed need not be the nodes
     wanted: dict[str, tuple[Array, tuple[int, ...]]] = {
         "stress_mean": (stress.mean, (any_size,)),
         "stress_basis": (stress.basis, (k, any_size)),
         "stress_curve": (stress.curve, (stress.curve.size,)),
-        "readout": (spaces.observation_matrix, (k, nodes3)),
+        "readout": (spaces.observation_matrix, (k, size)),
         "trial_mean": (trial.mean, (places3,)),
         "trial_basis": (trial.basis, (t, places3)),
         "trial_curve": (trial.curve, (trial.curve.size,)),

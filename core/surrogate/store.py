@@ -25,6 +25,7 @@ from ..errors import DermisError
 from ..files import write_npz
 from ..foreign import damage_told, json_of
 from ..npz import read_npz
+from ..skin.felt_state import felt_key, state_size, stress_components
 from ..skin.model import SkinModel
 from ..steps import in_words
 from . import onnx
@@ -53,7 +54,7 @@ def device_key(device: Thimble) -> str:
 
 def place_of(folder: Path, skin: SkinModel, device: Thimble, friction: float) -> Path:
     """Return where a folder of adaptations keeps the one for a skin's shape, a device and a friction."""
-    key = cache_key(SCHEMA, skin.key, pressed_on(skin), device_key(device), repr(float(friction)))
+    key = cache_key(SCHEMA, felt_key(skin), pressed_on(skin), device_key(device), repr(float(friction)))
     return Path(folder) / f"{key[:32]}.npz"
 
 
@@ -86,7 +87,7 @@ def adapt(
     recording = lessons(device, contact_of(device, skin, friction), trajectories, seed)
     found = yield from in_words(recording, lambda step: ("dataset", *step))
     yield "descriptors", 0, 1
-    spaces = descriptors(found.data, skin.stress_components(), tolerance=tolerance)
+    spaces = descriptors(found.data, stress_components(skin), tolerance=tolerance)
     table = spaces.table(found.data)
     yield "training", 0, iterations
 
@@ -101,7 +102,7 @@ def adapt(
     held_out = {"ridge": judged(ridge, tests), "network": judged(network, tests)}
     meta = {
         "schema": SCHEMA,
-        "skin": skin.key,
+        "skin": felt_key(skin),
         "pressed_on": pressed_on(skin),
         "device": device_key(device),
         "friction": friction,
@@ -171,7 +172,7 @@ def load(path: Path, skin: SkinModel, device: Thimble, friction: float) -> Surro
         observation_matrix = arrays["readout"]
     expected = {
         "schema": SCHEMA,
-        "skin": skin.key,
+        "skin": felt_key(skin),
         "pressed_on": pressed_on(skin),
         "device": device_key(device),
         "friction": friction,
@@ -182,5 +183,5 @@ def load(path: Path, skin: SkinModel, device: Thimble, friction: float) -> Surro
     made = Surrogate(
         Descriptors(spaces["stress"], observation_matrix, spaces["trial"], spaces["friction"]), ridge, network, meta
     )
-    check_parts(made, skin.pad_count, where)
+    check_parts(made, state_size(skin), where)
     return made

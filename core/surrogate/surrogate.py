@@ -9,6 +9,7 @@ from typing import Any
 from ..devices.disc import DiscContact
 from ..devices.thimble import Thimble
 from ..errors import DermisError
+from ..skin.felt_state import felt_key
 from ..skin.model import SkinModel
 from .learned import Descriptors, LearnedModel
 from .ridge import QuadraticRidge
@@ -42,7 +43,7 @@ class Surrogate:
         """
         if kind not in ("network", "ridge"):
             raise DermisError("unknown surrogate", where="thimble", value=kind, limit="network, ridge")
-        check_made_for(self.meta, "skin", skin.key, "surrogate")
+        check_made_for(self.meta, "skin", felt_key(skin), "surrogate")
         fit = self.network if kind == "network" else self.ridge
         stiffness = skin.material.modulus / float(self.meta["modulus"])
         spaces, trial = self.descriptors, TrialForce.of(contact)

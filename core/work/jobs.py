@@ -22,6 +22,7 @@ Table = Mapping[str, str]
 JOBS: Table = {
     "skin": ".skin.job:make",
     "pad": ".skin.job:make_surface",
+    "stiffening": ".tissue.job:make_stiffening",
     "collect": ".design.collect:work",
     "adapt": ".matching.adapt:adapt_job",
     "compare": ".comparison.job:compare_job",

@@ -16,6 +16,7 @@ import numpy as np
 
 from tests.benchmarks import Result, benchmark, measure, one_blas_thread, timing
 
+PATTERNS = 60  # of displacement, as a table of real tissue has
 PAPER_MS, PAPER_SIMULATED_MS = 12.5, 126.0
 COMPONENTS = 60
 FRAMES = 240
@@ -37,26 +38,34 @@ def skin(level: str) -> Any:
     """The middle index finger."""
     from core.skin.model import fingertip_skin
 
-    return fingertip_skin(level=level)
+    level, _, tissue = level.partition(", ")
+    found = fingertip_skin(level=level)
+    if not tissue:
+        return found
+    from tests.stiff_skins import stiffening_of
+
+    return found.with_stiffening(stiffening_of(found, count=PATTERNS))
 
 
 @functools.cache
 def observation_matrix(level: str) -> Any:
     """Sixty stress components, fitted to the device."""
     from core.matching.thimble import DESCRIPTOR_MOVEMENTS
+    from core.skin.felt_state import stress_components
     from core.steps import drain
     from core.surrogate.dataset import record
     from core.surrogate.learned import descriptors
     from core.surrogate.store import contact_of
 
     data = drain(record(device(), contact_of(device(), skin(level), 0.6), DESCRIPTOR_MOVEMENTS))
-    return descriptors(data, skin(level).stress_components(), size=COMPONENTS).observation_matrix
+    return descriptors(data, stress_components(skin(level)), size=COMPONENTS).observation_matrix
 
 
 @functools.cache
 def frames(level: str) -> dict[str, Any]:
     """Run the three touches once; times in ms of target and of search with friction update, and what was found."""
     from core.matching.stress import StressMatcher
+    from core.skin.felt_state import observed
     from core.surrogate.store import contact_of
     from tests import touches
 
@@ -70,9 +79,9 @@ def frames(level: str) -> dict[str, Any]:
             for i in range(FRAMES):
                 bodies = touch.bodies(i)
                 start = time.perf_counter()
-                force = path.step(bodies).nodal
+                step = path.step(bodies)
                 between = time.perf_counter()
-                frame = follower.step(observation_matrix(level) @ force.ravel())
+                frame = follower.step(observed(model, observation_matrix(level), step.nodal, step.amounts))
                 end = time.perf_counter()
                 if frame.minimum is not None:
                     out["target"].append(1e3 * (between - start))
@@ -138,6 +147,12 @@ def thimble_frame_6k() -> Result:
 def finger_frame_6k() -> Result:
     """The same with the contact of the virtual touch."""
     return frame_result("finger_frame_6k_ms", "standard", with_target=True)
+
+
+@benchmark("finger_frame_stiff_ms", limit=3.0)
+def finger_frame_stiff() -> Result:
+    """The same on skin that stiffens, of a made-up tissue that is as large as a real one's."""
+    return frame_result("finger_frame_stiff_ms", "draft, stiff", with_target=True)
 
 
 @functools.cache

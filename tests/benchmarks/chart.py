@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -31,10 +32,21 @@ class Chart:
 
     Args:
         count: how many. title: of all. across, up: names of the axes, one a diagram.
+        colours: of names. from_zero: whether zero is always on the axis upwards.
     """
 
-    def __init__(self, count: int, title: str, across: tuple[str, ...], up: tuple[str, ...]) -> None:
+    def __init__(
+        self,
+        count: int,
+        title: str,
+        across: tuple[str, ...],
+        up: tuple[str, ...],
+        *,
+        colours: Mapping[str, str] = COLOURS,
+        from_zero: bool = True,
+    ) -> None:
         self.count, self.title, self.across, self.up = count, title, across, up
+        self.colours, self.from_zero = colours, from_zero
         self.curves: list[list[tuple[Array, Array, str]]] = [[] for _ in range(count)]
 
     def curve(self, k: int, x: Array, y: Array, name: str) -> None:
@@ -46,7 +58,7 @@ class Chart:
         canvas = PngCanvas(WIDTH, HEIGHT)
         canvas.text(24, 24, self.title, 9.5, INK)
         names = list(dict.fromkeys(name for curves in self.curves for _, _, name in curves))
-        legend(canvas, 24, 43, [(name, COLOURS[name]) for name in names])
+        legend(canvas, 24, 43, [(name, self.colours[name]) for name in names])
         for k in range(self.count):
             self._draw(k, canvas)
         write_bytes(path, canvas.to_bytes())
@@ -55,10 +67,17 @@ class Chart:
         room = (WIDTH - 16) / self.count
         x = np.concatenate([c[0] for c in self.curves[k]])
         y = np.concatenate([c[1] for c in self.curves[k]])
-        low, high = min(float(y.min()), 0.0), float(y.max())
+        low, high = float(y.min()), float(y.max())
+        if self.from_zero:
+            low = min(low, 0.0)
         pad = 0.06 * (high - low or 1.0)
         box = (16 + k * room + 38, TOP, room - 52, HEIGHT - BOTTOM - TOP)
-        axes = Axes(canvas, box, (float(x.min()), float(x.max())), (low - (pad if low < 0 else 0.0), high + pad))
+        axes = Axes(
+            canvas,
+            box,
+            (float(x.min()), float(x.max())),
+            (low - (pad if low < 0 or not self.from_zero else 0.0), high + pad),
+        )
         axes.grid(self.across[k], self.up[k], most=(5, 5))
         for curve_x, curve_y, name in self.curves[k]:
-            axes.curve(curve_x, curve_y, COLOURS[name], 1.2)
+            axes.curve(curve_x, curve_y, self.colours[name], 1.2)

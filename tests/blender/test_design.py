@@ -44,7 +44,7 @@ def test_the_answer_is_the_engines_for_the_same_bake_and_table(baked) -> None:
     found = design_results.current(scene).design
     spec = library().device("cable_platform")
     values = store.current(scene).skins["Index"]
-    _, table = drain(platform_devices.swept(spec, values["skin"], values["level"], ROWS))
+    _, table = drain(platform_devices.swept(spec, values["skin"], values["level"], ROWS, "linear"))
     direct = drain(core.design.task.answer(spec, table, {"t": sensed(scene)}, noise=2.0))
     assert found.names == ("Tip, Flat, Tip",)
     np.testing.assert_array_equal(found.joint.error, direct.joint.error)

@@ -184,11 +184,14 @@ def test_a_press_deeper_than_skin_is_trusted_gets_a_compliant_bone_where_skin_is
     finger.dermis.finger.skin.shown = True
     assert found() == {}
     finger.keyframe_insert("location", frame=1)
-    finger.location.z = -0.0031
+    finger.location.z = -0.0026
     finger.keyframe_insert("location", frame=30)
     bpy.context.scene.frame_set(1)
     assert found() == {"deep": "Finger"}  # at a key that is not shown now
     assert doubts._DEEPEST == path.DEPTH_LIMIT
+    finger.dermis.finger.skin.tissue = "neo_hookean"
+    assert found() == {}  # which is trusted deeper
+    finger.dermis.finger.skin.tissue = "linear"
     finger.dermis.finger.skin.shown = False
     assert found() == {}  # whose skin is not solved needs none
     finger.dermis.finger.devices.add().preset = "thimble_3rrs"

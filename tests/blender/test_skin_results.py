@@ -15,6 +15,7 @@ from blender_addon.properties import skin_properties
 from blender_addon.results import store, stored_skins
 from blender_addon.viewport import shown as views
 from blender_addon.viewport import skin_field
+from core.parameters.error_bands import error_band
 from core.skin.model import skin_from_parameters
 
 from .build import cube, finger, keys, span
@@ -58,7 +59,7 @@ def test_export_writes_resultants_that_sum_the_nodes(baked: bpy.types.Scene, tmp
     assert bpy.ops.dermis.export_tracks(directory=str(tmp_path)) == {"FINISHED"}
     lines = (tmp_path / "Finger.skin.csv").read_text().splitlines()
     comments = [line for line in lines if line.startswith("#")]
-    assert comments[0] == "# dermis-resultants 1" and "# finger: Finger" in comments
+    assert comments[0] == "# dermis-resultants 2" and "# finger: Finger" in comments
     names = lines[len(comments)].split(",")
     rows = [dict(zip(names, line.split(","), strict=True)) for line in lines[len(comments) + 1 :]]
     touch = store.current(baked).bake.skins["Finger"]
@@ -71,6 +72,11 @@ def test_export_writes_resultants_that_sum_the_nodes(baked: bpy.types.Scene, tmp
         assert abs(float(rows[sample]["centre_x[m]"])) < 2e-4  # the pad is symmetric
     lowest = touch.model.positions[:, 2].min()
     assert float(rows[-1]["depth[m]"]) == pytest.approx(DEPTH - lowest, rel=1e-4)
+    assert "# tissue: linear" in comments and rows[0]["stress_error[1]"] == ""
+    band = error_band("linear", float(touch.depth[-1]), float(touch.slide[-1]))
+    assert float(rows[-1]["stress_error[1]"]) == pytest.approx(band.stress.median, rel=1e-6)
+    assert float(rows[-1]["force_error[1]"]) == pytest.approx(band.force.median, rel=1e-6)
+    assert float(rows[-1]["slide[m]"]) == pytest.approx(touch.slide[-1], rel=1e-6) and touch.slide[-1] > 0.0
     assert float(rows[-1]["force_z[N]"]) > 0.0 > float(rows[-1]["force_y[N]"])  # it slides towards its tip
 
 

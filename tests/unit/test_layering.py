@@ -26,7 +26,7 @@ DEVICE = GROUND | {"devices.spec", "devices.mechanisms"}
 SCENE = GROUND | {"scene"}
 TRACK = DEVICE | {"presets", "track"}
 CONTACT = SCENE | {"motion", "skin", "stiffening", "surface", "contact.solver"}
-MATCHING = CONTACT | TRACK | {"contact", "devices", "effects", "images", "surrogate", "matching"}
+MATCHING = CONTACT | TRACK | {"contact", "tissue", "devices", "effects", "images", "surrogate", "matching"}
 LIVE = TRACK | {"work", "stream.protocols", "stream.links", "stream.virtual"}
 # folder or loose file: which others it may import. Within itself everybody may; no file imports in a circle.
 MAY_IMPORT: dict[str, set[str]] = {
@@ -64,11 +64,11 @@ MAY_IMPORT: dict[str, set[str]] = {
     "skin": SCENE | {"stiffening"},
     "contact.solver": GROUND | {"motion", "surface", "skin", "stiffening"},
     "contact": CONTACT,
-    "tissue": CONTACT,  # what stiffening is worked out from
+    "tissue": CONTACT | {"contact"},  # what stiffening is worked out from
     # what a device does about it
-    "devices": DEVICE | {"surface", "contact.solver"},
+    "devices": DEVICE | {"surface", "contact.solver", "stiffening"},
     "effects": SCENE | {"images", "motion"},
-    "surrogate": DEVICE | {"skin", "devices"},
+    "surrogate": DEVICE | {"skin", "stiffening", "devices"},
     "matching": MATCHING,
     "experiment": MATCHING,
     "design": MATCHING | {"plot", "work"},

@@ -11,6 +11,7 @@ from ...arrays import Array, Indices
 from .bodies import BONE, ContactBody, NodeGaps
 from .cone import along
 from .history import ContactHistory
+from .stiff_skin import StiffSkin
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +23,7 @@ class HoldingFinger:
         name: for findings.
         areas: skin of each node [m^2], shape (m,); needed where an object is soft.
         bone: a point inside the finger [m]: open surfaces are touched on the side where it lies.
+        stiff: what its skin does at these nodes beyond the compliance; None where it is linear.
     """
 
     compliance: Array
@@ -29,6 +31,7 @@ class HoldingFinger:
     name: str = "finger"
     areas: Array | None = None
     bone: Array = field(default_factory=lambda: BONE)
+    stiff: StiffSkin | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +88,8 @@ class Grip:
     Attributes:
         gaps: of its nodes. near: the nodes within reach of anything, shape (k,).
         matrix: their compliance [m/N]; inverse: of it and the weight of the steps [N/m], shape (3 k, 3 k).
-        offset: b at them [m], shape (k, 3).
+        offset: b at them [m], shape (k, 3); of skin that stiffens with where its tangent has it without force.
+        bent: the latter alone [m], shape (k, 3).
         pose: of the finger in the world, shape (4, 4).
         history: where they stick. own: index of the held object among the frame's bodies.
         wrench: from their forces to force and torque on the skin by the object, shape (6, 3 k).
@@ -100,6 +104,7 @@ class Grip:
     pose: Array
     history: ContactHistory
     own: int
+    bent: Array | None = None
     wrench: Array = field(init=False)
     arms: Array = field(init=False)
 
@@ -124,4 +129,5 @@ class Grip:
     def pressing(self) -> bool:
         """Whether a node would sink into the held object if nothing gave way."""
         closest = self.gaps.body[self.near] == self.own
-        return bool((along(self.offset, self.gaps.normal[self.near])[closest] < 0.0).any())
+        offset = self.offset if self.bent is None else self.offset - self.bent
+        return bool((along(offset, self.gaps.normal[self.near])[closest] < 0.0).any())

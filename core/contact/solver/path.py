@@ -36,7 +36,7 @@ UNCHANGED = 1.0
 MAX_ITERATIONS = 300
 # An iteration that stands still at once, while the check fails, so many times in a frame gets no further.
 MAX_ROUNDS = 30
-TANGENTS = 12  # of skin that stiffens, in the float64 solution of a frame
+USABLE = 0.05  # residual up to which the best that was found of skin that stiffens is better than linear skin
 # Iterations up to which a frame counts as easy: the next may need none.
 EASY = 3
 # Slip in a frame below this [m] is rest: the same pose then needs no new solve.
@@ -71,6 +71,8 @@ class PathSolver:
     Raises:
         DermisError: shapes that do not fit, or a compliance that is not positive definite.
     """
+
+    tangents = 12  # of skin that stiffens, in the float64 solution of a frame
 
     def __init__(
         self,
@@ -377,6 +379,8 @@ class PathSolver:
             rounds += 1
             force = np.zeros_like(self._zero)
             force[members] = iteration.state.z
+            if not np.isfinite(iteration.state.z).all():
+                return self._fall_back(start, b, gaps, soft, iterations)
             image = self._apply(force)
             if self._stiff is not None:
                 self._stiff.learn()
@@ -409,25 +413,43 @@ class PathSolver:
         """Solve the frame in float64 with every method there is."""
         self.counters["fallback"] += 1
         near = np.flatnonzero(gaps.body >= 0)
-        goal, best = CHECK * self.tolerance, None
-        for _ in range(1 if self._stiff is None else TANGENTS):
-            start = np.zeros_like(self._zero)
-            start[near] = force[near]
-            beyond = 0.0 if self._stiff is None else self._stiff.past_tangent(start, near)
-            exact, more, method = self._exactly(near, b[near] - beyond, gaps, soft[near], force[near])
-            iterations += more
-            force = np.zeros_like(self._zero)
-            force[near] = exact
-            image = self._apply(force)
-            w = image + soft[:, None] * force + b
-            residual, status = assess(force, w, gaps.normal, gaps.friction, 1.0 / self._rho)
-            if best is None or residual < best[0].residual:
-                found = Solution(force, w, gaps.normal, gaps.friction, status, iterations, residual, goal, method)
-                best = found, w / -self._rho, image, "solved"
-            if residual <= goal and self._balanced(goal):
+        if self._stiff is None:
+            return self._solved_exactly(near, force, b, gaps, soft, iterations)
+        best = None
+        self._stiff.go_back()
+        start = np.where((gaps.body >= 0)[:, None], self._force, 0.0)
+        for _ in range(self.tangents):
+            found = self._solved_exactly(near, start, b, gaps, soft, iterations)
+            start, iterations, off = found[0].force, found[0].iterations, found[0].residual
+            if not np.isfinite(off):
                 break
-        assert best is not None
-        return best
+            if best is None or off < best[0].residual:
+                best = found
+            if found[0].converged and self._balanced(CHECK * self.tolerance):
+                return found
+        if best is not None and best[0].residual <= USABLE:
+            return best
+        # no balance was found, or none is near: what linear skin does, which says that it did not converge
+        self._stiff.rest()
+        linear, w, image, work = self._solved_exactly(near, np.zeros_like(start), b, gaps, soft, iterations)
+        return replace(linear, residual=max(linear.residual, 1.0)), w, image, work
+
+    def _solved_exactly(
+        self, near: Indices, start: Array, b: Array, gaps: NodeGaps, soft: Array, iterations: int
+    ) -> tuple[Solution, Array, Array, str]:
+        beyond: Array | float = 0.0
+        if self._stiff is not None:
+            beyond = self._stiff.past_tangent(start, near)
+        exact, more, method = self._exactly(near, b[near] - beyond, gaps, soft[near], start[near])
+        force = np.zeros_like(self._zero)
+        force[near] = exact
+        image = self._apply(force)
+        w = image + soft[:, None] * force + b
+        residual, status = assess(force, w, gaps.normal, gaps.friction, 1.0 / self._rho)
+        found = Solution(
+            force, w, gaps.normal, gaps.friction, status, iterations + more, residual, CHECK * self.tolerance, method
+        )
+        return found, w / -self._rho, image, "solved"
 
     def _exactly(self, near: Indices, b: Array, gaps: NodeGaps, soft: Array, start: Array) -> tuple[Array, int, str]:
         """Return forces on some nodes [N], the iterations they took and the method."""
@@ -508,7 +530,7 @@ class PathSolver:
             self.counters["deep"] += 1
             self.notes.warn(
                 "too-deep",
-                "the finger sinks deeper than linear skin is trusted",
+                f"the finger sinks deeper than {'linear' if self._stiff is None else 'neo-Hookean'} skin is trusted",
                 where,
                 value=f"{1e3 * depth:.2f} mm",
                 limit=f"<= {1e3 * self.depth_limit:g} mm",

@@ -41,6 +41,21 @@ class PathStep:
     nodal: Array
     amounts: Array | None = None
 
+    @property
+    def slide(self) -> float:
+        """How far what is loaded of the skin is drawn along itself, on average by its load [m].
+
+        What bulges sideways under a press cancels out; what is left is how far friction has sheared the tissue.
+        """
+        weight = self.solution.normal_force
+        total = float(weight.sum())
+        if total <= 0.0:
+            return 0.0
+        mean, normal = weight @ self.displacement / total, weight @ self.solution.normals
+        normal = normal / max(float(np.sqrt(normal @ normal)), 1e-300)
+        along_it = mean - (mean @ normal) * normal
+        return float(np.sqrt(along_it @ along_it))
+
     def depth(self, points: Array, bone: Array) -> float:
         """Return how deep the undeformed skin lies in what it touches [m], zero above it.
 

@@ -62,6 +62,8 @@ class PointSolver(PathSolver):
         cells: of the chart, that the frame's points are the centres of, shape (n,).
     """
 
+    tangents = 3  # each takes seconds on many points
+
     def __init__(
         self,
         surface: SurfaceCompliance,

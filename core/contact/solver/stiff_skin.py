@@ -87,7 +87,7 @@ class StiffSkin:
         self.balance.reset()
         none = np.zeros(self.stiffening.count)
         self._last = self._start = none, none  # work of the last forces and n there; where the frame began
-        self._bent, self._first = none, True
+        self._bent, self._first, self._before, self._still = none, True, self.balance.save(), False
 
     def save(self) -> tuple[Any, ...]:
         """Return the state, for `restore`."""
@@ -106,6 +106,8 @@ class StiffSkin:
 
     def beyond(self, force: Array) -> Array:
         """Return by how much less than linear skin it gives way under forces [N], shapes (n, 3) to (n, 3) [m]."""
+        if self._still:
+            return np.zeros((len(self.patterns), 3))
         loaded = np.flatnonzero(force.any(axis=1))
         rows = self.patterns if 2 * len(loaded) > len(force) else self.patterns[loaded]
         carried = force if len(rows) == len(force) else force[loaded]
@@ -121,8 +123,18 @@ class StiffSkin:
 
     def begin(self) -> Array:
         """Begin a frame: return how far its first line will miss what skin does, as in the last frame, (n, 3) [m]."""
-        self._start, self._first = self._last, True
+        self._start, self._first, self._still, self._before = self._last, True, False, self.balance.save()
         return self._moved(self._bent)
+
+    def go_back(self) -> None:
+        """Go back to where the frame began."""
+        self.balance.restore(self._before)
+        self._last, self._first = self._start, False
+
+    def rest(self) -> None:
+        """Be linear skin until the next frame begins: nothing was balanced."""
+        self.reset()
+        self._still = True
 
     def learn(self) -> None:
         """Note by how much the frame's first line missed what skin does under the forces that it led to."""
@@ -132,14 +144,14 @@ class StiffSkin:
         self._first = False
 
     def _moved(self, beyond: Array) -> Array:
-        out = self.patterns.reshape(3 * len(self.patterns), -1) @ beyond.astype(np.float32)
+        out = self._flat() @ beyond.astype(np.float32)
         return out.reshape(-1, 3).astype(np.float64)
 
     def tangent(self, candidates: CandidateInverse) -> Tangent:
         """Return the inverse for small changes from the last forces, over the members of a linear one."""
         now = (id(candidates), candidates.updates, candidates.rebuilds)
         if self._image is None or self._image[0] != now:
-            rows = self.patterns[candidates.members].reshape(3 * len(candidates.members), -1)
+            rows = self._flat(candidates.members)
             image = candidates.matrix @ rows
             self._image = now, image, (rows.T @ image).astype(np.float64) / self.modulus
         _, image, gram = self._image
@@ -163,7 +175,12 @@ class StiffSkin:
 
     def matrix(self, rows: Indices) -> Array:
         """Return U M U' / E at some points, to be taken off their compliance [m/N], shape (3 j, 3 j)."""
-        few = self.patterns[rows].reshape(3 * len(rows), -1).astype(np.float64)
+        few = self._flat(rows).astype(np.float64)
         values, vectors = np.linalg.eigh(self.balance.softening())
         half = few @ vectors
         return (half * (np.minimum(values, STIFFEST) / self.modulus)) @ half.T
+
+    def _flat(self, points: Indices | None = None) -> Floats32:
+        """Return the patterns at some points, at all where None, shape (3 j, k)."""
+        rows = self.patterns if points is None else self.patterns[points]
+        return rows.reshape(3 * len(rows), self.stiffening.count)

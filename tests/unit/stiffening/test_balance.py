@@ -13,7 +13,7 @@ from core.stiffening.energy import Energy
 COUNT, FEW = 4, 3
 
 
-def energy(cubic: float = 0.3, quartic: float = 0.2, reach: float = np.inf) -> Energy:
+def energy(cubic: float = 0.3, quartic: float = 0.2, reach: np.ndarray | None = None) -> Energy:
     """Return an energy of three and four powers: sums of powers of amounts along some ways."""
     rng = np.random.default_rng(0)
     ways = rng.normal(size=(6, COUNT)) / 2.0
@@ -92,20 +92,24 @@ def test_tissue_that_no_force_holds_is_found_by_who_holds_its_displacement() -> 
     assert 1.0 - one.softening()[0, 0] == pytest.approx(1.0 / FLOOR)
 
 
-def test_beyond_its_reach_the_energy_is_a_parabola_along_each_ray() -> None:
-    made, inner = energy(reach=1.0), energy()
+def test_beyond_its_reach_the_energy_is_a_parabola_and_a_wall_along_each_ray() -> None:
+    reach = np.array([1.0, 0.5, 2.0, 1.5])
+    made, inner = energy(reach=reach), energy()
     way = np.array([0.5, -0.5, 0.5, 0.5])
+    way = way / np.linalg.norm(way / reach)
     value, slope, bend = inner.value(way), float(inner.force(way) @ way), float(way @ inner.stiffness(way) @ way)
     for far in (1.0, 1.5, 4.0):
         s = far - 1.0
-        assert made.value(far * way) == pytest.approx(value + slope * s + 0.5 * bend * s * s, rel=1e-12)
+        wall = reach.max() ** 2 * s**3 / 3.0
+        assert made.value(far * way) == pytest.approx(value + slope * s + 0.5 * bend * s * s + wall, rel=1e-12)
 
 
 @pytest.mark.parametrize("far", [0.5, 1.7, 3.0])
 def test_force_and_stiffness_are_slopes_within_its_reach_and_beyond(far: float) -> None:
-    made, rng = energy(reach=1.0), np.random.default_rng(7)
+    reach = np.array([1.0, 0.5, 2.0, 1.5])
+    made, rng = energy(reach=reach), np.random.default_rng(7)
     q = rng.normal(size=COUNT)
-    q, way, h = far * q / np.linalg.norm(q), rng.normal(size=COUNT), 1e-5
+    q, way, h = far * q / np.linalg.norm(q / reach), rng.normal(size=COUNT), 1e-5
     slope = (made.value(q + h * way) - made.value(q - h * way)) / (2 * h)
     assert slope == pytest.approx(float(made.force(q) @ way), rel=1e-7)
     change = (made.force(q + h * way) - made.force(q - h * way)) / (2 * h)

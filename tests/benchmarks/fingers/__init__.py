@@ -1,0 +1,1 @@
+"""Measured fingers: what was done to people's fingertips, done to a skin."""

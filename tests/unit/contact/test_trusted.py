@@ -1,0 +1,86 @@
+"""How deep and how far a tissue is trusted, and the findings of who goes beyond."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from core.arrays import Array
+from core.contact.compliant_bone import CompliantBone
+from core.contact.solver.bodies import ContactBody
+from core.contact.solver.path import DEPTH_LIMIT
+from core.contact.trusted import WORST, trusted
+from core.errors import DermisError, Finding
+from core.parameters.error_bands import error_band
+from core.skin.model import SkinModel, fingertip_skin
+from core.surface.gap import Surface
+from tests.made_up_tissue import made_up
+
+
+@pytest.fixture(scope="module")
+def skin() -> SkinModel:
+    """Return a draft skin."""
+    return fingertip_skin(level="draft")
+
+
+def drawn(skin: SkinModel, rise: float, across: float, mode: str = "animated") -> tuple[Array, tuple[Finding, ...]]:
+    """Return how far the skin is drawn along after each step of a press that then slides, and the findings."""
+    bone = CompliantBone.of(skin, {"depth_mode": mode}, "finger 'F'")
+    block = Surface.block(0.06, 0.06)
+    lowest = float(skin.positions[:, 2].min())
+    deep = [(0.0, lowest + d) for d in np.linspace(0.1e-3, rise, 12)]
+    slid = [(x, lowest + rise) for x in np.linspace(0.0, across, 12)[1:]]
+    slides = []
+    for frame, (x, z) in enumerate(deep + slid):
+        body = ContactBody(block, np.eye(3), np.array([x, 0.0, z]), friction=0.8)
+        slides.append(bone.step([body], float(frame)).step.slide)
+    return np.array(slides), bone.solver.findings + bone.findings
+
+
+def test_linear_skin_keeps_its_depth_and_tissue_that_stiffens_is_trusted_where_it_was_measured() -> None:
+    assert trusted("linear") == (DEPTH_LIMIT, math.inf)
+    depth, slide = trusted("neo_hookean")
+    assert depth > DEPTH_LIMIT and slide >= 1e-3
+    assert error_band("neo_hookean", depth).stress.median <= WORST
+    with pytest.raises(DermisError, match="tissue"):
+        trusted("rubber")
+
+
+def test_slide_is_how_far_what_sticks_is_drawn_along(skin: SkinModel) -> None:
+    """Pressed straight it is next to nothing; dragged by high friction it goes with the plate, at most as far."""
+    slides, _ = drawn(skin, 1.2e-3, 0.5e-3)
+    pressed, dragged = slides[11], slides[-1]
+    assert pressed < 0.05e-3 and 0.3e-3 < dragged < 0.55e-3
+    assert (np.diff(slides[11:]) > 0.0).all()
+
+
+def test_who_is_dragged_or_pressed_beyond_is_told_with_the_frame(
+    skin: SkinModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from core.contact import trusted as module
+
+    stiff = skin.with_stiffening(made_up(skin, hardening=0.02))
+    monkeypatch.setattr(module, "error_band", lambda tissue, depth, slide=0.0: _narrow(depth, slide))
+    trusted.cache_clear()
+    try:
+        for mode in ("animated", "compliant"):
+            slides, findings = drawn(stiff, 1.4e-3, 2.5e-3, mode)
+            found = {f.code: f for f in findings}
+            assert found["slid-far"].frame == int((slides > 1e-3).argmax()) and found["slid-far"].limit == "<= 1 mm"
+            assert found["slid-far"].count == int((slides > 1e-3).sum()) and "neo-Hookean" in found["slid-far"].what
+            assert mode == "compliant" or found["too-deep"].limit == "<= 1 mm"
+        _, linear = drawn(skin, 1.4e-3, 2.5e-3)
+        assert not [f for f in linear if f.code in ("slid-far", "too-deep")]
+    finally:
+        trusted.cache_clear()
+
+
+def _narrow(depth: float, slide: float) -> object:
+    """Return a band of a tissue that is trusted to a millimetre either way."""
+    from core.parameters.error_bands import ErrorBand, Spread
+
+    off = 0.1 if depth <= 2e-3 and slide <= 1e-3 and (depth <= 1e-3 or depth == 2e-3) else 0.5
+    off = 0.5 if depth == 2e-3 and slide == 0.0 else off
+    return ErrorBand(Spread(off, off), Spread(0.0, 0.0))

@@ -70,7 +70,7 @@ def error_band(tissue: str, depth: float, slide: float = 0.0) -> ErrorBand:
 
     Args:
         tissue: 'linear' or 'neo_hookean'. depth: that the undeformed skin lies in what it touches [m].
-        slide: that loaded skin is drawn along itself, on average by its load, as a `PathStep` tells it [m].
+        slide: that loaded skin is drawn along itself, on average by its load, `PathStep.slide` [m].
 
     Raises:
         DermisError: an unknown tissue, or a depth or slide that is not finite or below zero.

@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from core.contact.solver.path_step import PathStep
 from core.parameters.error_bands import DEPTHS, LINEAR, NEO_HOOKEAN, SLID_AT, SLIDES
 from core.skin.model import SkinModel
 from core.skin.stimulus import Stimulus
@@ -28,7 +27,7 @@ class Error(NamedTuple):
 
     Attributes:
         kind, move: of the path. depth, slide: of the object, from where it first touched [m].
-        drawn: how far the model's skin is drawn along itself, on average by its load [m].
+        drawn: how far the model's skin is drawn along itself, `PathStep.slide` [m].
         stress, force: relative errors. converged: whether contact was solved.
     """
 
@@ -98,23 +97,13 @@ def measured(tissue: str) -> Measured:
                     path.move,
                     frame.depth,
                     frame.slide,
-                    drawn(step),
+                    step.slide,
                     difference(stress, frame.stress, skin.mesh.volumes),
                     float(np.linalg.norm(felt.resultant - total) / np.linalg.norm(total)),
                     step.solution.converged,
                 )
             )
     return Measured(errors, times)
-
-
-def drawn(step: PathStep) -> float:
-    """Return how far loaded skin is drawn along itself, on average by its load [m]."""
-    weight = np.maximum(step.solution.normal_force, 0.0)
-    if not weight.any():
-        return 0.0
-    mean, normal = weight @ step.displacement / weight.sum(), weight @ step.solution.normals
-    normal = normal / np.linalg.norm(normal)
-    return float(np.linalg.norm(mean - (mean @ normal) * normal))
 
 
 def at(tissue: str, depth: float, slide: float = 0.0, kinds: tuple[str, ...] = ()) -> list[Error]:

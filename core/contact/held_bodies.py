@@ -97,7 +97,5 @@ class HeldBodies:
 
 def _holding_finger(stepper: SkinStepper) -> HoldingFinger:
     solver, skin = stepper.bone.solver, stepper.skin
-    stiff = StiffSkin.of(skin)
-    if stiff is not None:
-        stiff.at(skin.positions)
-    return HoldingFinger(solver.operator.compliance, skin.positions, stepper.name, skin.areas, solver.bone, stiff)
+    compliance, stiff = solver.operator.compliance, StiffSkin.of(skin)
+    return HoldingFinger(compliance, skin.positions, stepper.name, skin.areas, solver.bone, stiff)

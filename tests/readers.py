@@ -26,6 +26,7 @@ from core.skin import file as skin_file
 from core.skin import own_mesh, sensor
 from core.skin import store as skin_store
 from core.skin.remainder import Remainder
+from core.stiffening.stiffening import Stiffening
 from core.stream.protocols import packets
 from core.stream.protocols.native import Native
 from core.stream.protocols.osc import Osc, bundle, message_head, read_bundle, read_message
@@ -215,6 +216,15 @@ DEVICES = ("haptip", "thimble_3rrs", "hexapod", "electrovibration", "cable_platf
 MODEL = {name: np.zeros((3, 3)) for name in skin_store.MESH_ARRAYS} | {"compliance": np.zeros((27, 27))}
 REMAINDER = {"centres": np.zeros((4, 3)), "mixing": np.ones((4, 2)), "surface": np.ones((2, 3, 2, 3), "<f4")}
 REMAINDER["beneath"] = np.ones((3, 1, 9, 1, 3), "<f4")
+STIFFENING = {"version": np.array(1), "key": np.array("ab"), "cubic": np.ones(4, "<f4"), "quartic": np.ones(5, "<f4")}
+STIFFENING |= {"centres": 1e-3 * np.eye(3), "displacement": np.ones((3, 3, 2), "<f4"), "nodes": np.zeros((4, 3))}
+STIFFENING |= {
+    "tetrahedra": np.arange(4).reshape(1, 4),
+    "fields": np.ones((2, 6), "<f2"),
+    "cubes": np.ones((2, 4), "<f2"),
+}
+STIFFENING |= {"squares": np.ones((2, 3), "<f2")}
+STIFFENING |= {f"{name}_scale": np.ones(2, "<f4") for name in ("fields", "squares", "cubes")}
 SAMPLES = {"x": np.ones((4, 3)), "channels": np.ones((4, 2)), "memory": np.ones((4, 1)), "trajectory": np.arange(4)}
 STIMULI = {"times": np.arange(4.0), "stimuli": np.ones((4, 2))}
 ENDS = np.array([[0.0] * 3, [1.0] * 3])
@@ -311,6 +321,13 @@ READERS = (
         ".npz",
         lambda: [ex.npz(**REMAINDER)],
         lambda path: Remainder.read(path).functions(np.zeros((1, 3))),
+    ),
+    _reader(
+        "stiffening of a skin",
+        "core.stiffening.stiffening:Stiffening.read",
+        ".npz",
+        lambda: [ex.npz(**STIFFENING)],
+        lambda path: Stiffening.read(path).patterns.at(np.zeros((1, 3))),
     ),
     _reader(
         "part of a sweep",

@@ -76,7 +76,10 @@ class StiffTables:
     @cached_property
     def elements(self) -> Floats32:
         """Fields of stress in the elements, shape (6 e, r)."""
-        fields = self.at(self.mesh.nodes)[self.mesh.tetrahedra].mean(axis=1)
+        series = self.stiffening.stress
+        fields = series.fields
+        if not (_same(self.mesh.tetrahedra, series.tetrahedra) and _same(self.mesh.nodes, series.nodes)):
+            fields = self.at(self.mesh.nodes)[self.mesh.tetrahedra].mean(axis=1)
         return np.ascontiguousarray(fields.reshape(6 * len(self.mesh.tetrahedra), -1))
 
     @cached_property
@@ -86,17 +89,22 @@ class StiffTables:
         return self.at(points).reshape(6 * len(points), -1)
 
     def at(self, points: Array) -> Floats32:
-        """Return fields of stress at points of the tissue; those outside have what is nearest, shape (p, 6, r)."""
+        """Return fields of stress at points of the tissue, smooth; those outside have what is nearest, (p, 6, r)."""
         series = self.stiffening.stress
-        if len(points) == len(series.nodes) and np.allclose(points, series.nodes, atol=1e-9):
-            return series.fields
+        if _same(points, series.nodes):
+            return series.nodal
         from scipy.spatial import cKDTree
 
         none = np.zeros(0, np.int32)
         mesh = TetraMesh(series.nodes, series.tetrahedra.astype(np.int32), none, none, np.zeros((0, 3), np.int32))
         element, weights = locate(mesh, points)
-        out = np.einsum("pj,pjcr->pcr", weights.astype(np.float32), series.fields[series.tetrahedra[element]])
+        out = np.einsum("pj,pjcr->pcr", weights.astype(np.float32), series.nodal[series.tetrahedra[element]])
         outside = np.flatnonzero(element < 0)
         if len(outside):
-            out[outside] = series.fields[cKDTree(series.nodes).query(points[outside])[1]]
+            out[outside] = series.nodal[cKDTree(series.nodes).query(points[outside])[1]]
         return np.asarray(out, np.float32)
+
+
+def _same(first: NDArray[np.number], second: NDArray[np.number]) -> bool:
+    """Return whether arrays are the same but for rounding."""
+    return first.shape == second.shape and np.allclose(first, second, rtol=0.0, atol=1e-9)

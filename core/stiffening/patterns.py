@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Array, Floats32
+from ..errors import DermisError
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +20,7 @@ class Patterns:
     """
 
     centres: Array
-    weights: Floats32
+    weights: Array
 
     @property
     def count(self) -> int:
@@ -28,16 +29,26 @@ class Patterns:
 
     @classmethod
     def through(cls, positions: Array, values: Array) -> Patterns:
-        """Return patterns that have given values (c, 3, k) at places of the skin (c, 3)."""
-        kernel = _kernel(positions, positions)
-        flat = np.linalg.solve(kernel, values.reshape(len(positions), -1))
-        return cls(positions, flat.reshape(values.shape).astype(np.float32))
+        """Return patterns that have given values (c, 3, k) at places of the skin (c, 3).
+
+        Raises:
+            DermisError: places that are one and the same, so that nothing can go through all values.
+        """
+        positions = np.asarray(positions, np.float64)
+        flat = np.asarray(values, np.float64).reshape(len(positions), -1)
+        try:
+            weights = np.asarray(np.linalg.solve(_kernel(positions, positions), flat), np.float64)
+        except np.linalg.LinAlgError:
+            weights = np.full_like(flat, np.nan)
+        if not np.isfinite(weights).all():
+            raise DermisError("patterns of skin need places that differ", where="patterns", value=len(positions))
+        return cls(positions, weights.reshape(len(positions), 3, -1))
 
     def at(self, positions: Array) -> Floats32:
         """Return the patterns at points of the skin, shape (n, 3, k)."""
         kernel = _kernel(np.asarray(positions, np.float64), self.centres)  # large terms cancel
         out = kernel @ self.weights.reshape(len(self.centres), -1)
-        return np.asarray(out.reshape(len(positions), 3, -1), np.float32)
+        return np.asarray(out.reshape(len(positions), 3, self.count), np.float32)
 
 
 def _kernel(first: Array, second: Array) -> Array:

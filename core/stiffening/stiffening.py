@@ -23,8 +23,8 @@ from .stress_series import StressSeries
 from .symmetric import packed_cubic, packed_quartic, side, whole_cubic, whole_quartic
 
 VERSION = 1
-_ARRAYS = "version key cubic quartic centres weights nodes tetrahedra fields squares cubes".split()
-_FLOATS = "cubic quartic centres weights nodes fields squares cubes".split()
+_ARRAYS = "version key cubic quartic centres displacement nodes tetrahedra fields squares cubes".split()
+_FLOATS = "cubic quartic centres displacement nodes fields squares cubes".split()
 _HALF = ("fields", "squares", "cubes")  # each row by its largest number: stress is then good to 0.05 %
 
 
@@ -60,7 +60,7 @@ class Stiffening:
             "cubic": packed_cubic(self.energy.cubic).astype(np.float32),
             "quartic": packed_quartic(self.energy.quartic).astype(np.float32),
             "centres": self.patterns.centres,
-            "weights": self.patterns.weights,
+            "displacement": self.patterns.at(self.patterns.centres),
             "nodes": stress.nodes,
             "tetrahedra": stress.tetrahedra.astype(np.int32),
         }
@@ -85,16 +85,16 @@ class Stiffening:
                 "a table of a skin that stiffens, of another version",
                 where=where,
                 value=str(version)[:40],
-                limit=VERSION,
+                limit=str(VERSION),
                 remedy="Delete it: it is made again",
             )
         if not _fits(found):
-            raise DermisError("a stiffening skin's arrays do not fit", where=where, value=found["weights"].shape)
+            raise DermisError("a stiffening skin's arrays do not fit", where=where, value=found["displacement"].shape)
         rows = {name: found[name].astype(np.float32) * found[f"{name}_scale"][:, None] for name in _HALF}
-        fields = rows["fields"].T.reshape(len(found["nodes"]), 6, -1)
+        fields = rows["fields"].T.reshape(len(found["tetrahedra"]), 6, -1)
         return cls(
             Energy(whole_cubic(found["cubic"]), whole_quartic(found["quartic"])),
-            Patterns(found["centres"], found["weights"]),
+            Patterns.through(found["centres"], found["displacement"]),
             StressSeries(
                 found["nodes"],
                 found["tetrahedra"],
@@ -133,17 +133,17 @@ def _fits(found: dict[str, NDArray[Any]]) -> bool:
     return (
         0 < few <= count
         and centres.ndim == 2
-        and found["weights"].shape == (len(centres), 3, count)
+        and found["displacement"].shape == (len(centres), 3, count)
         and centres.shape[1] == 3
         and nodes.ndim == 2
         and nodes.shape[1] == 3
-        and found["fields"].shape[1] == 6 * len(nodes)
         and found["squares"].shape[1] == count * (count + 1) // 2
         and 0 < side(found["cubes"].shape[1], 3) <= count
         and tetra.dtype.kind in "iu"
         and tetra.ndim == 2
         and tetra.shape[1] == 4
         and len(tetra) > 0
+        and found["fields"].shape[1] == 6 * len(tetra)
         and 0 <= int(tetra.min())
         and int(tetra.max()) < len(nodes)
     )

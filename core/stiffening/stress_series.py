@@ -1,4 +1,7 @@
-"""StressSeries: stress in stiffening tissue beyond that of the same forces on linear tissue, a polynomial in q."""
+"""StressSeries: stress in stiffening tissue beyond that of the same forces on linear tissue, a polynomial in q.
+
+It lies in the elements of a mesh: averaging it around the nodes and back would lose half of what neighbours differ by.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +17,11 @@ from .symmetric import rising, side
 
 @dataclass(frozen=True, eq=False)
 class StressSeries:
-    """Stress beyond linear tissue's at E = 1, with no load on the skin: smooth, told at the nodes of a mesh.
+    """Stress beyond linear tissue's at E = 1, with no load on the skin, told in the elements of a mesh.
 
     Attributes:
         nodes, tetrahedra: of the mesh [m], shapes (n, 3) and (e, 4).
-        fields: stress at the nodes, xx, yy, zz, yz, xz, xy, shape (n, 6, r).
+        fields: stress of the elements, xx, yy, zz, yz, xz, xy, shape (e, 6, r).
         squares: how much of each field a product q_a q_b, a <= b, brings, shape (r, k (k + 1) / 2).
         cubes: that of q_a q_b q_c, a <= b <= c, of the first l patterns, shape (r, l (l + 1) (l + 2) / 6).
     """
@@ -37,6 +40,18 @@ class StressSeries:
             self.squares @ (q[i] * q[j]).astype(np.float32) + self.cubes @ (q[a] * q[b] * q[c]).astype(np.float32),
             np.float64,
         )
+
+    @cached_property
+    def nodal(self) -> Floats32:
+        """The fields averaged around the nodes by volume, which is what other meshes and probes read, (n, 6, r)."""
+        corners = self.nodes[self.tetrahedra]
+        volumes = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])).astype(np.float32)
+        sums = np.zeros((len(self.nodes), *self.fields.shape[1:]), np.float32)
+        weights = np.zeros(len(self.nodes), np.float32)
+        for corner in self.tetrahedra.T:
+            np.add.at(sums, corner, volumes[:, None, None] * self.fields)
+            np.add.at(weights, corner, volumes)
+        return sums / np.maximum(weights, np.float32(1e-30))[:, None, None]
 
     @cached_property
     def _triples(self) -> tuple[Indices, Indices, Indices]:

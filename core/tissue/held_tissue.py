@@ -45,9 +45,28 @@ class HeldTissue:
         out[:, self._beneath] = self.held(np.ascontiguousarray(-(coupling @ pad))).T
         return out.reshape(len(out), -1, 3)
 
+    def followed_forces(self, forces: Array) -> Array:
+        """Return what forces beneath a pad that is held do, those on the pad left out, to (b, n, 3)."""
+        flat = forces.reshape(len(forces), -1)
+        out = np.zeros_like(flat)
+        out[:, self._beneath] = self.held(np.ascontiguousarray(flat[:, self._beneath].T)).T
+        return out.reshape(forces.shape)
+
     def held(self, forces: Array) -> Array:
         """Return what forces beneath a pad that is held do there, (d, b) to (d, b)."""
         return np.asarray(self._held.solve(forces))
+
+    def second_loads(self, loads: Array) -> Array:
+        """Return the forces of the second power on a pad that is held where loads displace it, (b, 3 m) to (b, 3 m).
+
+        They are what skin that stiffens takes beyond linear skin, and where it gives way to them is not where it is
+        pressed.
+        """
+        moved = self.moved(np.ascontiguousarray(loads.T))
+        series = np.stack([np.zeros_like(moved), moved, np.zeros_like(moved)])
+        left = self.tissue.forces(self.tissue.response(series).piola[2])
+        follow = -self.followed_forces(left).reshape(len(loads), -1)
+        return np.asarray(left.reshape(len(loads), -1)[:, self._pad] + (self._stiffness[self._pad] @ follow.T).T)
 
     def free_held(self, forces: Array) -> Array:
         """Return what forces on all free nodes do while the pad is held, as `jets` wants it, (d, b) to (d, b)."""

@@ -122,19 +122,23 @@ class Dissection:
         dense[kept:, kept:] = 0.0  # handed over already
         front.update = dense
 
-    def solve(self, kept: Array, rounds: int = 4) -> tuple[Array, float]:
+    def solve(self, kept: Array, right: Array | None = None, rounds: int = 4) -> tuple[Array, float]:
         """Return all unknowns where the kept ones are given, and the largest residual of the eliminated rows.
 
         The factor is in single precision below its blocks; each round takes the residual in double precision.
+
+        Args:
+            right: of all rows, of which those of the eliminated unknowns count; zero where None.
         """
         out = np.zeros(self.size)
         out[self.eliminated :] = kept
         inner = self.matrix[: self.eliminated]
+        goal = 0.0 if right is None else right[self.order[: self.eliminated]]
         for _ in range(rounds):
-            out[: self.eliminated] -= self._solve_inner(inner @ out)
+            out[: self.eliminated] -= self._solve_inner(inner @ out - goal)
         back = np.empty(self.size)
         back[self.order] = out
-        return back, float(np.abs(inner @ out).max())
+        return back, float(np.abs(inner @ out - goal).max())
 
     def _solve_inner(self, right: Array) -> Array:
         x = np.zeros(self.size)

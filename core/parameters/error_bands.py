@@ -1,0 +1,114 @@
+"""How far each model of tissue is from a neo-Hookean finger under the same touch: what a legend and a result may say.
+
+Both press the same mesh with the same object, each with its own contact, and share the law of friction: what is told
+is the error of the tissue alone, not of the mesh, of the shape or of a person's stiffness. Simulated, not measured on
+fingers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from ..errors import DermisError
+from ..units import finite
+
+LINEAR, NEO_HOOKEAN = "linear", "neo_hookean"
+DEPTHS = (0.5e-3, 1e-3, 1.5e-3, 2e-3, 3e-3, 4e-3)  # that a touch was pressed to, not slid [m]
+SLIDES = (0.0, 0.5e-3, 1e-3, 1.5e-3, 2e-3, 3.5e-3)  # that loaded skin was then drawn along itself, 2 mm deep [m]
+SLID_AT = 2e-3  # depth of the slides [m]
+
+
+class Spread(NamedTuple):
+    """Relative errors of one kind: half and a tenth of the touches are farther off."""
+
+    median: float
+    p90: float
+
+
+class ErrorBand(NamedTuple):
+    """What a model of tissue is off by at a depth and a slide.
+
+    Attributes:
+        stress: of all tissue, by volume, relative to the neo-Hookean one. force: the sum on the finger, as a vector.
+    """
+
+    stress: Spread
+    force: Spread
+
+
+# of `python -m tests.benchmarks.nonlinear_reference bands`: median and 90th percentile, at DEPTHS and at SLIDES; of
+# slides never less than of shorter ones
+_BY_DEPTH: dict[str, dict[str, tuple[tuple[float, float], ...]]] = {
+    LINEAR: {
+        "stress": ((0.068, 0.088), (0.125, 0.160), (0.185, 0.221), (0.243, 0.293), (0.367, 0.417), (0.521, 0.689)),
+        "force": ((0.034, 0.049), (0.073, 0.095), (0.130, 0.157), (0.185, 0.232), (0.332, 0.352), (0.459, 0.483)),
+    },
+    NEO_HOOKEAN: {
+        "stress": ((0.053, 0.074), (0.090, 0.127), (0.125, 0.171), (0.153, 0.219), (0.236, 0.333), (0.356, 0.627)),
+        "force": ((0.003, 0.013), (0.007, 0.024), (0.008, 0.044), (0.020, 0.060), (0.062, 0.119), (0.124, 0.185)),
+    },
+}
+_BY_SLIDE: dict[str, dict[str, tuple[tuple[float, float], ...]]] = {
+    LINEAR: {
+        "stress": ((0.242, 0.281), (0.279, 0.454), (0.291, 0.454), (0.341, 0.454), (0.341, 0.897), (0.567, 0.897)),
+        "force": ((0.192, 0.238), (0.192, 0.238), (0.223, 0.249), (0.238, 0.273), (0.238, 0.289), (0.238, 0.289)),
+    },
+    NEO_HOOKEAN: {
+        "stress": ((0.148, 0.219), (0.169, 0.354), (0.185, 0.380), (0.283, 0.380), (0.283, 3.599), (0.777, 3.599)),
+        "force": ((0.019, 0.064), (0.033, 0.069), (0.033, 0.078), (0.036, 0.078), (0.036, 0.733), (0.170, 0.733)),
+    },
+}
+
+
+def error_band(tissue: str, depth: float, slide: float = 0.0) -> ErrorBand:
+    """Return what a model of tissue is off by.
+
+    Between the measured depths and slides errors are interpolated, from none at rest; beyond the last they are the
+    last ones, and `validated` says so. A slide adds what it does 2 mm deep, by share of the depth where it is less.
+    What counts of a slide is how far friction draws skin along itself: where it slips, skin is drawn no farther.
+
+    Args:
+        tissue: 'linear' or 'neo_hookean'. depth: that the undeformed skin lies in what it touches [m].
+        slide: that loaded skin is drawn along itself, on average by its load, as a `PathStep` tells it [m].
+
+    Raises:
+        DermisError: an unknown tissue, or a depth or slide that is not finite or below zero.
+    """
+    _check(tissue, depth, slide)
+    share = min(depth / SLID_AT, 1.0)
+    found = []
+    for kind in ("stress", "force"):
+        pressed, slid = _BY_DEPTH[tissue][kind], _BY_SLIDE[tissue][kind]
+        both = []
+        for k in (0, 1):
+            more = _between(slide, SLIDES, [row[k] for row in slid]) - slid[0][k]
+            both.append(_between(depth, (0.0, *DEPTHS), [0.0, *(row[k] for row in pressed)]) + share * more)
+        found.append(Spread(*both))
+    return ErrorBand(*found)
+
+
+def validated(tissue: str, depth: float, slide: float = 0.0) -> bool:
+    """Return whether errors were measured as deep and as far.
+
+    Raises:
+        DermisError: as `error_band`.
+    """
+    _check(tissue, depth, slide)
+    return depth <= DEPTHS[-1] and slide <= SLIDES[-1]
+
+
+def _check(tissue: str, depth: float, slide: float) -> None:
+    if tissue not in _BY_DEPTH:
+        raise DermisError("unknown tissue", where="error band", value=tissue, limit=", ".join(_BY_DEPTH))
+    for name, value in {"depth": depth, "slide": slide}.items():
+        if not finite(value) or value < 0.0:
+            raise DermisError(f"the {name} is no length", where="error band", value=value, limit=">= 0 m")
+
+
+def _between(at: float, places: Sequence[float], values: Sequence[float]) -> float:
+    """Return the line through values at rising places; the last value beyond the last."""
+    for low, high, first, second in zip(places, places[1:], values, values[1:], strict=False):
+        if at <= high:
+            return first + (second - first) * (at - low) / (high - low)
+    return values[-1]

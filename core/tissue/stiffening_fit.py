@@ -1,0 +1,138 @@
+"""What a fingertip's tissue does beyond linear skin, from a mesh of it: touches, patterns, energy, stress."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from ..arrays import Array
+from ..skin.material import Elastic
+from ..skin.model import SkinModel, fingertip_skin
+from ..skin.shape import FingertipShape
+from ..stiffening.balance import Balance
+from ..stiffening.energy import Energy
+from ..stiffening.patterns import Patterns
+from ..stiffening.stiffening import Stiffening
+from .energy_fit import fit_energy
+from .held_tissue import HeldTissue
+from .neo_hookean import NeoHookean
+from .stress_fit import fit_stress
+from .touches import loads_of, touches
+
+Made = TypeVar("Made")
+
+STEPS = 100  # that making one is told in
+_ENDS = (0, 6, 14, 40, STEPS)  # of the steps: touches, their answers, energy, stress
+AT_ONCE = 12  # loads that are answered together
+ANSWERED = 220  # loads at most, whose answers patterns are to hold
+SEEN = 120  # samples at most that say which fields of stress matter
+_FAINT = 0.05  # of the largest load: smaller ones do not count for as much
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much is kept.
+
+    Attributes:
+        level: of the mesh. touches: runs that show what skin may be asked.
+        patterns: of displacement. few: of them, the first, with fourth powers of energy and cubes of stress.
+        fields: of stress.
+    """
+
+    level: str = "standard"
+    touches: int = 100
+    patterns: int = 100
+    few: int = 40
+    fields: int = 70
+
+
+STANDARD = Size()
+
+
+def fit_stiffening(
+    shape: FingertipShape, poisson: float, size: Size | None = None, *, seed: int = 0, key: str = ""
+) -> Generator[tuple[int, int], None, Stiffening]:
+    """Return what a fingertip's tissue does beyond linear skin; yields (done, STEPS).
+
+    Args:
+        seed: of the touches. key: that the result is to have.
+
+    Raises:
+        DermisError: a shape that cannot be meshed.
+    """
+    size = size or STANDARD
+    yield 0, STEPS
+    skin = fingertip_skin(shape, Elastic(1.0, poisson, 1.0), level=size.level)
+    loads = yield from _within(_pressed(skin, size.touches, seed), 0)
+    linear = HeldTissue(NeoHookean(skin.mesh, poisson))
+    answers = yield from _within(_answered(linear, _some(loads, ANSWERED)), 1)
+    patterns = main_patterns(skin.unit_compliance, loads, answers, size.patterns)
+    moved = linear.moved(patterns)
+    few = min(size.few, patterns.shape[1])
+    energy = yield from _within(fit_energy(linear.tissue, linear.held, moved, few), 2)
+    work = loads @ (skin.unit_compliance @ patterns)
+    samples = np.array([balanced(energy, z) for z in _some(work, SEEN)])
+    stress = yield from _within(fit_stress(linear, moved, energy, samples, few, size.fields), 3)
+    skins = np.unique(skin.mesh.surface)  # beyond the pad, too: at its rim a pattern is then read between places
+    return Stiffening(energy, Patterns.through(skin.mesh.nodes[skins], moved[:, skins].transpose(1, 2, 0)), stress, key)
+
+
+def main_patterns(compliance: Array, loads: Array, answers: Array, count: int) -> Array:
+    """Return the loads whose displacements are most of what touches bring, shape (3 m, k): each stores energy 1/2.
+
+    Args:
+        compliance: of the pad at E = 1, shape (3 m, 3 m). loads: of touches, over E, shape (s, 3 m).
+        answers: forces of the second power that tissue answers some of them with, as evenly spread, shape (a, 3 m).
+    """
+    from scipy.linalg import cholesky, solve_triangular
+
+    root = cholesky(compliance, lower=True)
+    sizes = np.linalg.norm(loads, axis=1)
+    weights = 1.0 / (sizes + _FAINT * sizes.max())
+    often = np.sqrt(len(loads) / len(answers))  # they stand for as many
+    seen = [(loads * weights[:, None]) @ root, (answers * (often * _some(weights, ANSWERED))[:, None]) @ root]
+    chosen = np.linalg.svd(np.concatenate(seen), full_matrices=False)[2][:count].T
+    return np.asarray(solve_triangular(root, chosen, lower=True, trans="T"))
+
+
+def balanced(energy: Energy, work: Array) -> Array:
+    """Return how much of each pattern there is under forces that are put on little by little, shape (k,)."""
+    balance = Balance(energy)
+    for share in (0.25, 0.5, 0.75, 1.0):
+        balance.follow(share * work)
+    return balance.q
+
+
+def _pressed(skin: SkinModel, count: int, seed: int) -> Generator[tuple[int, int], None, Array]:
+    found = []
+    for n, touch in enumerate(touches(skin, count, seed)):
+        yield n, count
+        found.append(loads_of(skin, touch))
+    return np.concatenate(found)
+
+
+def _answered(linear: HeldTissue, loads: Array) -> Generator[tuple[int, int], None, Array]:
+    found = []
+    for start in range(0, len(loads), AT_ONCE):
+        yield start, len(loads)
+        found.append(linear.second_loads(loads[start : start + AT_ONCE]))
+    return np.concatenate(found)
+
+
+def _some(samples: Array, count: int) -> Array:
+    """Return so many samples at most, as far apart among all as can be."""
+    return samples[:: -(-len(samples) // count)]
+
+
+def _within(steps: Generator[tuple[int, int], None, Made], stage: int) -> Generator[tuple[int, int], None, Made]:
+    """Tell a stage's steps as steps of all."""
+    low, high = _ENDS[stage], _ENDS[stage + 1]
+    while True:
+        try:
+            done, total = next(steps)
+        except StopIteration as stop:
+            return stop.value
+        yield low + (high - low) * done // total, STEPS

@@ -1,0 +1,128 @@
+"""Where a skin's stiffening comes from: a file that ships, the cache, or a fit that takes a while."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Generator
+from dataclasses import asdict
+from pathlib import Path
+
+from ..cache import Cache, cache_key
+from ..errors import DermisError
+from ..recent import Recent
+from ..shipped import BUILT_IN
+from ..skin.model import SkinModel
+from ..skin.shape import FingertipShape
+from ..stiffening.stiffening import VERSION, Stiffening
+from .stiffening_fit import fit_stiffening
+
+STIFFENING_VERSION = 1  # part of every key: raise it whenever mesh, touches or fit changes
+SHIPPED = BUILT_IN / "skins"
+POISSON = (0.3, 0.49)  # between them the series was measured against the law itself
+
+_known: Recent[str, Stiffening] = Recent(10)  # a person's fingers
+
+
+def stiffening_key(shape: FingertipShape, poisson: float) -> str:
+    """Return the key of a stiffening: it depends on the shape and on Poisson's ratio, and on nothing else.
+
+    To a nanometre: a length that was read in millimetres, or typed into a window, is the same length.
+    """
+    lengths = {name: round(length, 9) for name, length in asdict(shape).items()}
+    version = f"dermis-stiffening {STIFFENING_VERSION} {VERSION}"
+    return cache_key(version, json.dumps(lengths, sort_keys=True), repr(round(poisson, 6)))
+
+
+def shipped_name(shape: FingertipShape, poisson: float) -> str:
+    """Return the name of the file in which a stiffening ships."""
+    return f"stiffening_{stiffening_key(shape, poisson)[:16]}.npz"
+
+
+def find_stiffening(
+    shape: FingertipShape, poisson: float, *, shipped: Path | None = None, cache: Cache | None = None
+) -> Stiffening | None:
+    """Return a stiffening that was made before, or None: one that ships, else from the cache.
+
+    Files that are damaged, or were made for another skin, count as not there: they can be made again.
+    """
+    key = stiffening_key(shape, poisson)
+    places = [None if shipped is None else shipped / shipped_name(shape, poisson)]
+    places.append(None if cache is None else cache.get(key))
+    for path in places:
+        if path is None or not path.is_file():
+            continue
+        try:
+            found = Stiffening.read(path)
+        except DermisError:
+            continue
+        if found.key == key:
+            return found
+    return None
+
+
+def make_stiffening(
+    shape: FingertipShape, poisson: float, *, cache: Cache | None = None
+) -> Generator[tuple[int, int], None, Stiffening]:
+    """Work out a stiffening and keep it in the cache, whole or not at all; yields (done, total).
+
+    Raises:
+        DermisError: Poisson's ratio out of range, a shape that cannot be meshed, or a folder that cannot be written.
+    """
+    check_poisson(poisson)
+    made = yield from fit_stiffening(shape, poisson, key=stiffening_key(shape, poisson))
+    if cache is not None:
+        cache.put(made.key, made.write)
+    return made
+
+
+def stiffened(skin: SkinModel) -> SkinModel | None:
+    """Return a skin with its stiffening, which fingers of one shape share; None where that has not been made yet.
+
+    Raises:
+        DermisError: a mesh of one's own, or Poisson's ratio out of range.
+    """
+    shape = check_stiffens(skin)
+    key = stiffening_key(shape, skin.material.poisson)
+    found = _known.get(key) or find_stiffening(shape, skin.material.poisson, shipped=SHIPPED, cache=skin.cache)
+    return None if found is None else skin.with_stiffening(_known.make(key, lambda: found))
+
+
+def check_stiffens(skin: SkinModel) -> FingertipShape:
+    """Return the shape of a skin whose stiffening can be worked out.
+
+    Raises:
+        DermisError: a mesh of one's own, or Poisson's ratio out of range.
+    """
+    if skin.shape is None:
+        raise no_shape()
+    check_poisson(skin.material.poisson)
+    return skin.shape
+
+
+def check_poisson(poisson: float, where: str = "skin, poisson") -> None:
+    """Refuse a Poisson's ratio for which the series was not measured.
+
+    Raises:
+        DermisError: it is out of range.
+    """
+    low, high = POISSON
+    if not low <= poisson <= high:
+        raise DermisError(
+            "tissue that stiffens is not worked out for this Poisson's ratio",
+            where=where,
+            value=poisson,
+            limit=f"{low} to {high}",
+            remedy="Choose a ratio in this range, or linear tissue",
+            code="stiffening-poisson",
+        )
+
+
+def no_shape(where: str = "skin") -> DermisError:
+    """Return the error of a mesh of one's own, whose tissue is linear."""
+    return DermisError(
+        "a mesh of one's own has no tissue that stiffens",
+        where=where,
+        limit="a fingertip of lengths",
+        remedy="Choose linear tissue, or a fingertip of lengths",
+        code="no-stiffening",
+    )

@@ -1,0 +1,160 @@
+"""What linear and stiffening skin are off by on the forty unseen touches, each with its own contact at the nodes."""
+
+from __future__ import annotations
+
+import functools
+import time
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.contact.solver.path_step import PathStep
+from core.parameters.error_bands import DEPTHS, LINEAR, NEO_HOOKEAN, SLID_AT, SLIDES
+from core.skin.model import SkinModel
+from core.skin.stimulus import Stimulus
+from tests.nonlinear import difference
+from tests.stiff import on_nodes
+
+from .nonlinear_paths import SHOWN
+from .nonlinear_reference import Reference
+
+Array = NDArray[np.float64]
+EDGES = ("edge", "rib")
+
+
+class Error(NamedTuple):
+    """One frame of one touch, as a model of tissue has it.
+
+    Attributes:
+        kind, move: of the path. depth, slide: of the object, from where it first touched [m].
+        drawn: how far the model's skin is drawn along itself, on average by its load [m].
+        stress, force: relative errors. converged: whether contact was solved.
+    """
+
+    kind: str
+    move: str
+    depth: float
+    slide: float
+    drawn: float
+    stress: float
+    force: float
+    converged: bool
+
+
+class Measured(NamedTuple):
+    """All frames of a model, and what its solved frames take of the processor [ms]."""
+
+    errors: list[Error]
+    times: list[float]
+
+
+@functools.cache
+def reference() -> Reference:
+    """Return the truth, read once."""
+    return Reference()
+
+
+@functools.cache
+def skin_of(tissue: str) -> SkinModel:
+    """Return the standard finger of a tissue.
+
+    Raises:
+        LookupError: there is no table of it.
+    """
+    from core.tissue.stiffening_store import stiffened
+
+    linear = reference().skin
+    if tissue == LINEAR:
+        return linear
+    stiff = stiffened(linear)
+    if stiff is None:
+        raise LookupError("no table of how the standard finger stiffens ships")
+    return stiff
+
+
+@functools.cache
+def measured(tissue: str) -> Measured:
+    """Follow all paths on a model of tissue and compare."""
+    truth, skin = reference(), skin_of(tissue)
+    errors: list[Error] = []
+    times: list[float] = []
+    for number, path in enumerate(truth.paths):
+        frames = {frame.number: frame for frame in truth.frames(number)}
+        solver = on_nodes(skin, 3e-5, path.name)
+        for i, bodies in enumerate(path.frames(skin.positions)[: max(frames, default=-1) + 1]):
+            started = time.process_time()
+            step = solver.step(bodies)
+            felt = Stimulus(skin, step.solution.force, given=step.amounts)
+            stress = felt.stress
+            times.append(1e3 * (time.process_time() - started))
+            frame = frames.get(i)
+            if frame is None:
+                continue
+            total = frame.force.sum(axis=0)
+            errors.append(
+                Error(
+                    path.kind,
+                    path.move,
+                    frame.depth,
+                    frame.slide,
+                    drawn(step),
+                    difference(stress, frame.stress, skin.mesh.volumes),
+                    float(np.linalg.norm(felt.resultant - total) / np.linalg.norm(total)),
+                    step.solution.converged,
+                )
+            )
+    return Measured(errors, times)
+
+
+def drawn(step: PathStep) -> float:
+    """Return how far loaded skin is drawn along itself, on average by its load [m]."""
+    weight = np.maximum(step.solution.normal_force, 0.0)
+    if not weight.any():
+        return 0.0
+    mean, normal = weight @ step.displacement / weight.sum(), weight @ step.solution.normals
+    normal = normal / np.linalg.norm(normal)
+    return float(np.linalg.norm(mean - (mean @ normal) * normal))
+
+
+def at(tissue: str, depth: float, slide: float = 0.0, kinds: tuple[str, ...] = ()) -> list[Error]:
+    """Return the errors of frames at a depth and a slide of the object, of some kinds of path or all."""
+    return [
+        e
+        for e in measured(tissue).errors
+        if abs(e.depth - depth) < 1e-9 and abs(e.slide - slide) < 1e-9 and (not kinds or e.kind in kinds)
+    ]
+
+
+def spread(values: list[float]) -> tuple[float, float]:
+    """Return the median and the 90th percentile; not a number of nothing."""
+    return (float(np.median(values)), float(np.quantile(values, 0.9))) if values else (np.nan, np.nan)
+
+
+def print_bands() -> None:
+    """Print the tables of `core/parameters/error_bands.py`: by depth where nothing slid, by how far skin was drawn.
+
+    Below them stands what the object's own slide makes of it: where friction slips, skin is drawn no farther.
+    """
+    for tissue in (LINEAR, NEO_HOOKEAN):
+        print(tissue)
+        slid = [e for e in measured(tissue).errors if abs(e.depth - SLID_AT) < 1e-9]
+        bounds = [0.0, *(0.5 * (a + b) for a, b in zip(SLIDES, SLIDES[1:], strict=False)), np.inf]
+        _tell("deep", DEPTHS, [at(tissue, depth) for depth in DEPTHS])
+        drawn_by = [[e for e in slid if low <= e.drawn < high] for low, high in zip(bounds, bounds[1:], strict=False)]
+        _tell("drawn", SLIDES, drawn_by)
+        _tell("slid", (0.0, *SHOWN[1]), [at(tissue, SLID_AT, slide) for slide in (0.0, *SHOWN[1])])
+
+
+def _tell(what: str, places: tuple[float, ...], groups: list[list[Error]]) -> None:
+    """Print a line a group, then the rows of the table: never less than nearer ones."""
+    rows: dict[str, list[tuple[float, float]]] = {"stress": [], "force": []}
+    for place, errors in zip(places, groups, strict=True):
+        for kind, found in rows.items():
+            found.append(spread([getattr(e, kind) for e in errors]))
+        mean, lost = np.mean([e.drawn for e in errors]) if errors else np.nan, sum(not e.converged for e in errors)
+        told = "  ".join(f"{kind} {found[-1][0]:.3f} {found[-1][1]:.3f}" for kind, found in rows.items())
+        print(f"  {1e3 * place:3g} mm {what:5} {len(errors):3} frames, {1e3 * mean:.2f} mm drawn, {lost} lost: {told}")
+    for kind, found in rows.items():
+        risen = np.fmax.accumulate(np.array(found), axis=0)
+        print(f'        "{kind}": (' + ", ".join(f"({a:.3f}, {b:.3f})" for a, b in risen) + "),")

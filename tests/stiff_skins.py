@@ -61,7 +61,7 @@ def _energy(rng: np.random.Generator, strength: float, k: int) -> Energy:
 
 def _stress(rng: np.random.Generator, skin: SkinModel, strength: float, count: int) -> StressSeries:
     mesh, rows, few = skin.mesh, (FIELDS, LARGE_FIELDS)[count > COUNT], min(count, LARGE_CUBES)
-    places = 1e2 * mesh.nodes
+    places = 1e2 * mesh.nodes[mesh.tetrahedra].mean(axis=1)
     waves = np.stack([np.ones(len(places)), *(np.cos(places @ rng.standard_normal(3)) for _ in range(rows - 1))], 1)
     fields = np.einsum("nr,cr->ncr", waves, rng.standard_normal((6, rows)))
     two, three = count * (count + 1) // 2, few * (few + 1) * (few + 2) // 6

@@ -54,12 +54,14 @@ def _energy(rng: np.random.Generator, strength: float, k: int) -> Energy:
     whole = (whole + whole.transpose(0, 2, 1, 3) + whole.transpose(0, 3, 2, 1)) / 3.0
     i, j = np.triu_indices(len(one))
     quartic = whole[i, j][:, i, j]
-    return Energy(0.02 * strength / USUAL * np.sqrt(COUNT / k) ** 3 * cubic, 0.1 * strength / USUAL**2 * quartic)
+    kept = np.float64 if k <= COUNT else np.float32  # as in files
+    third, fourth = 0.02 * strength / USUAL * np.sqrt(COUNT / k) ** 3 * cubic, 0.1 * strength / USUAL**2 * quartic
+    return Energy(third.astype(kept), fourth.astype(kept))
 
 
 def _stress(rng: np.random.Generator, skin: SkinModel, strength: float, count: int) -> StressSeries:
     mesh, rows, few = skin.mesh, (FIELDS, LARGE_FIELDS)[count > COUNT], min(count, LARGE_CUBES)
-    places = 1e2 * mesh.nodes
+    places = 1e2 * mesh.nodes[mesh.tetrahedra].mean(axis=1)
     waves = np.stack([np.ones(len(places)), *(np.cos(places @ rng.standard_normal(3)) for _ in range(rows - 1))], 1)
     fields = np.einsum("nr,cr->ncr", waves, rng.standard_normal((6, rows)))
     two, three = count * (count + 1) // 2, few * (few + 1) * (few + 2) // 6

@@ -17,7 +17,7 @@ from ..design.trial import exceptions, trial
 from ..devices.coupling import refuse_coupled
 from ..devices.safe_state import safe_findings
 from ..devices.spec import from_preset
-from ..errors import DermisError
+from ..errors import DermisError, Finding
 from ..parameters.skin import DEFAULT_SKIN, TISSUE
 from ..presets import Library, read
 from ..scene import scene_file
@@ -44,6 +44,8 @@ def run(options: argparse.Namespace) -> int:
             where="skin",
             remedy="Give a table with --table, or a skin preset of a size with --skin",
         )
+    for finding in _linear(options, scenes):
+        print(finding, file=sys.stderr)
     rows = task.ROWS if options.rows is None else options.rows or None
     folder = (options.out or Path.cwd()) / "collection"
     material = {k: float(v) for k, v in parameters.items() if k in TISSUE}
@@ -135,6 +137,19 @@ def _read(options: argparse.Namespace) -> tuple[dict[str, dict[str, Any]], dict[
         twice = next(name for name in names if names.count(name) > 1)
         raise DermisError("two touches have one name", where="design", value=twice)
     return recordings, scenes
+
+
+def _linear(options: argparse.Namespace, scenes: Mapping[str, TactileScene]) -> list[Finding]:
+    """Say of scenes whose finger has a tissue that stiffens that here it is taken for linear."""
+    found = []
+    for touch, scene in scenes.items():
+        if 0 <= options.finger < len(scene.fingers):
+            tissue = scene.fingers[options.finger].parameters.get("tissue", "linear")
+            if tissue != "linear":
+                what = "its finger's tissue stiffens, but tables are swept and touches sensed on linear skin here"
+                remedy = "Sweep and bake in Blender, or take the finger's tissue for linear"
+                found.append(Finding("warning", "tissue-linear", what, f"scene '{touch}'", tissue, "linear", remedy))
+    return found
 
 
 def _skin(options: argparse.Namespace, library: Any, scenes: Mapping[str, TactileScene]) -> dict[str, Any]:

@@ -33,7 +33,9 @@ NOTHING = 1e-12  # targets below this share of the table's strongest stimulus ar
 PROMISE = 0.85  # a table entry must leave less than this share of a mismatch to be tried
 MISTRUST = 0.5  # of the target: a learned model farther from the true contact at its own pose is not believed
 WORTHWHILE = 0.05  # of the cost: for less than that the device does not jump
-BENT = 1e-3  # of the target: skin that stiffens is off its tangent by more, and searched again on one laid there
+# Skin that stiffens is searched again on a tangent laid where the search ended, if it was off its own by more than this
+# share of the target there, and of what is left of it: a poor match needs no fine one.
+BENT, LEFT = 1e-3, 0.02
 TANGENTS = 4  # searches of a frame
 LONGEST_WAIT = 32  # frames between two tries of the table while they fail
 
@@ -266,7 +268,8 @@ class StressMatcher:
             return minimum, x, solution, stimulus
         for _ in range(1, TANGENTS):
             off = float(np.linalg.norm(stimulus - minimum.stimulus))
-            if off <= BENT * float(np.linalg.norm(target)):
+            left = float(np.linalg.norm(stimulus - target))
+            if off <= max(BENT * float(np.linalg.norm(target)), LEFT * left):
                 break
             minimum = descend(self.model.evaluate, target, x, self.device, limits)
             x, solution = minimum.x, self.direct.solution(minimum.x)

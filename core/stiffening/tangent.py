@@ -12,6 +12,8 @@ from .energy import Energy
 
 # Of M: patterns on points are told to some digits only, and their compliance must stay positive definite.
 STIFFEST = 0.95
+# A step that multiplies what is left by more is made shorter, down to a share.
+WORSE, SHORT = 3.0, 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +41,10 @@ class StiffTangent:
     @classmethod
     def at(cls, energy: Energy, q: Array) -> StiffTangent:
         """Return that of given amounts."""
-        force, stiffness = energy.force_and_stiffness(q)
+        return cls._of(energy, q, *energy.force_and_stiffness(q))
+
+    @classmethod
+    def _of(cls, energy: Energy, q: Array, force: Array, stiffness: Array) -> StiffTangent:
         balance = Balance(energy)
         balance.restore((q, force, stiffness, 0.0, None))
         return cls(q, force, stiffness, _bounded(balance.softening()))
@@ -58,8 +63,14 @@ class StiffTangent:
         return z - self.force_at(z)
 
     def moved(self, energy: Energy, z: Array) -> StiffTangent:
-        """Return the tangent where this one says that other forces lead: a step of Newton's method."""
-        return StiffTangent.at(energy, self.amounts_at(z))
+        """Return the tangent where this one says that other forces lead: Newton's step, shorter where it is astray."""
+        left, step, share = float(np.linalg.norm(z - self.q - self.force)), self.amounts_at(z) - self.q, 1.0
+        while True:
+            q = self.q + share * step
+            force, stiffness = energy.force_and_stiffness(q)
+            if share < SHORT or float(np.linalg.norm(z - q - force)) <= WORSE * left:
+                return StiffTangent._of(energy, q, force, stiffness)
+            share *= 0.25
 
 
 def _bounded(softening: Array) -> Array:

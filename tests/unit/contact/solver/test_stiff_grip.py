@@ -24,7 +24,6 @@ def skin() -> SkinModel:
 def stiff() -> StiffSkin:
     found = StiffSkin.of(skin())
     assert found is not None
-    found.at(skin().positions)
     return found
 
 

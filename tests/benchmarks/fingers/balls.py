@@ -12,7 +12,8 @@ from core.contact.solver.point_path import PointSolver
 from core.skin.model import SkinModel
 from core.skin.nodal_forces import NodalForces
 from core.skin.point_forces import PointForces
-from core.skin.stress import stored
+from core.skin.stimulus import Stimulus
+from core.skin.stress import locate, stored
 from core.skin.surface_store import smooth_pad
 from tests.touches import Solid, ball, flat
 
@@ -61,7 +62,7 @@ def ball_profiles(skin: SkinModel, radius: float, forces: Sequence[float], below
         loaded = np.flatnonzero(step.solution.force.any(axis=1))
         points = PointForces(pad, solver.cells[loaded], step.solution.force[loaded], step.amounts)
         force = float(step.solution.force[:, 2].sum())
-        now = (force, _density(skin, points, across, below), depth)
+        now = (force, _density(Stimulus(skin, step.nodal, points, step.amounts), across, below), depth)
         while len(out) < len(forces) and force >= forces[len(out)]:
             share = (forces[len(out)] - before[0]) / (force - before[0])
             blend = [(1.0 - share) * np.asarray(a) + share * np.asarray(b) for a, b in zip(before, now, strict=True)]
@@ -70,12 +71,19 @@ def ball_profiles(skin: SkinModel, radius: float, forces: Sequence[float], below
     return out
 
 
-def _density(skin: SkinModel, points: PointForces, positions: Array, depth: float) -> Array:
+def _density(touch: Stimulus, positions: Array, depth: float) -> Array:
     """Return the strain energy density so deep below places of the skin [J/m^3], shape (n,)."""
-    stress = points.stress_below(positions, np.full(len(positions), depth))
-    if skin.stiffening is not None and points.amounts is not None:
-        chart = points.surface.chart
+    assert touch.points is not None
+    from scipy.spatial import cKDTree
+
+    skin, chart = touch.skin, touch.points.surface.chart
+    stress = touch.points.stress_below(positions, np.full(len(positions), depth))
+    if skin.stiffening is not None:
         below = positions - depth * chart.surface(chart.project(positions)[0]).normals
-        amounts = skin.material.modulus * skin.stiffening.stress.amounts(points.amounts)
-        stress = stress + (skin.stiff.at(below).astype(np.float64) @ amounts)
+        beyond = touch.surface_values(touch.stress - skin.stress(touch.force))
+        element, weights = locate(skin.mesh, below)
+        more = np.einsum("pj,pjc->pc", weights, beyond[skin.mesh.tetrahedra[element]])
+        above = element < 0  # the mesh lies a little inside the smooth skin
+        more[above] = beyond[cKDTree(skin.mesh.nodes).query(below[above])[1]]
+        stress = stress + more
     return stored(stress, skin.material)

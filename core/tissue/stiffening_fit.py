@@ -27,8 +27,8 @@ Made = TypeVar("Made")
 STEPS = 100  # that making one is told in
 _ENDS = (0, 6, 14, 40, STEPS)  # of the steps: touches, their answers, energy, stress
 AT_ONCE = 12  # loads that are answered together
-ANSWERED = 220  # loads at most, whose answers patterns are to hold
-SEEN = 120  # samples at most that say which fields of stress matter
+ANSWERED = 300  # loads at most, whose answers patterns are to hold
+SEEN = 200  # samples at most that say which fields of stress matter
 _FAINT = 0.05  # of the largest load: smaller ones do not count for as much
 
 
@@ -43,10 +43,10 @@ class Size:
     """
 
     level: str = "standard"
-    touches: int = 100
+    touches: int = 180
     patterns: int = 100
     few: int = 40
-    fields: int = 70
+    fields: int = 100
 
 
 STANDARD = Size()

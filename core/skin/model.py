@@ -208,7 +208,8 @@ class SkinModel:
     def stiff(self) -> StiffTables:
         """What `stiffening` is on this mesh; only of skin that has one."""
         assert self.stiffening is not None
-        return StiffTables(self.stiffening, self.mesh, self.unit_compliance, self.unit_response)
+        response, poisson = self.unit_response, self.material.poisson
+        return StiffTables(self.stiffening, self.mesh, self.unit_compliance, response, poisson)
 
     def stress_components(self, count: int | None = None, forces: Floats | None = None) -> Array:
         """Return W: few numbers whose norm is the stress's, sigma_k = W f.

@@ -11,9 +11,11 @@ from ..arrays import Array, Floats32
 from ..errors import Finding
 from ..stiffening.balance import Balance
 from ..stiffening.stiffening import Stiffening
+from .displaced import displaced_stress, linear_pressure
+from .material import Elastic
 from .mesh import TetraMesh
 from .shape import FingertipShape
-from .stress import locate, receptor_probes
+from .stress import StressOperator, locate, receptor_probes
 
 
 class StiffTables:
@@ -22,12 +24,18 @@ class StiffTables:
     Args:
         stiffening: of the skin's shape. mesh: of that shape, at any level.
         unit_compliance: of its pad at E = 1 [1/m], shape (3 m, 3 m). unit_response: as `SkinModel.unit_response`.
+        poisson: ratio.
     """
 
     def __init__(
-        self, stiffening: Stiffening, mesh: TetraMesh, unit_compliance: Array, unit_response: NDArray[np.float32]
+        self,
+        stiffening: Stiffening,
+        mesh: TetraMesh,
+        unit_compliance: Array,
+        unit_response: NDArray[np.float32],
+        poisson: float,
     ) -> None:
-        self.stiffening, self.mesh = stiffening, mesh
+        self.stiffening, self.mesh, self.poisson = stiffening, mesh, poisson
         self._compliance, self._response = unit_compliance, unit_response
 
     @cached_property
@@ -90,20 +98,55 @@ class StiffTables:
         points = receptor_probes(self.mesh).points
         return self.at(points).reshape(6 * len(points), -1)
 
+    @cached_property
+    def following(self) -> Floats32 | None:
+        """How tissue follows beyond linear tissue, fields at the nodes, shape (4 n, r); None where it is not known."""
+        known = self.stiffening.following
+        if known is None:
+            return None
+        fields = self._read(self.mesh.nodes, known.fields)
+        fields[self.mesh.pad, :3] = 0.0  # the pad is held in the patterns
+        fields[self.mesh.fixed, :3] = 0.0
+        return np.ascontiguousarray(fields.reshape(4 * len(fields), -1))
+
+    def beyond(self, q: Array) -> Array:
+        """Return the stress of the elements beyond that of the same forces on linear tissue, at E = 1, shape (e, 6).
+
+        Args:
+            q: how much of each pattern there is, shape (k,).
+        """
+        fields, known = self.following, self.stiffening.following
+        if fields is None or known is None:
+            return (self.elements @ self.stiffening.stress.amounts(q).astype(np.float32)).astype(float).reshape(-1, 6)
+        moved = (self.nodes @ q.astype(np.float32)).astype(np.float64).reshape(-1, 3)
+        more = (fields @ known.amounts(q).astype(np.float32)).astype(np.float64).reshape(-1, 4)
+        stress = displaced_stress(self._unit, moved + more[:, :3], linear_pressure(self._unit, moved) + more[:, 3])
+        force = self.stiffening.energy.force(q)
+        held = moved + (self.nodes @ force.astype(np.float32)).astype(np.float64).reshape(-1, 3)
+        return stress - self._unit.stress(held)
+
+    @cached_property
+    def _unit(self) -> StressOperator:
+        return StressOperator(self.mesh, Elastic(1.0, self.poisson, 1.0))
+
     def at(self, points: Array) -> Floats32:
         """Return fields of stress at points of the tissue, smooth; those outside have what is nearest, (p, 6, r)."""
+        return self._read(points, self.stiffening.stress.nodal)
+
+    def _read(self, points: Array, nodal: Floats32) -> Floats32:
+        """Return fields of the series' nodes at points, shapes (n, c, r) to (p, c, r)."""
         series = self.stiffening.stress
         if _same(points, series.nodes):
-            return series.nodal
+            return nodal.copy()
         from scipy.spatial import cKDTree
 
         none = np.zeros(0, np.int32)
         mesh = TetraMesh(series.nodes, series.tetrahedra.astype(np.int32), none, none, np.zeros((0, 3), np.int32))
         element, weights = locate(mesh, points)
-        out = np.einsum("pj,pjcr->pcr", weights.astype(np.float32), series.nodal[series.tetrahedra[element]])
+        out = np.einsum("pj,pjcr->pcr", weights.astype(np.float32), nodal[series.tetrahedra[element]])
         outside = np.flatnonzero(element < 0)
         if len(outside):
-            out[outside] = series.nodal[cKDTree(series.nodes).query(points[outside])[1]]
+            out[outside] = nodal[cKDTree(series.nodes).query(points[outside])[1]]
         return np.asarray(out, np.float32)
 
 

@@ -80,10 +80,10 @@ class Stimulus:
         return None if stiffening is None or q is None else stiffening.energy.force(q)
 
     @cached_property
-    def _fields(self) -> Array | None:
-        """How much there is of each field of stress beyond linear tissue's [Pa], shape (r,); None of linear skin."""
+    def _more(self) -> Array | None:
+        """Stress of each element beyond linear tissue's [Pa], shape (e, 6); None of linear skin."""
         stiffening, q = self.skin.stiffening, self.amounts
-        return None if stiffening is None or q is None else self.skin.material.modulus * stiffening.stress.amounts(q)
+        return None if stiffening is None or q is None else self.skin.material.modulus * self.skin.stiff.beyond(q)
 
     @cached_property
     def stress(self) -> Array:
@@ -92,7 +92,7 @@ class Stimulus:
         It is that of forces on nodes, smeared over an element: near the skin read `probe_stress`.
         """
         out = self.skin.operator.stress(self._linear_displacement)
-        return out if self._fields is None else out + (self.skin.stiff.elements @ self._fields).reshape(-1, 6)
+        return out if self._more is None else out + self._more
 
     @cached_property
     def probe_stress(self) -> Array:
@@ -103,13 +103,13 @@ class Stimulus:
         if self.points is not None:
             probes = self.skin.probes
             out = self.points.stress_below(self.skin.positions[probes.pad], probes.depth)
-            return out if self._fields is None else out + (self.skin.stiff.probes @ self._fields).reshape(-1, 6)
+            return out if self._more is None else out + probes.read(self.skin.mesh, self._more)
         return self.skin.probes.read(self.skin.mesh, self.stress)
 
     @cached_property
     def energy_density(self) -> Array:
         """Strain energy density of each element [J/m^3], shape (e,)."""
-        if self._fields is None:
+        if self._more is None:
             return self.skin.operator.energy_density(self._linear_displacement)
         return stored(self.stress, self.skin.material)
 

@@ -18,6 +18,7 @@ from ..errors import DermisError
 from ..files import write_npz
 from ..npz import opened_npz
 from .energy import Energy
+from .following import Following
 from .patterns import Patterns
 from .stress_series import StressSeries
 from .symmetric import packed_cubic, packed_quartic, side, whole_cubic, whole_quartic
@@ -25,6 +26,7 @@ from .symmetric import packed_cubic, packed_quartic, side, whole_cubic, whole_qu
 VERSION = 1
 _ARRAYS = "version key cubic quartic centres displacement nodes tetrahedra fields squares cubes".split()
 _FLOATS = "cubic quartic centres displacement nodes fields squares cubes".split()
+_FOLLOWING = ("following", "following_squares", "following_cubes")
 _HALF = ("fields", "squares", "cubes")  # each row by its largest number: stress is then good to 0.05 %
 
 
@@ -35,12 +37,14 @@ class Stiffening:
     Attributes:
         energy: beyond linear tissue's. patterns: of displacement. stress: beyond linear tissue's.
         key: of the shape and Poisson's ratio that it was made for.
+        following: how tissue follows; None where stress is told by its series alone.
     """
 
     energy: Energy
     patterns: Patterns
     stress: StressSeries
     key: str = ""
+    following: Following | None = None
 
     @property
     def count(self) -> int:
@@ -67,6 +71,10 @@ class Stiffening:
         fields = stress.fields.reshape(-1, stress.fields.shape[-1]).T
         for name, rows in zip(_HALF, (fields, stress.squares, stress.cubes), strict=True):
             arrays[name], arrays[f"{name}_scale"] = _halved(rows)
+        if self.following is not None:
+            fields = self.following.fields.reshape(-1, self.following.fields.shape[-1]).T
+            for name, rows in zip(_FOLLOWING, (fields, self.following.squares, self.following.cubes), strict=True):
+                arrays[name], arrays[f"{name}_scale"] = _halved(rows)
         write_npz(path, arrays)
 
     @classmethod
@@ -78,7 +86,8 @@ class Stiffening:
         """
         where = str(path)
         with opened_npz(path, kind="the table of a skin that stiffens") as archive:
-            found = archive.arrays([*_ARRAYS, *(f"{name}_scale" for name in _HALF)])
+            halves = _HALF + (_FOLLOWING if _FOLLOWING[0] in archive.names else ())
+            found = archive.arrays([*_ARRAYS, *_FOLLOWING[: len(halves) - 3], *(f"{name}_scale" for name in halves)])
         version = found["version"]
         if version.shape != () or version.dtype.kind not in "iu" or int(version) != VERSION:
             raise DermisError(
@@ -90,8 +99,12 @@ class Stiffening:
             )
         if not _fits(found):
             raise DermisError("a stiffening skin's arrays do not fit", where=where, value=found["displacement"].shape)
-        rows = {name: found[name].astype(np.float32) * found[f"{name}_scale"][:, None] for name in _HALF}
+        rows = {name: found[name].astype(np.float32) * found[f"{name}_scale"][:, None] for name in halves}
         fields = rows["fields"].T.reshape(len(found["tetrahedra"]), 6, -1)
+        following = None
+        if len(halves) > len(_HALF):
+            moved, squares, cubes = (np.ascontiguousarray(rows[name]) for name in _FOLLOWING)
+            following = Following(np.ascontiguousarray(moved.T.reshape(len(found["nodes"]), 4, -1)), squares, cubes)
         return cls(
             Energy(whole_cubic(found["cubic"]), whole_quartic(found["quartic"])),
             Patterns.through(found["centres"], found["displacement"]),
@@ -103,6 +116,7 @@ class Stiffening:
                 np.ascontiguousarray(rows["cubes"]),
             ),
             str(found["key"]),
+            following,
         )
 
 
@@ -119,10 +133,12 @@ def _fits(found: dict[str, NDArray[Any]]) -> bool:
         return False
     if found["key"].dtype.kind != "U" or found["key"].shape != ():
         return False
-    rank = len(found["fields"])
-    for name in _HALF:
+    for name in (n for n in _HALF + _FOLLOWING if n in found):
+        rank = len(found["fields" if name in _HALF else _FOLLOWING[0]])
         scale = found[f"{name}_scale"]
         if found[name].ndim != 2 or scale.dtype.kind != "f" or scale.shape != (rank,) or len(found[name]) != rank:
+            return False
+        if found[name].dtype.kind != "f" or not np.isfinite(found[name]).all():
             return False
         if not (np.isfinite(scale).all() and (scale > 0.0).all()):
             return False
@@ -130,6 +146,11 @@ def _fits(found: dict[str, NDArray[Any]]) -> bool:
         return False
     count, few = side(len(found["cubic"]), 3), side(len(found["quartic"]), 4)
     centres, nodes, tetra = found["centres"], found["nodes"], found["tetrahedra"]
+    if _FOLLOWING[0] in found:
+        moved, squares, cubes = (found[name] for name in _FOLLOWING)
+        fits = nodes.ndim == 2 and moved.shape[1] == 4 * len(nodes) and 0 < side(cubes.shape[1], 3) <= count
+        if not (fits and squares.shape[1] == count * (count + 1) // 2):
+            return False
     return (
         0 < few <= count
         and centres.ndim == 2

@@ -32,11 +32,13 @@ class Response:
     Attributes:
         piola: first Piola-Kirchhoff stress of each element, shape (k, b, e, 3, 3).
         pressure: lambda ln J / J of each element, the mean of its nodes', shape (k, b, e).
+        nodal: the same of the nodes, shape (k, b, n).
         gradient: the deformation gradient F, shape (k, b, e, 3, 3). volume: J of each element, shape (k, b, e).
     """
 
     piola: Array
     pressure: Array
+    nodal: Array
     gradient: Array
     volume: Array
     shear: float
@@ -92,7 +94,7 @@ class NeoHookean:
         squeeze[0] -= shear
         piola = series.product(squeeze[..., None, None], turned)
         piola += shear * f
-        return Response(piola, pressure, f, volume, shear)
+        return Response(piola, pressure, nodal, f, volume, shear)
 
     def forces(self, piola: Array) -> Array:
         """Return the forces that hold such stresses, one for each node, (..., e, 3, 3) to (..., n, 3)."""

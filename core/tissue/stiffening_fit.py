@@ -17,6 +17,7 @@ from ..stiffening.energy import Energy
 from ..stiffening.patterns import Patterns
 from ..stiffening.stiffening import Stiffening
 from .energy_fit import fit_energy
+from .following_fit import fit_following
 from .held_tissue import HeldTissue
 from .neo_hookean import NeoHookean
 from .stress_fit import fit_stress
@@ -25,10 +26,10 @@ from .touches import loads_of, touches
 Made = TypeVar("Made")
 
 STEPS = 100  # that making one is told in
-_ENDS = (0, 6, 14, 40, STEPS)  # of the steps: touches, their answers, energy, stress
+_ENDS = (0, 6, 14, 40, 70, STEPS)  # of the steps: touches, their answers, energy, stress, following
 AT_ONCE = 12  # loads that are answered together
-ANSWERED = 220  # loads at most, whose answers patterns are to hold
-SEEN = 120  # samples at most that say which fields of stress matter
+ANSWERED = 300  # loads at most, whose answers patterns are to hold
+SEEN = 200  # samples at most that say which fields of stress matter
 _FAINT = 0.05  # of the largest load: smaller ones do not count for as much
 
 
@@ -39,14 +40,15 @@ class Size:
     Attributes:
         level: of the mesh. touches: runs that show what skin may be asked.
         patterns: of displacement. few: of them, the first, with fourth powers of energy and cubes of stress.
-        fields: of stress.
+        fields: of stress. following: fields of how tissue follows.
     """
 
     level: str = "standard"
-    touches: int = 100
+    touches: int = 180
     patterns: int = 100
     few: int = 40
-    fields: int = 70
+    fields: int = 50
+    following: int = 70
 
 
 STANDARD = Size()
@@ -69,15 +71,17 @@ def fit_stiffening(
     loads = yield from _within(_pressed(skin, size.touches, seed), 0)
     linear = HeldTissue(NeoHookean(skin.mesh, poisson))
     answers = yield from _within(_answered(linear, _some(loads, ANSWERED)), 1)
-    patterns = main_patterns(skin.unit_compliance, loads, answers, size.patterns)
-    moved = linear.moved(patterns)
-    few = min(size.few, patterns.shape[1])
+    loaded = main_patterns(skin.unit_compliance, loads, answers, size.patterns)
+    moved = linear.moved(loaded)
+    few = min(size.few, loaded.shape[1])
     energy = yield from _within(fit_energy(linear.tissue, linear.held, moved, few), 2)
-    work = loads @ (skin.unit_compliance @ patterns)
+    work = loads @ (skin.unit_compliance @ loaded)
     samples = np.array([balanced(energy, z) for z in _some(work, SEEN)])
     stress = yield from _within(fit_stress(linear, moved, energy, samples, few, size.fields), 3)
+    following = yield from _within(fit_following(linear, moved, samples, few, size.following), 4)
     skins = np.unique(skin.mesh.surface)  # beyond the pad, too: at its rim a pattern is then read between places
-    return Stiffening(energy, Patterns.through(skin.mesh.nodes[skins], moved[:, skins].transpose(1, 2, 0)), stress, key)
+    known = Patterns.through(skin.mesh.nodes[skins], moved[:, skins].transpose(1, 2, 0))
+    return Stiffening(energy, known, stress, key, following)
 
 
 def main_patterns(compliance: Array, loads: Array, answers: Array, count: int) -> Array:

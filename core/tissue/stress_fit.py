@@ -50,10 +50,10 @@ def fit_stress(
     squares = reading.squares(slopes) - first @ _slopes_of_squares(energy).T
     yield len(batches) + 2, steps
     cubes = np.zeros((len(right) * few, few * (few + 1) // 2))
-    for done, part in _cubes(linear, reading, slopes.first(few)):
+    for done, part in cubes_of(linear, reading, slopes.first(few)):
         cubes += part
         yield len(batches) + 2 + done, steps
-    cubes = _rising(cubes.reshape(len(right), few, -1)) - first[:, : energy.few] @ _slopes_of_cubes(energy, few).T
+    cubes = rising_cubes(cubes.reshape(len(right), few, -1)) - first[:, : energy.few] @ _slopes_of_cubes(energy, few).T
     fields = np.ascontiguousarray((right / weight).T.reshape(len(mesh.tetrahedra), 6, -1), np.float32)
     return StressSeries(mesh.nodes, mesh.tetrahedra, fields, squares.astype(np.float32), cubes.astype(np.float32))
 
@@ -72,7 +72,7 @@ def _beyond(linear: HeldTissue, patterns: Array, own: Array, energy: Energy, amo
     return np.concatenate([stress[2] - square @ own, stress[3] - (force - square) @ own])
 
 
-def _cubes(linear: HeldTissue, reading: StressReading, slopes: Slopes) -> Generator[tuple[int, Array], None, None]:
+def cubes_of(linear: HeldTissue, reading: StressReading, slopes: Slopes) -> Generator[tuple[int, Array], None, None]:
     """Yield parts of what multiplies a pair and one more pattern in the amounts, shape (r few, pairs)."""
     tissue, mesh = linear.tissue, linear.tissue.mesh
     first, few = tissue.lame[0], len(slopes.trace)
@@ -94,7 +94,7 @@ def _cubes(linear: HeldTissue, reading: StressReading, slopes: Slopes) -> Genera
         yield n + 1, part if n else part + nodal
 
 
-def _rising(cubes: Array) -> Array:
+def rising_cubes(cubes: Array) -> Array:
     """Return what multiplies q_a q_b q_c, a <= b <= c, from pairs and one more, (r, few, pairs) to (r, triples)."""
     few = cubes.shape[1]
     pair, one = np.meshgrid(np.arange(cubes.shape[2]), np.arange(few))

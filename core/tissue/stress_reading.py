@@ -52,6 +52,18 @@ class StressReading:
         follow = Slopes.of(tissue, moved).gradient * volumes
         return cls(tissue, stress, follow, to_nodes(mesh, trace - np.einsum("reii->re", follow)))
 
+    @classmethod
+    def of_following(cls, linear: HeldTissue, weights: Array) -> StressReading:
+        """Return what reads displacement [m] and pressure of the nodes with weights of shape (r, n, 4)."""
+        tissue, mesh = linear.tissue, linear.tissue.mesh
+        squeeze = tissue.lame[0] * (weights[..., 3] @ mesh.averaging)
+        volumes = tissue.geometry.volumes[:, None, None]
+        held = squeeze[..., None, None] * np.eye(3) / volumes
+        moved = linear.followed_forces(tissue.forces(held) + weights[..., :3])
+        follow = Slopes.of(tissue, moved).gradient * volumes
+        pressure = weights[..., 3] - to_nodes(mesh, np.einsum("reii->re", follow))
+        return cls(tissue, np.zeros_like(follow), follow, pressure)
+
     def squares(self, slopes: Slopes) -> Array:
         """Return what multiplies q_a q_b, a <= b, in the amounts, shape (r, pairs)."""
         first, mesh = self.tissue.lame[0], self.tissue.mesh

@@ -20,8 +20,8 @@ PRESSES, SLIDES, KEPT = 12, 16, 4  # poses of a run, and every which of them is 
 DEPTHS = (1.0e-3, 2.4e-3)  # [m] on the pulp of the standard finger
 SLIDE = 6e-3  # [m] at most, there
 RADII = (1.5e-3, 20e-3)  # [m]
-TILTS = ((-0.15, 0.5), (-0.35, 0.35))  # about X and Y [rad]
-ASIDE = 2.5e-3  # [m] from the pad's lowest point
+TILTS = ((-0.4, 0.5), (-0.4, 0.4))  # about X and Y [rad]
+ASIDE = 3.5e-3  # [m] from the pad's lowest point
 FRICTIONS = (0.0, 0.3, 0.6)
 SHARES = {"flat": 0.28, "ball": 0.28, "rod": 0.18, "edge": 0.16, "rib": 0.1}
 
@@ -75,11 +75,11 @@ def loads_of(skin: SkinModel, touch: Touch) -> Array:
 def _drawn(skin: SkinModel, size: float, rng: np.random.Generator) -> Touch:
     kind = str(rng.choice(list(SHARES), p=list(SHARES.values())))
     radius = size * float(np.exp(rng.uniform(*np.log(RADII))))
-    angle = rng.uniform(0.6, 1.1) if kind == "edge" else rng.uniform(0.1, 0.3)
+    angle = rng.uniform(0.5, 1.1) if kind == "edge" else rng.uniform(0.1, 0.3)
     surface = {"flat": flat, "ball": lambda: ball(radius), "rod": lambda: rod(radius)}.get(
         kind, lambda: edge(size * rng.uniform(0.2e-3, 0.6e-3), angle)
     )()
-    rotation = _turned(rng.uniform(*TILTS[0]), rng.uniform(*TILTS[1]), rng.choice([0.0, np.pi / 2]))
+    rotation = _turned(rng.uniform(*TILTS[0]), rng.uniform(*TILTS[1]), rng.uniform(0.0, np.pi))
     aside, friction = size * rng.uniform(-ASIDE, ASIDE, 2), float(rng.choice(FRICTIONS))
     depth, along = size * rng.uniform(*DEPTHS), rng.uniform(0.0, 2.0 * np.pi)
     slide = size * rng.uniform(0.0, SLIDE) * (friction > 0.0)

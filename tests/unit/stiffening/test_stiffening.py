@@ -11,6 +11,7 @@ from core.errors import DermisError
 from core.files import write_npz
 from core.npz import read_npz
 from core.stiffening.energy import Energy
+from core.stiffening.following import Following
 from core.stiffening.patterns import Patterns
 from core.stiffening.stiffening import Stiffening
 from core.stiffening.stress_series import StressSeries
@@ -34,7 +35,10 @@ def small() -> Stiffening:
         (1e9 * rng.normal(size=(RANK, entries(COUNT, 2)))).astype(np.float32),
         (1e13 * rng.normal(size=(RANK, entries(FEW, 3)))).astype(np.float32),
     )
-    return Stiffening(energy, Patterns.through(centres, rng.normal(size=(6, 3, COUNT))), stress, "a" * 64)
+    following = Following(
+        rng.normal(size=(NODES, 4, RANK)).astype(np.float32), stress.squares.copy(), stress.cubes.copy()
+    )
+    return Stiffening(energy, Patterns.through(centres, rng.normal(size=(6, 3, COUNT))), stress, "a" * 64, following)
 
 
 def test_what_is_written_is_read(tmp_path: Path) -> None:
@@ -50,6 +54,11 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read.stress.tetrahedra, made.stress.tetrahedra)
     assert np.abs(read.stress.fields - made.stress.fields).max() <= 2.0**-11 * np.abs(made.stress.fields).max()
     assert read.stress.nodal.shape == (NODES, 6, RANK)
+    assert read.following is not None and made.following is not None
+    moved = made.following.fields
+    assert np.abs(read.following.fields - moved).max() <= 2.0**-11 * np.abs(moved).max()
+    amounts = made.following.amounts(q)
+    assert np.abs(read.following.amounts(q) - amounts).max() <= 2e-3 * np.abs(amounts).max()
     amounts = made.stress.amounts(q)
     assert np.abs(read.stress.amounts(q) - amounts).max() <= 2e-3 * np.abs(amounts).max()
 
@@ -85,6 +94,8 @@ def test_the_same_numbers_make_the_same_bytes(tmp_path: Path) -> None:
         ("squares_scale", np.zeros(RANK, np.float32), "do not fit"),
         ("cubes", np.ones((RANK, 2), np.float16), "do not fit"),
         ("key", np.ones(3), "do not fit"),
+        ("following", np.ones((RANK, 6 * NODES), np.float16), "do not fit"),
+        ("following_cubes", np.full((RANK, entries(FEW, 3)), np.nan), "do not fit"),
     ],
 )
 def test_arrays_that_do_not_fit_are_refused(tmp_path: Path, name: str, value: np.ndarray, said: str) -> None:

@@ -1,0 +1,40 @@
+"""Following: how tissue follows a skin that is displaced, beyond linear tissue, a polynomial in q."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..arrays import Array, Floats32, Indices
+from .symmetric import rising, side
+
+
+@dataclass(frozen=True, eq=False)
+class Following:
+    """Displacement and pressure of the second and third power at E = 1, the pad being held in the patterns.
+
+    Both are smooth, and the law makes stress of them: where tissue is sheared far, a series of the stress itself fails.
+
+    Attributes:
+        fields: displacement x, y, z [m] and pressure at the nodes of the stress series' mesh, shape (n, 4, r).
+        squares: how much of each field a product q_a q_b, a <= b, brings, shape (r, k (k + 1) / 2).
+        cubes: that of q_a q_b q_c, a <= b <= c, of the first l patterns, shape (r, l (l + 1) (l + 2) / 6).
+    """
+
+    fields: Floats32
+    squares: Floats32
+    cubes: Floats32
+
+    def amounts(self, q: Array) -> Array:
+        """Return how much of each field there is, shape (r,)."""
+        i, j = np.triu_indices(len(q))
+        a, b, c = self._triples
+        square = self.squares @ (q[i] * q[j]).astype(np.float32)
+        return np.asarray(square + self.cubes @ (q[a] * q[b] * q[c]).astype(np.float32), np.float64)
+
+    @cached_property
+    def _triples(self) -> tuple[Indices, Indices, Indices]:
+        a, b, c = rising(side(self.cubes.shape[1], 3), 3)
+        return a, b, c

@@ -24,8 +24,8 @@ from .stress_series import StressSeries
 from .symmetric import packed_cubic, packed_quartic, side, whole_cubic, whole_quartic
 
 VERSION = 1
-_ARRAYS = "version key cubic quartic centres displacement nodes tetrahedra fields squares cubes".split()
-_FLOATS = "cubic quartic centres displacement nodes fields squares cubes".split()
+_ARRAYS = "version key cubic quartic reach centres displacement nodes tetrahedra fields squares cubes".split()
+_FLOATS = "cubic quartic reach centres displacement nodes fields squares cubes".split()
 _FOLLOWING = ("following", "following_squares", "following_cubes")
 _HALF = ("fields", "squares", "cubes")  # each row by its largest number: stress is then good to 0.05 %
 
@@ -63,6 +63,7 @@ class Stiffening:
             "key": np.array(self.key),
             "cubic": packed_cubic(self.energy.cubic).astype(np.float32),
             "quartic": packed_quartic(self.energy.quartic).astype(np.float32),
+            "reach": np.zeros(0) if self.energy.reach is None else self.energy.reach,
             "centres": self.patterns.centres,
             "displacement": self.patterns.at(self.patterns.centres),
             "nodes": stress.nodes,
@@ -106,7 +107,11 @@ class Stiffening:
             moved, squares, cubes = (np.ascontiguousarray(rows[name]) for name in _FOLLOWING)
             following = Following(np.ascontiguousarray(moved.T.reshape(len(found["nodes"]), 4, -1)), squares, cubes)
         return cls(
-            Energy(whole_cubic(found["cubic"]), whole_quartic(found["quartic"])),
+            Energy(
+                whole_cubic(found["cubic"]),
+                whole_quartic(found["quartic"]),
+                found["reach"] if found["reach"].size else None,
+            ),
             Patterns.through(found["centres"], found["displacement"]),
             StressSeries(
                 found["nodes"],
@@ -151,8 +156,11 @@ def _fits(found: dict[str, NDArray[Any]]) -> bool:
         fits = nodes.ndim == 2 and moved.shape[1] == 4 * len(nodes) and 0 < side(cubes.shape[1], 3) <= count
         if not (fits and squares.shape[1] == count * (count + 1) // 2):
             return False
+    reach = found["reach"]
     return (
         0 < few <= count
+        and reach.shape in ((0,), (count,))
+        and bool((reach > 0.0).all())
         and centres.ndim == 2
         and found["displacement"].shape == (len(centres), 3, count)
         and centres.shape[1] == 3

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -30,6 +30,7 @@ _ENDS = (0, 6, 14, 40, 70, STEPS)  # of the steps: touches, their answers, energ
 AT_ONCE = 12  # loads that are answered together
 ANSWERED = 300  # loads at most, whose answers patterns are to hold
 SEEN = 200  # samples at most that say which fields of stress matter
+RAREST = 0.3  # of all that there is, how much there may be of a pattern that touches hardly bring
 _FAINT = 0.05  # of the largest load: smaller ones do not count for as much
 
 
@@ -45,10 +46,10 @@ class Size:
 
     level: str = "standard"
     touches: int = 180
-    patterns: int = 100
-    few: int = 40
-    fields: int = 50
-    following: int = 70
+    patterns: int = 52
+    few: int = 52
+    fields: int = 30
+    following: int = 40
 
 
 STANDARD = Size()
@@ -76,12 +77,25 @@ def fit_stiffening(
     few = min(size.few, loaded.shape[1])
     energy = yield from _within(fit_energy(linear.tissue, linear.held, moved, few), 2)
     work = loads @ (skin.unit_compliance @ loaded)
+    energy = replace(energy, reach=reach_of(work))
     samples = np.array([balanced(energy, z) for z in _some(work, SEEN)])
     stress = yield from _within(fit_stress(linear, moved, energy, samples, few, size.fields), 3)
     following = yield from _within(fit_following(linear, moved, samples, few, size.following), 4)
     skins = np.unique(skin.mesh.surface)  # beyond the pad, too: at its rim a pattern is then read between places
     known = Patterns.through(skin.mesh.nodes[skins], moved[:, skins].transpose(1, 2, 0))
     return Stiffening(energy, known, stress, key, following)
+
+
+def reach_of(amounts: Array) -> Array:
+    """Return how much of each pattern the series is to be followed to, shape (k,), from what touches bring, (s, k).
+
+    Half of the measure is how much there is in all, half of what kind it is; what touches bring lies within 1 of it.
+    """
+    size = float(np.linalg.norm(amounts, axis=1).max())
+    kind = np.sqrt((amounts * amounts).mean(axis=0))
+    kind *= np.linalg.norm(amounts / kind, axis=1).max()
+    reach = 1.0 / np.sqrt(0.5 / size**2 + 0.5 / np.maximum(kind, RAREST * size) ** 2)
+    return np.asarray(reach * np.linalg.norm(amounts / reach, axis=1).max())
 
 
 def main_patterns(compliance: Array, loads: Array, answers: Array, count: int) -> Array:

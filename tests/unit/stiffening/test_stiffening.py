@@ -24,7 +24,9 @@ def small() -> Stiffening:
     """Return a stiffening of random numbers."""
     rng = np.random.default_rng(3)
     energy = Energy(
-        whole_cubic(1e4 * rng.normal(size=entries(COUNT, 3))), whole_quartic(1e8 * rng.normal(size=entries(FEW, 4)))
+        whole_cubic(1e4 * rng.normal(size=entries(COUNT, 3))),
+        whole_quartic(1e8 * rng.normal(size=entries(FEW, 4))),
+        rng.uniform(1.0, 2.0, COUNT),
     )
     centres = rng.normal(size=(6, 3)) * 1e-3
     nodes = rng.normal(size=(NODES, 3)) * 1e-3
@@ -49,6 +51,8 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     places = made.stress.nodes
     assert read.key == made.key and read.count == COUNT and read.energy.few == FEW
     np.testing.assert_allclose(read.energy.force(q), made.energy.force(q), rtol=1e-5)
+    assert read.energy.reach is not None and made.energy.reach is not None
+    np.testing.assert_array_equal(read.energy.reach, made.energy.reach)
     np.testing.assert_allclose(read.patterns.at(places), made.patterns.at(places), atol=1e-5)
     np.testing.assert_array_equal(read.stress.nodes, made.stress.nodes)
     np.testing.assert_array_equal(read.stress.tetrahedra, made.stress.tetrahedra)
@@ -85,6 +89,8 @@ def test_the_same_numbers_make_the_same_bytes(tmp_path: Path) -> None:
         ("cubic", np.ones(34), "do not fit"),
         ("quartic", np.ones(entries(COUNT + 1, 4)), "do not fit"),
         ("quartic", np.array([np.nan] * entries(FEW, 4)), "do not fit"),
+        ("reach", np.ones(COUNT + 1), "do not fit"),
+        ("reach", np.zeros(COUNT), "do not fit"),
         ("displacement", np.ones((6, 3, COUNT + 1), np.float32), "do not fit"),
         ("centres", np.zeros((6, 3)), "places that differ"),
         ("tetrahedra", np.array([[0, 1, 2, NODES]]), "do not fit"),

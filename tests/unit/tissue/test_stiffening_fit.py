@@ -1,0 +1,36 @@
+"""Which patterns are kept of what touches bring, and how far their series is followed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("scipy")
+
+from core.tissue.stiffening_fit import RAREST, main_patterns, reach_of
+
+
+def test_what_touches_bring_lies_within_reach_and_one_of_them_on_its_rim() -> None:
+    amounts = np.random.default_rng(0).normal(size=(200, 5)) * [1.0, 0.5, 0.1, 0.02, 1e-6]
+    far = np.linalg.norm(amounts / reach_of(amounts), axis=1)
+    assert far.max() == pytest.approx(1.0) and far.min() > 0.0
+
+
+def test_more_is_trusted_of_what_touches_bring_more_of_and_a_share_of_all_else() -> None:
+    amounts = np.random.default_rng(1).normal(size=(200, 5)) * [1.0, 0.5, 0.1, 0.02, 1e-6]
+    reach = reach_of(amounts)
+    assert (np.diff(reach[:3]) < 0.0).all()
+    assert reach[4] == pytest.approx(reach[3])  # both by the share
+    assert reach[4] > 0.5 * RAREST * np.linalg.norm(amounts, axis=1).max()
+
+
+def test_the_main_patterns_store_one_each_and_hold_the_loads_that_come_most() -> None:
+    rng = np.random.default_rng(2)
+    root = rng.normal(size=(12, 12))
+    compliance = root @ root.T + np.eye(12)
+    three = rng.normal(size=(3, 12))
+    loads = rng.normal(size=(40, 3)) @ three
+    found = main_patterns(compliance, loads, loads, 3)
+    np.testing.assert_allclose(found.T @ compliance @ found, np.eye(3), atol=1e-10)
+    rest = loads.T - found @ (found.T @ compliance @ loads.T)
+    assert np.abs(rest).max() <= 1e-9 * np.abs(loads).max()

@@ -108,8 +108,8 @@ class Stiffening:
             following = Following(np.ascontiguousarray(moved.T.reshape(len(found["nodes"]), 4, -1)), squares, cubes)
         return cls(
             Energy(
-                whole_cubic(found["cubic"]),
-                whole_quartic(found["quartic"]),
+                whole_cubic(found["cubic"]).astype(np.float32),
+                whole_quartic(found["quartic"]).astype(np.float32),
                 found["reach"] if found["reach"].size else None,
             ),
             Patterns.through(found["centres"], found["displacement"]),

@@ -66,18 +66,6 @@ class _Below(NamedTuple):
     table: core.skin.stress_table.StressTable
 
 
-class _Stiff(NamedTuple):
-    """What skin that stiffens does beyond linear skin, at E = 1.
-
-    Attributes:
-        moved: its patterns at the nodes of the surface, shape (3 s, k).
-        stress: its fields there, as they are averaged, shape (6 s, r).
-    """
-
-    moved: Floats32
-    stress: Floats32
-
-
 class _Beyond(NamedTuple):
     """What a skin that stiffens is moved [m], shape (s, 3), and stressed [Pa], shape (s, 6), beyond linear skin."""
 
@@ -95,7 +83,7 @@ class _Kit:
         stresses: by the skin's key, from displacement to their stress at E = 1 Pa, sparse (6 s, 3 n).
         shortcuts: by the skin's key, displacement and stress of the nodes for unit forces; see `_shortcut`.
         below: by the smooth skin's remainder, stress below what is drawn of the pad.
-        stiff: by a table of how skin stiffens, with that table, what it does beyond linear skin.
+        stiff: by a table of how skin stiffens, with that table, its patterns at the nodes of the surface, (3 s, k).
     """
 
     surface: DisplaySurface
@@ -105,7 +93,7 @@ class _Kit:
     stresses: dict[str, Any] = field(default_factory=dict)
     shortcuts: dict[str, NDArray[np.float32]] = field(default_factory=dict)
     below: dict[int, _Below] = field(default_factory=dict)
-    stiff: dict[int, tuple[Any, _Stiff]] = field(default_factory=dict)
+    stiff: dict[int, tuple[Any, Floats32]] = field(default_factory=dict)
 
 
 _kits: weakref.WeakKeyDictionary[Any, _Kit] = weakref.WeakKeyDictionary()
@@ -164,15 +152,11 @@ def _beyond(own: _Kit, stimulus: core.skin.stimulus.Stimulus) -> _Beyond | None:
     kept = own.stiff.get(id(model.stiffening))
     if kept is None:
         stiff, nodes = model.stiff, own.surface.nodes
-        moved = stiff.nodes.reshape(len(model.mesh.nodes), -1)[nodes].reshape(3 * len(nodes), -1)
-        stress = own.averaging @ stiff.elements.reshape(len(model.mesh.tetrahedra), -1)
-        made = _Stiff(moved, np.asarray(stress, np.float32).reshape(6 * len(nodes), -1))
-        kept = own.stiff[id(model.stiffening)] = model.stiffening, made
-    patterns = model.stiffening.energy.force(amounts).astype(np.float32)
-    fields = (model.material.modulus * model.stiffening.stress.amounts(amounts)).astype(np.float32)
-    tables = kept[1]
-    moved, stress = -(tables.moved @ patterns), tables.stress @ fields
-    return _Beyond(np.asarray(moved.reshape(-1, 3), float), np.asarray(stress.reshape(-1, 6), float))
+        patterns = stiff.nodes.reshape(len(model.mesh.nodes), -1)[nodes].reshape(3 * len(nodes), -1)
+        kept = own.stiff[id(model.stiffening)] = model.stiffening, patterns
+    moved = -(kept[1] @ model.stiffening.energy.force(amounts).astype(np.float32))
+    stress = own.averaging @ (model.material.modulus * model.stiff.beyond(amounts))
+    return _Beyond(np.asarray(moved.reshape(-1, 3), float), np.asarray(stress, float))
 
 
 def _beneath(

@@ -13,7 +13,8 @@ from typing import NamedTuple
 from ..parameters.error_bands import DEPTHS, LINEAR, NEO_HOOKEAN, SLID_AT, SLIDES, error_band
 from .solver.path import DEPTH_LIMIT
 
-WORST = 0.2  # of the stress, in half of the touches: what linear skin reaches at its depth limit
+# Of the stress, in half of the touches: what linear skin reaches at its depth limit.
+WORST = error_band(LINEAR, DEPTH_LIMIT).stress.median
 WORDS = {LINEAR: "linear", NEO_HOOKEAN: "neo-Hookean"}
 
 

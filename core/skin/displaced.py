@@ -23,15 +23,19 @@ def displaced_stress(operator: StressOperator, displacement: Array, pressure: Ar
     """
     shear = lame(1.0, operator.material.poisson)[1]
     tetra = operator.mesh.tetrahedra
-    f = np.swapaxes(displacement[tetra], 1, 2) @ operator.geometry.gradients
-    f[:, [0, 1, 2], [0, 1, 2]] += 1.0
-    volume = np.einsum("ei,ei->e", f[:, 0], np.cross(f[:, 1], f[:, 2]))
+    moved = np.ascontiguousarray(displacement[tetra].transpose(1, 2, 0))  # elements last: products are of long rows
+    slopes = np.ascontiguousarray(operator.geometry.gradients.transpose(1, 2, 0))
+    f = np.einsum("aie,aje->ije", moved, slopes)
+    for i in range(3):
+        f[i, i] += 1.0
+    (a, b, c), (d, g, h), (k, m, n) = f
+    volume = a * (g * n - h * m) - b * (d * n - h * k) + c * (d * m - g * k)
     over = shear / np.maximum(volume, _FLATTEST)
-    left = f @ np.swapaxes(f, 1, 2)
-    out = np.stack([left[:, i, j] for i, j in _PAIRS], axis=1)
-    out[:, :3] -= 1.0
-    out *= over[:, None]
-    out[:, :3] += pressure[tetra].mean(axis=1)[:, None]
+    pressed = pressure[tetra].mean(axis=1)
+    out = np.empty((len(tetra), 6))
+    for column, (i, j) in enumerate(_PAIRS):
+        left = np.einsum("ke,ke->e", f[i], f[j])
+        out[:, column] = over * (left - 1.0) + pressed if i == j else over * left
     return out
 
 

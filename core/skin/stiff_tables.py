@@ -112,9 +112,14 @@ class StiffTables:
     def beyond(self, q: Array) -> Array:
         """Return the stress of the elements beyond that of the same forces on linear tissue, at E = 1, shape (e, 6).
 
+        Beyond the reach of the series it grows no faster than q.
+
         Args:
             q: how much of each pattern there is, shape (k,).
         """
+        far = self.stiffening.energy.far(q)
+        if far > 1.0:
+            return far * self.beyond(q / (far * (1.0 + 1e-12)))
         fields, known = self.following, self.stiffening.following
         if fields is None or known is None:
             return (self.elements @ self.stiffening.stress.amounts(q).astype(np.float32)).astype(float).reshape(-1, 6)

@@ -50,6 +50,10 @@ class Energy:
         """Number of patterns l of which the fourth power is kept."""
         return int(np.sqrt(2 * len(self.quartic)))
 
+    def far(self, q: Array) -> float:
+        """Return t = |q / reach|, 0 where nothing bounds it."""
+        return 0.0 if self.reach is None else float(np.linalg.norm(q / self.reach))
+
     def value(self, q: Array) -> float:
         """Return Phi3 + Phi4."""
         third, fourth = self._beyond(q, self._powers(q))

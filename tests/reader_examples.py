@@ -172,7 +172,7 @@ def _network() -> Network:
     return Network(rng.random(7), np.ones(7), rng.random((4, 7)), rng.random(4), rng.random((2, 4)), rng.random(2))
 
 
-SKIN = SimpleNamespace(key="skin", pad_count=4, shape=None, material=SimpleNamespace(modulus=1e5))
+SKIN = SimpleNamespace(key="skin", pad_count=4, shape=None, stiffening=None, material=SimpleNamespace(modulus=1e5))
 
 
 @cache

@@ -217,6 +217,7 @@ MODEL = {name: np.zeros((3, 3)) for name in skin_store.MESH_ARRAYS} | {"complian
 REMAINDER = {"centres": np.zeros((4, 3)), "mixing": np.ones((4, 2)), "surface": np.ones((2, 3, 2, 3), "<f4")}
 REMAINDER["beneath"] = np.ones((3, 1, 9, 1, 3), "<f4")
 STIFFENING = {"version": np.array(1), "key": np.array("ab"), "cubic": np.ones(4, "<f4"), "quartic": np.ones(5, "<f4")}
+STIFFENING |= {"reach": np.ones(2)}
 STIFFENING |= {"centres": 1e-3 * np.eye(3), "displacement": np.ones((3, 3, 2), "<f4"), "nodes": np.zeros((4, 3))}
 STIFFENING |= {
     "tetrahedra": np.arange(4).reshape(1, 4),

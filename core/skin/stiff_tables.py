@@ -112,23 +112,37 @@ class StiffTables:
     def beyond(self, q: Array) -> Array:
         """Return the stress of the elements beyond that of the same forces on linear tissue, at E = 1, shape (e, 6).
 
-        Beyond the reach of the series it grows no faster than q.
-
         Args:
             q: how much of each pattern there is, shape (k,).
         """
-        far = self.stiffening.energy.far(q)
+        stress, held = self.felt(q)
+        return stress - self._unit.stress(held)
+
+    def felt(self, q: Array) -> tuple[Array, Array]:
+        """Return the stress of tissue displaced by patterns, and how far the forces of that move linear tissue.
+
+        Beyond the reach of the series both grow no faster than q.
+
+        Args:
+            q: how much of each pattern there is, shape (k,).
+
+        Returns:
+            stress of the elements at E = 1, shape (e, 6), and displacement of the nodes [m], shape (n, 3).
+        """
+        energy = self.stiffening.energy
+        far = energy.far(q)
         if far > 1.0:
-            return far * self.beyond(q / (far * (1.0 + 1e-12)))
+            stress, held = self.felt(q / (far * (1.0 + 1e-12)))
+            return far * stress, far * held
+        both = np.stack([q, q + energy.force(q)], axis=1).astype(np.float32)
+        moved, held = (self.nodes @ both).astype(np.float64).T.reshape(2, -1, 3)
         fields, known = self.following, self.stiffening.following
         if fields is None or known is None:
-            return (self.elements @ self.stiffening.stress.amounts(q).astype(np.float32)).astype(float).reshape(-1, 6)
-        moved = (self.nodes @ q.astype(np.float32)).astype(np.float64).reshape(-1, 3)
+            beyond = (self.elements @ self.stiffening.stress.amounts(q).astype(np.float32)).astype(float).reshape(-1, 6)
+            return self._unit.stress(held) + beyond, held
         more = (fields @ known.amounts(q).astype(np.float32)).astype(np.float64).reshape(-1, 4)
-        stress = displaced_stress(self._unit, moved + more[:, :3], linear_pressure(self._unit, moved) + more[:, 3])
-        force = self.stiffening.energy.force(q)
-        held = moved + (self.nodes @ force.astype(np.float32)).astype(np.float64).reshape(-1, 3)
-        return stress - self._unit.stress(held)
+        pressure = linear_pressure(self._unit, moved) + more[:, 3]
+        return displaced_stress(self._unit, moved + more[:, :3], pressure), held
 
     @cached_property
     def _unit(self) -> StressOperator:

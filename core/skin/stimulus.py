@@ -91,8 +91,11 @@ class Stimulus:
 
         It is that of forces on nodes, smeared over an element: near the skin read `probe_stress`.
         """
-        out = self.skin.operator.stress(self._linear_displacement)
-        return out if self._more is None else out + self._more
+        skin = self.skin
+        if skin.stiffening is None or self.amounts is None:
+            return skin.operator.stress(self._linear_displacement)
+        stress, held = skin.stiff.felt(self.amounts)
+        return skin.operator.stress(self._linear_displacement - held) + skin.material.modulus * stress
 
     @cached_property
     def probe_stress(self) -> Array:

@@ -36,6 +36,7 @@ UNCHANGED = 1.0
 MAX_ITERATIONS = 300
 # An iteration that stands still at once, while the check fails, so many times in a frame gets no further.
 MAX_ROUNDS = 30
+SHARPER = 0.1
 USABLE = 0.05  # residual up to which the best that was found of skin that stiffens is better than linear skin
 # Iterations up to which a frame counts as easy: the next may need none.
 EASY = 3
@@ -355,13 +356,15 @@ class PathSolver:
         self._candidates.follow(gaps.clearance, self.loaded, self._spacing, soft)
         reference = start
         force, y = self._extrapolated(start, w)
-        ahead = 0.0 if self._stiff is None else self._stiff.begin()
+        stiff = None if self._stiff is None or self._stiff.still else self._stiff
+        ahead = 0.0 if stiff is None else stiff.begin()
         iterations = rounds = 0
+        sharp, before = self.tolerance, np.inf
         while True:
             members = self._candidates.members
             z = reference[members]
             exact = (image[members] + soft[members, None] * z).reshape(-1)
-            if self._stiff is not None and rounds == 0:
+            if stiff is not None and rounds == 0:
                 exact -= np.asarray(ahead)[members].reshape(-1)
             iteration = iterate(
                 self._inverse(),
@@ -372,7 +375,7 @@ class PathSolver:
                 State(force[members], y[members]),
                 State(z, z),
                 exact,
-                self.tolerance,
+                sharp,
                 MAX_ITERATIONS,
             )
             iterations += iteration.iterations
@@ -382,15 +385,20 @@ class PathSolver:
             if not np.isfinite(iteration.state.z).all():
                 return self._fall_back(start, b, gaps, soft, iterations)
             image = self._apply(force)
-            if self._stiff is not None:
-                self._stiff.learn()
+            if stiff is not None:
+                stiff.learn()
             w = image + soft[:, None] * force + b
             y = w / -rho
             y[members] = iteration.state.y
             reference = force
             residual, status = assess(force, w, normal, mu, 1.0 / rho)
             if residual <= goal and self._balanced(goal):
+                if stiff is not None:
+                    stiff.lost = False
                 return Solution(force, w, normal, mu, status, iterations, residual, goal, "admm"), y, image, "solved"
+            if stiff is not None and residual > 0.5 * before:
+                sharp *= SHARPER  # where tissue nearly gives way, an iteration stands still long before its answer
+            before = residual
             missed = np.flatnonzero(np.logical_not(self._candidates.inside) & (along(w, normal) < 0.0))
             if missed.size:
                 self._candidates.add(missed, soft)
@@ -413,12 +421,12 @@ class PathSolver:
         """Solve the frame in float64 with every method there is."""
         self.counters["fallback"] += 1
         near = np.flatnonzero(gaps.body >= 0)
-        if self._stiff is None:
+        if self._stiff is None or self._stiff.still:
             return self._solved_exactly(near, force, b, gaps, soft, iterations)
         best = None
         self._stiff.go_back()
         start = np.where((gaps.body >= 0)[:, None], self._force, 0.0)
-        for _ in range(self.tangents):
+        for _ in range(0 if self._stiff.lost else self.tangents):
             found = self._solved_exactly(near, start, b, gaps, soft, iterations)
             start, iterations, off = found[0].force, found[0].iterations, found[0].residual
             if not np.isfinite(off):
@@ -431,8 +439,9 @@ class PathSolver:
             return best
         # no balance was found, or none is near: what linear skin does, which says that it did not converge
         self._stiff.rest()
-        linear, w, image, work = self._solved_exactly(near, np.zeros_like(start), b, gaps, soft, iterations)
-        return replace(linear, residual=max(linear.residual, 1.0)), w, image, work
+        linear, y, image, work = self._solve(b, gaps, soft)
+        self._stiff.still = False
+        return replace(linear, residual=max(linear.residual, 1.0)), y, image, work
 
     def _solved_exactly(
         self, near: Indices, start: Array, b: Array, gaps: NodeGaps, soft: Array, iterations: int
@@ -507,7 +516,9 @@ class PathSolver:
 
     def _inverse(self) -> Floats32 | Tangent:
         """Return what takes small changes of the members' displacement to those of their forces, shifted."""
-        return self._candidates.matrix if self._stiff is None else self._stiff.tangent(self._candidates)
+        if self._stiff is None or self._stiff.still:
+            return self._candidates.matrix
+        return self._stiff.tangent(self._candidates)
 
     def nodal(self, force: Array) -> Array:
         """Return forces on the points [N] as forces on the nodes of the skin's mesh, which here are the same."""

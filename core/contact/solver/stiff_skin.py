@@ -57,6 +57,7 @@ class StiffSkin:
     Attributes:
         patterns: at the points, shape (n, 3, k). balance: of the last forces that were asked about.
         tolerance: of the balance, relative to the forces' work.
+        still: it is linear skin for now. lost: the last frame was solved so, since nothing was balanced.
     """
 
     def __init__(self, stiffening: Stiffening, modulus: float, patterns: Floats32 | None = None) -> None:
@@ -87,15 +88,16 @@ class StiffSkin:
         self.balance.reset()
         none = np.zeros(self.stiffening.count)
         self._last = self._start = none, none  # work of the last forces and n there; where the frame began
-        self._bent, self._first, self._before, self._still = none, True, self.balance.save(), False
+        self._bent, self._first, self._before = none, True, self.balance.save()
+        self.still = self.lost = False
 
     def save(self) -> tuple[Any, ...]:
         """Return the state, for `restore`."""
-        return self.balance.save(), self.patterns, self._middle, self._last, self._bent
+        return self.balance.save(), self.patterns, self._middle, self._last, self._bent, self.lost
 
     def restore(self, state: tuple[Any, ...]) -> None:
         """Go back to a saved state."""
-        balance, self.patterns, self._middle, self._last, self._bent = state
+        balance, self.patterns, self._middle, self._last, self._bent, self.lost = state
         self.balance.restore(balance)
         self._image = None
 
@@ -106,7 +108,7 @@ class StiffSkin:
 
     def beyond(self, force: Array) -> Array:
         """Return by how much less than linear skin it gives way under forces [N], shapes (n, 3) to (n, 3) [m]."""
-        if self._still:
+        if self.still:
             return np.zeros((len(self.patterns), 3))
         loaded = np.flatnonzero(force.any(axis=1))
         rows = self.patterns if 2 * len(loaded) > len(force) else self.patterns[loaded]
@@ -123,7 +125,7 @@ class StiffSkin:
 
     def begin(self) -> Array:
         """Begin a frame: return how far its first line will miss what skin does, as in the last frame, (n, 3) [m]."""
-        self._start, self._first, self._still, self._before = self._last, True, False, self.balance.save()
+        self._start, self._first, self._before = self._last, True, self.balance.save()
         return self._moved(self._bent)
 
     def go_back(self) -> None:
@@ -132,9 +134,9 @@ class StiffSkin:
         self._last, self._first = self._start, False
 
     def rest(self) -> None:
-        """Be linear skin until the next frame begins: nothing was balanced."""
+        """Be linear skin while `still`: nothing was balanced."""
         self.reset()
-        self._still = True
+        self.still = self.lost = True
 
     def learn(self) -> None:
         """Note by how much the frame's first line missed what skin does under the forces that it led to."""

@@ -170,7 +170,7 @@ def _solved(context: bpy.types.Context, sample: Any) -> Iterator[None]:
     refined = coarse() and frame == _live.frame and not moment.passing()
     if refined:
         _live.seen.pop(frame, None)
-    elif frame == _live.frame and changes.edits() == _live.edits and _holds(scene, frame) and not _pending():
+    elif frame == _live.frame and changes.edits() == _live.edits and _holds(scene, frame) and not _waits():
         return
     if seen(scene, frame):
         _live.frame = frame
@@ -197,7 +197,7 @@ def _solved(context: bpy.types.Context, sample: Any) -> Iterator[None]:
         _live.states, _live.failure = (), str(error)
         _live.paths = {}
     _live.frame, _live.end, _live.edits = frame, frame, changes.edits()
-    if _live.states and not _pending():
+    if _live.states and not _waits():
         _live.seen[frame] = _live.states
         heavy = any(path.stepper.on_points for path in _live.paths.values())
         _live.kept.keep(frame, _between, HEAVY if heavy else STATES)
@@ -222,8 +222,9 @@ def _is_solved(shown: bool, presets: Iterable[str]) -> bool:
     return shown or any(active_presets.follows_skin(preset) for preset in presets)
 
 
-def _pending() -> bool:
-    return any(state.model is None for state in _live.states)
+def _waits() -> bool:
+    """Return whether a skin, or a table of it, is being made: then the same frame is solved anew now and then."""
+    return any(state.model is None or state.waits for state in _live.states)
 
 
 def _unchanged(scene: bpy.types.Scene) -> bool:
@@ -309,15 +310,18 @@ def _solve(f: int, finger: Any, posed: core.contact.posed_scene.PosedScene, fram
     note = origin(_live.first, _live.since, begins=frame == _live.first)
     if path.stepper.cut:
         note += "; coarse while it moves"
+    waits = False
     if skin_models.wants_pad(finger.parameters):
         made = skin_models.make_pad(finger.parameters["skin"])
+        waits = made is not None
         note += "; at the mesh's nodes" + (f" while the smooth skin is made: {made:.0%}" if made is not None else "")
     if skin_models.wants_stiffening(finger.parameters):
         made = skin_models.make_stiffening(finger.parameters["skin"])
+        waits = waits or made is not None
         why = skin_models.refusal(finger.parameters["skin"], skin_models.STIFFENING)
         note += "; linear tissue" + (f" while its table is made: {made:.0%}" if made is not None else f": {why}")
     state = SkinState.of(finger.name, model, step, "live", note, _counters(path.stepper))
-    return replace(state, coarse=True) if path.stepper.cut else state
+    return replace(state, coarse=path.stepper.cut, waits=waits)
 
 
 def _path_of(f: int, finger: Any, model: Any, posed: core.contact.posed_scene.PosedScene) -> _FingerPath:

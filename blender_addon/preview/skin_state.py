@@ -28,7 +28,7 @@ class SkinState:
         points: the same forces where they act, on points of the smooth skin; None where contact is solved on nodes.
         amounts: how much of each pattern skin that stiffens is displaced by, shape (k,); None of linear skin.
         slide: how far friction has drawn the loaded skin along itself [m].
-        coarse: the way to the frame was walked in fewer steps than it takes.
+        coarse: the way to the frame was walked in fewer steps than it takes. waits: a table of it is being made.
     """
 
     finger: str
@@ -49,6 +49,7 @@ class SkinState:
     amounts: Array | None = None
     slide: float = 0.0
     coarse: bool = False
+    waits: bool = False
 
     @classmethod
     def of(

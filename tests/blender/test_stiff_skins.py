@@ -264,6 +264,22 @@ def test_a_preview_goes_on_with_linear_tissue_and_says_so(
     assert state.tissue == "neo_hookean"  # and not the linear skin that was seen there
 
 
+def test_the_frame_that_is_shown_follows_while_its_table_is_made(
+    pressing: bpy.types.Scene, skins: Cache, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nobody has to go to another frame to see how far the table is, or what it brings."""
+    pressing.frame_set(5)
+    for made in (0.34, 0.6):
+        monkeypatch.setattr(skin_models, "make_stiffening", lambda skin, made=made: made)
+        (state,) = skin_preview.step(bpy.context)
+        assert f"while its table is made: {made:.0%}" in state.note and state.tissue == "linear"
+    table(pressing, skins)
+    (state,) = skin_preview.step(bpy.context)
+    assert "linear tissue" not in state.note and state.tissue == "neo_hookean" and state.normal_force > 0.0
+    (again,) = skin_preview.step(bpy.context)
+    assert again is state  # and then it holds
+
+
 def test_the_legend_says_the_band_of_each_tissue() -> None:
     stiff, linear = state_of(), replace(state_of(), model=fingertip_skin(level="draft"))
     for state, word in ((stiff, "neo-Hookean"), (linear, "linear")):

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
-import numpy as np
-
-from ..arrays import Array, Floats32, Indices
-from .symmetric import rising, side
+from ..arrays import Array, Floats32
+from .symmetric import polynomial
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,12 +26,4 @@ class Following:
 
     def amounts(self, q: Array) -> Array:
         """Return how much of each field there is, shape (r,)."""
-        i, j = np.triu_indices(len(q))
-        a, b, c = self._triples
-        square = self.squares @ (q[i] * q[j]).astype(np.float32)
-        return np.asarray(square + self.cubes @ (q[a] * q[b] * q[c]).astype(np.float32), np.float64)
-
-    @cached_property
-    def _triples(self) -> tuple[Indices, Indices, Indices]:
-        a, b, c = rising(side(self.cubes.shape[1], 3), 3)
-        return a, b, c
+        return polynomial(self.squares, self.cubes, q)

@@ -11,8 +11,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Array, Floats32, Indices
-from .symmetric import rising, side
+from ..arrays import Array, Floats32
+from .symmetric import polynomial
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,12 +34,7 @@ class StressSeries:
 
     def amounts(self, q: Array) -> Array:
         """Return how much of each field there is, shape (r,)."""
-        i, j = np.triu_indices(len(q))
-        a, b, c = self._triples
-        return np.asarray(
-            self.squares @ (q[i] * q[j]).astype(np.float32) + self.cubes @ (q[a] * q[b] * q[c]).astype(np.float32),
-            np.float64,
-        )
+        return polynomial(self.squares, self.cubes, q)
 
     @cached_property
     def nodal(self) -> Floats32:
@@ -52,8 +47,3 @@ class StressSeries:
             np.add.at(sums, corner, volumes[:, None, None] * self.fields)
             np.add.at(weights, corner, volumes)
         return sums / np.maximum(weights, np.float32(1e-30))[:, None, None]
-
-    @cached_property
-    def _triples(self) -> tuple[Indices, Indices, Indices]:
-        a, b, c = rising(side(self.cubes.shape[1], 3), 3)
-        return a, b, c

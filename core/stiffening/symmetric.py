@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import itertools
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Array, Indices
+from ..arrays import Array, Floats32, Indices
 
 
 def rising(count: int, power: int) -> Indices:
@@ -75,3 +76,23 @@ def whole_quartic(packed: NDArray[np.floating]) -> Array:
 def _pair(count: int, a: Indices, b: Indices) -> Indices:
     """Return the place of the pair a <= b among all."""
     return a * count - a * (a - 1) // 2 + b - a
+
+
+def polynomial(squares: Floats32, cubes: Floats32, q: Array) -> Array:
+    """Return what products of q bring of each of r things, shape (r,).
+
+    Args:
+        squares: of q_a q_b, a <= b, shape (r, k (k + 1) / 2). cubes: of q_a q_b q_c, a <= b <= c, of the first l, shape
+            (r, l (l + 1) (l + 2) / 6). q: shape (k,).
+    """
+    i, j = np.triu_indices(len(q))
+    a, b, c = _triples(cubes.shape[1])
+    return np.asarray(
+        squares @ (q[i] * q[j]).astype(np.float32) + cubes @ (q[a] * q[b] * q[c]).astype(np.float32), np.float64
+    )
+
+
+@lru_cache(maxsize=8)
+def _triples(entries: int) -> tuple[Indices, Indices, Indices]:
+    a, b, c = rising(side(entries, 3), 3)
+    return a, b, c

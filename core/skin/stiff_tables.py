@@ -15,7 +15,7 @@ from .displaced import displaced_stress, linear_pressure
 from .material import Elastic
 from .mesh import TetraMesh
 from .shape import FingertipShape
-from .stress import StressOperator, locate, receptor_probes
+from .stress import StressOperator, locate
 
 
 class StiffTables:
@@ -89,14 +89,8 @@ class StiffTables:
         series = self.stiffening.stress
         fields = series.fields
         if not (_same(self.mesh.tetrahedra, series.tetrahedra) and _same(self.mesh.nodes, series.nodes)):
-            fields = self.at(self.mesh.nodes)[self.mesh.tetrahedra].mean(axis=1)
+            fields = self._read(self.mesh.nodes, self.stiffening.stress.nodal)[self.mesh.tetrahedra].mean(axis=1)
         return np.ascontiguousarray(fields.reshape(6 * len(self.mesh.tetrahedra), -1))
-
-    @cached_property
-    def probes(self) -> Floats32:
-        """Fields of stress at the skin's probes, shape (6 p, r)."""
-        points = receptor_probes(self.mesh).points
-        return self.at(points).reshape(6 * len(points), -1)
 
     @cached_property
     def following(self) -> Floats32 | None:
@@ -147,10 +141,6 @@ class StiffTables:
     @cached_property
     def _unit(self) -> StressOperator:
         return StressOperator(self.mesh, Elastic(1.0, self.poisson, 1.0))
-
-    def at(self, points: Array) -> Floats32:
-        """Return fields of stress at points of the tissue, smooth; those outside have what is nearest, (p, 6, r)."""
-        return self._read(points, self.stiffening.stress.nodal)
 
     def _read(self, points: Array, nodal: Floats32) -> Floats32:
         """Return fields of the series' nodes at points, shapes (n, c, r) to (p, c, r)."""

@@ -13,6 +13,7 @@ from ._core import core
 from .devices import platform_devices, skin_models
 from .film import film_objects
 from .jobs import Steps
+from .preferences import setting
 from .sampling import scene_sweep
 
 
@@ -35,7 +36,8 @@ def _baked(scene: bpy.types.Scene, library: Any, span: tuple[int, int] | None) -
     sweep = tactile.chunks
     yield from skin_models.make_tables(tactile, library)
     skins = skin_models.solved_in(tactile, library)
-    steps = core.pipeline.render.render(tactile, library, cache=skin_models.cache())
+    executor = core.work.processes.ProcessExecutor(setting("bake_cores") or core.work.processes.cores())
+    steps = core.pipeline.render.render(tactile, library, cache=skin_models.cache(), executor=executor)
     sampling_seconds = 0.0
     try:
         while True:
@@ -58,3 +60,4 @@ def _baked(scene: bpy.types.Scene, library: Any, span: tuple[int, int] | None) -
     finally:
         steps.close()
         sweep.close()
+        executor.close()

@@ -58,11 +58,21 @@ class DermisPreferences(bpy.types.AddonPreferences):
         max=1_000_000,
     )
 
+    bake_cores: IntProperty(
+        name="Cores for Baking",
+        description="Fingers that hold nothing together are baked side by side, each by a process of its own, with the "
+        "same result. 0 takes all cores, up to eight; 1 bakes in Blender alone. Each takes some 300 MB",
+        default=0,
+        min=0,
+        max=64,
+    )
+
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw the settings."""
         column = self.layout.column()
         column.use_property_split = True
         column.prop(self, "cache_megabytes")
+        column.prop(self, "bake_cores")
         row = self.layout.row()
         row.operator("dermis.open_presets", icon="FILE_FOLDER")
         row.operator("dermis.clear_results", icon="TRASH")

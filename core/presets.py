@@ -80,6 +80,11 @@ class Library:
     def __repr__(self) -> str:
         return f"Library({', '.join(str(folder) for folder, _ in self._folders)})"
 
+    @property
+    def folders(self) -> tuple[Path, ...]:
+        """The folder of the built-in presets and, where there is one, the person's own."""
+        return tuple(folder for folder, _ in self._folders)
+
     def list(self, group: str) -> tuple[PresetEntry, ...]:
         """Return all presets of a group ('devices', 'materials', 'skins'), broken ones too, by key.
 

@@ -10,38 +10,24 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from .. import reporting
 from .._core import DermisError, Finding, core
 from ..devices import skin_models
 
 PREFIX = "skin_"  # of the names of their arrays
 SMALL = ("_times", "_normal_force")  # what is read at once
-POINTS = ("starts", "cells", "force")
-SERIES = ("times", "frames", "normal_force", "tangential_force", "depth", "lift", "sticking", "slipping")
-LATER = ("amounts", "slide")  # not in every version's results, or not of every skin
 
 
 def pack(
     skins: Mapping[str, Any], made_of: Mapping[str, Mapping[str, Any]], arrays: dict[str, Any]
 ) -> list[dict[str, Any]]:
-    """Add the arrays of a bake's skins to `arrays`; return their entries of the file's header.
-
-    Displacement and stress are not kept: they follow from the forces, and of skin that stiffens from how much of each
-    pattern its contact found.
-    """
+    """Add the arrays of a bake's skins to `arrays`; return their entries of the file's header."""
     entries = []
     for i, (finger, touch) in enumerate(skins.items()):
         if finger not in made_of:
             continue
-        arrays[f"{PREFIX}{i}_contact"] = np.asarray(touch.contact, np.int32)
-        arrays[f"{PREFIX}{i}_force"] = np.asarray(touch.force, np.float32)
-        if touch.points is not None:
-            for name in POINTS:
-                arrays[f"{PREFIX}{i}_point_{name}"] = getattr(touch.points, name)
-        for name in (*SERIES, *(name for name in LATER if getattr(touch, name) is not None)):
-            arrays[f"{PREFIX}{i}_{name}"] = np.asarray(getattr(touch, name))
+        own = core.contact.skin_arrays.arrays_of(touch)
+        arrays.update({f"{PREFIX}{i}_{name}": array for name, array in own.items()})
         stiffening = touch.model.stiffening
         entries.append(
             {
@@ -142,24 +128,11 @@ def _unpacked(path: Path, entry: Mapping[str, Any]) -> Any:
         )
     with core.foreign.damage_told("the stored result cannot be read", str(path), remedy="Bake again"):
         with core.npz.opened_npz(path, kind="a stored result", trusted=True) as archive:
-            file: Any = archive.arrays([name for name in archive.names if name.startswith(f"{PREFIX}{i}_")])
-        return core.contact.skin_contact.SkinContact(
-            model=model,
-            contact=file[f"{PREFIX}{i}_contact"].astype(np.intp),
-            force=file[f"{PREFIX}{i}_force"],
-            findings=tuple(Finding(**f) for f in entry["findings"]),
-            skipped=entry["skipped"],
-            points=_points(model, {name: file.get(f"{PREFIX}{i}_point_{name}") for name in POINTS}),
-            **{name: file[f"{PREFIX}{i}_{name}"] for name in SERIES},
-            **{name: file.get(f"{PREFIX}{i}_{name}") for name in LATER},
-        )
-
-
-def _points(model: Any, arrays: Mapping[str, Any]) -> Any:
-    surface = None if arrays["cells"] is None else core.skin.surface_store.smooth_pad(model)
-    if surface is None or arrays["cells"].max(initial=-1) >= len(surface.chart.places):
-        return None
-    return core.contact.skin_contact.PointRecord(surface, **arrays)
+            prefix = f"{PREFIX}{i}_"
+            file = archive.arrays([name for name in archive.names if name.startswith(prefix)])
+        own = {name.removeprefix(prefix): array for name, array in file.items()}
+        findings = tuple(Finding(**f) for f in entry["findings"])
+        return core.contact.skin_arrays.touch_of(model, own, findings, entry["skipped"])
 
 
 def export(bake: Any, folder: Path) -> list[Path]:

@@ -18,6 +18,7 @@ from ..scene.tactile_scene import TactileScene
 from ..surface.curved_scene import curved_scene
 from ..track.export import format_of
 from ..track.file_names import FileNames
+from ..work.processes import ProcessExecutor, cores
 from .findings import FAILED, tell
 from .progress import drain_shown
 from .tracks import write
@@ -26,7 +27,10 @@ from .tracks import write
 def render(options: argparse.Namespace) -> int:
     """Render a sampled scene and write its tracks."""
     scene, library = scene_file.load(options.scene), Library(options.presets)
-    bake = drain_shown(pipeline.render(scene, library), quiet=options.quiet)
+    if options.workers < 0:
+        raise DermisError("too small", where="--workers", value=options.workers, limit=">= 0")
+    with ProcessExecutor(options.workers or cores()) as executor:
+        bake = drain_shown(pipeline.render(scene, library, executor=executor), quiet=options.quiet)
     try:
         written = outputs.export(bake, options.out, plots=options.plots)
     except DermisError:

@@ -58,6 +58,7 @@ def parser(program: str) -> argparse.ArgumentParser:
             help="also write this format; more than once",
         ),
         switch("--force", "write those formats in spite of errors"),
+        argument("--workers", type=int, default=0, metavar="N", help="processes for fingers; 0 for one a core"),
         QUIET,
         help="render a sampled scene to one CSV track per finger and device",
         description="Render a sampled scene to one CSV track per finger and device.",

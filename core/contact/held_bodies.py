@@ -42,9 +42,9 @@ class HeldBodies:
         self._held = [HeldBody(scene, pad_contact, b, skins) for b in sorted(candidates)]
 
     @property
-    def findings(self) -> tuple[Finding, ...]:
-        """What slipped, and what is held by fingers that are not solved."""
-        return tuple(finding for body in self._held for finding in body.findings)
+    def findings(self) -> dict[int, tuple[Finding, ...]]:
+        """What slipped, and what is held by fingers that are not solved, by body."""
+        return {body.index: body.findings for body in self._held}
 
     def step(self, window: SampleWindow, i: int, sample: int) -> dict[int, SkinStep]:
         """Balance what is held at sample `i` of a window; return the steps of the fingers that hold something.

@@ -23,6 +23,7 @@ from ..skin.model import SkinModel
 from .held_bodies import HeldBodies
 from .held_body import can_be_held, may_be_held
 from .holding_times import holding_times
+from .lots import lots_of
 from .pad_contact import PadContact, PairContact
 from .pad_sampler import PadSampler
 from .posed_scene import PosedScene
@@ -57,7 +58,7 @@ class SkinSampler:
         self._times: list[Array] = []
         self._waits = False
         self._kept: list[SampleWindow] = []
-        self._held_findings: tuple[Finding, ...] = ()
+        self._held_findings: dict[int, tuple[Finding, ...]] = {}  # said once, of the first finger that meets it
 
     def add(self, chunk: Chunk) -> None:
         """Take in the next samples."""
@@ -90,8 +91,8 @@ class SkinSampler:
         """
         done = sum(len(t) for t in self._times) - sum(len(s.chunk.times) for s in self._kept)
         scene = self._scene
-        every = range(len(scene.bodies))
-        candidates = {b for s in self._kept for b in every if may_be_held(scene, b, s.chunk)}
+        met = {b for f, b in pad_contact.pairs if f in self._steppers}  # by others alone: nothing here carries it
+        candidates = {b for s in self._kept for b in met if may_be_held(scene, b, s.chunk)}
         balanced = [f for f in sorted(self._balanced_with(pad_contact, candidates)) if self._steppers[f].on_points]
         for f in balanced:
             self._steppers[f].stay_on_nodes()
@@ -107,7 +108,10 @@ class SkinSampler:
                 done += 1
                 if done % 10 == 0:
                     yield done
-        self._held_findings = _held_on_nodes([self._steppers[f].name for f in balanced]) + held.findings
+        for lot in lots_of(pad_contact.pairs, candidates, self._steppers):
+            theirs = [b for b in held.findings if any((f, b) in pad_contact.pairs for f in lot)]
+            told = _held_on_nodes([self._steppers[f].name for f in balanced if f in lot])
+            self._held_findings[lot[0]] = sum((held.findings[b] for b in theirs), told)
         self._waits = False
 
     def finish(self, pad_contact: PadContact | None = None) -> dict[int, SkinContact]:
@@ -156,9 +160,7 @@ class SkinSampler:
             "skin_frames_idle": counters["idle"],
             "skin_frames_same": counters["same"] + counters["unchanged"],
         }
-        findings = stepper.findings
-        if f == min(self._steppers):  # what is said of a held object is said once
-            findings += self._held_findings
+        findings = stepper.findings + self._held_findings.get(f, ())
         return self._records[f].finished(stepper.skin, stepper.surface, times, frames, findings, skipped)
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from ..contact.chunk_checks import check_device
 from ..devices.mechanism import kind_of
 from ..devices.safe_state import safe_findings
 from ..devices.spec import DeviceSpec
@@ -18,9 +19,57 @@ from ..version import version
 from .bake import Output
 
 if TYPE_CHECKING:
+    from ..contact.pad_contact import PadContact
+    from ..contact.skin_contact import SkinContact
     from ..matching.rendered import Rendered
 
 Renderer = Callable[..., "Rendered"]
+
+
+@dataclass(frozen=True)
+class Driven:
+    """What came of one device on one finger.
+
+    Attributes:
+        output: its track; None where it could not be rendered, and then a finding of the scene says why.
+        findings: of the scene. skipped: what was not computed because the scene did not need it, by name.
+    """
+
+    output: Output | None
+    findings: tuple[Finding, ...] = ()
+    skipped: Mapping[str, int] = field(default_factory=dict)
+
+    def stamped(self, content_hash: str) -> Driven:
+        """Return it with the hash of the scene, where that was not known yet."""
+        if self.output is None:
+            return self
+        track = self.output.track
+        track = replace(track, meta={**track.meta, "content_hash": content_hash})
+        return replace(self, output=replace(self.output, track=track))
+
+
+def driven(
+    pad_contact: PadContact,
+    scene: TactileScene,
+    finger: int,
+    use: DeviceUse,
+    spec: DeviceSpec,
+    felt: SkinContact | None,
+    content_hash: str,
+) -> Driven:
+    """Render one device of one finger; one that cannot be rendered does not take the others down.
+
+    Args:
+        felt: by the finger's skin, for devices that follow it.
+    """
+    try:
+        check_device(pad_contact, scene.fingers[finger], finger, use)
+        more = (felt,) if spec.follows_skin else ()
+        rendered = renderer(spec)(pad_contact, scene, finger, use, spec, *more)
+        output = finished(rendered, scene, finger, use, content_hash)
+    except DermisError as error:
+        return Driven(None, (unavailable(scene.fingers[finger].name, error),))
+    return Driven(output, (), rendered.skipped)
 
 
 def usable(

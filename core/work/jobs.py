@@ -26,6 +26,7 @@ JOBS: Table = {
     "collect": ".design.collect:work",
     "adapt": ".matching.adapt:adapt_job",
     "compare": ".comparison.job:compare_job",
+    "share": ".pipeline.share_job:work",
 }
 _CORE = __package__.rpartition(".")[0]
 

@@ -24,7 +24,14 @@ from .child import ChildProcess, close_at_exit, command, follow_parent
 from .executor import JobExecutor, JobFuture
 from .jobs import JOBS, Arrays, Job, Report, Table
 
+MOST_WORKERS = 8  # that are asked for where nobody says how many: each takes the memory of a scene and its skins
 MAX_END_SECONDS = 2.0  # an idle child may take so long to end by itself
+
+
+def cores() -> int:
+    """Return how many processes can run side by side here, up to `MOST_WORKERS`."""
+    allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(allowed, MOST_WORKERS)
 
 
 class ProcessExecutor(JobExecutor):

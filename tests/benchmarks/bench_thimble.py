@@ -9,7 +9,6 @@ from __future__ import annotations
 import functools
 import math
 import time
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -314,65 +313,3 @@ def surrogate_network() -> Result:
     """One optimisation on the network's ONNX file, run by onnxruntime."""
     times = timing(searches("network")["us"])
     return Result("surrogate_network_us", times.median, "us", times.p95, {"paper, its machine": 7500.0})
-
-
-@benchmark("bake_ffps")
-def bake() -> Result:
-    """Finger-frames a second of five thimble fingers, from chunks of poses to servo angles."""
-    from core.contact.pad_sampler import PadSampler
-    from core.contact.skin_sampler import SkinSampler
-    from core.devices.spec import from_preset
-    from core.matching.thimble import describe, render
-    from core.presets import Library
-    from core.scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene
-
-    count, fingers = 241, 5
-    times = np.arange(count) / 60.0
-    from scipy.spatial import ConvexHull
-
-    turn, height = np.pi * (1 + 5**0.5) * np.arange(1200), 1 - (np.arange(1200) + 0.5) / 600
-    points = np.stack([np.cos(turn) * np.sqrt(1 - height**2), np.sin(turn) * np.sqrt(1 - height**2), height], axis=1)
-    faces = ConvexHull(points).simplices
-    p, q, r = (points[faces[:, i]] for i in range(3))
-    inside_out = np.einsum("ij,ij->i", np.cross(q - p, r - p), p) < 0
-    faces[inside_out] = faces[inside_out][:, ::-1]
-    ball = Mesh(15e-3 * points, faces.astype(np.int32))
-    hands = np.tile(np.eye(4), (fingers, count, 1, 1))
-    hands[:, :, 0, 3] = 40e-3 * np.arange(fingers)[:, None]
-    balls = np.tile(np.eye(4), (fingers, count, 1, 1))
-    phase = 2 * np.pi * times[None] / 4 + np.arange(fingers)[:, None]
-    balls[:, :, 0, 3] = hands[:, :, 0, 3] + 2e-3 * np.sin(2 * phase)
-    balls[:, :, 2, 3] = -15e-3 + 0.9e-3 - 0.5e-3 * np.cos(phase)
-    spec = from_preset("thimble_3rrs", {**Library().load("devices", "thimble_3rrs"), "rate": 60})
-    bodies = tuple(Body(f"ball {i}", ball, {"friction": 0.6}) for i in range(fingers))
-    use = DeviceUse("thimble_3rrs")
-    scene = TactileScene(
-        "five",
-        Fraction(60),
-        (0, count - 1),
-        60.0,
-        tuple(Finger(f"finger {i}", (use,)) for i in range(fingers)),
-        bodies,
-        (),
-        (),
-    )
-    model = skin("draft")
-    describe(device(), model, 0.6)  # made once for a finger's shape
-    chunks = [
-        Chunk(times[part] * 60, times[part], hands[:, part], balls[:, part], hands[:0, part])
-        for part in (slice(i, i + 60) for i in range(0, count, 60))
-    ]
-
-    def once() -> None:
-        touch, felt = PadSampler(scene), SkinSampler(scene, dict.fromkeys(range(fingers), model))
-        for chunk in chunks:
-            touch.add(chunk)
-            felt.add(chunk)
-        sampled, skins = touch.finish(), felt.finish()
-        for finger in range(fingers):
-            out = render(sampled, scene, finger, use, spec, skins[finger])
-            assert out.signals["contact"].mean() > 0.9
-
-    taken = measure(once, 3, warmup=1)
-    rate = fingers * count / (taken.median * 1e-3)
-    return Result("bake_ffps", rate, "1/s", None, {}, None if rate >= 250 else "below 250 finger-frames a second")

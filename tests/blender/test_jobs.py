@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import bpy
 import numpy as np
 import pytest
@@ -130,3 +132,34 @@ def test_how_far_a_job_is_goes_with_it(scene):
     assert jobs.progress().share == 0.25
     jobs.unregister()
     assert jobs.progress() is None
+
+
+def test_a_bake_on_all_cores_is_that_of_one_and_can_be_left(scene, monkeypatch):
+    build.cube("Other Cube", 0.2, location=(1.0, 0.0, 0.0))
+    tips = [bpy.data.objects["Finger"], build.finger("Other Finger", (1.0, 0.0, 0.3))]
+    build.keys(tips[1], "location", [1, 13, 25], [(1, 0, 0.2), (1, 0, 0.1), (1.003, 0, 0.1)])
+    build.keys(tips[0], "location", [1, 13, 25], [(0, 0, 0.2), (0, 0, 0.098), (0.003, 0, 0.098)])
+    for tip in tips:
+        tip.dermis.finger.skin.shown, tip.dermis.finger.skin.level = True, "draft"
+    monkeypatch.setattr("core.pipeline.shares.SAVED", 1)
+    baked, told = {}, {}
+    for cores in (1, 2):
+        monkeypatch.setattr(baking, "setting", lambda _name, cores=cores: cores)
+        told[cores] = []
+        baked[cores] = drain(baking.bake(scene, library()), told[cores].append)
+    assert "fingers" in {p.stage for p in told[2]} and "fingers" not in {p.stage for p in told[1]}
+    assert baked[1].content_hash == baked[2].content_hash and len(baked[2].skins) == 2
+    for name, skin in baked[1].skins.items():
+        assert skin.force.any() and skin.force.tobytes() == baked[2].skins[name].force.tobytes()
+    steps = baking.bake(scene, library())
+    while next(steps).stage != "fingers":
+        pass
+    steps.close()
+    assert not own_workers(), "a process went on"
+
+
+def own_workers() -> list[int]:
+    """Return the living children of this process that work for it."""
+    own = Path("/proc/self/task")
+    found = [int(pid) for task in own.iterdir() for pid in (task / "children").read_text().split()]
+    return [pid for pid in found if "work" in Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0")]

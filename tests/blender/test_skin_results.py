@@ -15,6 +15,7 @@ from blender_addon.properties import skin_properties
 from blender_addon.results import store, stored_skins
 from blender_addon.viewport import shown as views
 from blender_addon.viewport import skin_field
+from core.contact import skin_arrays
 from core.parameters.error_bands import error_band
 from core.skin.model import skin_from_parameters
 
@@ -93,7 +94,7 @@ def test_forces_on_points_are_stored_beside_those_on_nodes(baked: bpy.types.Scen
     store.forget()
     assert bpy.ops.dermis.load_result() == {"FINISHED"}
     loaded = store.current(baked).bake.skins["Finger"].points
-    for name in stored_skins.POINTS:
+    for name in skin_arrays.POINTS:
         assert np.array_equal(getattr(loaded, name), getattr(touch.points, name)), name
     baked.frame_set(6)
     (state,) = views.skins(baked)

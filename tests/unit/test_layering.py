@@ -72,7 +72,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "matching": MATCHING,
     "experiment": MATCHING,
     "design": MATCHING | {"plot", "work"},
-    "pipeline": MATCHING | {"plot"},
+    "pipeline": MATCHING | {"plot", "work"},
     "comparison": MATCHING | {"plot", "pipeline", "work"},  # the whole way, for one touch and every device
     # live to the hardware
     "stream.protocols": DEVICE,

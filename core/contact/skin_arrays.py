@@ -1,0 +1,65 @@
+"""What a skin felt over a scene as plain arrays: for stored results, and from one process to another.
+
+Displacement and stress are not kept: they follow from the forces, and of skin that stiffens from how much of each
+pattern its contact found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import Finding
+from ..skin.model import SkinModel
+from ..skin.surface_store import smooth_pad
+from .skin_contact import PointRecord, SkinContact
+
+POINTS = ("starts", "cells", "force")
+SERIES = ("times", "frames", "normal_force", "tangential_force", "depth", "lift", "sticking", "slipping")
+LATER = ("amounts", "slide")  # not in every version's results, or not of every skin
+
+
+def arrays_of(touch: SkinContact) -> dict[str, NDArray[Any]]:
+    """Return what a skin felt, without its model, findings and what was skipped."""
+    arrays: dict[str, NDArray[Any]] = {
+        "contact": np.asarray(touch.contact, np.int32),
+        "force": np.asarray(touch.force, np.float32),
+    }
+    if touch.points is not None:
+        arrays |= {f"point_{name}": getattr(touch.points, name) for name in POINTS}
+    present = (*SERIES, *(name for name in LATER if getattr(touch, name) is not None))
+    return arrays | {name: np.asarray(getattr(touch, name)) for name in present}
+
+
+def touch_of(
+    model: SkinModel, arrays: Mapping[str, NDArray[Any]], findings: tuple[Finding, ...], skipped: Mapping[str, int]
+) -> SkinContact:
+    """Return what a skin felt, from what `arrays_of` returned.
+
+    Forces on points are left out where the model's smooth pad is gone, or has become another.
+
+    Args:
+        model: the same skin, made again.
+    """
+    series: dict[str, Any] = {name: arrays[name] for name in SERIES} | {name: arrays.get(name) for name in LATER}
+    return SkinContact(
+        model=model,
+        contact=arrays["contact"].astype(np.intp),
+        force=arrays["force"],
+        findings=findings,
+        skipped=skipped,
+        points=_points(model, arrays),
+        **series,
+    )
+
+
+def _points(model: SkinModel, arrays: Mapping[str, NDArray[Any]]) -> PointRecord | None:
+    if "point_cells" not in arrays:
+        return None
+    surface = smooth_pad(model)
+    if surface is None or arrays["point_cells"].max(initial=-1) >= len(surface.chart.places):
+        return None
+    return PointRecord(surface, *(arrays[f"point_{name}"] for name in POINTS))

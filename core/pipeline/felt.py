@@ -1,0 +1,98 @@
+"""What is felt over a scene: contact of the pads' centres and, where somebody needs it, of whole skins."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Generator, Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from ..errors import DermisError, Finding
+from ..parameters.skin import DEFAULT_SKIN
+from ..presets import Library
+from ..scene.tactile_scene import Chunk, TactileScene
+from .bake import Progress
+from .device_tracks import unavailable
+from .stages import Stages
+
+if TYPE_CHECKING:
+    from ..cache import Cache
+    from ..contact.pad_contact import PadContact
+    from ..contact.skin_contact import SkinContact
+    from ..skin.model import SkinModel
+
+
+def skin_models(
+    scene: TactileScene,
+    fingers: Collection[int],
+    library: Library,
+    cache: Cache | None,
+    clock: Stages,
+    findings: list[Finding],
+) -> Generator[Progress, None, dict[int, SkinModel]]:
+    """Make the skins of some fingers; one that cannot be made is left out, and a finding says why."""
+    made: dict[int, SkinModel] = {}
+    for done, f in enumerate(sorted(fingers)):
+        yield Progress("skin", done, len(fingers))
+        from ..tissue.finger_skin import finger_skin
+
+        finger = scene.fingers[f]
+        try:
+            with clock.stage("skin"):
+                preset = library.skin(DEFAULT_SKIN)
+                made[f] = finger_skin(finger.parameters, preset, cache=cache, where=f"finger '{finger.name}'")
+        except DermisError as error:
+            findings.append(unavailable(finger.name, error))
+    if made:
+        from ..skin.blas import one_thread
+
+        clock.hold = one_thread
+    return made
+
+
+def touched(
+    scene: TactileScene,
+    chunks: Iterator[Chunk],
+    models: Mapping[int, SkinModel],
+    clock: Stages,
+    kept: list[Chunk] | None = None,
+) -> Generator[Progress, None, tuple[PadContact, dict[int, SkinContact]]]:
+    """Draw the chunks through the contact of the pads' centres and of some fingers' skins.
+
+    The pads come first: surfaces that are not finite are mended there, and the skins get the mended chunk.
+
+    Args:
+        models: finger index -> its skin. kept: where the mended chunks are put.
+    """
+    from ..contact.pad_sampler import PadSampler
+
+    pads, skins = PadSampler(scene), None
+    if models:
+        from ..contact.skin_sampler import SkinSampler
+
+        skins = SkinSampler(scene, models)
+    done = 0
+    while True:
+        with clock.stage("sampling"):
+            chunk = next(chunks, None)
+        if chunk is None:
+            break
+        with clock.stage("contact"):
+            chunk = pads.add(chunk)
+        if kept is not None:
+            kept.append(chunk)
+        if skins is not None:
+            with clock.stage("skin contact"):
+                skins.add(chunk)
+        done += len(chunk.times)
+        yield Progress("sampling", done, scene.sample_count)
+    with clock.stage("contact"):
+        pad_contact = pads.finish()
+    if skins is None:
+        return pad_contact, {}
+    held = skins.solve_held(pad_contact)
+    while True:
+        with clock.stage("skin contact"):
+            solved = next(held, None)
+        if solved is None:
+            break
+        yield Progress("skin contact", solved, scene.sample_count)
+    return pad_contact, skins.finish()

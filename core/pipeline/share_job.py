@@ -1,0 +1,170 @@
+"""One share of a bake: some fingers' skins and the devices that follow them, and its way between two processes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..cache import Cache
+from ..devices.spec import DeviceSpec, from_preset
+from ..errors import Finding
+from ..presets import Library
+from ..scene import scene_file
+from ..scene.tactile_scene import TactileScene
+from ..steps import drain
+from ..track.command_track import CommandTrack
+from ..work.jobs import Report
+from .bake import Output, Progress
+from .device_tracks import Driven, driven, usable
+from .felt import skin_models, touched
+from .stages import Stages
+
+if TYPE_CHECKING:
+    from ..contact.skin_contact import SkinContact
+    from ..skin.model import SkinModel
+
+
+@dataclass(frozen=True)
+class Share:
+    """What came of some fingers.
+
+    Attributes:
+        felt: by finger index. driven: what came of the devices that follow its skin, in the scene's order; their
+            tracks do not know the hash of the whole scene yet. seconds: run time by stage.
+    """
+
+    felt: Mapping[int, SkinContact]
+    driven: Mapping[int, Sequence[Driven]]
+    seconds: Mapping[str, float]
+
+
+def render_share(
+    scene: TactileScene, library: Library, fingers: Sequence[int], cache: Cache | None
+) -> Generator[Progress, None, Share]:
+    """Render the skins of some fingers, and the devices that follow them; yield progress."""
+    clock, told = Stages(), list[Finding]()  # who shares the work out says the same of the whole scene
+    models = yield from skin_models(scene, fingers, library, cache, clock, told)
+    pad_contact, felt = yield from touched(scene, iter(scene.chunks), models, clock)
+    uses = [(f, use, spec) for f, use, spec in usable(scene, library, told) if f in models and spec.follows_skin]
+    made: dict[int, list[Driven]] = {f: [] for f in models}
+    for step, (f, use, spec) in enumerate(uses):
+        yield Progress("devices", step, len(uses))
+        with clock.stage("devices"):
+            made[f].append(driven(pad_contact, scene, f, use, spec, felt[f], ""))
+    return Share(felt, made, clock.seconds)
+
+
+def asked(scene: Path, library: Library, cache: Cache | None, fingers: Sequence[int]) -> dict[str, Any]:
+    """Return the parameters of `work`."""
+    kept = None if cache is None else [str(cache.folder), cache.limit_bytes]
+    return {"scene": str(scene), "presets": [str(f) for f in library.folders], "cache": kept, "fingers": [*fingers]}
+
+
+def work(_arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Report) -> dict[str, NDArray[Any]]:
+    """Render one share of a scene's file, as a job; see `asked`.
+
+    Raises:
+        DermisError: a file that cannot be read, or what `render` refuses.
+    """
+    scene = scene_file.load(Path(parameters["scene"]))
+    built_in, *own = (Path(folder) for folder in parameters["presets"])
+    cache = None if parameters["cache"] is None else Cache(Path(parameters["cache"][0]), int(parameters["cache"][1]))
+    steps = render_share(scene, Library(own[0] if own else None, built_in), parameters["fingers"], cache)
+    samples = scene.sample_count
+
+    def tell(step: Progress) -> None:  # contact and devices take about as long
+        if step.stage in ("sampling", "skin contact"):
+            report(step.done, 2 * samples)
+        elif step.stage == "devices":
+            report(samples + samples * step.done // max(1, step.total), 2 * samples)
+
+    return arrays_of(drain(steps, tell))
+
+
+def arrays_of(share: Share) -> dict[str, NDArray[Any]]:
+    """Return a share as arrays, to be read by `made_of`."""
+    from ..contact import skin_arrays
+
+    arrays: dict[str, NDArray[Any]] = {}
+    head: dict[str, Any] = {"seconds": dict(share.seconds), "fingers": {}}
+    for f, touch in share.felt.items():
+        arrays |= {f"{f}/skin/{name}": array for name, array in skin_arrays.arrays_of(touch).items()}
+        head["fingers"][str(f)] = {
+            "findings": _plain(touch.findings),
+            "skipped": dict(touch.skipped),
+            "devices": [_entry(f"{f}/{n}", one, arrays) for n, one in enumerate(share.driven[f])],
+        }
+    return {"head": np.frombuffer(json.dumps(head).encode(), np.uint8), **arrays}
+
+
+def made_of(
+    arrays: Mapping[str, NDArray[Any]], scene: TactileScene, models: Mapping[int, SkinModel], library: Library
+) -> Share:
+    """Return the share that `arrays_of` made arrays of."""
+    from ..contact import skin_arrays
+
+    head = json.loads(arrays["head"].tobytes())
+    felt, made = {}, {}
+    for name, entry in head["fingers"].items():
+        f, prefix = int(name), f"{name}/skin/"
+        own = {key.removeprefix(prefix): array for key, array in arrays.items() if key.startswith(prefix)}
+        felt[f] = skin_arrays.touch_of(models[f], own, _findings(entry["findings"]), entry["skipped"])
+        made[f] = [_driven(f"{name}/{n}", one, arrays, library) for n, one in enumerate(entry["devices"])]
+    return Share(felt, made, head["seconds"])
+
+
+def _entry(place: str, one: Driven, arrays: dict[str, NDArray[Any]]) -> dict[str, Any]:
+    entry: dict[str, Any] = {"findings": _plain(one.findings), "skipped": dict(one.skipped), "output": None}
+    if one.output is not None:
+        output, track = one.output, one.output.track
+        arrays |= {f"{place}/times": track.times, f"{place}/values": track.values}
+        arrays |= {f"{place}/signal/{name}": np.asarray(series) for name, series in output.signals.items()}
+        entry["output"] = {
+            "finger": output.finger,
+            "device": output.device,
+            "spec": dict(track.spec.source),
+            "meta": dict(track.meta),
+            "limited": dict(track.limited),
+            "signals": list(output.signals),
+            "findings": _plain(output.findings),
+        }
+    return entry
+
+
+def _driven(place: str, entry: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], library: Library) -> Driven:
+    told, skipped, out = _findings(entry["findings"]), entry["skipped"], entry["output"]
+    if out is None:
+        return Driven(None, told, skipped)
+    track = CommandTrack(
+        _spec(out["device"], out["spec"], library),
+        arrays[f"{place}/times"],
+        arrays[f"{place}/values"],
+        out["meta"],
+        out["limited"],
+    )
+    signals = {name: arrays[f"{place}/signal/{name}"] for name in out["signals"]}
+    return Driven(Output(out["finger"], out["device"], track, signals, _findings(out["findings"])), told, skipped)
+
+
+def _spec(device: str, source: Mapping[str, Any], library: Library) -> DeviceSpec:
+    known = library.device(device)
+    return known if known.source == source else from_preset(device, source)
+
+
+def _plain(findings: Sequence[Finding]) -> list[dict[str, Any]]:
+    """Return findings as values that JSON holds; others as they are told."""
+    entries = [finding.as_dict() for finding in findings]
+    for entry in entries:
+        if not isinstance(entry["value"], str | int | float | bool | None):
+            entry["value"] = str(entry["value"])
+    return entries
+
+
+def _findings(entries: Sequence[Mapping[str, Any]]) -> tuple[Finding, ...]:
+    return tuple(Finding(**entry) for entry in entries)

@@ -1,4 +1,9 @@
-"""RowTable: a table of which few rows are ever asked for, made when they are."""
+"""RowTable: a table of which few rows are ever asked for, made when they are.
+
+A product of matrices rounds a row by how many others are multiplied with it, and by its place among them. Rows that
+come of one are made with the same neighbours always: what a row is then depends neither on who asked for others before,
+nor on the process.
+"""
 
 from __future__ import annotations
 
@@ -27,10 +32,11 @@ class RowTable:
 
     Args:
         count: how many there could be. make: works some out, by their numbers, shape (n,): values, shape (n, ...).
+        together: n, always, and which: those of one multiple of it up to the next.
     """
 
-    def __init__(self, count: int, make: Callable[[Indices], NDArray[Any]]) -> None:
-        self._make, self._used = make, 0
+    def __init__(self, count: int, make: Callable[[Indices], NDArray[Any]], *, together: int = 1) -> None:
+        self._make, self._used, self._together = make, 0, together
         self._place = np.full(count, -1, dtype=np.int32)
         self._rows: NDArray[Any] | None = None
 
@@ -44,7 +50,14 @@ class RowTable:
         return np.asarray(self._rows[place])
 
     def _add(self, missing: Indices) -> NDArray[Any]:
-        made = self._make(missing)
+        if self._together > 1:
+            starts = np.unique(missing // self._together) * self._together
+            last = len(self._place) - 1
+            groups = [np.minimum(np.arange(start, start + self._together), last) for start in starts]
+            missing = np.unique(np.concatenate(groups))
+            made = np.concatenate([self._make(group) for group in groups])[: len(missing)]
+        else:
+            made = self._make(missing)
         wanted = self._used + len(made)
         if self._rows is None or wanted > len(self._rows):
             room = np.empty((int(GROWTH * wanted), *made.shape[1:]), made.dtype)

@@ -88,7 +88,7 @@ class SurfaceCompliance:
     @cached_property
     def coarse(self) -> RowTable:
         """What force on a cell of the coarsest level does to all p of it at E = 1, as `displaced` wants it."""
-        return RowTable(len(self.chart.base), lambda cells: self._rows(cells, self.chart.base))
+        return RowTable(len(self.chart.base), lambda cells: self._rows(cells, self.chart.base), together=8)
 
     def displaced(self, rows: Floats32, force: Floats) -> Array:
         """Return the displacement for forces, in single precision.
@@ -192,13 +192,15 @@ class SurfaceCompliance:
     @cached_property
     def _functions(self) -> RowTable:
         positions, functions = self.cells.positions, self.remainder.functions
-        return RowTable(len(positions), lambda cells: functions(positions[cells]))
+        return RowTable(len(positions), lambda cells: functions(positions[cells]), together=16)
 
     @cached_property
     def _patterns(self) -> RowTable:
         assert self.stiffening is not None
         positions, patterns = self.cells.positions, self.stiffening.patterns
-        return RowTable(len(positions), lambda cells: patterns.at(positions[cells]).reshape(len(cells), -1))
+        return RowTable(
+            len(positions), lambda cells: patterns.at(positions[cells]).reshape(len(cells), -1), together=16
+        )
 
     @cached_property
     def _surface(self) -> Floats32:

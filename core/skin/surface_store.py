@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Generator, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,10 +32,12 @@ def remainder_key(shape: FingertipShape, poisson: float) -> str:
 
     To a nanometre: a length that was read in millimetres, or typed into a window, is the same length.
     """
-    lengths = {name: round(length, 9) for name, length in asdict(shape).items()}
-    return cache_key(
-        f"dermis-remainder {REMAINDER_VERSION}", json.dumps(lengths, sort_keys=True), repr(round(poisson, 6))
-    )
+    lengths = json.dumps(asdict(_rounded(shape)), sort_keys=True)
+    return cache_key(f"dermis-remainder {REMAINDER_VERSION}", lengths, repr(round(poisson, 6)))
+
+
+def _rounded(shape: FingertipShape) -> FingertipShape:
+    return FingertipShape(**{name: round(length, 9) for name, length in asdict(shape).items()})
 
 
 def shipped_name(shape: FingertipShape, poisson: float) -> str:
@@ -95,7 +97,8 @@ def smooth_pad(skin: SkinModel) -> SurfaceCompliance | None:
         remainder = find_remainder(skin.shape, material.poisson, shipped=SHIPPED, cache=skin.cache)
         if remainder is None:
             return None
-        known = SurfaceCompliance(PadChart.of(skin.shape), material, remainder)
+        own = replace(material, poisson=round(material.poisson, 6))  # the same, whoever asks first
+        known = SurfaceCompliance(PadChart.of(_rounded(skin.shape)), own, remainder)
     pad = _pads.make(key, lambda: known)
     if skin.stiffening is not None:
         stiff = pad.with_stiffening(skin.stiffening)

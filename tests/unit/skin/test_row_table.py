@@ -21,3 +21,23 @@ def test_rows_are_made_once_and_kept_in_any_order():
         np.testing.assert_array_equal(table[asked], np.stack([asked, asked**2], axis=1))
     assert len(made) == len(set(made)) <= 301
     assert table[asked].dtype == np.float32
+
+
+def test_rows_that_are_made_together_do_not_depend_on_who_asked_before():
+    rng = np.random.default_rng(2)
+    left, right = rng.normal(size=(203, 57)).astype(np.float32), rng.normal(size=(57, 301)).astype(np.float32)
+    asked = []
+
+    def make(rows):
+        asked.append(rows.tolist())
+        return left[rows] @ right
+
+    tables = []
+    for _ in range(5):
+        table = RowTable(203, make, together=8)
+        for part in np.split(rng.permutation(203), sorted(rng.choice(203, 6, replace=False))):
+            table[part]
+        tables.append(table[np.arange(203)])
+    assert all(len(rows) == 8 and rows[0] % 8 == 0 for rows in asked)
+    assert len({table.tobytes() for table in tables}) == 1
+    np.testing.assert_allclose(tables[0], left @ right, rtol=1e-4, atol=1e-5)

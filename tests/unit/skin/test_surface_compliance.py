@@ -14,7 +14,9 @@ pytest.importorskip("scipy")
 from core.cache import Cache
 from core.errors import DermisError
 from core.presets import Library
+from core.recent import Recent
 from core.shipped import BUILT_IN
+from core.skin import surface_store
 from core.skin.assembly import degrees, stiffness
 from core.skin.fingertip import fingertip_mesh
 from core.skin.half_space import surface_kernel
@@ -27,7 +29,14 @@ from core.skin.remainder import STEPS, Remainder
 from core.skin.shape import FingertipShape
 from core.skin.stress import StressOperator
 from core.skin.surface_compliance import SurfaceCompliance
-from core.skin.surface_store import find_remainder, make_remainder, remainder_key, shipped_name, surface_compliance
+from core.skin.surface_store import (
+    find_remainder,
+    make_remainder,
+    remainder_key,
+    shipped_name,
+    smooth_pad,
+    surface_compliance,
+)
 from core.steps import drain
 from core.work.jobs import JOBS, Job
 from tests.tissue import probes_at
@@ -258,3 +267,19 @@ def test_arrays_that_do_not_fit_are_refused(pad: SurfaceCompliance, tmp_path: Pa
         replace(whole, **change).write(tmp_path / "wrong.npz")
         with pytest.raises(DermisError, match="do not fit"):
             Remainder.read(tmp_path / "wrong.npz")
+
+
+def test_a_pad_does_not_depend_on_who_asked_for_it_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lengths that were read in millimetres differ in the last digit; so do rows by what was asked for before."""
+    shape, rng = FingertipShape(), np.random.default_rng(3)
+    nearly = replace(shape, width=shape.width * (1 + 1e-12), thickness=shape.thickness * (1 - 1e-12))
+    cells, force = rng.choice(400, 60, replace=False), rng.normal(size=(60, 3))
+    found = []
+    for first, before in ((shape, cells[:7]), (nearly, cells[20:33]), (shape, cells[::-1])):
+        monkeypatch.setattr(surface_store, "_pads", Recent(10))
+        skins = {one: fingertip_skin(one, level="draft") for one in (shape, nearly)}
+        smooth_pad(skins[first]).coarse[before]
+        pad = smooth_pad(skins[shape])
+        assert pad is not None
+        found.append((pad.coarse[cells].tobytes(), pad.functions(cells).tobytes(), pad.apply(cells, force).tobytes()))
+    assert len(set(found)) == 1

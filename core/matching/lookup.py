@@ -10,6 +10,7 @@ Source: [S2] eq. 1-4 and 8-10 with the corrections
 from __future__ import annotations
 
 import contextlib
+import math
 import weakref
 from collections.abc import Mapping
 from pathlib import Path
@@ -60,6 +61,10 @@ def commands_of(table: SkinTable, readings: NDArray[Any], last: Array | None = N
     Source: [S2] eq. 2-4
     """
     readings = np.asarray(readings, np.float64)
+    if readings.shape == (1, table.readings.shape[1]):
+        alone = _alone(table, readings[0])
+        if alone is not None:
+            return alone[None]
     values, rest = table.heard_commands, table.commands[table.rest]
     loud = np.ones(len(readings), bool)
     if table.noise_floor > 0.0 and readings.shape[1:] == table.readings.shape[1:]:
@@ -95,6 +100,20 @@ def readings_for(table: SkinTable, commands: Array) -> Array:
     """
     found = table.by_command.query(np.asarray(commands, np.float64) / table.scale, NEIGHBOURS)
     return _mean(found, table.exact_readings)
+
+
+def _alone(table: SkinTable, reading: Array) -> Array | None:
+    """Return the command for one reading, as a sensor that is followed asks for it; None where in doubt."""
+    if table.noise_floor > 0.0:
+        off = reading - table.exact_readings[table.rest]
+        if math.sqrt(off.dot(off)) <= table.noise_floor:
+            return table.commands[table.rest].copy()
+    found = table.by_reading.query_one(reading, NEIGHBOURS)
+    if found is None:
+        return None
+    weights = 1.0 / found[1]
+    mean: Array = weights.dot(table.heard_commands.take(found[0], axis=0)) / math.fsum(weights.tolist())
+    return mean
 
 
 def _mean(found: Neighbours, values: Array) -> Array:

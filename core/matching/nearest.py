@@ -115,6 +115,23 @@ class NearestPoints:
                 index[i], near[i], tied[i] = self._decided(queries[i], index[i])
         return Neighbours(index, near, tied)
 
+    def query_one(self, query: Array, k: int) -> tuple[Indices, Array] | None:
+        """Return the k nearest points of one query, shape (d,), and their squared distances; None where in doubt.
+
+        In doubt are exact hits, ties for the last place, fewer than k + 1 points, and a query that is not finite:
+        `query` decides, or refuses. Where calling costs as much as searching, a single query asks the tree alone.
+        """
+        turned = (query - self._centre) @ self._axes
+        size = self._size + float(turned.dot(turned))
+        if not (size < np.inf and k < self.count):
+            return None
+        squared, index = self._tree.query(turned, k + 1)
+        squared *= squared
+        doubt = SLACK * size
+        if squared[0] <= doubt or squared[k] - squared[k - 1] <= doubt:
+            return None
+        return index[:k], squared[:k]
+
     def within(self, query: Array, squared: float) -> Indices:
         """Return all points at most as far from one query as given, by index, rising."""
         turned = (np.asarray(query, np.float64) - self._centre) @ self._axes

@@ -1,7 +1,7 @@
 """Look-up matching: from what the virtual sensor reads to motor commands and back, by the nearest rows of a table.
 
-The eight nearest rows are averaged with weights of the inverse square of their distance. A query that hits a row gets
-that row. Of rows equally far, those whose pose is nearest the last command are taken, and all rows in which nothing
+The eight nearest rows are averaged with weights of the inverse square of their distance; where there are more motors
+than three, with weights that come nearest to the query itself (`local_fit`). A query that hits a row gets that row. Of rows equally far, those whose pose is nearest the last command are taken, and all rows in which nothing
 touches are one rest row.
 
 Source: [S2] eq. 1-4 and 8-10 with the corrections
@@ -31,7 +31,8 @@ from ..scene.tactile_scene import DeviceUse, TactileScene, device_times
 from ..skin.felt_state import felt_key
 from ..skin.model import SkinModel
 from ..track.command_track import CommandTrack
-from .nearest import NEIGHBOURS
+from .local_fit import REDUNDANT, fitted_mean
+from .nearest import NEIGHBOURS, Neighbours
 from .platforms import original_key
 from .readings import readings_of, saturated
 from .rendered import Rendered
@@ -40,7 +41,7 @@ from .table import SkinTable, belongs, build
 if TYPE_CHECKING:
     from ..contact.pad_contact import PadContact
     from ..contact.skin_contact import SkinContact
-    from .nearest import Neighbours
+    from .nearest import NearestPoints
 
 
 SLACK = 0.01  # of an original motor's range, that a coupling may drive it beyond unsaid
@@ -76,7 +77,7 @@ def commands_of(table: SkinTable, readings: NDArray[Any], last: Array | None = N
     out = np.empty((len(readings), len(rest)))
     out[:] = rest
     if len(found.index):
-        out[loud] = _mean(found, values)
+        out[loud] = _mean(table, table.by_reading, readings[loud], found, values)
     if not found.tied.any():
         return out
     place, known = np.flatnonzero(loud), table.by_reading.points
@@ -87,7 +88,8 @@ def commands_of(table: SkinTable, readings: NDArray[Any], last: Array | None = N
         squared = ((known[rows] - readings[i]) ** 2).sum(axis=1)
         from_last = ((values[rows] / table.scale - before) ** 2).sum(axis=1)
         order = np.lexsort((rows, from_last, squared))[:NEIGHBOURS]
-        out[i] = _weighted(squared[order], values[rows[order]])
+        chosen = Neighbours(rows[order][None], squared[order][None], np.zeros(1, bool))
+        out[i] = _mean(table, table.by_reading, readings[i : i + 1], chosen, values)[0]
     return out
 
 
@@ -98,17 +100,18 @@ def readings_for(table: SkinTable, commands: Array) -> Array:
 
     Source: [S2] eq. 8-10
     """
-    found = table.by_command.query(np.asarray(commands, np.float64) / table.scale, NEIGHBOURS)
-    return _mean(found, table.exact_readings)
+    scaled = np.asarray(commands, np.float64) / table.scale
+    found = table.by_command.query(scaled, NEIGHBOURS)
+    return _mean(table, table.by_command, scaled, found, table.exact_readings)
 
 
 def _alone(table: SkinTable, reading: Array) -> Array | None:
-    """Return the command for one reading, as a sensor that is followed asks for it; None where in doubt."""
+    """Return the command for one reading, as a sensor that is followed asks for it; None where `commands_of` decides."""
     if table.noise_floor > 0.0:
         off = reading - table.exact_readings[table.rest]
         if math.sqrt(off.dot(off)) <= table.noise_floor:
             return table.commands[table.rest].copy()
-    found = table.by_reading.query_one(reading, NEIGHBOURS)
+    found = table.by_reading.query_one(reading, NEIGHBOURS) if table.commands.shape[1] < REDUNDANT else None
     if found is None:
         return None
     weights = 1.0 / found[1]
@@ -116,8 +119,10 @@ def _alone(table: SkinTable, reading: Array) -> Array | None:
     return mean
 
 
-def _mean(found: Neighbours, values: Array) -> Array:
-    """Average the neighbours' values by inverse square distance; an exact hit returns its own."""
+def _mean(table: SkinTable, searched: NearestPoints, queries: Array, found: Neighbours, values: Array) -> Array:
+    """Average the neighbours' values; an exact hit returns its own."""
+    if table.commands.shape[1] >= REDUNDANT:
+        return fitted_mean(searched.points[found.index], queries, found.squared, values[found.index])
     hit = found.squared[:, 0] == 0.0
     if hit.any():
         weights = 1.0 / np.where(hit[:, None], 1.0, found.squared)
@@ -127,14 +132,6 @@ def _mean(found: Neighbours, values: Array) -> Array:
         weights = 1.0 / found.squared
     weights /= weights.sum(axis=1, keepdims=True)
     return np.matmul(weights[:, None], values[found.index])[:, 0]
-
-
-def _weighted(squared: Array, values: Array) -> Array:
-    """Average values of one query, nearest first."""
-    if squared[0] == 0.0:
-        return values[0]
-    weights = 1.0 / squared
-    return weights @ values / weights.sum()
 
 
 def render(

@@ -149,6 +149,18 @@ def test_turning_decides_nothing_that_rounding_could(scale):
             assert tied == (every[order[8]] == every[order[7]])
 
 
+def test_a_single_query_is_answered_as_many_are():
+    """The short way that one query takes gives what all give together, ties and hits and fractions among them."""
+    points, rng = sheet(2000)
+    rows = replace(table(rng.uniform(0.0, 1.0, (2000, 3)), points.astype(np.uint16)), noise_floor=15.0)
+    queries = np.vstack([points[::100], points[::90] + 40.0 * rng.standard_normal((23, 20)), points[:1] + 1.0])
+    together = np.vstack([commands_of(rows, q[None]) for q in queries])
+    np.testing.assert_allclose(together, commands_of(rows, queries), rtol=1e-9)
+    sure = [NearestPoints(points).query_one(q, 8) for q in queries]
+    assert all(found is None for found in sure[:20]) and all(found is not None for found in sure[20:43])
+    assert NearestPoints(points).query_one(np.full(20, np.nan), 8) is None
+
+
 def test_within_finds_all_points_of_a_ball():
     points, _ = sheet(3000, 3)
     every = ((points - points[7]) ** 2).sum(axis=1)

@@ -158,6 +158,10 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
             shown = 1e3 * radius * column / np.abs(column).max() if pulleys else column
             words = "  ".join(f"{v:+.2f}" for v in shown.tolist())
             box.label(text=f"motor {j + 1}:  {words}", icon="BLANK1")
+        if count == reduction.motors():
+            for words in design.shared.words():
+                what = f"Cables {words} may share a pulley" if pulleys else f"Legs {words} may share a lever"
+                box.label(text=f"{what}: {design.shared.percent:.1f} % lost", icon="LINKED")
 
 
 class DERMIS_MT_motors_demos(bpy.types.Menu):

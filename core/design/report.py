@@ -19,6 +19,7 @@ from ..matching.lookup import commands_of
 from ..matching.readings import SATURATED, at_the_end
 from ..matching.table import SkinTable
 from .repetitions import scatter
+from .shared_pulleys import SharedPulleys, shared_pulleys
 from .synergies import RULES, Reduction, Rule, reduce
 
 POOR = 0.3  # of a touch: if all motors leave more, fewer are soon as good as all
@@ -41,6 +42,7 @@ class Design:
         amounts: least and greatest amount of each joint component, shape (2, motors).
         table: where the look-up table comes from.
         findings: what makes the answer doubtful.
+        shared: original motors that may share a pulley, by the rule that relates to the touch.
         reversed_sweep: spread of rows reached from deeper in, see `collect.reversed_spread`; empty where not made.
     """
 
@@ -54,6 +56,7 @@ class Design:
     amounts: Array
     table: Mapping[str, Any]
     findings: tuple[Finding, ...] = ()
+    shared: SharedPulleys = SharedPulleys()
     reversed_sweep: Mapping[str, float] = field(default_factory=dict)
 
     def low_rank(self, rule: Rule = "touch") -> bool:
@@ -128,6 +131,7 @@ def design(spec: DeviceSpec, table: SkinTable, sensed: Mapping[str, Array]) -> D
         np.stack([amounts.min(axis=0), amounts.max(axis=0)]),
         {"rows": len(table.commands), **table.meta},
         _doubts(tuple(targets), joint),
+        shared_pulleys(table, list(targets.values()), commands, joint, joint.motors()),
     )
 
 
@@ -191,6 +195,8 @@ def as_json(found: Design) -> dict[str, Any]:
         "repetitions": [n for n, _ in found.repetitions],
         "scatter_counts": [s if n > 1 else None for n, s in found.repetitions],
         "low_rank": found.low_rank(),
+        "shared_pulleys": [[i + 1 for i in group] for group in found.shared.groups],
+        "shared_pulleys_percent": found.shared.percent if found.shared.groups else None,
         "table": dict(found.table),
         "joint": one(found.joint),
         "alone": {name: one(each) for name, each in zip(found.names, found.alone, strict=True)},
@@ -232,6 +238,11 @@ def as_text(found: Design) -> str:
     lines += [
         f"  motor {j + 1} couples " + ", ".join(f"{v:+.3f}" for v in parts.directions[:, j]) for j in range(motors)
     ]
+    lines += [
+        f"  original motors {words} move alike: one pulley or lever may drive them" for words in found.shared.words()
+    ]
+    if found.shared.groups:
+        lines.append(f"  so shared, {found.shared.percent:.1f} % of the touch is lost")
     lines.append("")
     if len(found.names) > 1:
         lines.append("Each by itself (the paper's rule in brackets):")

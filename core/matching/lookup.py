@@ -1,8 +1,9 @@
 """Look-up matching: from what the virtual sensor reads to motor commands and back, by the nearest rows of a table.
 
 The eight nearest rows are averaged with weights of the inverse square of their distance; where there are more motors
-than three, with weights that come nearest to the query itself (`local_fit`). A query that hits a row gets that row. Of rows equally far, those whose pose is nearest the last command are taken, and all rows in which nothing
-touches are one rest row.
+than three, with weights that come nearest to the query itself (`local_fit`). A query that hits a row gets that row. Of
+rows equally far, those whose pose is nearest the last command are taken, and all rows in which nothing touches are one
+rest row.
 
 Source: [S2] eq. 1-4 and 8-10 with the corrections
 """
@@ -106,7 +107,7 @@ def readings_for(table: SkinTable, commands: Array) -> Array:
 
 
 def _alone(table: SkinTable, reading: Array) -> Array | None:
-    """Return the command for one reading, as a sensor that is followed asks for it; None where `commands_of` decides."""
+    """Return the command for one reading, as one who follows a sensor asks; None where `commands_of` decides."""
     if table.noise_floor > 0.0:
         off = reading - table.exact_readings[table.rest]
         if math.sqrt(off.dot(off)) <= table.noise_floor:

@@ -73,7 +73,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "experiment": MATCHING,
     "design": MATCHING | {"plot", "work"},
     "pipeline": MATCHING | {"plot", "work"},
-    "comparison": MATCHING | {"plot", "pipeline", "work"},  # the whole way, for one touch and every device
+    # the whole way, for one touch and every device
+    "comparison": MATCHING | {"plot", "pipeline", "work", "experiment"},
     # live to the hardware
     "stream.protocols": DEVICE,
     "stream.links": DEVICE | {"stream.protocols"},

@@ -1,0 +1,135 @@
+"""Afferents: what a person's fingertip reads of a touch, as numbers whose differences count in units of their noise.
+
+Two kinds resolve where something touches, slowly (SA I) and fast adapting (FA I) ones. Here an SA I afferent reads how
+much its place is strained, an FA I afferent how much that changes, in frames of a quarter second; all are as noisy.
+How noisy is set by people: of a flat press of 1 N and one of 7 % more, all of them together are right with d' = 1.
+The constants were fixed before any touch was told from another with them, and not changed since.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Array, Indices
+from ..errors import DermisError
+from ..experiment import press
+from ..skin.model import SkinModel
+from ..skin.stimulus import Stimulus
+from ..skin.stress import RECEPTOR_DEPTHS, stored
+from ..surface.gap import Surface
+
+# Afferents on a fingertip [1/m^2]. Source: Johansson and Vallbo 1979, J. Physiol. 286: 241 a cm^2, of which 70 are SA I
+# and 141 FA I (RA); the other 30 (SA II, PC) have wide fields, and are left out
+SA1_DENSITY, FA1_DENSITY = 70e4, 141e4
+# Where they read, see `skin.stress`: SA1's and RA's depth [m]
+SA1_DEPTH, FA1_DEPTH = RECEPTOR_DEPTHS[:2]
+# Over what an afferent's impulses are counted [s]; chosen: touches here last some seconds, and nobody knows better
+FRAME = 0.25
+# Force discrimination, JND of 7 %. Source: Pang, Tan and Durlach 1991 (of an actively squeezed force)
+JND, REFERENCE_FORCE = 0.07, 1.0
+HELD = 1.0  # for how long those two presses are felt, pressed within the first frame [s]
+# That both kinds' noise is one, and does not grow with what they read: SA1 and RA afferents repeat their impulses to
+# within 1 a trial, whatever their number. Source: Vega-Bermudez and Johnson 1999, J. Neurophysiol. 81
+# How many impulses a change gives an FA I afferent, over those that a frame as strong gives an SA I; assumed
+FAST_OVER_SLOW = 1.0
+CLOSE = 1e-3  # of the reference force, to which its depth is found
+
+
+@dataclass(frozen=True, eq=False)
+class Afferents:
+    """The afferents of a skin.
+
+    Attributes:
+        skin: the model. slow, fast: which of its probes each kind reads, shapes (s,), (f,).
+        slow_count, fast_count: how many afferents stand for each of those, shapes (s,), (f,).
+        noise: of one afferent in one frame [Pa].
+    """
+
+    skin: SkinModel
+    slow: Indices
+    fast: Indices
+    slow_count: Array
+    fast_count: Array
+    noise: float
+
+    @classmethod
+    def of(cls, skin: SkinModel) -> Afferents:
+        """Return the afferents of a skin, as noisy as people's force discrimination says.
+
+        Raises:
+            DermisError: no force of 1 N can be pressed into the pad.
+        """
+        probes = skin.probes
+        slow, fast = (np.flatnonzero(probes.depth == depth) for depth in (SA1_DEPTH, FA1_DEPTH))
+        counts = (SA1_DENSITY * skin.areas[probes.pad[slow]], FA1_DENSITY * skin.areas[probes.pad[fast]])
+        quiet = cls(skin, slow, fast, *counts, 1.0)
+        less, more = (quiet.strain([held]) for held in _held(skin, (1.0, 1.0 + JND)))
+        frames = int(round(HELD / FRAME))
+        way = np.concatenate([[0.0, 0.5], np.ones(2 * frames - 1)])  # ends and middles of its frames
+        apart = np.linalg.norm(quiet.read(way[:, None] * more) - quiet.read(way[:, None] * less))
+        return cls(skin, slow, fast, *counts, float(apart))
+
+    def strain(self, states: Sequence[Stimulus]) -> Array:
+        """Return how much every probe is strained at some moments, as a stress [Pa], shape (n, probes).
+
+        That is sqrt(2 E U) of the strain energy density U, which SA1 afferents follow. Source: Dandekar, Raju and
+        Srinivasan 2003, J. Biomech. Eng. 125.
+        """
+        material = self.skin.material
+        energy = np.array([stored(state.probe_stress, material) for state in states])
+        return np.asarray(np.sqrt(2.0 * material.modulus * np.maximum(energy, 0.0)))
+
+    def read(self, strain: Array) -> Array:
+        """Return what all afferents read, each counted as often as it is there, shape (frames, slow + fast) [Pa].
+
+        The distance between two readings over `noise` is how far an ideal observer tells them apart, d'.
+
+        Args:
+            strain: of the probes [Pa] at the ends and middles of the frames, shape (2 frames + 1, probes).
+
+        Raises:
+            DermisError: an even number of moments.
+        """
+        if len(strain) % 2 == 0:
+            raise DermisError("frames need their ends and middles", where="afferents", value=len(strain), limit="odd")
+        slow, fast = strain[:, self.slow], strain[:, self.fast]
+        mean = (slow[:-2:2] + 4.0 * slow[1::2] + slow[2::2]) / 6.0
+        change = np.abs(np.diff(fast, axis=0)).reshape(-1, 2, fast.shape[1]).sum(axis=1)
+        return np.hstack([np.sqrt(self.slow_count) * mean, np.sqrt(self.fast_count) * FAST_OVER_SLOW * change])
+
+
+def moments(duration: float) -> Array:
+    """Return the ends and middles of the frames that a touch lasts [s], shape (2 frames + 1,)."""
+    return np.arange(2 * max(int(np.ceil(duration / FRAME - 1e-9)), 1) + 1) * (0.5 * FRAME)
+
+
+def _held(skin: SkinModel, shares: Sequence[float]) -> list[Stimulus]:
+    """Return a skin pressed flat with shares of the reference force."""
+    plate = Surface.block(0.1, 0.1)
+    depths, forces, found = [0.0], [0.0], []
+    depth = 1e-3
+    for share in shares:
+        wanted = share * REFERENCE_FORCE
+        for _ in range(12):
+            made = press(skin, plate, depth, friction=0.0)
+            depths.append(depth)
+            forces.append(made.normal_force)
+            if abs(made.normal_force - wanted) <= CLOSE * REFERENCE_FORCE:
+                break
+            # force over depth is nearly a power: the next by the secant of logarithms
+            power = 1.5
+            if len(depths) > 2 and depths[-2] != depths[-1] and forces[-2] != forces[-1]:
+                power = float(np.clip(np.log(forces[-1] / forces[-2]) / np.log(depths[-1] / depths[-2]), 0.5, 4.0))
+            depth *= (wanted / made.normal_force) ** (1.0 / power)
+        else:
+            raise DermisError(
+                "no flat press of the reference force was found",
+                where="afferents",
+                value=f"{forces[-1]:.3g} N at {1e3 * depths[-1]:.2f} mm",
+                limit=f"{wanted:g} N",
+            )
+        found.append(made)
+    return list(found)

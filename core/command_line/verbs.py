@@ -30,6 +30,7 @@ from .arguments import (
     setting,
     switch,
 )
+from .study_verbs import add_studies
 
 
 def parser(program: str) -> argparse.ArgumentParser:
@@ -123,6 +124,7 @@ def parser(program: str) -> argparse.ArgumentParser:
         run="command_line.scenes.compare",
         writes={"out": True},
     )
+    add_studies(verbs)
     add_verb(
         verbs,
         "check",

@@ -98,12 +98,15 @@ class Afferents:
         slow, fast = strain[:, self.slow], strain[:, self.fast]
         mean = (slow[:-2:2] + 4.0 * slow[1::2] + slow[2::2]) / 6.0
         change = np.abs(np.diff(fast, axis=0)).reshape(-1, 2, fast.shape[1]).sum(axis=1)
-        return np.hstack([np.sqrt(self.slow_count) * mean, np.sqrt(self.fast_count) * FAST_OVER_SLOW * change])
+        fast_share = FAST_OVER_SLOW * np.sqrt(self.fast_count)
+        both: Array = np.hstack([np.sqrt(self.slow_count) * mean, fast_share * change])
+        return both
 
 
 def moments(duration: float) -> Array:
     """Return the ends and middles of the frames that a touch lasts [s], shape (2 frames + 1,)."""
-    return np.arange(2 * max(int(np.ceil(duration / FRAME - 1e-9)), 1) + 1) * (0.5 * FRAME)
+    frames = max(int(np.ceil(duration / FRAME - 1e-9)), 1)
+    return 0.5 * FRAME * np.arange(2 * frames + 1, dtype=np.float64)
 
 
 def _held(skin: SkinModel, shares: Sequence[float]) -> list[Stimulus]:

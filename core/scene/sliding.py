@@ -1,15 +1,20 @@
-"""How the sliding plane of [S1] moves: pressed into the pad to a depth and then drawn along.
+"""The sliding plane of [S1]: pressed into the pad to a depth and then drawn along; how it moves, and as a scene.
+
+The target of deformation matching comes from contact with this plane and never from the pins themselves.
 
 Source: [S1] IV.A and eq. 19
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from fractions import Fraction
 
 import numpy as np
 
 from ..arrays import Array
+from ..parameters.material import FRICTION
+from .tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene, sample_frames
 
 STROKE = 0.02  # R [m]. Source: [S1] IV.A
 ANGULAR_VELOCITY = np.pi / 4  # omega [rad/s], a period of 8 s. Source: [S1] IV.A
@@ -17,6 +22,10 @@ FPS = Fraction(24)
 SETTLE = 0.5  # [s] pressing and coming to rest before the plane moves; [S1] waits for 0.42 s
 PRESS = 0.25  # [s] of it, in which the plane comes in
 SLIDE = 2.0  # [s] of movement that is presented. Source: [S1] IV.A
+DEPTHS = (0.5e-3, 1.0e-3, 1.5e-3, 2.0e-3)  # [m]. Source: [S1] IV.A
+FRICTIONS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)  # Source: [S1] V.A
+DIRECTIONS = tuple(float(np.radians(a)) for a in range(0, 360, 10))  # [rad]. Source: [S1] V.B
+RATE = 240.0  # [Hz]. Source: [S1] IV.C
 
 
 def plane_offset(times: Array, depth: float, direction: float) -> Array:
@@ -28,3 +37,53 @@ def plane_offset(times: Array, depth: float, direction: float) -> Array:
     height = -0.2e-3 + (depth + 0.2e-3) * share * share * (3.0 - 2.0 * share)  # from just below the pad
     along = STROKE * (1.0 - np.cos(ANGULAR_VELOCITY * np.maximum(times - SETTLE, 0.0)))
     return np.column_stack([along * np.cos(direction), along * np.sin(direction), height])
+
+
+def sliding_plane(
+    depth: float = 2.0e-3,
+    friction: float = FRICTION,
+    direction: float = 0.0,
+    *,
+    devices: Sequence[DeviceUse] = (),
+    slide: float = SLIDE,
+    rate: float = RATE,
+) -> TactileScene:
+    """Return the scene: the plane comes in along the pad's normal, rests, and is drawn along by -R cos(wt).
+
+    Args:
+        depth: how deep the undeformed pad is in the plane [m].
+        friction: Coulomb coefficient.
+        direction: of the movement in the pad's plane, from +X (the finger's right) to +Y (the tip) [rad].
+        devices: what the finger wears.
+        slide: length of the movement [s]; the scene begins `SETTLE` before it.
+        rate: of the samples [Hz].
+    """
+    last = 1 + int(np.ceil((SETTLE + slide) * FPS))
+    frames, times = sample_frames(FPS, (1, last), rate)
+    moved = plane_offset(times, depth, direction)
+    return TactileScene(
+        name=f"Sliding plane {1e3 * depth:g} mm, friction {friction:g}, {np.degrees(direction):.0f} deg",
+        fps=FPS,
+        frame_range=(1, last),
+        rate=rate,
+        fingers=(Finger("Index", tuple(devices)),),
+        bodies=(Body("Plane", _slab(), {"friction": friction}),),
+        screens=(),
+        chunks=[Chunk(frames, times, _poses(np.zeros_like(moved)), _poses(moved), np.zeros((0, len(times), 4, 4)))],
+    )
+
+
+def _slab() -> Mesh:
+    """Return a slab whose upper face is z = 0, large enough for the whole stroke."""
+    half, thick = 0.1, 0.02
+    corners = [(x, y, z) for z in (-thick, 0.0) for y in (-half, half) for x in (-half, half)]
+    quads = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (1, 3, 7, 5), (3, 2, 6, 7), (2, 0, 4, 6))
+    triangles = [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]
+    return Mesh(np.array(corners), np.array(triangles, dtype=np.int32))
+
+
+def _poses(offsets: Array) -> Array:
+    poses = np.zeros((1, len(offsets), 4, 4))
+    poses[:] = np.eye(4)
+    poses[0, :, :3, 3] = offsets
+    return poses

@@ -221,8 +221,7 @@ def _solver(method: Any) -> Any:
 
 def _offsets(path: str) -> Any:
     """Return where the plane is, frame after frame; the last 480 are measured."""
-    from core.scene.sliding import SETTLE, plane_offset
-    from tests.sliding import RATE
+    from core.scene.sliding import RATE, SETTLE, plane_offset
 
     if path == "slide":
         return plane_offset(np.arange(int(SETTLE * RATE) + FRAMES) / RATE, 2.0e-3, 0.0)

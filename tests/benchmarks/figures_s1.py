@@ -30,9 +30,8 @@ from core.matching.deformation import Method
 from core.plot.canvas import PngCanvas
 from core.plot.pins import pin_map
 from core.presets import Library
-from core.scene.sliding import SETTLE
+from core.scene.sliding import DEPTHS, DIRECTIONS, FRICTIONS, SETTLE, sliding_plane
 from core.skin.model import SkinModel, fingertip_skin
-from tests.sliding import DEPTHS, DIRECTIONS, FRICTIONS, sliding_plane
 
 from . import one_blas_thread
 from .chart import COLOURS, Chart

@@ -5,6 +5,8 @@ ideal observer is asked the same of rendered touches, as it was asked first and 
 is simulated.
 """
 
+# ruff: noqa: E501  the lines of the page
+
 from __future__ import annotations
 
 import argparse

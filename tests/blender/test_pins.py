@@ -15,7 +15,7 @@ from blender_addon.properties import object_properties
 from blender_addon.results import pin_reports, store
 from blender_addon.viewport import pin_card, pin_twin
 from blender_addon.viewport import shown as views
-from tests.sliding import sliding_plane
+from core.scene.sliding import sliding_plane
 
 
 @pytest.fixture

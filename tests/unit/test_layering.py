@@ -75,6 +75,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "pipeline": MATCHING | {"plot", "work"},
     # the whole way, for one touch and every device
     "comparison": MATCHING | {"plot", "pipeline", "work", "experiment"},
+    "studies": MATCHING | {"plot", "pipeline"},
     # live to the hardware
     "stream.protocols": DEVICE,
     "stream.links": DEVICE | {"stream.protocols"},

@@ -15,9 +15,9 @@ from core.errors import DermisError
 from core.matching import pin_report
 from core.presets import Library
 from core.scene import scene_file
+from core.scene.sliding import sliding_plane
 from core.scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene
 from core.skin.model import fingertip_skin, skin_from_parameters
-from tests.sliding import sliding_plane
 from tests.tissue import save_mesh
 
 PINS = (DeviceUse("pin_array_128", {}),)

@@ -14,9 +14,9 @@ from core.matching import pin_resolution, pins
 from core.matching.deformation import RANK_TOLERANCE
 from core.matching.pin_report import compare
 from core.presets import Library
+from core.scene.sliding import sliding_plane
 from core.scene.tactile_scene import DeviceUse
 from core.skin.model import fingertip_skin
-from tests.sliding import sliding_plane
 
 SPREAD = 0.8e-3
 UP = np.array([0.0, 0.0, 1.0])

@@ -19,13 +19,12 @@ from core.matching.bounded_lsq import BoundedLeastSquares
 from core.matching.deformation import METHODS, PinSolver
 from core.pipeline.render import run
 from core.presets import Library
-from core.scene.sliding import SETTLE
+from core.scene.sliding import RATE, SETTLE, sliding_plane
 from core.scene.tactile_scene import DeviceUse
 from core.skin.blas import pools
 from core.skin.model import fingertip_skin, skin_from_parameters
 from core.skin.stimulus import Stimulus
 from core.skin.stress import RECEPTOR_DEPTHS
-from tests.sliding import RATE, sliding_plane
 
 KKT = 1e-12
 SLIDE = 0.75  # [s] of sliding in these tests

@@ -1,0 +1,65 @@
+"""`python -m core tell-apart | sweep | bump | weakest-force`: the papers' own questions."""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+
+from ..comparison import told_apart, told_report
+from ..matching.deformation import METHODS
+from ..presets import Library
+from ..scene import scene_file
+from ..skin.model import skin_from_parameters
+from ..studies import bump as bumps
+from ..studies import cap_force, method_sweep
+from .progress import drain_shown
+
+
+def tell_apart(options: argparse.Namespace) -> int:
+    """Say which of a finger's touches could be told apart through each device."""
+    scene, library = scene_file.load(options.scene), Library(options.presets)
+    found = drain_shown(told_apart.tell_apart(scene, library, options.finger), quiet=options.quiet)
+    print(told_report.text(found))
+    if options.out is not None:
+        print(told_report.write(found, options.out))
+    return 0
+
+
+def sweep(options: argparse.Namespace) -> int:
+    """Match a sliding plane by every method, over depths, frictions and directions."""
+    library = Library(options.presets)
+    spec, skin = library.device(options.device), skin_from_parameters(library.skin(options.skin), level=options.level)
+    methods = [method for method in METHODS if not options.method or method in options.method]
+    steps = method_sweep.sweep_methods(
+        spec,
+        skin,
+        [1e-3 * depth for depth in options.depth],
+        options.friction,
+        np.radians(options.direction).tolist(),
+        methods=methods,
+        slide=options.slide,
+    )
+    found = drain_shown(steps, quiet=options.quiet)
+    print(method_sweep.text(found))
+    for path in () if options.out is None else method_sweep.write(found, spec, skin, options.out):
+        print(path)
+    return 0
+
+
+def bump(options: argparse.Namespace) -> int:
+    """Let a finger go over a bump by each profile."""
+    found = bumps.bump_curve(
+        Library(options.presets), options.device, 1e-3 * options.height, 1e-3 * options.width, 1e-3 * options.speed
+    )
+    print(bumps.text(found))
+    for path in () if options.out is None else bumps.write(found, options.out):
+        print(path)
+    return 0
+
+
+def weakest_force(options: argparse.Namespace) -> int:
+    """Say how strong a shear tactor is in its weakest direction."""
+    spec = Library(options.presets).device(options.device)
+    print(cap_force.text(cap_force.cap_force(spec), spec))
+    return 0

@@ -1,0 +1,238 @@
+"""Which touches of a scene a finger could tell apart through each device, by an ideal observer.
+
+A finger that touches, lifts and touches again makes touches that are compared in pairs: the real ones with each other,
+and what each device and method makes of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Array
+from ..contact.skin_contact import SkinContact
+from ..errors import DermisError
+from ..pipeline.bake import Output, Progress
+from ..pipeline.render import render
+from ..presets import Library
+from ..scene.tactile_scene import DeviceUse, TactileScene
+from ..skin.stimulus import Stimulus
+from .afferents import Afferents, moments
+from .ideal_observer import Answer, told
+from .rendered_forces import rendered_touches
+from .wearing import Skipped, finger_index, wearing_all
+
+if TYPE_CHECKING:
+    from ..cache import Cache
+
+PAUSE = 0.1  # without contact, from which on it is another touch [s]
+CLOSE = 1e-6  # of a sample, and of a second: rounding of times
+MOST = 8  # touches that are compared, in 28 pairs
+# methods whose answers people compare, by the setting that names them; learned ones where the finger wears one
+METHODS: Mapping[str, tuple[str, ...]] = {
+    "thimble_method": ("stress", "force", "geometry"),
+    "pin_method": ("DM2", "FM2"),
+}
+SETTING = {"thimble": "thimble_method", "pin_array": "pin_method"}
+
+
+@dataclass(frozen=True)
+class TouchTime:
+    """When a touch begins and ends [s], and in which frame it begins."""
+
+    start: float
+    end: float
+    frame: float
+
+
+@dataclass(frozen=True, eq=False)
+class ToldRow:
+    """One device and method: `answers`, one a pair."""
+
+    device: str
+    title: str
+    method: str
+    answers: tuple[Answer, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """What could be told apart.
+
+    Attributes:
+        scene, finger: names. touches: in order. pairs: numbers of touches, from 0.
+        real: the real touches' answers, one a pair. rows: devices and methods. skipped: and why.
+    """
+
+    scene: str
+    finger: str
+    touches: tuple[TouchTime, ...]
+    pairs: tuple[tuple[int, int], ...]
+    real: tuple[Answer, ...]
+    rows: tuple[ToldRow, ...]
+    skipped: tuple[Skipped, ...]
+
+
+def tell_apart(
+    scene: TactileScene, library: Library, finger: str | int = 0, *, cache: Cache | None = None
+) -> Generator[Progress, None, Told]:
+    """Judge which of a finger's touches could be told apart through each device; yield progress, return `Told`.
+
+    Args:
+        finger: its name or number. cache: where skins and tables are kept.
+
+    Raises:
+        DermisError: no such finger, a scene that cannot be rendered, no device that presses on skin, or fewer touches
+            than two or more than `MOST`.
+    """
+    number = finger_index(scene, finger)
+    name = scene.fingers[number].name
+    worn, skipped = _wearing(scene, library, number)
+    bake = yield from render(worn, library, cache=cache)
+    skin = bake.skins.get(name)
+    touches = () if skin is None else touches_of(skin)
+    if skin is None or not 2 <= len(touches) <= MOST:
+        raise DermisError(
+            "touches are compared in pairs",
+            where=f"finger '{name}'",
+            value=f"{len(touches)} touches",
+            limit=f"2 to {MOST}",
+            remedy="Let the finger touch, lift for a tenth of a second, and touch again",
+        )
+    yield Progress("judging", 0, 1 + len(bake.outputs))
+    afferents = Afferents.of(skin.model)
+    looked = looked_at(skin, touches)
+    every = looked.samples
+    real = looked.read(afferents, [skin.stimulus_at(i) for i in every.tolist()])
+    pairs = tuple(combinations(range(len(touches)), 2))
+    uses = {(use.preset, _method_of(use)): use.parameters for use in worn.fingers[number].devices}
+    rows = []
+    for step, output in enumerate(o for o in bake.outputs if o.finger == name):
+        yield Progress("judging", 1 + step, 1 + len(bake.outputs))
+        method = str(output.track.meta.get("method", ""))
+        parameters = uses.get((output.device, method), uses.get((output.device, ""), {}))
+        try:
+            read = looked.read(afferents, _rendered(output, skin, every, parameters))
+        except DermisError as error:
+            skipped.append(Skipped(output.device, output.track.spec.name, str(error).rstrip(".")))
+            continue
+        answers = [_answer(read, pair, afferents.noise, real) for pair in pairs]
+        rows.append(ToldRow(output.device, output.track.spec.name, method, tuple(answers)))
+    have = {row.device for row in rows} | {s.device for s in skipped}
+    for key in {use.preset: None for use in worn.fingers[number].devices}:
+        if key not in have:
+            said = [f.what for f in bake.findings if f.code == "device-unavailable" and key in f.what]
+            why = next(iter(said), "it could not be rendered")
+            skipped.append(Skipped(key, library.device(key).name, why))
+    return Told(
+        scene.name,
+        name,
+        touches,
+        pairs,
+        tuple(_answer(real, pair, afferents.noise, real) for pair in pairs),
+        tuple(rows),
+        tuple(skipped),
+    )
+
+
+def touches_of(skin: SkinContact) -> tuple[TouchTime, ...]:
+    """Return when a finger touches, pauses shorter than `PAUSE` left out."""
+    if not len(skin.contact):
+        return ()
+    times = skin.times[skin.contact]
+    breaks = np.flatnonzero(np.diff(times) > PAUSE)
+    starts, ends = np.append(0, breaks + 1), np.append(breaks, len(times) - 1)
+    frames = skin.frames[skin.contact]
+    return tuple(
+        TouchTime(float(times[a]), float(times[b]), float(frames[a]))
+        for a, b in zip(starts.tolist(), ends.tolist(), strict=True)
+    )
+
+
+def _wearing(scene: TactileScene, library: Library, number: int) -> tuple[TactileScene, list[Skipped]]:
+    """Return a scene in which a finger wears every device that presses on its skin, once a method, and who does not."""
+    worn, fit, skipped = wearing_all(scene, library, number)
+    own = {use.preset: use for use in reversed(worn.fingers[number].devices)}
+    devices: list[DeviceUse] = []
+    for key in fit:
+        spec, use = library.device(key), own[key]
+        setting = SETTING.get(spec.kind)
+        if not spec.follows_skin:
+            skipped.append(Skipped(key, spec.name, "it does not press on the skin, so there is no strain to read"))
+        elif setting is None:
+            devices.append(use)
+        else:
+            chosen = str(use.parameters.get(setting, METHODS[setting][0]))
+            devices += [
+                replace(use, parameters={**use.parameters, setting: method})
+                for method in dict.fromkeys((chosen, *METHODS[setting]))
+            ]
+    if not devices:
+        raise DermisError("no device presses on the skin", where=f"finger '{scene.fingers[number].name}'")
+    fingers = list(worn.fingers)
+    fingers[number] = replace(fingers[number], devices=tuple(devices))
+    return replace(worn, fingers=tuple(fingers)), skipped
+
+
+def _method_of(use: DeviceUse) -> str:
+    return str(next((use.parameters[name] for name in METHODS if name in use.parameters), ""))
+
+
+def looked_at(skin: SkinContact, touches: Sequence[TouchTime]) -> LookedAt:
+    """Return when each touch is looked at: at the ends and middles of its frames, all as long as the longest."""
+    at = moments(max(touch.end - touch.start for touch in touches))
+    first = np.full((len(touches), len(at)), -1, np.intp)
+    share = np.zeros(first.shape)
+    for k, touch in enumerate(touches):
+        times = touch.start + at
+        within = times <= touch.end + CLOSE
+        place = np.interp(times[within], skin.times, np.arange(len(skin.times)))
+        before = np.minimum(np.floor(place + CLOSE).astype(np.intp), len(skin.times) - 2)
+        first[k, within], share[k, within] = before, place - before
+    return LookedAt(first, share)
+
+
+@dataclass(frozen=True, eq=False)
+class LookedAt:
+    """Moments of touches between samples.
+
+    Attributes:
+        first: the sample before each moment, -1 where its touch is over, shape (touches, moments).
+        share: of the way to the sample after it, shape (touches, moments).
+    """
+
+    first: NDArray[np.intp]
+    share: Array
+
+    @property
+    def samples(self) -> NDArray[np.intp]:
+        """Return all samples that are needed, rising."""
+        before = self.first[self.first >= 0]
+        return np.union1d(before, before + 1)
+
+    def read(self, afferents: Afferents, states: Sequence[Stimulus]) -> list[Array]:
+        """Return what is read of each touch, from the states at `samples`; nothing is strained once it is over."""
+        strain, within = afferents.strain(states), self.first >= 0
+        at = np.searchsorted(self.samples, self.first[within])
+        share = self.share[within][:, None]
+        whole = np.zeros((*self.first.shape, strain.shape[1]))
+        whole[within] = (1.0 - share) * strain[at] + share * strain[at + 1]
+        return [afferents.read(touch) for touch in whole]
+
+
+def _rendered(
+    output: Output, skin: SkinContact, samples: NDArray[np.intp], parameters: Mapping[str, Any]
+) -> list[Stimulus]:
+    forces, given = rendered_touches(output.track, skin, samples, parameters)
+    return [Stimulus(skin.model, force, given=amounts) for force, amounts in zip(forces, given, strict=True)]
+
+
+def _answer(read: Sequence[Array], pair: tuple[int, int], noise: float, real: Sequence[Array]) -> Answer:
+    first, second = pair
+    known = real[first][None], real[second][None]
+    return told(read[first][None], read[second][None], noise, known)

@@ -1,0 +1,65 @@
+"""What could be told apart, as text and as CSV."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..files import write_bytes
+from ..track.file_names import safe
+from ..version import version
+from .ideal_observer import Answer
+from .told_apart import Told
+
+NOTE = (
+    "Simulated: an ideal observer who reads every SA I and FA I afferent of the pad, and wastes nothing. 'right' is "
+    "how often one who knows the real touches is right in a choice of two, 50 % is guessing; d' counts any difference."
+)
+REAL = "the real touches"
+
+
+def lines(found: Told) -> list[tuple[str, ...]]:
+    """Return the table in words: a heading, the real touches, then devices; a column a pair."""
+    heads = tuple(f"{i + 1} or {j + 1}" for i, j in found.pairs)
+    rows = [("device", "method", *heads), (REAL, "", *map(_words, found.real))]
+    rows += [(row.title, row.method, *map(_words, row.answers)) for row in found.rows]
+    return rows
+
+
+def text(found: Told) -> str:
+    """Return the touches, the table and what was skipped for a terminal."""
+    rows = lines(found)
+    wide = [max(len(r[i]) for r in rows) for i in range(len(rows[0]))]
+    out = [
+        f"touch {k}: {touch.start:.2f} to {touch.end:.2f} s, from frame {touch.frame:g}"
+        for k, touch in enumerate(found.touches, 1)
+    ]
+    out += ["", *("  ".join(cell.ljust(w) for cell, w in zip(row, wide, strict=True)).rstrip() for row in rows), ""]
+    return "\n".join([*out, *(f"skipped: {s.title}: {s.why}" for s in found.skipped), NOTE])
+
+
+def csv(found: Told) -> str:
+    """Return the answers as CSV, a row for each device, method and pair."""
+    about = {"scene": found.scene, "finger": found.finger, "generator": f"dermis {version()}", "note": NOTE}
+    out = ["# dermis-told-apart 1", *(f"# {k}: {v}".replace("\n", " ") for k, v in about.items())]
+    out += [f"# touch {k}: {t.start:.6g} to {t.end:.6g} s" for k, t in enumerate(found.touches, 1)]
+    out += [f"# skipped {s.device}: {s.why}".replace("\n", " ") for s in found.skipped]
+    out.append("device,method,first,second,d_any,d_as_real,right")
+    for device, method, answers in (("", "", found.real), *((r.device, r.method, r.answers) for r in found.rows)):
+        for (i, j), a in zip(found.pairs, answers, strict=True):
+            out.append(f"{device},{method},{i + 1},{j + 1},{a.apart:.9g},{a.as_real:.9g},{a.right:.9g}")
+    return "\n".join(out) + "\n"
+
+
+def write(found: Told, folder: Path) -> Path:
+    """Write the CSV into a folder, whole or not at all; return its path.
+
+    Raises:
+        DermisError: the folder cannot be written.
+    """
+    path = Path(folder) / f"{safe(found.finger) or 'finger'}.told-apart.csv"
+    write_bytes(path, csv(found).encode())
+    return path
+
+
+def _words(answer: Answer) -> str:
+    return f"{100 * answer.right:.0f} % right, d' {answer.apart:.1f}"

@@ -1,0 +1,1 @@
+"""The papers' own questions, asked of presets and stimuli of one's choice."""

@@ -60,6 +60,18 @@ def find(scene: bpy.types.Scene, finger: str) -> Steps:
     Raises:
         DermisError: the scene cannot be sampled or rendered, or no device fits.
     """
+    made = yield from asked("compare", "comparing", scene, finger)
+    return Compared(json.loads(made["table"]), made["csv"], made["html"], changes.edits())
+
+
+def asked(job_name: str, stage: str, scene: bpy.types.Scene, finger: str) -> Steps:
+    """Sample a scene and let a child process do a job with it; yield progress, return what it made, as bytes.
+
+    Closing the generator ends the child process.
+
+    Raises:
+        DermisError: the scene cannot be sampled, or what the job refuses.
+    """
     import tempfile  # not before it is needed: registering shall be quick
 
     yield core.pipeline.bake.Progress("preparing", 0, 1)
@@ -77,11 +89,10 @@ def find(scene: bpy.types.Scene, finger: str) -> Steps:
             "cache_bytes": skin_models.LIMIT_BYTES,
         }
         with core.work.processes.ProcessExecutor() as executor:
-            job = executor.submit("compare", {}, given)
+            job = executor.submit(job_name, {}, given)
             for done, total in job.follow():
-                yield core.pipeline.bake.Progress("comparing", done, max(total, 1))
-            made = {name: array.tobytes() for name, array in job.result().items()}
-    return Compared(json.loads(made["table"]), made["csv"], made["html"], changes.edits())
+                yield core.pipeline.bake.Progress(stage, done, max(total, 1))
+            return {name: array.tobytes() for name, array in job.result().items()}
 
 
 def _sampled(scene: bpy.types.Scene) -> Steps:

@@ -27,6 +27,7 @@ from . import (
     stream,
     strip,
     thimble,
+    told,
     tracks,
 )
 
@@ -43,6 +44,7 @@ CLASSES: tuple[type, ...] = (
     *export.CLASSES,
     *film.CLASSES,
     *compare.CLASSES,
+    *told.CLASSES,
     *housekeeping.CLASSES,
     *maps.CLASSES,
     *skin.CLASSES,

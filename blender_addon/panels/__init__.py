@@ -19,6 +19,7 @@ from . import (
     skin,
     stream,
     thimble,
+    told,
 )
 
 # In the order of the work: place, touch, wear, preview, bake, export, stream.
@@ -36,6 +37,7 @@ CLASSES: tuple[type, ...] = (
     *bake.CLASSES,
     *film.CLASSES,
     *compare.CLASSES,
+    *told.CLASSES,
     *stream.CLASSES,
     *calibration.CLASSES,
     *design.SCENE,

@@ -1,22 +1,27 @@
-"""The comparison as a job for a child process: a scene's file goes in, the table and the page come out."""
+"""Comparisons as jobs for a child process: a scene's file goes in, tables and the page come out."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..cache import Cache
+from ..pipeline.bake import Progress
 from ..presets import Library
 from ..scene import scene_file
 from ..steps import drain
 from ..work.jobs import Report
 from . import report as pages
+from . import told_report
 from .device_comparison import compare_devices
+from .told_apart import tell_apart
+
+Made = TypeVar("Made")
 
 
 def compare_job(
@@ -34,9 +39,34 @@ def compare_job(
     Raises:
         DermisError: see `compare_devices`; a file that cannot be read.
     """
-    scene = scene_file.load(Path(parameters["scene"]))
-    cache = Cache(Path(parameters["cache"]), int(parameters["cache_bytes"])) if "cache" in parameters else None
-    steps = compare_devices(scene, Library(parameters.get("presets")), parameters["finger"], cache=cache)
-    found = drain(steps, lambda step: report(step.done, step.total))
-    made = {"table": json.dumps(pages.as_dict(found)), "csv": pages.csv(found), "html": pages.html(found)}
+    found = _done(compare_devices, parameters, report)
+    return _bytes({"table": json.dumps(pages.as_dict(found)), "csv": pages.csv(found), "html": pages.html(found)})
+
+
+def tell_job(
+    _arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Report
+) -> dict[str, NDArray[Any]]:
+    """Tell a finger's touches apart; see `tell_apart`.
+
+    Args:
+        parameters: as of `compare_job`.
+
+    Returns:
+        'table' (JSON, see `told_report.as_dict`) and 'csv', as bytes.
+
+    Raises:
+        DermisError: see `tell_apart`; a file that cannot be read.
+    """
+    found = _done(tell_apart, parameters, report)
+    return _bytes({"table": json.dumps(told_report.as_dict(found)), "csv": told_report.csv(found)})
+
+
+def _done(work: Callable[..., Generator[Progress, None, Made]], given: Mapping[str, Any], report: Report) -> Made:
+    scene = scene_file.load(Path(given["scene"]))
+    cache = Cache(Path(given["cache"]), int(given["cache_bytes"])) if "cache" in given else None
+    steps = work(scene, Library(given.get("presets")), given["finger"], cache=cache)
+    return drain(steps, lambda step: report(step.done, step.total))
+
+
+def _bytes(made: Mapping[str, str]) -> dict[str, NDArray[Any]]:
     return {name: np.frombuffer(words.encode(), np.uint8) for name, words in made.items()}

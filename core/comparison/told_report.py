@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from ..files import write_bytes
 from ..track.file_names import safe
@@ -48,6 +49,27 @@ def csv(found: Told) -> str:
         for (i, j), a in zip(found.pairs, answers, strict=True):
             out.append(f"{device},{method},{i + 1},{j + 1},{a.apart:.9g},{a.as_real:.9g},{a.right:.9g}")
     return "\n".join(out) + "\n"
+
+
+def as_dict(found: Told) -> dict[str, Any]:
+    """Return what a panel shows, as plain JSON values."""
+    rows = [("", REAL, "", found.real), *((r.device, r.title, r.method, r.answers) for r in found.rows)]
+    return {
+        "finger": found.finger,
+        "touches": [{"start": t.start, "end": t.end, "frame": t.frame} for t in found.touches],
+        "pairs": [[i + 1, j + 1] for i, j in found.pairs],
+        "rows": [
+            {
+                "device": d,
+                "title": t,
+                "method": m,
+                "right": [a.right for a in answers],
+                "any": [a.apart for a in answers],
+            }
+            for d, t, m, answers in rows
+        ],
+        "skipped": [{"title": s.title, "why": s.why} for s in found.skipped],
+    }
 
 
 def write(found: Told, folder: Path) -> Path:

@@ -27,6 +27,7 @@ JOBS: Table = {
     "adapt": ".matching.adapt:adapt_job",
     "compare": ".comparison.job:compare_job",
     "share": ".pipeline.share_job:work",
+    "tell-apart": ".comparison.job:tell_job",
 }
 _CORE = __package__.rpartition(".")[0]
 

@@ -1,0 +1,63 @@
+"""Which touches of a finger could be told apart through each device, worked out by a child process; for the session."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from .. import changes
+from .._core import core
+from ..jobs import Steps
+from . import compared
+
+
+@dataclass(frozen=True)
+class Told:
+    """What could be told apart: `table` for the panel, see the engine's `told_report.as_dict`; `csv`, the file.
+
+    Attributes:
+        edits: of `changes` when it was made.
+    """
+
+    table: Mapping[str, Any]
+    csv: bytes
+    edits: int
+
+
+_told: dict[int, Told] = {}
+
+
+def current(scene: bpy.types.Scene) -> Told | None:
+    """Return what was last found of a scene in this session."""
+    return _told.get(scene.session_uid)
+
+
+def keep(scene: bpy.types.Scene, made: Told) -> None:
+    """Keep it for the session."""
+    _told[scene.session_uid] = replace(made, edits=changes.edits())
+
+
+def find(scene: bpy.types.Scene, finger: str) -> Steps:
+    """Sample a scene and tell a finger's touches apart; yield progress, return `Told`.
+
+    Raises:
+        DermisError: the scene cannot be sampled or rendered, or the finger does not touch twice.
+    """
+    made = yield from compared.asked("tell-apart", "telling apart", scene, finger)
+    return Told(json.loads(made["table"]), made["csv"], changes.edits())
+
+
+def save(made: Told, folder: Path) -> Path:
+    """Write the table as CSV into a folder; return its path.
+
+    Raises:
+        DermisError: the folder cannot be written.
+    """
+    path = folder / f"{core.track.file_names.safe(made.table['finger']) or 'finger'}.told-apart.csv"
+    core.files.write_bytes(path, made.csv)
+    return path

@@ -1,0 +1,48 @@
+"""What Can Be Told Apart?: a finger's touches through every device, in pairs, by an ideal observer."""
+
+from typing import Any
+
+import bpy
+
+from .. import jobs, redraw
+from ..comparison import told
+from ..polls import active_finger, needs
+from .work import Folder, counted
+
+
+@needs(active_finger, "Select a finger")
+class DERMIS_OT_tell_apart(jobs.Job, bpy.types.Operator):
+    """Let an ideal observer tell this finger's touches apart, the real ones and each device's; Esc cancels"""
+
+    bl_idname = "dermis.tell_apart"
+    bl_label = "What Can Be Told Apart?"
+    bl_options = {"REGISTER"}
+    job_title = "Tell touches apart"
+
+    def steps(self, context: bpy.types.Context) -> Any:
+        """Return the work."""
+        return told.find(context.scene, context.object.name)
+
+    def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
+        """Keep it."""
+        told.keep(context.scene, result)
+        touches, devices = len(result.table["touches"]), len(result.table["rows"]) - 1
+        self.report({"INFO"}, f"{touches} touches, {counted(devices, 'way')} to render them")
+        redraw.request()
+        return {"FINISHED"}
+
+
+@needs(lambda context: told.current(context.scene) is not None, "Tell touches apart first")
+class DERMIS_OT_save_told(Folder, bpy.types.Operator):
+    """Write what could be told apart into a folder, as CSV"""
+
+    bl_idname = "dermis.save_told"
+    bl_label = "Save Table"
+
+    def work(self, context: bpy.types.Context) -> str | None:
+        """Write the file."""
+        made: Any = told.current(context.scene)
+        return f"Wrote {told.save(made, self.folder())}"
+
+
+CLASSES: tuple[type, ...] = (DERMIS_OT_tell_apart, DERMIS_OT_save_told)

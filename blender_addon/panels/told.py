@@ -1,0 +1,67 @@
+"""Which touches a finger could tell apart, by device and method, as a table."""
+
+from typing import Any
+
+import bpy
+
+from .. import changes
+from ..comparison import told
+from ..layouts import paragraph
+from ..polls import needs
+from . import summary
+from .main import DermisPanel
+
+PAIRS = 4  # columns that fit; the saved table has all
+
+
+@needs(lambda context: summary.of(context.scene).fingers)
+class DERMIS_PT_told(DermisPanel, bpy.types.Panel):
+    """What an ideal observer could tell apart of the active finger's touches."""
+
+    bl_idname = "DERMIS_PT_told"
+    bl_parent_id = "DERMIS_PT_compare"
+    bl_label = "Told Apart"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the button, then a line a device and method."""
+        layout = self.layout
+        layout.operator("dermis.tell_apart", icon="ZOOM_ALL")
+        found = told.current(context.scene)
+        if found is None:
+            paragraph(
+                layout,
+                context,
+                "Touch, lift and touch again: how often would they be told apart, in earnest and through each device?",
+            )
+            return
+        if found.edits != changes.edits():
+            paragraph(layout, context, "The scene changed since: ask again.", "ERROR")
+        table = found.table
+        for k, touch in enumerate(table["touches"], 1):
+            layout.label(text=f"touch {k}: {touch['end'] - touch['start']:.2f} s from frame {touch['frame']:.0f}")
+        pairs = table["pairs"][:PAIRS]
+        box = layout.box().column(align=True)
+        box.scale_y = 0.85
+        _line(box, f"{table['finger']}: right answers", [f"{i} or {j}" for i, j in pairs])
+        for row in table["rows"]:
+            name = f"{row['title']}, {row['method']}" if row["method"] not in ("", "lookup") else row["title"]
+            _line(box, name, [f"{100 * right:.0f} %" for right in row["right"][:PAIRS]])
+        if len(table["pairs"]) > PAIRS:
+            paragraph(layout, context, f"{len(table['pairs']) - PAIRS} more pairs are in the saved table.", "INFO")
+        words = "Simulated: an observer who wastes nothing, knows the real touches, and guesses at 50 %."
+        paragraph(layout, context, words, "INFO")
+        layout.operator("dermis.save_told", icon="EXPORT", text="Save")
+        for skipped in table["skipped"]:
+            paragraph(layout, context, f"{skipped['title']}: {skipped['why']}.", "INFO")
+
+
+def _line(column: Any, name: str, cells: list[str]) -> None:
+    split = column.split(factor=max(0.3, 0.8 - 0.12 * len(cells)))
+    split.label(text=name)
+    row = split.row()
+    for cell in cells:
+        row.label(text=cell)
+
+
+CLASSES: tuple[type, ...] = (DERMIS_PT_told,)

@@ -211,16 +211,20 @@ def foam(count: int = 120) -> Touch:
                 pitch=[(0, 0), (0.5, 10), (1, 0)], roll=[(0, 0), (0.3, 8), (0.7, -8), (1, 0)])  # fmt: skip
 
 
-def rod_at(y: float, count: int = 60, depth: float = 1.0, slides: float = 0.0, friction: float = 0.6) -> Touch:
-    """Return a thin rod across the finger, pressed at y [mm] of the pad, and slid by `slides` [mm] along the finger."""
-    return make(
-        "rod",
-        rod(3e-3),
-        count,
-        friction=friction,
-        depth=[(0, -0.2), (0.3, depth), (0.8, depth), (1, -0.2)],
-        y=[(0, y), (0.3, y), (0.8, y + slides), (1, y + slides)],
-    )
+def rod_at(
+    y: float, count: int = 60, depth: float = 1.0, slides: str = "", start: float = -0.2, friction: float = 0.6
+) -> Touch:
+    """Return a thin rod across the finger, pressed at y [mm] of the pad.
+
+    Args:
+        slides: 'along' its own axis by 3 mm, 'across' it along the finger, or '' where it stays.
+        start: depth before and after [mm].
+    """
+    way = [(0.0, 0.0), (0.3, 0.0), (0.8, 3.0 if slides else 0.0), (1.0, 3.0 if slides else 0.0)]
+    across = [(at, y + (v if slides == "across" else 0.0)) for at, v in way]
+    along = way if slides == "along" else [(0.0, 0.0), (1.0, 0.0)]
+    press = [(0.0, start), (0.3, depth), (0.8, depth), (1.0, start)]
+    return make("rod", rod(3e-3), count, friction=friction, depth=press, x=along, y=across)
 
 
 def shaken_block(count: int = 120) -> Touch:

@@ -28,6 +28,7 @@ GRIP, BLOCK, SHAKE, SHAKES = 1.0e-3, 24e-3, 5e-3, 4  # depth of both fingers, th
 Keys = list[tuple[float, float]]
 PRESS: Keys = [(0.0, -0.3), (0.35, 1.2), (0.75, 1.2), (1.0, -0.3)]
 ROD_PRESS: Keys = [(0.0, -0.3), (0.3, 1.0), (0.8, 1.0), (1.0, -0.3)]
+ROD_SLIDE: Keys = [(0.0, 0.0), (0.3, 0.0), (0.8, 3.0), (1.0, 3.0)]
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,9 @@ SCENES: Mapping[str, Scene] = {
     "FRONT": Scene("Cylinder, Front", "A thin cylinder at the front of the pad", "rod", {
         "depth": ROD_PRESS, "y": [(0, 4), (1, 4)]}),
     "PRESS": Scene("Press", "The cylinder is pressed and let go", "rod", {"depth": ROD_PRESS}),
-    "SLIDE": Scene("Slide", "A plate is pressed and slides sideways and back: friction makes the disc roll", "plate", {
+    "SLIDE": Scene("Slide", "The same cylinder slides along its axis: only friction differs from a press", "rod", {
+        "depth": ROD_PRESS, "x": ROD_SLIDE}),
+    "PLATE": Scene("Sliding Plate", "A plate slides sideways and back: friction makes the disc roll", "plate", {
         "depth": [(0, -0.3), (0.25, 1.0), (0.85, 1.0), (1, -0.3)],
         "x": [(0, 0), (0.3, 0), (0.55, 3), (0.8, -3), (1, -3)]}),
     "BLOCK": Scene("Shaken Block", "A block is held by two fingers and shaken up and down", "block"),

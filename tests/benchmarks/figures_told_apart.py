@@ -24,6 +24,7 @@ from core.contact.solver.path import PathSolver
 from core.devices.thimble import mechanism
 from core.presets import Library
 from core.skin.model import SkinModel, fingertip_skin
+from core.skin.sensor import electrode_sensor
 from core.skin.stimulus import Stimulus
 from tests import touches
 from tests.thimbles import match_sequence
@@ -33,8 +34,18 @@ Array = NDArray[np.float64]
 FRICTION = 0.6
 REPETITIONS = 8  # Source: [S0] 7.2, 'with 8 slightly different repetitions each'
 SECONDS, STEPS = 3.0, 8  # of a touch, Source: [S0] 7.2; from frame to frame
-METHODS = ("stress", "force", "geometry")
-PEOPLE = {"contact location": (82, 51, 78), "press or slide": (73, 53, 53)}  # [%] by method. Source: [S0] table 1
+METHODS = ("stress", "electrodes", "force", "geometry")
+TITLES = {
+    "target": "the real touches",
+    "stress": "stress",
+    "electrodes": "stress, as 19 electrodes feel it",
+    "force": "force only",
+    "geometry": "geometry only",
+}
+PEOPLE = {  # right answers by method [%]. Source: [S0] table 1
+    "contact location": {"stress": 82, "force": 51, "geometry": 78},
+    "press or slide": {"stress": 73, "force": 53, "geometry": 53},
+}
 ALONG, ACROSS = "press or slide, along the rod", "press or slide, across the rod"
 HEAD = """# Thimble 3-RRS: what a finger could tell apart
 
@@ -61,23 +72,14 @@ NOTES = """
 """
 
 
-def rod(y: float, depth: float, slides: str) -> touches.Touch:
-    """Return a thin rod across the finger, pressed at y [mm], and slid by 3 mm along its axis, across it, or not."""
-    count = int(round(SECONDS / FRAME)) * STEPS + 1
-    way = [(0.0, 0.0), (0.3, 0.0), (0.8, 3.0 if slides else 0.0), (1.0, 3.0 if slides else 0.0)]
-    keys = {"x": way if slides == "along" else [(0.0, 0.0), (1.0, 0.0)]}
-    keys["y"] = [(at, y + (v if slides == "across" else 0.0)) for at, v in way]
-    press = [(0.0, -0.2), (0.3, depth), (0.8, depth), (1.0, -0.2)]
-    return touches.make("rod", touches.rod(3e-3), count, friction=FRICTION, depth=press, **keys)
-
-
 def tests() -> dict[str, tuple[list[touches.Touch], list[touches.Touch]]]:
     """Return the two touches of each test, every one repeated a little differently."""
     rng = np.random.default_rng(20)
     depths, places = 0.8 + rng.uniform(-0.05, 0.05, REPETITIONS), rng.uniform(-0.3, 0.3, REPETITIONS)
 
     def all_of(y: float, slides: str = "") -> list[touches.Touch]:
-        return [rod(y + p, d, slides) for d, p in zip(depths, places, strict=True)]
+        count = int(round(SECONDS / FRAME)) * STEPS + 1
+        return [touches.rod_at(y + p, count, d, slides) for d, p in zip(depths, places, strict=True)]
 
     pressed = all_of(0.0)
     return {
@@ -115,7 +117,7 @@ def at_one_instant(felt: Sequence[Array], sigma: float) -> float:
 def judged(skin: SkinModel) -> dict[str, Any]:
     """Judge the real touches and what each method renders of them."""
     device, whole, afferents = mechanism(Library().device("thimble_3rrs")), skin.stress_components(), Afferents.of(skin)
-    sigma = noise_of_stress(skin, whole)
+    sigma, electrodes = noise_of_stress(skin, whole), electrode_sensor(skin).matrix
     out: dict[str, Any] = {"slow": afferents.slow_count.sum(), "fast": afferents.fast_count.sum()}
     known: dict[int, Array] = {}  # the pressed rod is in two tests
     for name, both in tests().items():
@@ -131,7 +133,9 @@ def judged(skin: SkinModel) -> dict[str, Any]:
         for method in ("target", *METHODS):
             felt, rolls = forces, []
             if method != "target":
-                found = [match_sequence(device, skin, f, method, friction=FRICTION) for f in forces]
+                how = {"observation_matrix": electrodes} if method == "electrodes" else {}
+                name_ = "stress" if method == "electrodes" else method
+                found = [match_sequence(device, skin, f, name_, friction=FRICTION, **how) for f in forces]
                 felt = [f.force.astype(np.float64) for f in found]
                 rolls = [np.degrees(np.abs(f.x[moving, 1]).mean()) for f in found]
             read = np.array([_read(afferents, f) for f in felt])
@@ -162,17 +166,17 @@ def page(found: dict[str, Any]) -> str:
     """Return the tables in Markdown."""
     lines = [f"Simulated; skin '{found['level']}', friction {FRICTION:g}, {REPETITIONS} repetitions of {SECONDS:g} s."]
     for name in ("contact location", ALONG, ACROSS):
-        people = PEOPLE[name.partition(",")[0]] if name != ACROSS else ("-",) * 3
+        people = {} if name == ACROSS else PEOPLE[name.partition(",")[0]]
         lines += ["", f"## {name[0].upper()}{name[1:]}", ""]
         lines += ["| | people [S0], right | at one instant, d' | as skin reads: any difference, d' | as real, d' | right | roll | shear |"]  # fmt: skip
         lines += ["|---|---|---|---|---|---|---|---|"]
-        for method, share in zip(("target", *METHODS), ("-", *people), strict=True):
+        for method in ("target", *METHODS):
+            share = f"{people[method]} %" if method in people else "-"
             v = found[name][method]
             roll = "-" if v["roll"] is None else "{:.0f}, {:.0f} deg".format(*v["roll"])
             shear = "{:.2f}, {:.2f} N".format(*v["shear"])
-            title = {"target": "the real touches", "stress": "stress"}.get(method, f"{method} only")
             lines.append(
-                f"| {title} | {share}{'' if share == '-' else ' %'} | {v['at one instant']:.1f} | {v['apart']:.1f} | "
+                f"| {TITLES[method]} | {share} | {v['at one instant']:.1f} | {v['apart']:.1f} | "
                 f"{v['as real']:.1f} | {v['right']:.0f} % | {roll} | {shear} |"
             )
     return "\n".join(lines) + "\n"

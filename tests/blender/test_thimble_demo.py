@@ -11,7 +11,14 @@ from blender_addon.demos import demo_shapes, demo_thimble
 from blender_addon.results import store
 from tests import touches
 
-TOUCHES = {"BALL": touches.ball_roll, "EDGE": touches.edge_press, "CUP": touches.cup, "SLIDE": touches.slide}
+TOUCHES = {
+    "BALL": touches.ball_roll,
+    "EDGE": touches.edge_press,
+    "CUP": touches.cup,
+    "PRESS": lambda count: touches.rod_at(0.0, count, 1.0, start=-0.3),
+    "SLIDE": lambda count: touches.rod_at(0.0, count, 1.0, "along", start=-0.3),
+    "PLATE": touches.slide,
+}
 
 
 @pytest.mark.parametrize("which", list(demo_thimble.SCENES))

@@ -414,7 +414,8 @@ READERS = (
 # What reads, and reads nothing of others: functions, or whole modules, and why they are in no table.
 OWN = {
     "blender_addon.comparison.compared:find": "its own child's answer",
-    "core.comparison.job:compare_job": "a sampled scene and presets, whose readers are in the table",
+    "blender_addon.comparison.told:find": "its own child's answer",
+    "core.comparison.job:_encoded": "its own words; scenes and presets have readers in the table",
     "core.matching.screen_map:ScreenMap.save": "writes",
     "core.matching.table:SkinTable.save": "writes",
     "core.presets:Library.load": "copies what it holds",

@@ -40,7 +40,7 @@ def compare_job(
         DermisError: see `compare_devices`; a file that cannot be read.
     """
     found = _done(compare_devices, parameters, report)
-    return _bytes({"table": json.dumps(pages.as_dict(found)), "csv": pages.csv(found), "html": pages.html(found)})
+    return _encoded({"table": json.dumps(pages.as_dict(found)), "csv": pages.csv(found), "html": pages.html(found)})
 
 
 def tell_job(
@@ -58,7 +58,7 @@ def tell_job(
         DermisError: see `tell_apart`; a file that cannot be read.
     """
     found = _done(tell_apart, parameters, report)
-    return _bytes({"table": json.dumps(told_report.as_dict(found)), "csv": told_report.csv(found)})
+    return _encoded({"table": json.dumps(told_report.as_dict(found)), "csv": told_report.csv(found)})
 
 
 def _done(work: Callable[..., Generator[Progress, None, Made]], given: Mapping[str, Any], report: Report) -> Made:
@@ -68,5 +68,5 @@ def _done(work: Callable[..., Generator[Progress, None, Made]], given: Mapping[s
     return drain(steps, lambda step: report(step.done, step.total))
 
 
-def _bytes(made: Mapping[str, str]) -> dict[str, NDArray[Any]]:
+def _encoded(made: Mapping[str, str]) -> dict[str, NDArray[Any]]:
     return {name: np.frombuffer(words.encode(), np.uint8) for name, words in made.items()}

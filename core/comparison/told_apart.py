@@ -108,7 +108,7 @@ def tell_apart(
     afferents = Afferents.of(skin.model)
     looked = looked_at(skin, touches)
     every = looked.samples
-    real = looked.read(afferents, [skin.stimulus_at(i) for i in every.tolist()])
+    real = looked.read(afferents, real_states(skin, every))
     pairs = tuple(combinations(range(len(touches)), 2))
     uses = {(use.preset, _method_of(use)): use.parameters for use in worn.fingers[number].devices}
     rows = []
@@ -223,6 +223,11 @@ class LookedAt:
         whole = np.zeros((*self.first.shape, strain.shape[1]))
         whole[within] = (1.0 - share) * strain[at] + share * strain[at + 1]
         return [afferents.read(touch) for touch in whole]
+
+
+def real_states(skin: SkinContact, samples: NDArray[np.intp]) -> list[Stimulus]:
+    """Return the real touch at some samples, by its forces on nodes: devices are known by theirs, and read alike."""
+    return [Stimulus(skin.model, skin.force_at(i), given=skin.amounts_at(i)) for i in samples.tolist()]
 
 
 def _rendered(

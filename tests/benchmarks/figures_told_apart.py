@@ -68,6 +68,7 @@ NOTES = """
 * *As real*: d' along the difference of the real touches alone: that of one who knows pressing and sliding from life, and has no other clue.
   *Right* is what it comes to in a choice of two, 50 % is guessing. *Any difference* counts whatever tells the two apart, like what it may feel.
 * The repetitions differ by up to 0.05 mm in depth and 0.3 mm in place, and their spread stands against the observer as noise does.
+* *Stress off* is how far the second touch's rendered stress is from the real one's, all of it, while the rod moves.
 * *Roll* is the disc's mean absolute roll while the rod moves; *shear* the root of the mean square of the rendered force across the finger then.
 """
 
@@ -147,12 +148,18 @@ def judged(skin: SkinModel) -> dict[str, Any]:
             real = real or halves
             stress = np.array([f.reshape(steps, -1) @ whole.T for f in felt])
             answer = told(*halves, afferents.noise, real)
+            if method == "target":
+                wanted = stress
+            missed = np.linalg.norm((stress - wanted)[REPETITIONS:, moving]) / np.linalg.norm(
+                wanted[REPETITIONS:, moving]
+            )
             across = [np.sqrt((f[moving].sum(axis=1)[:, 0] ** 2).mean()) for f in felt]
             row[method] = {
                 "at one instant": at_one_instant((stress[:REPETITIONS], stress[REPETITIONS:]), sigma),
                 "apart": answer.apart,
                 "as real": answer.as_real,
                 "right": 100 * answer.right,
+                "off": 100 * float(missed),
                 "roll": [float(np.mean(rolls[i : i + REPETITIONS])) for i in (0, REPETITIONS)] if rolls else None,
                 "shear": [float(np.mean(across[i : i + REPETITIONS])) for i in (0, REPETITIONS)],
             }
@@ -172,8 +179,8 @@ def page(found: dict[str, Any]) -> str:
     for name in ("contact location", ALONG, ACROSS):
         people = {} if name == ACROSS else PEOPLE[name.partition(",")[0]]
         lines += ["", f"## {name[0].upper()}{name[1:]}", ""]
-        lines += ["| | people [S0], right | at one instant, d' | as skin reads: any difference, d' | as real, d' | right | roll | shear |"]  # fmt: skip
-        lines += ["|---|---|---|---|---|---|---|---|"]
+        lines += ["| | people [S0], right | at one instant, d' | as skin reads: any difference, d' | as real, d' | right | stress off | roll | shear |"]  # fmt: skip
+        lines += ["|---|---|---|---|---|---|---|---|---|"]
         for method in ("target", *METHODS):
             share = f"{people[method]} %" if method in people else "-"
             v = found[name][method]
@@ -181,7 +188,7 @@ def page(found: dict[str, Any]) -> str:
             shear = "{:.2f}, {:.2f} N".format(*v["shear"])
             lines.append(
                 f"| {TITLES[method]} | {share} | {v['at one instant']:.1f} | {v['apart']:.1f} | "
-                f"{v['as real']:.1f} | {v['right']:.0f} % | {roll} | {shear} |"
+                f"{v['as real']:.1f} | {v['right']:.0f} % | {v['off']:.0f} % | {roll} | {shear} |"
             )
     return "\n".join(lines) + "\n"
 
@@ -195,16 +202,17 @@ def in_words(found: dict[str, Any]) -> str:
     apart = {m: f"{along[m]['apart']:.1f}" for m in METHODS}
     shear = {m: f"{along[m]['shear'][1]:.2f}" for m in ("target", *METHODS)}
     roll = {m: f"{along[m]['roll'][1]:.0f}" for m in METHODS}
+    off = {m: f"{along[m]['off']:.0f}" for m in METHODS}
     order = where["force"]["right"] < min(where[m]["right"] for m in ("stress", "geometry"))
+    slides = along["stress"]["right"] > 5.0 + max(along[m]["right"] for m in ("force", "geometry"))
     return "\n".join(
         [
             f"* **Contact location is {'' if order else 'not '}as with people**: with stress, force and geometry one who reads as skin does is right in "
-            f"{', '.join(right['contact location'])} % (people 82, 51, 78).",
-            f"* **Press or slide is not**: {', '.join(right[ALONG])} % (people 73, 53, 53). Force and geometry are guessing, as with people, but so is stress. Of {shear['target']} N "
-            f"across the finger the pose whose stress is nearest renders {shear['stress']} N: a rod's stress is far from any disc's, and rolling to drag "
-            f"the skin costs more of it than the drag is worth. Matched as 19 electrodes feel it, coarsely, as the paper's 154 tetrahedra do, the disc "
-            f"rolls by {roll['electrodes']} degrees and renders {shear['electrodes']} N; the two touches are then told apart (d' {apart['electrodes']} instead of {apart['stress']}), but not "
-            "as real ones differ.",
+            f"{', '.join(right['contact location'])} % (people 82, 51, 78, of which the first and last do not differ significantly).",
+            f"* **Press or slide is {'as with people' if slides else 'not'}**: {', '.join(right[ALONG])} % (people 73, 53, 53). Of {shear['target']} N that the rod drags the skin with, the pose "
+            f"whose stress is nearest renders {shear['stress']} N, since rolling makes up for the drag but presses elsewhere: all of the stress is then {off['electrodes']} or "
+            f"{off['force']} % off instead of {off['stress']}. Matched as 19 electrodes feel it, coarsely, as the paper's 154 tetrahedra may, the disc does roll, by "
+            f"{roll['electrodes']} degrees, renders {shear['electrodes']} N, and the touches are told apart (d' {apart['electrodes']} instead of {apart['stress']}), though not as real ones differ.",
             f"* **Why force told them apart best**: it has the whole drag to render, {shear['force']} N, and rolls by {roll['force']} degrees for it, stress by {roll['stress']}. An observer "
             f"who counts any difference notices (d' {apart['force']}), though nothing about it is like a slide. Geometry notices too ({apart['geometry']}): its disc is laid on the contact, "
             "which friction drags along.",

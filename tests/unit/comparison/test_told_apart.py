@@ -105,11 +105,22 @@ def test_what_is_over_strains_nothing() -> None:
     looked = told_apart.looked_at(contact, longer)
     times = contact.times[looked.first[0][looked.first[0] >= 0]]
     assert times.max() <= longer[0].end and (looked.first[0] < 0).any() and (looked.first[1][:3] >= 0).all()
-    read = looked.read(Afferents.of(contact.model), [contact.stimulus_at(int(i)) for i in looked.samples])
+    read = looked.read(Afferents.of(contact.model), told_apart.real_states(contact, looked.samples))
     assert np.linalg.norm(read[0][-1]) < np.linalg.norm(read[1][0])
 
 
-def felt_in(given: TactileScene) -> SkinContact:
-    """Return what the skin feels in a scene."""
-    shown = replace(given.fingers[0], parameters={**SKIN, "skin_shown": True})
+def test_real_touches_on_points_are_read_as_devices_are() -> None:
+    """By forces on nodes: what is read of points nearer to the skin would differ from any device's by itself."""
+    contact = felt_in(scene((0.5e-3,)), "points")
+    samples = contact.contact[3:6]
+    states = told_apart.real_states(contact, samples)
+    assert contact.points is not None and all(state.points is None for state in states)
+    afferents = Afferents.of(contact.model)
+    own = afferents.strain([contact.stimulus_at(int(i)) for i in samples])
+    assert np.abs(afferents.strain(states) / own - 1.0).max() > 1e-3  # the two do differ
+
+
+def felt_in(given: TactileScene, where: str = "nodes") -> SkinContact:
+    """Return what the skin feels in a scene, solved at nodes or on points."""
+    shown = replace(given.fingers[0], parameters={**SKIN, "contact": where, "skin_shown": True})
     return run(replace(given, fingers=(shown,))).skins["Index"]

@@ -13,6 +13,7 @@ from blender_addon.comparison import told
 from blender_addon.results import store
 
 from .build import cube, finger, keys, span
+from .stand_in import Anything, draw_panels
 
 
 def pressing(deep: list[float]) -> bpy.types.Scene:
@@ -43,6 +44,10 @@ def test_a_child_tells_two_touches_apart_and_a_table_is_written(tmp_path: Path) 
     assert real["right"][0] > 0.9 and {row["device"] for row in rows} >= {"pin_array_128", "thimble_3rrs"}
     assert [d.preset for d in scene.objects["Finger"].dermis.finger.devices] == devices
     assert store.current(scene) is None and scene.frame_current == 1
+    layout = Anything()
+    draw_panels(layout)
+    assert "1 or 2" in layout.words and f"{100 * real['right'][0]:.0f} %" in layout.words
+    assert any("Thimble 3-RRS, geometry" in words for words in layout.words)
     assert bpy.ops.dermis.save_told(directory=str(tmp_path)) == {"FINISHED"}
     assert (tmp_path / "Finger.told-apart.csv").read_bytes() == made.csv
 

@@ -418,6 +418,8 @@ OWN = {
     "core.comparison.job:_encoded": "its own words; scenes and presets have readers in the table",
     "core.matching.screen_map:ScreenMap.save": "writes",
     "core.matching.table:SkinTable.save": "writes",
+    "core.pipeline.share_job:arrays_of": "writes",
+    "core.pipeline.share_job:made_of": "its own child's answer",
     "core.presets:Library.load": "copies what it holds",
     "core.scene.scene_file:save": "writes",
     "core.skin.store:write_model": "writes",

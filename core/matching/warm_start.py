@@ -8,9 +8,9 @@ import numpy as np
 
 from ..arrays import Array
 from ..devices.disc import DiscContact
+from ..devices.disc_device import DiscDevice, seated
 from ..devices.disc_pose import FrictionState
 from ..devices.first_contact import first_contact
-from ..devices.thimble import Thimble
 from ..errors import DermisError
 from ..surrogate.forward import ForwardModel
 
@@ -23,7 +23,7 @@ class WarmStartTable:
     """Poses all over the workspace and what they make felt from rest, to start searches from.
 
     Attributes:
-        x: configurations, shape (t, 3). depth: each beyond first contact [m], shape (t,).
+        x: configurations, shape (t, n). depth: each beyond first contact [m], shape (t,).
         direction: of the stimulus, of length 1, shape (t, k). strength: its length, shape (t,).
     """
 
@@ -55,7 +55,7 @@ class WarmStartTable:
 RECORDED_ROWS = 300  # of a recording, evenly chosen: more starts cost more in every frame
 
 
-def recorded_table(device: Thimble, contact: DiscContact, model: ForwardModel, x: Array) -> WarmStartTable:
+def recorded_table(device: DiscDevice, contact: DiscContact, model: ForwardModel, x: Array) -> WarmStartTable:
     """Return the table of a model that was learned from recorded configurations, shape (n, 3).
 
     Raises:
@@ -75,7 +75,7 @@ def recorded_table(device: Thimble, contact: DiscContact, model: ForwardModel, x
     )
 
 
-def warm_start_table(device: Thimble, contact: DiscContact, model: ForwardModel) -> WarmStartTable:
+def warm_start_table(device: DiscDevice, contact: DiscContact, model: ForwardModel) -> WarmStartTable:
     """Return the table of a forward model.
 
     Raises:
@@ -87,7 +87,7 @@ def warm_start_table(device: Thimble, contact: DiscContact, model: ForwardModel)
         for roll in TABLE_TILTS:
             z = first_contact(device, contact, pitch, roll)
             for depth in TABLE_DEPTHS:
-                x = np.array([pitch, roll, z - depth])
+                x = seated(device, pitch, roll, z - depth)
                 if device.feasible(x):
                     stimulus, slope = model.evaluate(x)
                     if stimulus.any() and slope.any():

@@ -45,6 +45,19 @@ class DiscDevice(Protocol):
         """Lowest and highest value of every joint, from neutral, shape (n,) each."""
         ...
 
+    @property
+    def servo_speed(self) -> float:
+        """Of the slowest joint [rad/s, or m/s of legs]."""
+        ...
+
+    def forward(self, angles: ArrayLike, start: ArrayLike) -> Array:
+        """Return the configuration near `start` in which the joints have these values from neutral.
+
+        Raises:
+            DermisError: there is none.
+        """
+        ...
+
     def pose(self, x: ArrayLike) -> PlatformPose:
         """Return where the disc is, in the base's frame; three values of x are level in all others."""
         ...

@@ -54,6 +54,20 @@ class LateralStage:
         (low, high), ends = self.thimble.servo_limits, np.array([self.reach, self.reach, self.turn])
         return np.concatenate([low, -ends]), np.concatenate([high, ends])
 
+    @property
+    def servo_speed(self) -> float:
+        """None is known of a stage that is not built."""
+        return math.inf
+
+    def forward(self, angles: ArrayLike, start: ArrayLike) -> Array:
+        """Return the configuration of servo angles [rad] and a stage's place, shape (6,).
+
+        Raises:
+            DermisError: none has these angles.
+        """
+        values = np.asarray(angles, np.float64)
+        return np.concatenate([self.thimble.forward(values[:3], np.asarray(start, np.float64)[:3]), values[3:]])
+
     def pose(self, x: ArrayLike) -> PlatformPose:
         """Return the disc's pose in the base frame at x = (pitch, roll, distance, shift x, shift y, yaw)."""
         values = np.asarray(x, np.float64).tolist()

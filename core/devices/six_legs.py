@@ -123,13 +123,13 @@ class SixLegs:
         """Return whether all legs are within their strokes and hold the platform firmly."""
         return self.holds(np.asarray(x, np.float64), self.low, self.high)
 
-    def forward(self, lengths: ArrayLike, start: ArrayLike) -> Array:
-        """Return the configuration near `start` whose legs have these lengths [m], shape (6,).
+    def forward(self, angles: ArrayLike, start: ArrayLike) -> Array:
+        """Return the configuration near `start` whose legs have these lengths [m], shape (6,): a leg's neutral is 0.
 
         Raises:
             DermisError: no pose near it has.
         """
-        wanted = np.asarray(lengths, np.float64)
+        wanted = np.asarray(angles, np.float64)
         found = self.hexapod.carry(wanted[None], self._poses(start))
         turn, centre = _DOWN @ found.rotation[0] @ _DOWN, _DOWN @ found.centre[0]
         roll = math.asin(min(max(float(turn[0, 2]), -1.0), 1.0))

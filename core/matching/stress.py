@@ -37,6 +37,8 @@ WORTHWHILE = 0.05  # of the cost: for less than that the device does not jump
 # share of the target there, and of what is left of it: a poor match needs no fine one.
 BENT, LEFT = 1e-3, 0.02
 TANGENTS = 4  # searches of a frame
+# At a new contact nothing holds the device to one side yet. Later, jumps for little lose more to friction than they gain.
+FIRST_STARTS, FIRST_GAIN = 4, 0.1  # searches; of the cost: for less the one that promised most is kept
 LONGEST_WAIT = 32  # frames between two tries of the table while they fail
 
 
@@ -205,7 +207,7 @@ class StressMatcher:
         if best is None:
             best = descend(self.model.evaluate, target, self._within(start, limits), self.device, limits)
             self._patience = 1
-            return best
+            return self._of_several(best, target, limits)
         if self._goal is None and (promised >= PROMISE * best.mismatch or self._wait > 0):
             return best
         start = self._within(start if self._goal is None else self._goal, self.limits)
@@ -216,6 +218,16 @@ class StressMatcher:
         else:  # a promise that was not kept: wait longer and longer before the next is believed
             self._patience = min(2 * self._patience, LONGEST_WAIT)
             self._wait = self._patience
+        return best
+
+    def _of_several(self, best: Minimum, target: Array, limits: ServoLimits) -> Minimum:
+        """Return the best of several searches at a new contact, which began on the sides that promise most."""
+        self._goal = None
+        for start in self.table.promising(target, FIRST_STARTS)[1:]:
+            start = self._within(start, limits)
+            other = descend(self.model.evaluate, target, start, self.device, limits)
+            if other.cost < (1.0 - FIRST_GAIN) * best.cost:
+                best = other
         return best
 
     def _started(self, start: Array, target: Array, limits: ServoLimits) -> Minimum:

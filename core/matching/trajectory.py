@@ -19,14 +19,12 @@ import numpy as np
 from ..arrays import Array
 from ..devices.disc_device import scale_of
 from .stress import NOTHING, StressMatcher, ThimbleFrame
-from .warm_start import WarmStartTable
 
 WAYS = 8  # kept from frame to frame
 STARTS = 8  # that a way sets out from
 EVERY = 4  # frames between two times that ways set out anew
 PARENTS = 2  # of the ways that do
 ALIKE = np.radians(0.5)  # of all values, lengths over the platform's radius: nearer poses are the same
-TILTS_APART = np.radians(4.0)  # of starts: half of the table's grid
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +85,7 @@ def trajectory(
         for i, target in enumerate(np.asarray(targets, np.float64)):
             found = [_on(matching, saved, way, target, None) for way, saved in kept]
             if i % every == 0 and float(np.linalg.norm(target)) > max(matching.noise_floor, least):
-                for start in promising(matching.table, target, starts):
+                for start in matching.table.promising(target, starts):
                     found += [_on(matching, saved, way, target, start) for way, saved in kept[:PARENTS]]
             best.append(min((way.frame for way in found), key=lambda frame: frame.mismatch))
             kept = [(way, way.saved) for way in _apart(found, scale_of(matching.device), ways)]
@@ -97,19 +95,6 @@ def trajectory(
     way = kept[0][0]
     assert way is not None
     return Trajectory(way.frames(), best)
-
-
-def promising(table: WarmStartTable, target: Array, count: int) -> list[Array]:
-    """Return the configurations of a table that promise most of a target, at tilts that are apart; at most `count`."""
-    size = float(np.linalg.norm(target))
-    alike = table.direction @ target / size
-    chosen: list[int] = []
-    for row in np.argsort(-alike, kind="stable").tolist():
-        if all(float(np.abs(table.x[row, :2] - table.x[other, :2]).max()) > TILTS_APART for other in chosen):
-            chosen.append(row)
-            if len(chosen) == count:
-                break
-    return [table.configuration(row, size * float(alike[row])) for row in chosen]
 
 
 def _on(

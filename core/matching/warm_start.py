@@ -15,6 +15,7 @@ from ..errors import DermisError
 from ..surrogate.forward import ForwardModel
 
 TABLE_TILTS = np.radians([-24.0, -16.0, -8.0, 0.0, 8.0, 16.0, 24.0])
+TILTS_APART = np.radians(4.0)  # of starts: half of the grid
 TABLE_DEPTHS = (0.05e-3, 0.15e-3, 0.35e-3, 0.7e-3, 1.1e-3, 1.5e-3)
 
 
@@ -50,6 +51,19 @@ class WarmStartTable:
         x: Array = self.x[row].copy()
         x[2] += self.depth[row] - min(max(depth, TABLE_DEPTHS[0] / 4), TABLE_DEPTHS[-1])
         return x
+
+    def promising(self, target: Array, count: int) -> list[Array]:
+        """Return the configurations that promise most of a target, shape (k,), at tilts that are apart."""
+        size = float(np.sqrt(target @ target))
+        alike = self.direction @ target / size
+        chosen: list[int] = []
+        for row in np.argsort(-alike, kind="stable").tolist():
+            tilts = self.x[chosen, :2]
+            if not (np.abs(tilts - self.x[row, :2]).max(axis=1) <= TILTS_APART).any():
+                chosen.append(row)
+                if len(chosen) == count:
+                    break
+        return [self.configuration(row, size * float(alike[row])) for row in chosen]
 
 
 RECORDED_ROWS = 300  # of a recording, evenly chosen: more starts cost more in every frame

@@ -88,7 +88,7 @@ class DirectModel:
             columns = (3 * found.near[:, None] + np.arange(3)).ravel()
             self._columns = np.ascontiguousarray(self._of_points[:, columns])
             self._chosen = self.contact.choice
-        both = np.concatenate([found.force[:, :, None], found.slope], axis=2).reshape(3 * len(found.near), -1)
+        both = np.concatenate([found.force[:, :, None], found.slope], axis=2).reshape(-1, 1 + found.slope.shape[2])
         answer = self._columns @ both
         if self._tissue is not None and found.touching:
             answer += self._tissue.along(found)

@@ -142,10 +142,10 @@ def read_table(path: Path) -> SampleTable:
             )
     if arrays["x"].shape[1] != 3:
         raise DermisError(
-            "'x' is not one row a sample",
+            "a table needs x (n, 3)",
             where=where,
             value=arrays["x"].shape,
-            limit="(n, 3): pitch, roll [rad], distance [m]",
+            limit="pitch, roll [rad], distance [m]",
         )
     n = len(arrays["x"])
     owner = arrays.get("trajectory", np.zeros(n))

@@ -51,7 +51,10 @@ def of(obj: bpy.types.Object) -> Mapping[str, Ready]:
     if model is not None and thimble is not None:
         found["thimble"] = _looked_up(thimble_adaptation.status, thimble, thimble_devices.pressed(obj, model))
     if model is not None and platform is not None:
-        found["platform"] = _looked_up(platform_devices.table, obj, platform)
+        if active_presets.searched(platform) is None:
+            found["platform"] = _looked_up(platform_devices.table, obj, platform)
+        else:
+            found["platform"] = _looked_up(thimble_adaptation.status, platform, thimble_devices.pressed(obj, model))
     if model is not None:
         _ready.make(key, lambda: found)
     return found

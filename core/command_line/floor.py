@@ -1,4 +1,4 @@
-"""`python -m core floor`: how good any pose of a device could be for a scene's touch, and what lateral axes would buy."""
+"""`python -m core floor`: how good any pose of a device could be for a touch, and what lateral axes would buy."""
 
 from __future__ import annotations
 

@@ -131,7 +131,7 @@ def parser(program: str) -> argparse.ArgumentParser:
         argument("--out", type=Path, metavar="FILE.json", help="also write the figures to this file"),
         QUIET,
         help="how good any pose of a device could be for a touch",
-        description="Find the best pose of a thimble or six-leg platform at every sample of a sampled scene's touch, and "
+        description="Find the best pose of a thimble or six-leg platform at every sample of a scene's touch, and "
         "say what the device leaves of the touch, what the best pose found leaves, and what axes along the pad would.",
         run="command_line.floor.floor",
         writes={"out": False},

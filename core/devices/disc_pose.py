@@ -46,7 +46,7 @@ class DiscPose:
 
     @property
     def turning(self) -> int:
-        """How many of the first values of a configuration may turn the disc: pitch and roll, or of more than three all."""
+        """How many of a configuration's first values may turn the disc: pitch and roll, or of more than three all."""
         return 2 if len(self.spin) == 3 else len(self.spin)
 
 

@@ -55,11 +55,10 @@ def descend_in_box(
         DermisError: a start outside the limits.
     """
     limits = limits or ServoLimits.of(device)
-    x, scale = np.array(start, np.float64), scale_of(device)
-    if not device.holds(x, limits.low, limits.high):
-        x = _restored(x, device, limits)
-        if x is None:
-            raise DermisError("the start is outside the joints' range", where="device", value=start.tolist())
+    scale, began = scale_of(device), _restored(np.array(start, np.float64), device, limits)
+    if began is None:
+        raise DermisError("the start is outside the joints' range", where="device", value=start.tolist())
+    x = began
     stimulus, jacobian = evaluate(x)
     residual = stimulus - target
     size = max(float(np.sqrt(target @ target)), 1e-300)
@@ -94,7 +93,8 @@ def descend_in_box(
                 new_residual = new_stimulus - target
                 new_cost = 0.5 * float(new_residual @ new_residual)
                 # where nothing touches there is no slope to come back by, so such a point is never accepted
-                found = new_cost < cost and new_cost <= cost - share * ARMIJO * max(descent, 0.0) and new_jacobian.any()
+                enough = new_cost < cost and new_cost <= cost - share * ARMIJO * max(descent, 0.0)
+                found = enough and bool(new_jacobian.any())
                 if found:
                     break
             if share * length < SMALL_STEP or evaluations >= max_evaluations:
@@ -123,7 +123,7 @@ def _step(
     gram = jacobian.T @ jacobian
     curvature = np.diag(gram)
     gram.flat[:: len(gram) + 1] += MARQUARDT * curvature + LEAST * max(float(curvature.max()), 1e-300)
-    free = np.linalg.solve(gram, -gradient)
+    free: Array = np.asarray(np.linalg.solve(gram, -gradient), np.float64)
     reach = by_x @ free
     if (reach >= low).all() and (reach <= high).all():  # most steps meet no limit
         return free, (), np.zeros(0), float(np.sqrt(gradient @ gradient))
@@ -133,12 +133,11 @@ def _step(
         -back.T @ gradient
     )
     step = back @ found.x
-    pull = back.T @ gradient  # what a joint would gain by moving: at an end that holds it, towards the end
-    status = np.where((found.status > 0) & (pull < 0.0), 1, np.where((found.status < 0) & (pull > 0.0), -1, 0))
-    held = np.flatnonzero(status)
-    active = tuple(int(i) if status[i] > 0 else GIVES_WAY + 1 + int(i) for i in held)
-    left = gradient - np.linalg.solve(back.T, np.where(status != 0, pull, 0.0))
-    return step, active, np.abs(pull[held]), float(np.sqrt(left @ left))
+    held = np.flatnonzero(found.status)
+    active = tuple(int(i) if found.status[i] > 0 else GIVES_WAY + 1 + int(i) for i in held)
+    # at the step itself: this is minus the Gram matrix times the step, zero exactly where there is no step left
+    left = gradient - np.linalg.solve(back.T, np.where(found.status != 0, found.gradient, 0.0))
+    return step, active, np.abs(found.gradient[held]), float(np.sqrt(left @ left))
 
 
 def _restored(x: Array, device: DiscDevice, limits: ServoLimits) -> Array | None:

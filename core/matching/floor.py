@@ -43,7 +43,7 @@ from .trajectory import trajectory
 COMPONENTS = 60  # of stress, that poses are told apart by: on the built-in thimble they leave 2 % of what it can do
 MOST = 120  # samples of a touch: every one costs some fifty searches
 
-_known: Recent[str, "Floor"] = Recent(16)
+_known: Recent[str, Floor] = Recent(16)
 
 
 class Step(NamedTuple):

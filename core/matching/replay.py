@@ -36,7 +36,9 @@ class Replay:
     def __init__(self, device: DiscDevice, skin: SkinModel, friction: float, x: Array) -> None:
         x = np.asarray(x, np.float64)
         if x.ndim != 2 or x.shape[1:] != (device.freedoms,) or not np.isfinite(x).all():
-            raise DermisError("configurations are pitch, roll and distance (and more), finite", where="replay", value=x.shape)
+            raise DermisError(
+                "configurations are pitch, roll and distance (and more), finite", where="replay", value=x.shape
+            )
         self.device, self.x, self.contact = device, x, contact_of(device, skin, friction)
         self._states = {0: FrictionState.rest(self.contact.count)}  # before the sample
         self._now = (0, self._states[0])

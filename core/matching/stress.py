@@ -37,7 +37,8 @@ WORTHWHILE = 0.05  # of the cost: for less than that the device does not jump
 # share of the target there, and of what is left of it: a poor match needs no fine one.
 BENT, LEFT = 1e-3, 0.02
 TANGENTS = 4  # searches of a frame
-# At a new contact nothing holds the device to one side yet. Later, jumps for little lose more to friction than they gain.
+# At a new contact nothing holds the device to one side yet. Later, jumps for little lose more to friction than they
+# gain.
 FIRST_STARTS, FIRST_GAIN = 4, 0.1  # searches; of the cost: for less the one that promised most is kept
 LONGEST_WAIT = 32  # frames between two tries of the table while they fail
 

@@ -24,8 +24,8 @@ from ..devices.first_contact import calibrated, first_contact
 from ..devices.retraction import CLEAR
 from ..devices.safe_state import safe_state
 from ..devices.servo_limits import SERVOS
-from ..devices.spec import DeviceSpec
 from ..devices.six_legs import SixLegs
+from ..devices.spec import DeviceSpec
 from ..devices.thimble import Thimble, mechanism, reference_distance
 from ..errors import DermisError, Finding
 from ..parameters.device import DEVICE
@@ -130,7 +130,9 @@ def prepare(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any], wh
     'stress'); 'thimble_surrogate', for 'network' and 'ridge', the path of its files or of the folder that adaptations
     are kept in; 'thimble_hover' [m].
 
-    A platform on six legs has 'platform_method' instead, which must not be 'lookup'. Where a surrogate cannot be used, a finding says why and the direct method takes its place.
+    A platform on six legs has 'platform_method' instead, which must not be 'lookup'.
+
+    Where a surrogate cannot be used, a finding says why and the direct method takes its place.
 
     Raises:
         DermisError: an unknown method, a hover out of range, or what `calibrated_mechanism` raises.

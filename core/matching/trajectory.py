@@ -60,12 +60,7 @@ class Trajectory:
 
 
 def trajectory(
-    matching: StressMatcher,
-    targets: Array,
-    *,
-    ways: int = WAYS,
-    starts: int = STARTS,
-    every: int = EVERY,
+    matching: StressMatcher, targets: Array, *, ways: int = WAYS, starts: int = STARTS, every: int = EVERY
 ) -> Generator[tuple[int, int], None, Trajectory]:
     """Follow targets on several ways, shape (n, k) with n >= 1; yields targets done and in all.
 
@@ -97,9 +92,7 @@ def trajectory(
     return Trajectory(way.frames(), best)
 
 
-def _on(
-    matching: StressMatcher, saved: tuple[Any, ...], before: Way | None, target: Array, start: Array | None
-) -> Way:
+def _on(matching: StressMatcher, saved: tuple[Any, ...], before: Way | None, target: Array, start: Array | None) -> Way:
     """Return a way, one target on."""
     matching.restore(saved)
     frame = matching.step(target, start=start)

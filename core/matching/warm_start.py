@@ -58,11 +58,11 @@ class WarmStartTable:
         alike = self.direction @ target / size
         chosen: list[int] = []
         for row in np.argsort(-alike, kind="stable").tolist():
+            if len(chosen) >= count:
+                break
             tilts = self.x[chosen, :2]
             if not (np.abs(tilts - self.x[row, :2]).max(axis=1) <= TILTS_APART).any():
                 chosen.append(row)
-                if len(chosen) == count:
-                    break
         return [self.configuration(row, size * float(alike[row])) for row in chosen]
 
 

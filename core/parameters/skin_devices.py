@@ -93,17 +93,9 @@ _METHOD_TEXTS = (
         "Stress, Network",
         "The same with a small network in place of the contact; needs an adaptation to this finger",
     ),
-    (
-        "ridge",
-        "Stress, Polynomial",
-        "The same with a quadratic polynomial (ridge); needs an adaptation to this finger",
-    ),
+    ("ridge", "Stress, Polynomial", "The same with a quadratic polynomial (ridge); needs an adaptation to this finger"),
     ("force", "Force Only", "Only the total force is compared: the paper's first rival, for comparison"),
-    (
-        "geometry",
-        "Geometry Only",
-        "The disc's plane is laid on the contact: the paper's second rival, for comparison",
-    ),
+    ("geometry", "Geometry Only", "The disc's plane is laid on the contact: the paper's second rival, for comparison"),
 )
 
 PLATFORM = table(

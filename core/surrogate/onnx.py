@@ -252,7 +252,9 @@ def read_meta(data: bytes, where: str = "") -> dict[str, Any]:
     sizes = [meta.get(n) for n in ("inputs", "outputs")]
     freedoms = meta.get("freedoms", 3)  # files from before six-leg platforms could be learned do not say
     enough = type(freedoms) is int and freedoms in (3, 6)
-    if not enough or not all(type(n) is int and low <= n <= MAX_SIZE for n, low in zip(sizes, (freedoms, 1), strict=True)):
+    if not enough or not all(
+        type(n) is int and low <= n <= MAX_SIZE for n, low in zip(sizes, (freedoms, 1), strict=True)
+    ):
         raise DermisError("impossible sizes", where=where, value=str(sizes)[:80], limit=f"up to {MAX_SIZE}")
     return meta
 

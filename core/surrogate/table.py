@@ -142,10 +142,7 @@ def read_table(path: Path) -> SampleTable:
             )
     if arrays["x"].shape[1] != 3:
         raise DermisError(
-            "a table needs x (n, 3)",
-            where=where,
-            value=arrays["x"].shape,
-            limit="pitch, roll [rad], distance [m]",
+            "a table needs x (n, 3)", where=where, value=arrays["x"].shape, limit="pitch, roll [rad], distance [m]"
         )
     n = len(arrays["x"])
     owner = arrays.get("trajectory", np.zeros(n))

@@ -28,7 +28,7 @@ class TissueChannels:
         self._line: tuple[StiffTangent, Array, Array] | None = None
 
     def along(self, found: DiscSolution) -> Array:
-        """Return the components and their derivative by the configuration, on the contact's tangent, shape (c, 1 + n)."""
+        """Return the components and their derivative by the configuration, on the tangent, shape (c, 1 + n)."""
         assert found.tangent is not None
         value, slope = self._of_work(found.tangent)
         both = np.concatenate([found.force[:, :, None], found.slope], axis=2).reshape(-1, 1 + found.slope.shape[2])

@@ -97,7 +97,9 @@ class TrialForce:
         flat, reach, k = flat[:, rim], np.sqrt(square[rim]), k[rim]
         over = (reach - self.disc.radius) / self.disc.rounding
         count = shift.shape[1]
-        moves = (spin[: 2 * count] @ across[:, rim]).reshape(2, count, -1) + shift[:2, :, None]  # of the disc past the place
+        moves = (spin[: 2 * count] @ across[:, rim]).reshape(2, count, -1) + shift[
+            :2, :, None
+        ]  # of the disc past the place
         v[2, 0, rim] += k * (0.5 * self.disc.rounding) * over * over
         slides = np.where(sticking[rim], 0.0, k * over / reach)
         v[2, 1:, rim] -= (slides * (flat[0] * moves[0] + flat[1] * moves[1])).T

@@ -131,5 +131,7 @@ def test_forces_and_stimuli_differentiate_as_differences_say(device):
 
 
 def test_devices_have_keys_of_their_own():
-    keys = {device_key(device) for device in (six_legs(), stage(), stage().thimble, LateralStage(stage().thimble, 1e-3))}
+    keys = {
+        device_key(device) for device in (six_legs(), stage(), stage().thimble, LateralStage(stage().thimble, 1e-3))
+    }
     assert len(keys) == 4

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from core.devices import hexapod
 from core.devices.disc_device import seated
 from core.devices.disc_pose import FrictionState, placed
 from core.devices.first_contact import first_contact

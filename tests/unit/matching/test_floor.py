@@ -40,8 +40,9 @@ def left(frames, targets):
     return np.array([float(np.square(f.stimulus - t).sum()) for f, t in zip(frames, targets, strict=True)])
 
 
-def test_several_ways_leave_no_more_than_one(matching, edge):
-    targets = edge.reshape(FRAMES, -1) @ matching.direct.observation_matrix.T
+def test_several_ways_leave_less_than_one(skin, matching):
+    edge = touches.edge_press(30).forces(skin, points=True)
+    targets = edge.reshape(30, -1) @ matching.direct.observation_matrix.T
     before = matching.save()
     one = drain(trajectory(matching, targets, ways=1, starts=0))
     matching.reset()
@@ -50,7 +51,7 @@ def test_several_ways_leave_no_more_than_one(matching, edge):
     matching.restore(before)
     many = drain(trajectory(matching, targets))
     assert matching.save()[0] is before[0]  # it ends as it began
-    assert left(many.frames, targets).sum() < 0.999 * left(plain, targets).sum()
+    assert left(many.frames, targets).sum() < 0.95 * left(plain, targets).sum()
     assert (left(many.best, targets) <= left(many.frames, targets) + 1e-12).all()
     again = drain(trajectory(matching, targets))
     np.testing.assert_array_equal([f.x for f in many.frames], [f.x for f in again.frames])

@@ -114,6 +114,7 @@ def parser(program: str) -> argparse.ArgumentParser:
             help="send one finger's touch through every device instead; folder for the table (CSV) and page (HTML)",
         ),
         argument("--finger", type=int, default=0, metavar="I", help="which finger's touch, for --out"),
+        switch("--floor", "for --out: also find how good any pose of a device could be, which takes minutes"),
         PRESETS,
         QUIET,
         help="how far each matching method of a pin array, or each device, would miss",

@@ -36,12 +36,12 @@ from ..surrogate.store import contact_of, device_key
 from ..version import version
 from .felt_errors import MEASURES, FeltErrors
 from .stress import StressMatcher, ThimbleFrame
-from .thimble import DESCRIPTOR_MOVEMENTS, Follower, follower
+from .thimble import DESCRIPTOR_MOVEMENTS, Follower, follower, observation_of
 from .thimble_use import ThimbleUse
 from .trajectory import trajectory
 
 COMPONENTS = 60  # of stress, that poses are told apart by: on the built-in thimble they leave 2 % of what it can do
-MOST = 120  # samples of a touch: every one costs some fifty searches
+MOST = 120  # samples of a touch: every one costs some hundred searches
 
 _known: Recent[str, Floor] = Recent(16)
 
@@ -146,33 +146,54 @@ def floor_of(use: ThimbleUse, forces: Array, amounts: Array | None = None) -> Ge
     made = _amounts(own, frames)
     root = stress_components(skin)
     wanted = np.stack([observed(skin, root, force, given) for force, given in zip(forces, felt, strict=True)])
-    mine = _left(skin, root, wanted, rendered, made)
-    results: list[tuple[Array, Array | None, Array]] = []
+    results: list[_Found] = [_Found(rendered, made, _left(skin, root, wanted, rendered, made))]
     devices = [use.device, *([LateralStage(use.device)] if isinstance(use.device, Thimble) else [])]
     for name, device in zip(("best pose", "lateral axes"), devices, strict=False):
-        found, given_ = yield from _best(name, device, use, forces, felt)
-        left = _left(skin, root, wanted, found, given_)
-        before, before_given, least = results[-1] if results else (rendered, made, mine)
-        better = left < least  # what a device can do without its stage, it can do with it
-        kept = np.where(better[:, None, None], found, before)
-        both = None if given_ is None or before_given is None else np.where(better[:, None], given_, before_given)
-        results.append((kept, both, np.minimum(left, least)))
-    errors = [tuple(judge.of(forces, f, amounts, q).tolist()) for f, q in [(rendered, made), *(r[:2] for r in results)]]
-    beyond = int((results[0][2][touched] >= np.linalg.norm(wanted[touched], axis=1)).sum())
+        best = results[-1]  # what a device can do without its stage, it can do with it
+        for matrix in _matrices(device, use):
+            found, given_ = yield from _tried(name, device, use, matrix, forces, felt)
+            best = best.or_better(_Found(found, given_, _left(skin, root, wanted, found, given_)))
+        results.append(best)
+    errors = [tuple(judge.of(forces, found.force, amounts, found.amounts).tolist()) for found in results]
+    beyond = int((results[1].left[touched] >= np.linalg.norm(wanted[touched], axis=1)).sum())
     floor = Floor(errors[0], errors[1], errors[2] if len(errors) > 2 else None, int(touched.sum()), beyond)
     _known.make(key, lambda: floor)
     _keep(skin, key, floor)
     return floor
 
 
-def _best(
-    name: str, device: DiscDevice, use: ThimbleUse, forces: Array, felt: list[Array | None]
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """Forces at each sample, amounts of patterns that go with them, and what they leave of the stress, shape (n,)."""
+
+    force: Array
+    amounts: Array | None
+    left: Array
+
+    def or_better(self, other: _Found) -> _Found:
+        """Return the better of both at each sample."""
+        better = other.left < self.left
+        amounts = None
+        if self.amounts is not None and other.amounts is not None:
+            amounts = np.where(better[:, None], other.amounts, self.amounts)
+        force = np.where(better[:, None, None], other.force, self.force)
+        return _Found(force, amounts, np.minimum(other.left, self.left))
+
+
+def _matrices(device: DiscDevice, use: ThimbleUse) -> list[Array]:
+    """Return the components that a device is searched by, few and many: they lead to unlike poses."""
+    skin = use.skin
+    data = drain(record(device, contact_of(device, skin, use.friction), DESCRIPTOR_MOVEMENTS))
+    size = min(COMPONENTS, len(data.force), 3 * skin.pad_count)
+    many = descriptors(data, stress_components(skin), size=size).observation_matrix
+    return [observation_of(device, skin, use.friction), many]
+
+
+def _tried(
+    name: str, device: DiscDevice, use: ThimbleUse, matrix: Array, forces: Array, felt: list[Array | None]
 ) -> Generator[Step, None, tuple[Array, Array | None]]:
-    """Return forces and amounts of the best pose found at each sample."""
+    """Return forces and amounts of the best pose found at each sample by some components."""
     skin, contact = use.skin, contact_of(device, use.skin, use.friction)
-    nominal = drain(record(device, contact, DESCRIPTOR_MOVEMENTS))
-    size = min(COMPONENTS, len(nominal.force), 3 * skin.pad_count)
-    matrix = descriptors(nominal, stress_components(skin), size=size).observation_matrix
     matching = StressMatcher(device, contact, matrix, hover=use.hover)
     targets = np.stack([observed(skin, matrix, force, given) for force, given in zip(forces, felt, strict=True)])
     steps = trajectory(matching, targets)

@@ -45,8 +45,8 @@ Every figure here is **simulated**. Made by
 """
 NOTES = """
 ## What the words mean
-* Errors are relative RMS over a whole touch, in per cent, as *whole stress / 154 cells / electrodes*. **Whole stress** is
-  of every element and the strictest. **154 cells** is the mean stress in 154 cells of like extent, the number of
+* Errors are relative RMS over a whole touch, in per cent, as *whole stress / 154 cells / electrodes*. **Whole stress**
+  is of every element and the strictest. **154 cells** is the mean stress in 154 cells of like extent, the number of
   elements that [S0] describes stress with. **Electrodes** are nineteen virtual ones that read how thick the pulp is, as
   the paper's sensor did. Only the last two are of the paper's sort; the page of the thimble
   ([thimble_3rrs_figures.md](thimble_3rrs_figures.md)) has whole stress in its first table and electrodes in its second.
@@ -157,7 +157,7 @@ def table(title: str, names: list[str], columns: Any, rows: list[list[str]]) -> 
 def main() -> None:
     """Compute, print, and write what was asked for."""
     parser = argparse.ArgumentParser(prog="figures_floor", description=__doc__)
-    parser.add_argument("--frames", type=int, default=120, help="of each touch")
+    parser.add_argument("--frames", type=int, default=60, help="of each touch")
     parser.add_argument("--page", type=Path, metavar="FILE.md", help="write the tables as a page")
     options = parser.parse_args()
     text = report(fingertip_skin(level="draft"), options.frames)

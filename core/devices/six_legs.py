@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +23,7 @@ from .poses import Poses
 from .spec import DeviceSpec
 
 FIRM = 0.25  # of the reference configuration's hold: the least that a pose must have
+_NEXT, _AFTER = [1, 2, 0], [2, 0, 1]
 _DOWN = np.diag([-1.0, 1.0, -1.0])  # the base's axes in the finger's frame
 
 
@@ -70,7 +72,7 @@ class SixLegs:
         """Of the surface that touches the skin [m]."""
         return self.hexapod.disc_radius
 
-    @property
+    @cached_property
     def platform_radius(self) -> float:
         """Of the circle of the legs' joints on the platform [m]."""
         return float(np.linalg.norm(self.hexapod.joints[0]))
@@ -97,12 +99,8 @@ class SixLegs:
     def joints(self, x: ArrayLike) -> tuple[Array, Array]:
         """Return the legs' lengths [m], shape (6,), and their derivative by x, shape (6, 6)."""
         pose = self.pose(x)
-        turn = _DOWN @ pose.rotation @ _DOWN
-        arm = self.hexapod.joints @ turn.T
-        leg = arm + _DOWN @ pose.centre - self.hexapod.base
-        length = np.sqrt((leg * leg).sum(axis=1))
-        along = leg / length[:, None]
-        slopes: Array = along @ (_DOWN @ pose.d_centre) + np.cross(arm, along) @ (pose.spin @ _DOWN).T
+        length, along, moment = self._legs(pose)
+        slopes: Array = along @ (_DOWN @ pose.d_centre) + moment @ (pose.spin @ _DOWN).T
         return length, slopes
 
     def constraints(self, x: ArrayLike, low: Array, high: Array) -> tuple[Array, Array]:
@@ -111,13 +109,13 @@ class SixLegs:
         The slope of the hold is not worked out, and zero.
         """
         length, slopes = self.joints(x)
-        room = np.concatenate([high - length, [self._hold(x) - self.hold], length - low])
+        room = np.concatenate([high - length, [self._hold(*self._legs(self.pose(x))[1:]) - self.hold], length - low])
         return room, np.concatenate([-slopes, np.zeros((1, 6)), slopes])
 
     def holds(self, x: Array, low: Array, high: Array) -> bool:
         """Return whether all legs are within limits [m], shape (6,) each, and hold the platform firmly."""
-        length = self.joints(x)[0]
-        return bool((length >= low).all() and (length <= high).all() and self._hold(x) >= self.hold)
+        length, along, moment = self._legs(self.pose(x))
+        return bool((length >= low).all() and (length <= high).all() and self._hold(along, moment) >= self.hold)
 
     def feasible(self, x: ArrayLike) -> bool:
         """Return whether all legs are within their strokes and hold the platform firmly."""
@@ -141,5 +139,18 @@ class SixLegs:
         pose = self.pose(x)
         return Poses((_DOWN @ pose.rotation @ _DOWN)[None], (_DOWN @ pose.centre)[None])
 
-    def _hold(self, x: ArrayLike) -> float:
-        return float(self.hexapod.conditioning(self._poses(x))[0])
+    def _legs(self, pose: PlatformPose) -> tuple[Array, Array, Array]:
+        """Return the legs' lengths, (6,), directions, (6, 3), and moments about the disc's centre, in the finger."""
+        arm = self.hexapod.joints @ (_DOWN @ pose.rotation @ _DOWN).T
+        leg = arm + _DOWN @ pose.centre - self.hexapod.base
+        length = np.sqrt((leg * leg).sum(axis=1))
+        along = leg / length[:, None]
+        # arm x along: numpy's own costs more than the rest of the kinematics
+        moment = arm[:, _NEXT] * along[:, _AFTER] - arm[:, _AFTER] * along[:, _NEXT]
+        return length, along, moment
+
+    def _hold(self, along: Array, moment: Array) -> float:
+        """Return `Hexapod.conditioning` of the legs' directions and moments."""
+        rows = np.concatenate([along, moment / self.platform_radius], axis=1)
+        values = np.linalg.svd(rows, compute_uv=False)
+        return float(values[-1] / values[0])

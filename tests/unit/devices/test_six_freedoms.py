@@ -94,6 +94,13 @@ def test_the_legs_are_those_of_the_preset():
     np.testing.assert_allclose(poses.centre[0], placed(device, device.pose([0.0, 0.0, 6e-3])).centre, atol=1e-9)
 
 
+def test_the_hold_is_the_hexapods_own():
+    device = six_legs()
+    x = np.array([0.1, -0.2, 5e-3, 1e-3, -0.5e-3, 0.1])
+    wanted = float(device.hexapod.conditioning(device._poses(x))[0]) - device.hold
+    assert device.constraints(x, *device.servo_limits)[0][6] == pytest.approx(wanted, rel=1e-9)
+
+
 def test_a_pose_that_the_legs_hardly_hold_is_not_held():
     device = six_legs()
     x = seated(device, 0.0, 0.0, 6e-3)

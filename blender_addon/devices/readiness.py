@@ -11,6 +11,7 @@ from .. import changes
 from .._core import DermisError, core
 from . import active_presets, platform_devices, thimble_adaptation, thimble_devices
 
+SEARCHED = "searched"  # beside the families: the device whose pose is searched for
 ActiveDevices = Mapping[str, Mapping[str, int]]
 
 
@@ -26,7 +27,7 @@ _ready: core.recent.Recent[tuple[int, int], Mapping[str, Ready]] = core.recent.R
 
 
 def active_devices(scene: bpy.types.Scene) -> ActiveDevices:
-    """Return for each finger's name and each family which of its devices is the one that counts."""
+    """Return for each finger's name and each family, and `SEARCHED`, which of its devices is the one that counts."""
 
     def look_up() -> ActiveDevices:
         return {o.name: _devices(o.dermis.finger.devices) for o in scene.objects if o.dermis.role == "FINGER"}
@@ -72,6 +73,8 @@ def _devices(devices: Any) -> dict[str, int]:
         for family in active_presets.FAMILIES:
             if device.enabled and family not in found and active_presets.spec_of(device.preset, family) is not None:
                 found[family] = i
+        if device.enabled and SEARCHED not in found and active_presets.searched(device) is not None:
+            found[SEARCHED] = i
     return found
 
 

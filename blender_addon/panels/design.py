@@ -9,7 +9,7 @@ from .. import choices
 from .._core import core
 from ..demos import demo_motors
 from ..design import design_results
-from ..devices import active_presets
+from ..devices import readiness
 from ..layouts import paragraph, properties
 from ..polls import needs
 from ..results import store
@@ -22,7 +22,7 @@ def settings(layout: Any, context: bpy.types.Context, device: Any) -> None:
     """Draw what a platform can be told, for the panel of device settings."""
     six = choices.kind_of(device.preset) == "hexapod"
     column = properties(layout, device, "platform_method") if six else properties(layout, device)
-    if active_presets.searched(device) is not None:
+    if six and device.platform_method != core.matching.thimble_use.LOOKUP:
         if device.platform_method in core.matching.thimble_use.LEARNED:
             column.prop(device, "thimble_surrogate")
         column.prop(device, "thimble_hover_mm")
@@ -48,8 +48,8 @@ class DERMIS_PT_platform(DermisPanel, bpy.types.Panel):
             column = layout.column()
             column.use_property_split = True
             column.prop(device, "platform_method")
-        if device is not None and active_presets.searched(device) is not None:
-            searched.adaptation(layout, context, obj, device)
+        if device is not None and shown.active_device(context.scene, obj, readiness.SEARCHED) == device:
+            searched.adaptation(layout, context, obj, "platform", device.platform_method)
             layout.prop(context.scene.dermis.thimble_view, "split", toggle=True, icon="MOD_MIRROR")
             searched.skin_and_mismatch(layout, context, obj, device)
             searched.floor(layout, context, obj, device)

@@ -5,17 +5,19 @@ from typing import Any
 import bpy
 
 from .._core import core
-from ..devices import active_presets, thimble_devices
 from ..layouts import paragraph
 from ..preview import thimble_preview
 from ..results import floors
 from ..viewport import shown
 
 
-def adaptation(layout: Any, context: bpy.types.Context, obj: bpy.types.Object, device: Any) -> None:
-    """Draw whether learned methods are adapted to this finger, and the way to do it."""
-    spec = active_presets.searched(device)
-    ready = shown.ready(context.scene, obj, "platform" if spec is not None and spec.kind == "hexapod" else "thimble")
+def adaptation(layout: Any, context: bpy.types.Context, obj: bpy.types.Object, family: str, method: str) -> None:
+    """Draw whether learned methods are adapted to this finger, and the way to do it.
+
+    Args:
+        family: 'thimble' or 'platform'. method: of the device.
+    """
+    ready = shown.ready(context.scene, obj, family)
     if ready is not None and ready.trouble:
         paragraph(layout, context, ready.trouble, "ERROR")
         return
@@ -26,7 +28,7 @@ def adaptation(layout: Any, context: bpy.types.Context, obj: bpy.types.Object, d
             network, ridge = 100 * found["network_error"], 100 * found["ridge_error"]
             words += f": network {network:.0f} %, polynomial {ridge:.0f} % off"
         paragraph(layout, context, words, "CHECKMARK")
-    elif thimble_devices.method_of(device) in core.matching.thimble_use.LEARNED:
+    elif method in core.matching.thimble_use.LEARNED:
         paragraph(
             layout,
             context,

@@ -42,7 +42,7 @@ class DERMIS_PT_thimble(DermisPanel, bpy.types.Panel):
         column = layout.column()
         column.use_property_split = True
         column.prop(device, "thimble_method")
-        searched.adaptation(layout, context, obj, device)
+        searched.adaptation(layout, context, obj, "thimble", device.thimble_method)
         row = layout.row(align=True)
         row.prop(view, "split", toggle=True, icon="MOD_MIRROR")
         row.prop(view, "workspace", toggle=True, icon="MESH_UVSPHERE")

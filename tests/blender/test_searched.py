@@ -68,6 +68,7 @@ def test_six_legs_need_no_table_when_they_are_searched(legs):
     assert active_presets.searched(device).kind == "hexapod" and active_presets.searched_of(finger) == device
     assert not platform_devices.missing(finger, device)
     device.platform_method = "lookup"
+    device.table_rows = 777  # of which nobody keeps a table
     assert active_presets.searched(device) is None and platform_devices.missing(finger, device)
     device.preset = "cable_platform"
     device.platform_method = "stress"

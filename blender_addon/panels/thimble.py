@@ -39,6 +39,8 @@ class DERMIS_PT_thimble(DermisPanel, bpy.types.Panel):
         """Draw the adaptation's state, the mismatch of this frame and the view's switches."""
         layout, obj = self.layout, context.object
         device, view = shown.active_device(context.scene, obj, "thimble"), context.scene.dermis.thimble_view
+        if device is None:  # it was there when the panel was asked for
+            return
         column = layout.column()
         column.use_property_split = True
         column.prop(device, "thimble_method")

@@ -1,8 +1,9 @@
 """Skin stress optimisation: the device pose whose stress in the skin is nearest to the target's, frame after frame.
 
 On each frame the friction state is fixed, the pose is searched for, and then the friction state is renewed with the
-pose fixed (staggering). The search starts where the last frame ended, or, at a new contact, from the nearest entry of a
-small table of poses; whenever an entry of that table promises a clearly better match, the search starts from there too.
+pose fixed (staggering). The search starts where the last frame ended, or, at a new contact, from the few entries of a
+small table of poses that promise most; whenever an entry of that table promises a clearly better match, the search
+starts from there too.
 
 Source: [S0] 5.1 and eq. 1, whose norm is minimised through its square.
 """

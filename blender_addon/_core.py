@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     import core.images
     import core.matching
     import core.matching.deformation
+    import core.matching.floor
     import core.matching.lookup
     import core.matching.pin_report
     import core.matching.pins

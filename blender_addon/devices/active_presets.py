@@ -47,6 +47,22 @@ def device_of(obj: bpy.types.Object, family: Family) -> Any | None:
     return None
 
 
+def searched(device: Any) -> core.devices.spec.DeviceSpec | None:
+    """Return the preset of a device whose pose is searched for: a thimble, or six legs that are not looked up."""
+    spec = spec_of(device.preset, "thimble") or spec_of(device.preset, "platform")
+    if spec is None or (spec.kind != "thimble" and device.platform_method == core.matching.thimble_use.LOOKUP):
+        return None
+    return spec if spec.kind in ("thimble", "hexapod") else None
+
+
+def searched_of(obj: bpy.types.Object) -> Any | None:
+    """Return the settings of the finger's first device that is switched on and searched for a pose, or None."""
+    for device in obj.dermis.finger.devices:
+        if device.enabled and searched(device) is not None:
+            return device
+    return None
+
+
 def forget() -> None:
     """Read presets anew."""
     _specs.clear()

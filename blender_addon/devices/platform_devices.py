@@ -53,6 +53,8 @@ def table(obj: bpy.types.Object, device: Any) -> core.matching.table.SkinTable |
 
 def missing(obj: bpy.types.Object, device: Any) -> bool:
     """Return whether a platform waits for its table; one that cannot be read is not missing: rendering says why."""
+    if active_presets.searched(device) is not None:
+        return False
     try:
         return active_presets.spec_of(device.preset, "platform") is not None and table(obj, device) is None
     except DermisError:

@@ -11,6 +11,7 @@ from .. import changes
 from .._core import DermisError, core
 from . import active_presets, platform_devices, thimble_adaptation, thimble_devices
 
+SEARCHED = "searched"  # beside the families: the device whose pose is searched for
 ActiveDevices = Mapping[str, Mapping[str, int]]
 
 
@@ -26,7 +27,7 @@ _ready: core.recent.Recent[tuple[int, int], Mapping[str, Ready]] = core.recent.R
 
 
 def active_devices(scene: bpy.types.Scene) -> ActiveDevices:
-    """Return for each finger's name and each family which of its devices is the one that counts."""
+    """Return for each finger's name and each family, and `SEARCHED`, which of its devices is the one that counts."""
 
     def look_up() -> ActiveDevices:
         return {o.name: _devices(o.dermis.finger.devices) for o in scene.objects if o.dermis.role == "FINGER"}
@@ -51,7 +52,10 @@ def of(obj: bpy.types.Object) -> Mapping[str, Ready]:
     if model is not None and thimble is not None:
         found["thimble"] = _looked_up(thimble_adaptation.status, thimble, thimble_devices.pressed(obj, model))
     if model is not None and platform is not None:
-        found["platform"] = _looked_up(platform_devices.table, obj, platform)
+        if active_presets.searched(platform) is None:
+            found["platform"] = _looked_up(platform_devices.table, obj, platform)
+        else:
+            found["platform"] = _looked_up(thimble_adaptation.status, platform, thimble_devices.pressed(obj, model))
     if model is not None:
         _ready.make(key, lambda: found)
     return found
@@ -69,6 +73,8 @@ def _devices(devices: Any) -> dict[str, int]:
         for family in active_presets.FAMILIES:
             if device.enabled and family not in found and active_presets.spec_of(device.preset, family) is not None:
                 found[family] = i
+        if device.enabled and SEARCHED not in found and active_presets.searched(device) is not None:
+            found[SEARCHED] = i
     return found
 
 

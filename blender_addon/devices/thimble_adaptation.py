@@ -27,12 +27,12 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
     Raises:
         DermisError: no thimble, a preset or skin that cannot be used, or what the child process says.
     """
-    device = active_presets.device_of(obj, "thimble")
-    spec = active_presets.spec_of(device.preset, "thimble") if device is not None else None
+    device = active_presets.searched_of(obj)
+    spec = active_presets.searched(device) if device is not None else None
     if device is None or spec is None:
         raise DermisError("the finger wears no thimble", where=f"finger '{obj.name}'", remedy="Add one under Devices")
     skin = skin_properties.parameters(obj.dermis.finger.skin)
-    use = {k: v for k, v in thimble_devices.parameters_of(device).items() if k.startswith("thimble_")}
+    use = thimble_devices.use_of(device)
     folder = thimble_devices.folder(create=True)
     parameters = {
         "device": dict(spec.source),
@@ -52,7 +52,7 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
     with skin_models.one_thread():
         model = thimble_devices.pressed(obj, skin_models.of(skin, where=where, wait=True))
         parameters["tissue"] = model.tissue  # linear where no table could be made
-        mechanism = core.matching.thimble_use.calibrated_mechanism(spec, model, use)
+        mechanism = core.matching.thimble_use.disc_device(spec, model, use)
         target = core.surrogate.store.place_of(folder, model, *mechanism)
     older, done = target.is_file(), False
     try:

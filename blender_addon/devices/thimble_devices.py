@@ -24,15 +24,27 @@ def folder(*, create: bool = False) -> Path:
 def parameters_of(device: Any) -> dict[str, Any]:
     """Return a device's values for the engine; learned methods look for their files where adaptations are kept."""
     values = object_properties.parameters(device)
-    if values["thimble_method"] in core.matching.thimble_use.LEARNED:
+    if method_of(device) in core.matching.thimble_use.LEARNED:
         given = values["thimble_surrogate"]
         values["thimble_surrogate"] = bpy.path.abspath(given) if given else str(folder())
     return values
 
 
+def method_of(device: Any) -> str:
+    """Return how a device's pose is searched for; '' where it is not."""
+    spec = active_presets.searched(device)
+    return "" if spec is None else str(getattr(device, core.matching.thimble_use.method_name(spec)))
+
+
 def pressed(finger: bpy.types.Object, model: Any) -> Any:
     """Return a finger's skin as its touches are solved: a thimble's disc follows them there."""
     return model.on_nodes if finger.dermis.finger.skin.contact == "nodes" else model
+
+
+def use_of(device: Any) -> dict[str, Any]:
+    """Return those of a device's values that say how its pose is searched for."""
+    values = parameters_of(device).items()
+    return {name: value for name, value in values if name.startswith("thimble_") or name == "platform_method"}
 
 
 def prepared(device: Any, model: Any) -> Any:
@@ -41,10 +53,10 @@ def prepared(device: Any, model: Any) -> Any:
     Raises:
         DermisError: a preset or settings that cannot be used.
     """
-    spec = active_presets.spec_of(device.preset, "thimble")
+    spec = active_presets.searched(device)
     if spec is None:
         raise DermisError("no such thimble", where="thimble", value=device.preset)
-    values = {k: v for k, v in parameters_of(device).items() if k.startswith("thimble_")}
+    values = use_of(device)
     on = core.surrogate.press_points.pressed_on(model)
     key = json.dumps([spec.hash, model.key, model.tissue, on, repr(model.material), values], sort_keys=True)
     with skin_models.one_thread():
@@ -57,10 +69,10 @@ def adapted(device: Any, model: Any) -> Path | None:
     Raises:
         DermisError: a preset or settings that cannot be used.
     """
-    module, spec = core.matching.thimble_use, active_presets.spec_of(device.preset, "thimble")
+    module, spec = core.matching.thimble_use, active_presets.searched(device)
     if spec is None:
         return None
-    calibrated, friction = module.calibrated_mechanism(spec, model, object_properties.parameters(device))
+    calibrated, friction = module.disc_device(spec, model, object_properties.parameters(device))
     given = device.thimble_surrogate
     values = {"thimble_surrogate": bpy.path.abspath(given) if given else str(folder(create=True))}
     path: Path = module.surrogate_path(values, model, calibrated, friction)

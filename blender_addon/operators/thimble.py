@@ -6,16 +6,22 @@ from typing import Any
 import bpy
 from bpy.props import StringProperty
 
-from .. import changes, jobs
-from ..devices import thimble_adaptation, thimble_devices
-from ..polls import needs
-from ..results import thimble_plot
+from .. import changes, jobs, redraw
+from ..devices import active_presets, thimble_adaptation, thimble_devices
+from ..polls import active_finger, needs
+from ..results import floors, store, thimble_plot
 from .work import File, active_device
 
 
-@needs(lambda context: active_device(context, "thimble"), "Select a finger with a thimble")
+def _searched(context: bpy.types.Context) -> Any | None:
+    """Return the settings of the active finger's thimble, or six legs that are searched for a pose, or None."""
+    finger = active_finger(context)
+    return active_presets.searched_of(finger) if finger is not None else None
+
+
+@needs(_searched, "Select a finger with a thimble, or with six legs matched by stress")
 class DERMIS_OT_adapt_thimble(jobs.Job, bpy.types.Operator):
-    """Learn what this finger's thimble does to its skin, for the methods Network and Polynomial; Esc cancels"""
+    """Learn what this finger's device does to its skin, for the methods Network and Polynomial; Esc cancels"""
 
     bl_idname = "dermis.adapt_thimble"
     bl_label = "Adapt to This Finger"
@@ -61,4 +67,27 @@ class DERMIS_OT_plot_thimble(File, bpy.types.Operator):
         return f"Wrote {thimble_plot.write(context.scene, context.object, self.path())}"
 
 
-CLASSES: tuple[type, ...] = (DERMIS_OT_adapt_thimble, DERMIS_OT_plot_thimble)
+@needs(lambda context: _searched(context) and store.current(context.scene) is not None, "Bake a finger with a thimble")
+class DERMIS_OT_find_floor(jobs.Job, bpy.types.Operator):
+    """Find how good any pose of this device could be for the baked touch, and what axes along the pad would buy: \
+minutes for a long touch; Esc cancels"""
+
+    bl_idname = "dermis.find_floor"
+    bl_label = "How Good Could It Be?"
+    bl_options = {"REGISTER"}
+    job_title = "Best pose"
+
+    def steps(self, context: bpy.types.Context) -> Any:
+        """Return the work."""
+        return floors.find(context.scene, context.object)
+
+    def finished(self, _context: bpy.types.Context, result: Any) -> set[str]:
+        """Say it, and what must not be missed."""
+        self.report({"INFO"}, ". ".join(result.words()))
+        for finding in result.findings("device"):
+            self.report({"WARNING"} if finding.severity == "warning" else {"INFO"}, str(finding))
+        redraw.request()
+        return {"FINISHED"}
+
+
+CLASSES: tuple[type, ...] = (DERMIS_OT_adapt_thimble, DERMIS_OT_find_floor, DERMIS_OT_plot_thimble)

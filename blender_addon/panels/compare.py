@@ -50,6 +50,8 @@ def _device(column: Any, row: dict[str, Any]) -> None:
         rest = split.split(factor=0.28)
         rest.label(text=f"{100 * measure['off']:.0f} %")
         rest.label(text=measure["figures"])
+    for words in row.get("floor", ()):
+        column.label(text=words)
     last = column.row()
     last.active = False
     last.label(text=f"clipped {100 * row['clipped']:.0f} %, out of reach {100 * row['out_of_reach']:.0f} %")

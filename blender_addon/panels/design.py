@@ -5,25 +5,36 @@ from typing import Any
 import bpy
 import numpy as np
 
+from .. import choices
+from .._core import core
 from ..demos import demo_motors
 from ..design import design_results
+from ..devices import readiness
 from ..layouts import paragraph, properties
 from ..polls import needs
 from ..results import store
 from ..viewport import shown
+from . import searched
 from .main import DermisPanel
 
 
 def settings(layout: Any, context: bpy.types.Context, device: Any) -> None:
     """Draw what a platform can be told, for the panel of device settings."""
-    column = properties(layout, device, "table")
+    six = choices.kind_of(device.preset) == "hexapod"
+    column = properties(layout, device, "platform_method") if six else properties(layout, device)
+    if six and device.platform_method != core.matching.thimble_use.LOOKUP:
+        if device.platform_method in core.matching.thimble_use.LEARNED:
+            column.prop(device, "thimble_surrogate")
+        column.prop(device, "thimble_hover_mm")
+        return
+    column.prop(device, "table")
     if not device.table:
         column.prop(device, "table_rows")
 
 
 @needs(lambda context: shown.active_device(context.scene, context.object, "platform") is not None)
 class DERMIS_PT_platform(DermisPanel, bpy.types.Panel):
-    """A finger's platform: whether its table is at hand."""
+    """A finger's platform: whether its table is at hand, or how far six legs that are searched for a pose are off."""
 
     bl_idname = "DERMIS_PT_platform"
     bl_label = "Platform"
@@ -33,6 +44,16 @@ class DERMIS_PT_platform(DermisPanel, bpy.types.Panel):
         """Draw the table's state, and the way to make it."""
         layout, obj = self.layout, context.object
         device = shown.active_device(context.scene, obj, "platform")
+        if device is not None and choices.kind_of(device.preset) == "hexapod":
+            column = layout.column()
+            column.use_property_split = True
+            column.prop(device, "platform_method")
+        if device is not None and shown.active_device(context.scene, obj, readiness.SEARCHED) == device:
+            searched.adaptation(layout, context, obj, "platform", device.platform_method)
+            layout.prop(context.scene.dermis.thimble_view, "split", toggle=True, icon="MOD_MIRROR")
+            searched.skin_and_mismatch(layout, context, obj, device)
+            searched.floor(layout, context, obj, device)
+            return
         ready = shown.ready(context.scene, obj, "platform")
         if ready is not None and ready.trouble:
             paragraph(layout, context, ready.trouble, "ERROR")

@@ -14,6 +14,16 @@ from .skin_state import SkinState
 Follower = tuple[SkinState, bpy.types.Object, Any, "core.devices.spec.DeviceSpec"]
 
 
+def searched_of(scene: bpy.types.Scene, skins: Iterable[SkinState]) -> Iterator[Follower]:
+    """Yield each skin whose finger wears a device that is searched for a pose, as `wearers_of` does."""
+    for skin in skins:
+        obj = scene.objects.get(skin.finger)
+        device = active_presets.searched_of(obj) if obj is not None and skin.model is not None else None
+        spec = active_presets.searched(device) if device is not None else None
+        if obj is not None and device is not None and spec is not None:
+            yield skin, obj, device, spec
+
+
 def wearers_of(scene: bpy.types.Scene, skins: Iterable[SkinState], family: active_presets.Family) -> Iterator[Follower]:
     """Yield each skin whose finger wears a device of a family: the skin, the finger, the settings, the preset."""
     for skin in skins:

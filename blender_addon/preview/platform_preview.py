@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import DermisError, core
-from ..devices import platform_devices, skin_models
+from ..devices import active_presets, platform_devices, skin_models
 from . import followers
 from .rows import Row, by_channel, row_of
 from .skin_state import SkinState
@@ -22,7 +22,8 @@ def live_rows(scene: bpy.types.Scene, skins: Sequence[SkinState]) -> tuple[Row, 
     """Return what the platforms of fingers whose skin is shown do at the current frame; none without a table."""
     rows = []
     for target, obj, device, spec in followers.wearers_of(scene, skins, "platform"):
-        values = commands(obj, device, spec, target) if target.source == "live" else None
+        looked_up = target.source == "live" and active_presets.searched(device) is None
+        values = commands(obj, device, spec, target) if looked_up else None
         if values is not None:
             rows.append(row_of(target.finger, device.preset, spec, by_channel(spec, values), float(target.touching)))
     return tuple(rows)

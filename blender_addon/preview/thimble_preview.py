@@ -1,5 +1,7 @@
 """What thimbles do and make felt at the current frame: followed live, or played again from a bake.
 
+Six legs that are searched for a pose are followed alike.
+
 Live, a thimble follows the skin that `skin_preview` solves, one search a frame, from wherever that came from: the frame
 before, a state that was kept, or rest; a change within a frame searches it anew. From a bake, the servo angles are
 replayed on the skin, with friction's memory, so that what is shown is what the track does.
@@ -16,11 +18,11 @@ import numpy as np
 
 from .. import changes
 from .._core import DermisError, core
-from ..devices import skin_models, thimble_devices
+from ..devices import active_presets, skin_models, thimble_devices
 from ..results import store
 from . import followers, moment, skin_preview
 from .kept_states import KeptStates
-from .rows import Row, goes_on, row_of
+from .rows import Row, by_channel, goes_on, row_of
 from .skin_state import SkinState
 
 
@@ -60,7 +62,7 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
     if not scene.dermis.thimble_view.split:
         return ()
     out = []
-    for target, _, device, _ in followers.wearers_of(scene, targets, "thimble"):
+    for target, _, device, _ in followers.searched_of(scene, targets):
         if target.touching:
             state = (_live_state if target.source == "live" else _baked_state)(scene, target, device)
             out += [state] if state is not None else []
@@ -72,11 +74,14 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
 def live_rows(scene: bpy.types.Scene, skins: Sequence[SkinState]) -> tuple[Row, ...]:
     """Return what the thimbles of fingers whose skin is shown do at the current frame, without a bake."""
     rows = []
-    for target, _, device, spec in followers.wearers_of(scene, skins, "thimble"):
+    for target, _, device, spec in followers.searched_of(scene, skins):
         if target.source != "live" or (path := follow(scene, target, device)).rendered is None:
             continue
-        values = core.devices.thimble.channel_values(path.rendered.angles, path.rendered.x)
-        plain = {name: float(value) for name, value in values.items()}
+        if spec.kind == "thimble":
+            values = core.devices.thimble.channel_values(path.rendered.angles, path.rendered.x)
+            plain = {name: float(value) for name, value in values.items()}
+        else:
+            plain = by_channel(spec, path.rendered.angles)
         touching, signals = float(path.rendered.minimum is not None), {"mismatch": path.rendered.mismatch}
         rows.append(row_of(target.finger, device.preset, spec, plain, touching, signals=signals))
     return tuple(rows)
@@ -128,8 +133,7 @@ def reset() -> None:
 
 
 def _settings_of(device: Any) -> tuple[Any, ...]:
-    values = thimble_devices.parameters_of(device).items()
-    return tuple(sorted((name, value) for name, value in values if name.startswith("thimble_")))
+    return tuple(sorted(thimble_devices.use_of(device).items()))
 
 
 def _step(path: _FingerPath, target: SkinState, frame: float, fps: float) -> None:
@@ -197,14 +201,15 @@ def _replay(result: Any, target: SkinState, device: Any) -> _Played | None:
     if played is not None and played.result is result:
         return played
     own = (o for o in result.bake.outputs if o.finger == target.finger)
-    output = next((o for o in own if o.track.spec.kind == "thimble"), None)
+    spec = active_presets.searched(device)
+    output = next((o for o in own if spec is not None and o.track.spec.kind == spec.kind), None)
     if output is None or not len(output.track.times):
         return None
     replay, thimble_use = core.matching.replay, core.matching.thimble_use
     try:
         with skin_models.one_thread():
             model = result.bake.skins[target.finger].pressed
-            calibrated, friction = thimble_use.calibrated_mechanism(
+            calibrated, friction = thimble_use.disc_device(
                 output.track.spec, model, thimble_devices.parameters_of(device)
             )
             x = replay.configurations(output.track, calibrated)

@@ -40,5 +40,7 @@ def card(row: Row, state: platform_twin.State | None, left: float, bottom: float
         y -= line
     if row.contact is not None and row.contact < 0.5:
         paint.text("in the air: at rest", left, y, paint.FAINT, scale)
+    elif "mismatch" in row.signals:
+        paint.text(f"mismatch {100 * row.signals['mismatch']:.0f} %", left, y, paint.INK, scale)
     elif state is not None and state.tension is not None:
         paint.text("tension " + ", ".join(f"{t:.2f}" for t in state.tension.tolist()) + " N", left, y, paint.INK, scale)

@@ -84,7 +84,9 @@ def _devices(options: argparse.Namespace, scene: TactileScene, library: Library)
     """Send a finger's touch through every device that fits; write the table and the page."""
     if options.finer:
         raise DermisError("a finer mesh judges methods, not devices", value=options.finer, remedy="Leave out --finer")
-    found = drain_shown(device_comparison.compare_devices(scene, library, options.finger), quiet=options.quiet)
+    found = drain_shown(
+        device_comparison.compare_devices(scene, library, options.finger, floors=options.floor), quiet=options.quiet
+    )
     print(report.text(found))
     for path in report.write(found, options.out):
         print(path)

@@ -116,6 +116,7 @@ def parser(program: str) -> argparse.ArgumentParser:
             help="send one finger's touch through every device instead; folder for the table (CSV) and page (HTML)",
         ),
         argument("--finger", type=int, default=0, metavar="I", help="which finger's touch, for --out"),
+        switch("--floor", "for --out: also find how good any pose of a device could be, which takes minutes"),
         PRESETS,
         QUIET,
         help="how far each matching method of a pin array, or each device, would miss",
@@ -125,6 +126,20 @@ def parser(program: str) -> argparse.ArgumentParser:
         writes={"out": True},
     )
     add_studies(verbs)
+    add_verb(
+        verbs,
+        "floor",
+        SCENE,
+        *THIMBLE,
+        argument("--finger", type=int, default=0, metavar="I", help="which finger's touch"),
+        argument("--out", type=Path, metavar="FILE.json", help="also write the figures to this file"),
+        QUIET,
+        help="how good any pose of a device could be for a touch",
+        description="Find the best pose of a thimble or six-leg platform at every sample of a scene's touch, and "
+        "say what the device leaves of the touch, what the best pose found leaves, and what axes along the pad would.",
+        run="command_line.floor.floor",
+        writes={"out": False},
+    )
     add_verb(
         verbs,
         "check",

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from ..errors import DermisError, Finding
+from ..matching.floor import Floor
 from ..pipeline.bake import Bake, Output, Progress
 from ..pipeline.render import render
 from ..presets import Library
 from ..scene.tactile_scene import TactileScene
+from .floors import floor_in
 from .measures import Judged, judge
 from .wearing import Skipped, finger_index, wearing_all
 
@@ -27,6 +29,7 @@ class Row:
         judged: target against rendered. method: of its matching, '' where it has but one.
         clipped: share of the samples that a limit of the device changed, of the channel that it changed most.
         findings: what its rendering and its track's check say.
+        floor: how good any pose of the device could be, where that was asked for.
     """
 
     device: str
@@ -36,6 +39,7 @@ class Row:
     judged: Judged
     clipped: float
     findings: tuple[Finding, ...]
+    floor: Floor | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,13 +60,14 @@ class Comparison:
 
 
 def compare_devices(
-    scene: TactileScene, library: Library, finger: str | int = 0, *, cache: Cache | None = None
+    scene: TactileScene, library: Library, finger: str | int = 0, *, cache: Cache | None = None, floors: bool = False
 ) -> Generator[Progress, None, Comparison]:
     """Send a finger's touch through every device preset that fits; yield progress, return a `Comparison`.
 
     Args:
         finger: its name or number.
         cache: where skins and tables are kept.
+        floors: also find how good any pose of a device could be; minutes for a long touch.
 
     Raises:
         DermisError: no such finger, a scene that cannot be rendered, or no device that fits.
@@ -89,7 +94,13 @@ def compare_devices(
         if judged is None:
             skipped.append(Skipped(key, title, "the touch asks nothing of it"))
         else:
-            rows.append(_row(output, judged))
+            row = _row(output, judged)
+            if floors:
+                spec, skin = output.track.spec, bake.skins.get(name)
+                found = yield from floor_in(spec, skin, uses[key].parameters)
+                said = () if found is None else found.findings(f"finger '{name}', {key}")
+                row = replace(row, floor=found, findings=(*row.findings, *said))
+            rows.append(row)
     if not rows:
         why = "; ".join(f"{s.title}: {s.why}" for s in skipped)
         raise DermisError("no device fits this touch", where=f"finger '{name}'", value=why, remedy="Let it touch")

@@ -15,7 +15,7 @@ from ..interpolate import interpolate
 from ..matching import pins
 from ..matching.replay import Replay, configurations
 from ..matching.table import press_of
-from ..matching.thimble_use import calibrated_mechanism
+from ..matching.thimble_use import by_stress, disc_device
 from ..parameters.device import DEVICE
 from ..track.command_track import CommandTrack
 
@@ -46,8 +46,8 @@ def rendered_touches(
         lead = float(track.meta.get("lead_s", 0.0))  # the track is so much ahead of what the pins press
         pressed = interpolate(track.times, track.values, np.clip(times - lead, track.times[0], track.times[-1]))
         return np.stack([pins.rendered_force(ready, row) for row in pressed]), [None] * len(pressed)
-    if track.spec.kind == "thimble":
-        device, friction = calibrated_mechanism(track.spec, skin.pressed, parameters)
+    if by_stress(track.spec, parameters):
+        device, friction = disc_device(track.spec, skin.pressed, parameters)
         replay = Replay(device, skin.pressed, friction, configurations(track, device))
         at = np.abs(track.times[None] - times[:, None]).argmin(axis=1)
         found = [replay.solution(i) for i in at.tolist()]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from html import escape
 from pathlib import Path
@@ -46,12 +47,16 @@ def text(found: Comparison) -> str:
     rows = [COLUMNS, *lines(found)]
     wide = [max(len(r[i]) for r in rows) for i in range(len(COLUMNS))]
     made = ["  ".join(cell.ljust(w) for cell, w in zip(row, wide, strict=True)).rstrip() for row in rows]
-    return "\n".join([*made, *(f"skipped: {s.title}: {s.why}" for s in found.skipped)])
+    floors = [f"{row.title}: {'. '.join(row.floor.words())}." for row in found.rows if row.floor is not None]
+    return "\n".join([*made, *floors, *(f"skipped: {s.title}: {s.why}" for s in found.skipped)])
 
 
 def csv(found: Comparison) -> str:
     """Return the table as CSV, in SI, with `# key: value` lines before it as in a track."""
     head = ["# dermis-comparison 1", *(f"# {k}: {v}" for k, v in _about(found)), *map(_comment, found.skipped)]
+    for row in found.rows:
+        if row.floor is not None:
+            head.append(f"# floor {row.device}: {json.dumps(row.floor.as_dict())}")
     head.append("device,kind,method,measure,unit,target_rms,rendered_rms,off,clipped,out_of_reach")
     for row in found.rows:
         for m in row.judged.measures:
@@ -82,6 +87,8 @@ def html(found: Comparison) -> str:
         parts.append(f"<h2>Skipped</h2><ul>{items}</ul>")
     for row in found.rows:
         parts.append(f"<h2>{escape(row.title)}</h2>{svg(row, found.duration)}")
+        if row.floor is not None:
+            parts.append(f"<p>{escape('. '.join(row.floor.words()))}.</p>")
         worse = [f for f in row.findings if f.severity != "info"]
         if worse:
             parts.append("<ul>" + "".join(f"<li>{escape(str(f))}</li>" for f in worse) + "</ul>")
@@ -128,6 +135,7 @@ def _plain(row: Row) -> dict[str, Any]:
         "measures": measures,
         "clipped": row.clipped,
         "out_of_reach": row.judged.out_of_reach,
+        "floor": [] if row.floor is None else row.floor.words(),
     }
 
 

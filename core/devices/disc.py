@@ -148,7 +148,7 @@ class DiscContact:
         if not (offset @ pose.normal < 0.0).any():
             zero = np.zeros_like(offset)
             nothing = np.zeros(len(offset), np.int8)
-            found = DiscSolution(pose, self.near, zero, offset, np.zeros((*zero.shape, 3)), nothing, 0.0, 0, "none")
+            found = DiscSolution(pose, self.near, zero, offset, np.zeros_like(change), nothing, 0.0, 0, "none")
             return (
                 found if self._stiff is None else replace(found, tangent=self._stiff.rest, amounts=self._stiff.rest.q)
             )
@@ -277,26 +277,27 @@ class DiscContact:
         return force, w, slope, status, residual, step
 
     def _slope(self, pose: DiscPose, factors: _Factors | None, force: Array, moved: Array, change: Array) -> Array:
-        """Differentiate the forces by the configuration with the factors of the last Newton step, (s, 3, 3)."""
-        slope = np.zeros((len(force), 3, 3))
+        """Differentiate the forces by the configuration with the factors of the last Newton step, (s, 3, n)."""
+        slope = np.zeros_like(change)
         if factors is None:
             return slope
         active = factors.active
-        turn = np.concatenate([_crossing(pose.spin[0]), _crossing(pose.spin[1])], axis=1)
-        turned = (force[active] @ turn).reshape(-1, 2, 3).transpose(0, 2, 1)  # Omega f
+        count = pose.turning
+        turn = np.concatenate([_crossing(spin) for spin in pose.spin[:count]], axis=1)
+        turned = (force[active] @ turn).reshape(-1, count, 3).transpose(0, 2, 1)  # Omega f
         block = self._active_block(active)
         right = change[active]
-        right[:, :, :2] += (block @ turned.reshape(-1, 2)).reshape(-1, 3, 2)
-        right[:, :, :2] -= (moved[active] @ turn).reshape(-1, 2, 3).transpose(0, 2, 1)
+        right[:, :, :count] += (block @ turned.reshape(-1, count)).reshape(-1, 3, count)
+        right[:, :, :count] -= (moved[active] @ turn).reshape(-1, count, 3).transpose(0, 2, 1)
         if len(factors.slips):
             right[factors.slips] = factors.law @ right[factors.slips]
-        answer, _ = self._back(factors.lower, factors.pivots, -right.reshape(-1, 3), trans=1)
-        slope[active] = answer.reshape(-1, 3, 3)
-        slope[active, :, :2] += turned
+        answer, _ = self._back(factors.lower, factors.pivots, -right.reshape(-1, right.shape[2]), trans=1)
+        slope[active] = answer.reshape(right.shape)
+        slope[active, :, :count] += turned
         return slope
 
     def _offsets(self, pose: DiscPose) -> tuple[Array, Array]:
-        """Relative displacement without force, (s, 3), and its derivative as the disc sees it, (s, 3, 3)."""
+        """Relative displacement without force, (s, 3), and its derivative as the disc sees it, (s, 3, n)."""
         local = (self._rest_positions - pose.centre) @ pose.rotation
         out = np.zeros_like(local)
         out[:, :2] = np.where(self._anchored[:, None], local[:, :2] - self._anchor, 0.0)
@@ -374,7 +375,7 @@ class DiscContact:
         self._held_force, last = self.state.force[self.near], self.state.last
         self._guess = None
         if last is not None:
-            slope = np.zeros((self.count, 3, 3))
+            slope = np.zeros((self.count, *last.slope.shape[1:]))
             slope[last.near] = last.slope
             self._guess, self._guess_pose = (self._held_force, slope[self.near]), last.pose
 
@@ -399,12 +400,11 @@ def _degrees(points: NDArray[np.intp]) -> NDArray[np.intp]:
 
 
 def _past(pose: DiscPose, points: Array) -> Array:
-    """Return how points of the finger move in the disc's frame with its configuration, shape (k, 3, 3)."""
+    """Return how points of the finger move in the disc's frame with its configuration, shape (k, 3, n)."""
     arm = points - pose.centre
-    move = np.empty((len(arm), 3, 3))
-    move[:, :, 0] = -arm @ _crossing(pose.spin[0])
-    move[:, :, 1] = -arm @ _crossing(pose.spin[1])
-    move[:, :, 2] = 0.0
+    move = np.zeros((len(arm), 3, len(pose.spin)))
+    for j, spin in enumerate(pose.spin[: pose.turning]):
+        move[:, :, j] = -arm @ _crossing(spin)
     move -= pose.shift
     return pose.rotation.T @ move
 

@@ -16,8 +16,8 @@ from ..contact.solver.cone import OPEN
 from ..stiffening.tangent import StiffTangent
 from ..surface.gap import GapQuery
 from ..surface.plane import Plane
+from .disc_device import DiscDevice
 from .linkage import PlatformPose
-from .thimble import Thimble
 
 TOLERANCE = 1e-6  # of the natural residual, relative to the forces
 FALLBACK_TOLERANCE = 1e-8
@@ -31,7 +31,7 @@ class DiscPose:
     Attributes:
         rotation: disc to finger, shape (3, 3). The side that touches faces -Z of the disc.
         centre: [m], shape (3,).
-        spin: row j is the rotation vector for a unit of x_j, shape (3, 3). shift: column j moves the centre, (3, 3).
+        spin: row j is the rotation vector for a unit of x_j, shape (n, 3). shift: column j moves the centre, (3, n).
     """
 
     rotation: Array
@@ -44,8 +44,13 @@ class DiscPose:
         """Out of the disc, into the finger, shape (3,)."""
         return -self.rotation[:, 2]
 
+    @property
+    def turning(self) -> int:
+        """How many of a configuration's first values may turn the disc: pitch and roll, or of more than three all."""
+        return 2 if len(self.spin) == 3 else len(self.spin)
 
-def placed(device: Thimble, pose: PlatformPose) -> DiscPose:
+
+def placed(device: DiscDevice, pose: PlatformPose) -> DiscPose:
     """Return a platform's pose in the finger's frame."""
     turn, origin = device.mount[:3, :3], device.mount[:3, 3]
     return DiscPose(turn @ pose.rotation, turn @ pose.centre + origin, pose.spin @ turn.T, turn @ pose.d_centre)
@@ -115,7 +120,7 @@ class DiscSolution:
         pose: of the disc.
         near: the points of the skin that may touch, shape (s,); all others carry no force.
         force: on them [N], shape (s, 3). displacement: w = C f + b of them [m], shape (s, 3).
-        slope: derivative of the forces by the configuration, column j of point i at [i, :, j], shape (s, 3, 3).
+        slope: derivative of the forces by the configuration, column j of point i at [i, :, j], shape (s, 3, n).
         status: OPEN, STICK or SLIP, shape (s,).
         residual: |f - P(f - w / rho)| / |f|. iterations: Newton steps.
         method: 'none', 'newton', or 'fallback' where Newton did not settle.

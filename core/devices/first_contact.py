@@ -6,11 +6,12 @@ from dataclasses import replace
 
 from ..arrays import Array
 from .disc import DiscContact
+from .disc_device import DiscDevice
 from .disc_pose import placed
 from .thimble import Thimble
 
 
-def first_contact(device: Thimble, contact: DiscContact, pitch: float = 0.0, roll: float = 0.0) -> float:
+def first_contact(device: DiscDevice, contact: DiscContact, pitch: float = 0.0, roll: float = 0.0) -> float:
     """Return the distance z [m] at which the disc, so tilted, first meets the undeformed skin."""
     z = 0.0
     for _ in range(3):  # exact at once but for the rim, which shifts a little with z

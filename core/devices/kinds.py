@@ -220,7 +220,7 @@ KINDS: Mapping[str, Kind] = {
         follows_skin=True,
         platform=True,
         drawn="platform",
-        settings=("table", "table_rows"),
+        settings=("platform_method", "table", "table_rows", "thimble_surrogate", "thimble_hover"),
         parameters=table(
             *_PLATFORM,
             _needed("platform_angles", "rad", 6),

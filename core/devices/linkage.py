@@ -29,11 +29,12 @@ LEGS = tuple((math.cos(a), math.sin(a)) for a in (0.0, 2 * math.pi / 3, 4 * math
 
 @dataclass(frozen=True)
 class PlatformPose:
-    """Pose of the platform in the base frame, with its derivatives by (pitch, roll, distance).
+    """Pose of a platform in the base frame, with its derivatives by a configuration that begins with (pitch, roll,
+    distance).
 
     Attributes:
         rotation: shape (3, 3). centre: [m], shape (3,).
-        spin: how it turns: dR/dx_i = spin_i x R, row i, shape (3, 3). d_centre: column i, shape (3, 3).
+        spin: how it turns: dR/dx_i = spin_i x R, row i, shape (n, 3). d_centre: column i, shape (3, n).
     """
 
     rotation: Array

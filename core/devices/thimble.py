@@ -48,6 +48,11 @@ class Thimble(Linkage):
     bounds: Array | None = None
 
     @property
+    def freedoms(self) -> int:
+        """Number of values in a configuration, and of servos."""
+        return 3
+
+    @property
     def servo_limits(self) -> tuple[Array, Array]:
         """Lowest and highest angle of every servo from neutral [rad], shape (3,) each."""
         if self.bounds is None:
@@ -68,10 +73,24 @@ class Thimble(Linkage):
         margin, softer = singularity_margin(self, *at.tolist())
         return np.concatenate([high - angles, angles - low, [margin - MIN_MARGIN]]), np.vstack([-by_x, by_x, softer])
 
+    def joints(self, x: ArrayLike) -> tuple[Array, Array]:
+        """Return the servos' angles from neutral [rad], shape (3,), and their derivative by x, shape (3, 3).
+
+        Raises:
+            DermisError: a leg cannot reach.
+        """
+        angles, slopes = self.servo_angles(x)
+        return angles - self.servo_zero, slopes
+
     def feasible(self, x: ArrayLike) -> bool:
         """Return whether the legs reach, the servos stay within their range, and hold the platform firmly."""
         low, high = self.servo_limits
         pitch, roll, distance = np.asarray(x, dtype=np.float64).tolist()
+        return self.within(pitch, roll, distance, low.tolist(), high.tolist())
+
+    def holds(self, x: Array, low: Array, high: Array) -> bool:
+        """Return the same for limits of the servos' angles from neutral [rad], shape (3,) each."""
+        pitch, roll, distance = x.tolist()
         return self.within(pitch, roll, distance, low.tolist(), high.tolist())
 
     def within(self, pitch: float, roll: float, distance: float, low: list[float], high: list[float]) -> bool:

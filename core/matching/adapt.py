@@ -17,7 +17,7 @@ from ..steps import drain
 from ..surrogate.lessons import KINDS
 from ..surrogate.store import adapt, place_of, save
 from ..tissue.finger_skin import asked_for
-from .thimble_use import calibrated_mechanism
+from .thimble_use import disc_device
 
 SHARES = {"dataset": (0, 600), "descriptors": (600, 620), "training": (620, 1000)}  # of the time, in thousandths
 
@@ -31,7 +31,7 @@ def adapt_job(
         parameters: 'device' (preset as read), 'device_key', 'skin' (parameters in SI), 'level', 'folder', and
             optionally 'tissue', 'contact' ('nodes' where the finger's touches are solved there), 'skins' and 'limit'
             (folder and size [bytes] of the cache of skins, where tables of lengths that do not ship lie), 'use'
-            (calibration to the person, see `calibrated_mechanism`), 'trajectories', 'iterations'.
+            (calibration to the person, see `disc_device`), 'trajectories', 'iterations'.
 
     Returns:
         'errors': of ridge and network on straight presses held out, shape (2,); 'samples' and 'movements' that were
@@ -48,7 +48,7 @@ def adapt_job(
     skin = asked_for(skin, str(parameters.get("tissue", SKIN_CONTACT["tissue"].absent)), "skin")
     if parameters.get("contact") == "nodes":
         skin = skin.on_nodes
-    device, friction = calibrated_mechanism(spec, skin, parameters.get("use", {}))
+    device, friction = disc_device(spec, skin, parameters.get("use", {}))
     wanted = {n: int(parameters[n]) for n in ("trajectories", "iterations") if n in parameters}
 
     def tell(stage: str, done: int, total: int) -> None:

@@ -14,10 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Array
+from ..devices.disc_device import DiscDevice, scale_of
 from ..devices.disc_pose import placed
 from ..devices.thimble import Thimble
 from ..skin.model import SkinModel
 from ..skin.stimulus import Stimulus
+from .box_descent import descend_in_box
 from .gauss_newton import Minimum, ServoLimits, minimise
 
 HOLD = 1e-2  # weight of staying where the platform was, relative to the contact's own: decides tilts a line leaves open
@@ -49,7 +51,7 @@ def contact_patch(skin: SkinModel, force: Array, amounts: Array | None = None) -
     return ContactPatch((skin.positions + moved)[touched], skin.areas[touched])
 
 
-def fit_plane(device: Thimble, patch: ContactPatch, start: Array, limits: ServoLimits | None = None) -> Minimum:
+def fit_plane(device: DiscDevice, patch: ContactPatch, start: Array, limits: ServoLimits | None = None) -> Minimum:
     """Return the configuration whose plane is nearest to a contact patch, in the mean square over its area.
 
     Args:
@@ -59,7 +61,7 @@ def fit_plane(device: Thimble, patch: ContactPatch, start: Array, limits: ServoL
         DermisError: the start is outside the servos' range.
     """
     weights = np.sqrt(patch.areas / patch.areas.sum())
-    scale = np.array([1.0, 1.0, device.platform_radius])
+    scale = scale_of(device)
     # a tilt by one radian moves the rim of the patch by its size: both parts of the sum are lengths
     hold = HOLD * device.disc_radius / scale
 
@@ -67,10 +69,12 @@ def fit_plane(device: Thimble, patch: ContactPatch, start: Array, limits: ServoL
         pose = placed(device, device.pose(x))
         arm, normal = patch.points - pose.centre, pose.normal
         gap = weights * (arm @ normal)
-        slope = np.empty((len(gap), 3))
-        for j in range(3):
+        slope = np.empty((len(gap), len(x)))
+        for j in range(len(x)):
             slope[:, j] = weights * (arm @ np.cross(pose.spin[j], normal) - pose.shift[:, j] @ normal)
         return np.concatenate([gap, hold * x]), np.concatenate([slope, np.diag(hold)])
 
     target = np.concatenate([np.zeros(len(patch.points)), hold * start])
+    if not isinstance(device, Thimble):
+        return descend_in_box(evaluate, target, start, device, limits, max_evaluations=60)
     return minimise(evaluate, target, start, device, limits, tolerance=1e-8, max_iterations=30, max_evaluations=60)

@@ -15,8 +15,10 @@ from operator import sub
 import numpy as np
 
 from ..arrays import Array
+from ..devices.disc_device import DiscDevice
 from ..devices.inverse_kinematics import inverse_kinematics
 from ..devices.thimble import MIN_MARGIN, Thimble
+from .box_descent import descend_in_box
 from .gauss_newton import (
     ARMIJO,
     DAMPING,
@@ -37,13 +39,15 @@ from .gauss_newton import (
 
 
 def descend(
-    evaluate: Evaluate, target: Array, start: Array, device: Thimble, limits: ServoLimits | None = None
+    evaluate: Evaluate, target: Array, start: Array, device: DiscDevice, limits: ServoLimits | None = None
 ) -> Minimum:
-    """Return the configuration whose stimulus is nearest to the target; see `minimise`.
+    """Return the configuration whose stimulus is nearest to the target; see `minimise` and `descend_in_box`.
 
     Raises:
         DermisError: a start outside the limits.
     """
+    if not isinstance(device, Thimble):
+        return descend_in_box(evaluate, target, start, device, limits)
     limits = limits or ServoLimits.of(device)
     low, high = limits.low.tolist(), limits.high.tolist()
     size, radius = len(target), device.platform_radius

@@ -17,6 +17,7 @@ from itertools import combinations
 import numpy as np
 
 from ..arrays import Array
+from ..devices.disc_device import DiscDevice
 from ..devices.thimble import Thimble
 from ..errors import DermisError
 
@@ -77,13 +78,13 @@ class Minimum:
 
 @dataclass(frozen=True)
 class ServoLimits:
-    """Bounds of the three servo angles from neutral [rad], shape (3,) each; c >= 0 has seven with the margin."""
+    """Bounds of the joints from neutral, servos' angles [rad] or legs' lengths [m], shape (n,) each."""
 
     low: Array
     high: Array
 
     @classmethod
-    def of(cls, device: Thimble) -> ServoLimits:
+    def of(cls, device: DiscDevice) -> ServoLimits:
         """Return the servos' whole range."""
         return cls(*device.servo_limits)
 
@@ -91,8 +92,8 @@ class ServoLimits:
         """Return what can be reached from given angles from neutral when none may change by more than `change`."""
         return ServoLimits(np.maximum(self.low, angles - change), np.minimum(self.high, angles + change))
 
-    def constraints(self, device: Thimble, x: Array) -> tuple[Array, Array]:
-        """Return c(x), shape (7,), and dc/dx, shape (7, 3), as `Thimble.constraints` does within these bounds.
+    def constraints(self, device: DiscDevice, x: Array) -> tuple[Array, Array]:
+        """Return c(x) and dc/dx, of a thimble (7,) and (7, 3), as the device's `constraints` does within these bounds.
 
         Raises:
             DermisError: a leg cannot reach.

@@ -32,12 +32,14 @@ from ..scene.tactile_scene import DeviceUse, TactileScene, device_times
 from ..skin.felt_state import felt_key
 from ..skin.model import SkinModel
 from ..track.command_track import CommandTrack
+from . import thimble
 from .local_fit import REDUNDANT, fitted_mean
 from .nearest import NEIGHBOURS, Neighbours
 from .platforms import original_key
 from .readings import readings_of, saturated
 from .rendered import Rendered
 from .table import SkinTable, belongs, build
+from .thimble_use import by_stress
 
 if TYPE_CHECKING:
     from ..contact.pad_contact import PadContact
@@ -141,7 +143,8 @@ def render(
     """Render one finger's platform: what the virtual sensor reads at every sample, looked up.
 
     The use's parameters: table (path of a collected table; where empty, a small one is swept and kept with the skin),
-    table_rows (its size). A device with couplings looks up the original motors' commands, and its own come nearest.
+    table_rows (its size); platform_method, with which six legs can be searched for a pose as a thimble is (see
+    `thimble.render`). A device with couplings looks up the original motors' commands, and its own come nearest.
 
     Signals: 'contact', 'sensed_error' (norm of the difference between what is read and what the command will make the
     sensor read, by the same table) [counts], 'target_force' [N], and 'clipped' (1 where a motor would leave its range).
@@ -152,6 +155,8 @@ def render(
     Source: [S2] III
     """
     p = use.parameters
+    if by_stress(spec, p):
+        return thimble.render(pad_contact, scene, finger, use, spec, skin)
     coupling = coupling_of(spec)
     path = DEVICE["table"].of(p, spec.key)
     table = table_of(skin.model, spec, path, int(DEVICE["table_rows"].of(p, spec.key)))

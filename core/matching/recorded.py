@@ -78,7 +78,7 @@ class RecordedMatcher(StressMatcher):
         super().reset()
         self.outside = 0
 
-    def step(self, target: Array, search: Search | None = None) -> ThimbleFrame:
+    def step(self, target: Array, search: Search | None = None, start: Array | None = None) -> ThimbleFrame:
         """Find the pose for the next frame's readings, shape (k,); see `StressMatcher.step`."""
         frame = super().step(target, search)
         self._pressed = frame.minimum is not None  # what the simulated skin says of it does not count

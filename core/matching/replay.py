@@ -9,13 +9,15 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import Array
+from ..devices.disc_device import DiscDevice
 from ..devices.disc_pose import DiscSolution, FrictionState, placed
 from ..devices.servo_limits import SERVOS
-from ..devices.thimble import Thimble, reference_distance
+from ..devices.spec import DeviceSpec
 from ..errors import DermisError
 from ..skin.model import SkinModel
 from ..surrogate.store import contact_of
 from ..track.command_track import CommandTrack
+from .thimble_use import middle_of
 
 INTERVAL = 32  # samples between two states that are kept
 
@@ -25,16 +27,18 @@ class Replay:
 
     Args:
         device: the mechanism. skin: what it presses on. friction: Coulomb's coefficient.
-        x: pitch, roll [rad], distance [m] at every sample, shape (n, 3).
+        x: pitch, roll [rad], distance [m], and more where a device has them, at every sample, shape (n, freedoms).
 
     Raises:
         DermisError: configurations that are not finite or of another shape.
     """
 
-    def __init__(self, device: Thimble, skin: SkinModel, friction: float, x: Array) -> None:
+    def __init__(self, device: DiscDevice, skin: SkinModel, friction: float, x: Array) -> None:
         x = np.asarray(x, np.float64)
-        if x.ndim != 2 or x.shape[1:] != (3,) or not np.isfinite(x).all():
-            raise DermisError("configurations are pitch, roll and distance, finite", where="replay", value=x.shape)
+        if x.ndim != 2 or x.shape[1:] != (device.freedoms,) or not np.isfinite(x).all():
+            raise DermisError(
+                "configurations are pitch, roll and distance (and more), finite", where="replay", value=x.shape
+            )
         self.device, self.x, self.contact = device, x, contact_of(device, skin, friction)
         self._states = {0: FrictionState.rest(self.contact.count)}  # before the sample
         self._now = (0, self._states[0])
@@ -85,14 +89,18 @@ class Replay:
         return self.contact.settle(solution) if solution.touching else FrictionState.rest(self.contact.count)
 
 
-def configurations(track: CommandTrack, device: Thimble) -> Array:
-    """Return the configurations that a track's servo angles hold the platform in, shape (n, 3).
+def configurations(track: CommandTrack, device: DiscDevice) -> Array:
+    """Return the configurations that a track's joints hold the platform in, shape (n, freedoms).
 
     Raises:
         DermisError: the track has no servo channels, or angles that no configuration has.
     """
-    angles = np.stack([track.column(name) for name in SERVOS], axis=1)
-    out, before = np.empty_like(angles), np.array([0.0, 0.0, reference_distance(track.spec, device)])
+    angles = np.stack([track.column(name) for name in _joints(track.spec)], axis=1)
+    out, before = np.empty_like(angles), middle_of(track.spec, device)
     for i, row in enumerate(angles):
         out[i] = before = device.forward(row, before)
     return out
+
+
+def _joints(spec: DeviceSpec) -> tuple[str, ...]:
+    return tuple(c.name for c in spec.channels) if spec.kind == "hexapod" else SERVOS

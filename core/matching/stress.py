@@ -1,8 +1,9 @@
 """Skin stress optimisation: the device pose whose stress in the skin is nearest to the target's, frame after frame.
 
 On each frame the friction state is fixed, the pose is searched for, and then the friction state is renewed with the
-pose fixed (staggering). The search starts where the last frame ended, or, at a new contact, from the nearest entry of a
-small table of poses; whenever an entry of that table promises a clearly better match, the search starts from there too.
+pose fixed (staggering). The search starts where the last frame ended, or, at a new contact, from the few entries of a
+small table of poses that promise most; whenever an entry of that table promises a clearly better match, the search
+starts from there too.
 
 Source: [S0] 5.1 and eq. 1, whose norm is minimised through its square.
 """
@@ -17,9 +18,9 @@ import numpy as np
 
 from ..arrays import Array
 from ..devices.disc import DiscContact
+from ..devices.disc_device import DiscDevice, seated
 from ..devices.disc_pose import DiscSolution, FrictionState, placed
 from ..devices.first_contact import first_contact
-from ..devices.thimble import Thimble
 from ..errors import DermisError
 from ..surrogate.forward import DirectModel, ForwardModel
 from .descent import descend
@@ -37,6 +38,9 @@ WORTHWHILE = 0.05  # of the cost: for less than that the device does not jump
 # share of the target there, and of what is left of it: a poor match needs no fine one.
 BENT, LEFT = 1e-3, 0.02
 TANGENTS = 4  # searches of a frame
+# At a new contact nothing holds the device to one side yet. Later, jumps for little lose more to friction than they
+# gain.
+FIRST_STARTS, FIRST_GAIN = 4, 0.1  # searches; of the cost: for less the one that promised most is kept
 LONGEST_WAIT = 32  # frames between two tries of the table while they fail
 
 
@@ -45,7 +49,7 @@ class ThimbleFrame:
     """What the device shall do at one instant, and how well that matches.
 
     Attributes:
-        x: pitch, roll [rad] and distance [m]. angles: of the servos from neutral [rad], shape (3,).
+        x: configuration, see `disc_device`, shape (n,). angles: of the joints from neutral, shape (n,).
         stimulus: rendered, after the friction update, shape (k,). mismatch: |stimulus - target| / |target|, 0 for none.
         solution: contact of the disc with the skin.
         minimum: the search's own account, None where the target is no touch.
@@ -73,7 +77,7 @@ class StressMatcher:
         device: the mechanism. contact: disc and skin, for the friction update.
         observation_matrix: stimulus components of forces, shape (k, 3 m), or of all that is felt (`skin.felt_state`).
         model: what the search evaluates; the contact itself where None.
-        change: largest change of a servo angle from frame to frame [rad]; None: not limited here.
+        change: largest change of a joint from frame to frame [rad or m]; None: not limited here.
         hover: distance kept from the skin while nothing is touched [m].
         noise_floor: targets no stronger than this cannot be told from a sensor's noise and are no touch.
         table: to start from; made where None.
@@ -87,7 +91,7 @@ class StressMatcher:
 
     def __init__(
         self,
-        device: Thimble,
+        device: DiscDevice,
         contact: DiscContact,
         observation_matrix: Array,
         model: ForwardModel | None = None,
@@ -123,7 +127,7 @@ class StressMatcher:
         self.angles = self._angles(self.x)
         self.state = FrictionState.rest(self.contact.count)
         self._pressed = False
-        self._moved = np.zeros(3)
+        self._moved = np.zeros_like(self.x)
         self._wait, self._patience = 0, 1
         self._goal: Array | None = None  # a better minimum that is farther away than one frame
         self.rescues = 0
@@ -136,10 +140,11 @@ class StressMatcher:
         """Go back to where `save` was called."""
         self.x, self.angles, self.state, self._pressed, self._moved, self._wait, self._patience, self._goal = saved
 
-    def step(self, target: Array, search: Search | None = None) -> ThimbleFrame:
+    def step(self, target: Array, search: Search | None = None, start: Array | None = None) -> ThimbleFrame:
         """Find the pose for the next frame's target, shape (k,), and renew the friction state.
 
         Args:
+            start: a configuration to search from, whether that is better than where the device is or not, shape (n,).
             search: another way to find the pose, from where the device is and within limits; the target then only
                 says whether anything is touched, and what to compare with.
 
@@ -159,7 +164,10 @@ class StressMatcher:
         minimum: Minimum | None = None
         followed, rescued = self._pressed, False
         if size > max(self.noise_floor, NOTHING * float(self.table.strength.max())):
-            minimum = self._search(target, limits) if search is None else search(self.x, limits)
+            if search is not None:
+                minimum = search(self.x, limits)
+            else:
+                minimum = self._search(target, limits) if start is None else self._started(start, target, limits)
             x = minimum.x
         else:
             x, self._goal = self._retracted(limits), None
@@ -174,7 +182,7 @@ class StressMatcher:
             rescued = self.rescues > before
         self._settle(solution)
         miss = stimulus - target
-        self._moved = x - self.x if minimum is not None and followed else np.zeros(3)
+        self._moved = x - self.x if minimum is not None and followed else np.zeros_like(x)
         self.x, self.angles = x, self._angles(x)
         mismatch = float(np.sqrt(miss @ miss)) / size if minimum is not None else 0.0
         return ThimbleFrame(x, self.angles, stimulus, mismatch, solution, minimum, rescued)
@@ -201,7 +209,7 @@ class StressMatcher:
         if best is None:
             best = descend(self.model.evaluate, target, self._within(start, limits), self.device, limits)
             self._patience = 1
-            return best
+            return self._of_several(best, target, limits)
         if self._goal is None and (promised >= PROMISE * best.mismatch or self._wait > 0):
             return best
         start = self._within(start if self._goal is None else self._goal, self.limits)
@@ -214,6 +222,23 @@ class StressMatcher:
             self._wait = self._patience
         return best
 
+    def _of_several(self, best: Minimum, target: Array, limits: ServoLimits) -> Minimum:
+        """Return the best of several searches at a new contact, which began on the sides that promise most."""
+        self._goal = None
+        for start in self.table.promising(target, FIRST_STARTS)[1:]:
+            start = self._within(start, limits)
+            other = descend(self.model.evaluate, target, start, self.device, limits)
+            if other.cost < (1.0 - FIRST_GAIN) * best.cost:
+                best = other
+        return best
+
+    def _started(self, start: Array, target: Array, limits: ServoLimits) -> Minimum:
+        """Search from a configuration, wherever the device is now."""
+        self.model.hold(self.state)
+        self._goal = None
+        start = self._within(start, self.limits)
+        return self._toward(descend(self.model.evaluate, target, start, self.device, self.limits), target, limits)
+
     def _toward(self, goal: Minimum, target: Array, limits: ServoLimits) -> Minimum:
         """Return a better minimum elsewhere, or where the servos can be on the way to it within one frame."""
         if self._allowed(goal.x, limits):
@@ -224,7 +249,9 @@ class StressMatcher:
         residual = stimulus - target
         cost = 0.5 * float(residual @ residual)
         room, _ = limits.constraints(self.device, x)
-        slowest = (int(room[:GIVES_WAY].argmin()),)  # it is the servos' speed that decides here, and no optimality
+        ends = room.copy()
+        ends[GIVES_WAY] = np.inf
+        slowest = (int(ends.argmin()),)  # it is the joints' speed that decides here, and no optimality
         return Minimum(
             x,
             stimulus,
@@ -318,14 +345,13 @@ class StressMatcher:
         return self.x + low * way
 
     def _allowed(self, x: Array, limits: ServoLimits) -> bool:
-        pitch, roll, distance = x.tolist()
-        return self.device.within(pitch, roll, distance, limits.low.tolist(), limits.high.tolist())
+        return self.device.holds(x, limits.low, limits.high)
 
     def _angles(self, x: Array) -> Array:
-        return self.device.servo_angles(x)[0] - self.device.servo_zero
+        return self.device.joints(x)[0]
 
     def _start_at(self, pitch: float, roll: float, depth: float) -> Array:
-        x = np.array([pitch, roll, first_contact(self.device, self.contact, pitch, roll) - depth])
+        x = seated(self.device, pitch, roll, first_contact(self.device, self.contact, pitch, roll) - depth)
         for _ in range(20):
             if self.device.feasible(x):
                 return x
@@ -335,6 +361,10 @@ class StressMatcher:
             "the servo limits exclude first contact",
             where="thimble",
             value=f"distance {1e3 * x[2]:.2f} mm",
-            limit=f"servo angles within {np.degrees(self.device.servo_range):.3g} deg",
-            remedy="Change link lengths, servo range or mounting so that the level platform reaches the pad",
+            limit=_ends(*self.device.servo_limits),
+            remedy="Change lengths, ranges or mounting so that the level platform reaches the pad",
         )
+
+
+def _ends(low: Array, high: Array) -> str:
+    return ", ".join(f"{a:.3g} to {b:.3g}" for a, b in zip(low.tolist(), high.tolist(), strict=True))

@@ -1,4 +1,6 @@
-"""Thimble: from what a finger's skin shall feel to servo angles, by any of the methods, over a whole sequence.
+"""Thimble: from what a finger's skin shall feel to a disc's joints, by any of the methods, over a whole sequence.
+
+The device is a thimble with its servos, or a platform on six legs that is matched as one.
 
 Target and device are compared by one operator, from forces on the nodes of the finger's mesh to descriptors of stress:
 its error is then the same on both sides. Both are solved alike: a touch on points of the smooth skin is followed by a
@@ -15,8 +17,9 @@ import numpy as np
 
 from ..arrays import Array
 from ..cache import cache_key
+from ..devices.disc_device import DiscDevice
 from ..devices.spec import DeviceSpec
-from ..devices.thimble import MIN_MARGIN, Thimble
+from ..devices.thimble import MIN_MARGIN
 from ..errors import DermisError, Finding, Severity
 from ..parameters.material import FRICTION
 from ..parameters.skin import TISSUE
@@ -56,7 +59,7 @@ _known: Recent[tuple[str, str, str, float, float], Descriptors] = Recent(8)
 _tables: Recent[str, WarmStartTable] = Recent(8)
 
 
-def describe(device: Thimble, skin: SkinModel, friction: float, tolerance: float = TOLERANCE) -> Descriptors:
+def describe(device: DiscDevice, skin: SkinModel, friction: float, tolerance: float = TOLERANCE) -> Descriptors:
     """Return the descriptors of a device on a skin, kept in memory for the next finger of the same kind."""
 
     def made() -> Descriptors:
@@ -68,7 +71,7 @@ def describe(device: Thimble, skin: SkinModel, friction: float, tolerance: float
     return _known.make((felt_key(skin), pressed_on(skin), device_key(device), friction, tolerance), made)
 
 
-def observation_of(device: Thimble, skin: SkinModel, friction: float) -> Array:
+def observation_of(device: DiscDevice, skin: SkinModel, friction: float) -> Array:
     """Return the observation matrix of `describe`, from the skin's cache where it is there; shape (k, state)."""
     if skin.cache is None:
         return describe(device, skin, friction).observation_matrix
@@ -84,7 +87,7 @@ def observation_of(device: Thimble, skin: SkinModel, friction: float) -> Array:
 
 
 def matcher(
-    device: Thimble,
+    device: DiscDevice,
     skin: SkinModel,
     method: str = "stress",
     *,
@@ -100,7 +103,7 @@ def matcher(
     Args:
         observation_matrix: stress components of forces; those of `describe` where None. Not used by 'force'.
         model: learned model for 'network' and 'ridge'.
-        change: largest change of a servo angle from frame to frame [rad].
+        change: largest change of a joint from frame to frame [rad, or m of legs].
         hover: distance kept while nothing is touched [m].
         noise_floor: strength of a target that cannot be told from noise.
 
@@ -215,7 +218,7 @@ def match_stimuli(matching: StressMatcher, stimuli: Array) -> ThimbleSequence:
 def render(
     pad_contact: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinContact
 ) -> Rendered:
-    """Render one finger's thimble.
+    """Render one finger's thimble, or platform that is matched as one.
 
     Parameters of the use: see `prepare`.
     Signals: 'contact' (0 or 1), 'mismatch', 'normal_force' and 'target_force' [N]; of a learned method also 'rescued'
@@ -282,7 +285,7 @@ def findings_of(found: ThimbleSequence, where: str) -> list[Finding]:
     out, touched = [], int(found.touched.sum())
     limited, steep, rescued = int(found.held_back.sum()), int(found.steep.sum()), int(found.rescued.sum())
     if limited:
-        what = "a servo's range or speed holds the match back"
+        what = f"{'a servo' if found.x.shape[1] == 3 else 'a leg'}'s range or speed holds the match back"
         out.append(Finding("info", "servo-limit", what, where, count=limited))
     if steep:
         out.append(

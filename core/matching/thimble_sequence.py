@@ -21,7 +21,8 @@ class ThimbleSequence:
     """What the device shall do over a sequence, and how well that matches.
 
     Attributes:
-        x: pitch, roll [rad], distance [m], shape (n, 3). angles: of the servos from neutral [rad], shape (n, 3).
+        x: pitch, roll [rad], distance [m], and of six legs shifts [m] and yaw [rad], shape (n, freedoms).
+        angles: of the servos from neutral [rad], or lengths of the legs [m], shape (n, freedoms).
         force: of the device on the skin [N], float32, shape (n, m, 3).
         mismatch: |rendered - target| / |target| in the method's own descriptor, 0 without touch, shape (n,).
         kkt: optimality of the search, shape (n,). iterations: of it, shape (n,).
@@ -56,7 +57,10 @@ class ThimbleSequence:
         Raises:
             DermisError: a channel that no thimble has.
         """
-        columns = channel_values(self.angles, self.x)
+        if self.x.shape[1] > 3:  # legs are told in the order in which they stand
+            columns = {c.name: column for c, column in zip(spec.channels, self.angles.T, strict=True)}
+        else:
+            columns = channel_values(self.angles, self.x)
         unknown = [c.name for c in spec.channels if c.name not in columns]
         if unknown:
             raise DermisError(

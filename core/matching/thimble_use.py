@@ -15,12 +15,16 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
+from ..devices import hexapod
+from ..devices.coupling import coupling_of
 from ..devices.disc import DiscContact
+from ..devices.disc_device import DiscDevice, seated
 from ..devices.disc_pose import placed
 from ..devices.first_contact import calibrated, first_contact
 from ..devices.retraction import CLEAR
 from ..devices.safe_state import safe_state
 from ..devices.servo_limits import SERVOS
+from ..devices.six_legs import SixLegs
 from ..devices.spec import DeviceSpec
 from ..devices.thimble import Thimble, mechanism, reference_distance
 from ..errors import DermisError, Finding
@@ -31,6 +35,7 @@ from ..surrogate.soundness import try_out
 from ..surrogate.store import contact_of, load, place_of
 
 METHODS = DEVICE["thimble_method"].keys
+LOOKUP = "lookup"  # of platforms: no search for a pose, but a table
 LEARNED = ("network", "ridge")
 HOVER = DEVICE["thimble_hover"].default
 TRIED_TILT, TRIED_DEPTH = 0.2, 0.5e-3  # [rad], [m]: where a surrogate must be able to answer
@@ -38,7 +43,7 @@ TRIED_TILT, TRIED_DEPTH = 0.2, 0.5e-3  # [rad], [m]: where a surrogate must be a
 
 @dataclass(frozen=True, eq=False)
 class ThimbleUse:
-    """A thimble on one finger.
+    """A thimble on one finger, or a platform on six legs that is matched as one.
 
     Attributes:
         device: the mechanism, mounted as it sits on this person.
@@ -49,7 +54,7 @@ class ThimbleUse:
         findings: what was replaced, and why.
     """
 
-    device: Thimble
+    device: DiscDevice
     skin: SkinModel
     friction: float
     hover: float
@@ -83,6 +88,41 @@ def calibrated_mechanism(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[
     return calibrated(device, contact_of(device, skin, friction), felt), friction
 
 
+def method_name(spec: DeviceSpec) -> str:
+    """Return the parameter that says how a device's disc is matched."""
+    return "platform_method" if spec.kind == "hexapod" else "thimble_method"
+
+
+def by_stress(spec: DeviceSpec, parameters: Mapping[str, Any]) -> bool:
+    """Return whether a device is matched pose by pose: every thimble, and six legs that are not looked up.
+
+    Raises:
+        DermisError: a method that there is not, or one of six legs for another platform.
+    """
+    if spec.kind == "thimble":
+        return True
+    method = DEVICE["platform_method"].of(parameters, spec.key)
+    if method == LOOKUP:
+        return False
+    if spec.kind != "hexapod" or coupling_of(spec) is not None:
+        raise DermisError(
+            "only six legs with a motor each can be matched pose by pose",
+            where=f"device preset '{spec.key}', method",
+            value=method,
+            limit=LOOKUP,
+            remedy="Use the look-up table",
+        )
+    return True
+
+
+def disc_device(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any]) -> tuple[DiscDevice, float]:
+    """Return a preset's mechanism as it sits on a person, and the friction of its disc; see `calibrated_mechanism`."""
+    if spec.kind != "hexapod":
+        return calibrated_mechanism(spec, skin, parameters)
+    by_stress(spec, {"platform_method": "stress"})
+    return SixLegs.of(hexapod.mechanism(spec), spec), float(spec.value("friction"))
+
+
 def prepare(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any], where: str = "thimble") -> ThimbleUse:
     """Return how a thimble is used.
 
@@ -90,13 +130,15 @@ def prepare(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any], wh
     'stress'); 'thimble_surrogate', for 'network' and 'ridge', the path of its files or of the folder that adaptations
     are kept in; 'thimble_hover' [m].
 
+    A platform on six legs has 'platform_method' instead, which must not be 'lookup'.
+
     Where a surrogate cannot be used, a finding says why and the direct method takes its place.
 
     Raises:
         DermisError: an unknown method, a hover out of range, or what `calibrated_mechanism` raises.
     """
-    device, friction = calibrated_mechanism(spec, skin, parameters)
-    method, hover = (DEVICE[name].of(parameters, where) for name in ("thimble_method", "thimble_hover"))
+    device, friction = disc_device(spec, skin, parameters)
+    method, hover = (DEVICE[name].of(parameters, where) for name in (method_name(spec), "thimble_hover"))
     contact = contact_of(device, skin, friction)
     near = _near(spec, device, contact)
     if method not in LEARNED:
@@ -116,13 +158,13 @@ def prepare(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any], wh
     return ThimbleUse(device, skin, friction, hover, method, observation_matrix, learned, near)
 
 
-def _near(spec: DeviceSpec, device: Thimble, contact: DiscContact) -> tuple[Finding, ...]:
+def _near(spec: DeviceSpec, device: DiscDevice, contact: DiscContact) -> tuple[Finding, ...]:
     """Find a safe pose that is not clear of this finger, as it was felt: it may be thicker than the preset allows."""
     values = safe_state(spec).values
-    if not set(SERVOS) <= set(values):
+    joints = SERVOS if isinstance(device, Thimble) else tuple(c.name for c in spec.channels)
+    if not set(joints) <= set(values):
         return ()  # said of the preset itself
-    neutral = (0.0, 0.0, reference_distance(spec, device))
-    x = device.forward([values[s] for s in SERVOS], neutral)
+    x = device.forward([values[j] for j in joints], middle_of(spec, device))
     room = float(contact.gap(placed(device, device.pose(x))).min())
     if room >= CLEAR:
         return ()
@@ -139,13 +181,19 @@ def _near(spec: DeviceSpec, device: Thimble, contact: DiscContact) -> tuple[Find
     )
 
 
-def _pressing(device: Thimble, contact: DiscContact) -> list[Array]:
+def middle_of(spec: DeviceSpec, device: DiscDevice) -> Array:
+    """Return a level configuration that the device holds, as a start for poses, shape (n,)."""
+    distance = reference_distance(spec, device) if isinstance(device, Thimble) else float(spec.value("rest_distance"))
+    return seated(device, 0.0, 0.0, distance)
+
+
+def _pressing(device: DiscDevice, contact: DiscContact) -> list[Array]:
     """Return a few configurations that press on the skin, level and tilted."""
     tilts = ((0.0, 0.0), (TRIED_TILT, 0.0), (0.0, -TRIED_TILT))
-    return [np.array([p, r, first_contact(device, contact, p, r) - TRIED_DEPTH]) for p, r in tilts]
+    return [seated(device, p, r, first_contact(device, contact, p, r) - TRIED_DEPTH) for p, r in tilts]
 
 
-def surrogate_path(parameters: Mapping[str, Any], skin: SkinModel, device: Thimble, friction: float) -> Path:
+def surrogate_path(parameters: Mapping[str, Any], skin: SkinModel, device: DiscDevice, friction: float) -> Path:
     """Return where a use's surrogate should be: the file that is named, or this skin's own in the folder named.
 
     Raises:

@@ -8,13 +8,14 @@ import numpy as np
 
 from ..arrays import Array
 from ..devices.disc import DiscContact
+from ..devices.disc_device import DiscDevice, seated
 from ..devices.disc_pose import FrictionState
 from ..devices.first_contact import first_contact
-from ..devices.thimble import Thimble
 from ..errors import DermisError
 from ..surrogate.forward import ForwardModel
 
 TABLE_TILTS = np.radians([-24.0, -16.0, -8.0, 0.0, 8.0, 16.0, 24.0])
+TILTS_APART = np.radians(4.0)  # of starts: half of the grid
 TABLE_DEPTHS = (0.05e-3, 0.15e-3, 0.35e-3, 0.7e-3, 1.1e-3, 1.5e-3)
 
 
@@ -23,7 +24,7 @@ class WarmStartTable:
     """Poses all over the workspace and what they make felt from rest, to start searches from.
 
     Attributes:
-        x: configurations, shape (t, 3). depth: each beyond first contact [m], shape (t,).
+        x: configurations, shape (t, n). depth: each beyond first contact [m], shape (t,).
         direction: of the stimulus, of length 1, shape (t, k). strength: its length, shape (t,).
     """
 
@@ -51,11 +52,24 @@ class WarmStartTable:
         x[2] += self.depth[row] - min(max(depth, TABLE_DEPTHS[0] / 4), TABLE_DEPTHS[-1])
         return x
 
+    def promising(self, target: Array, count: int) -> list[Array]:
+        """Return the configurations that promise most of a target, shape (k,), at tilts that are apart."""
+        size = float(np.sqrt(target @ target))
+        alike = self.direction @ target / size
+        chosen: list[int] = []
+        for row in np.argsort(-alike, kind="stable").tolist():
+            if len(chosen) >= count:
+                break
+            tilts = self.x[chosen, :2]
+            if not (np.abs(tilts - self.x[row, :2]).max(axis=1) <= TILTS_APART).any():
+                chosen.append(row)
+        return [self.configuration(row, size * float(alike[row])) for row in chosen]
+
 
 RECORDED_ROWS = 300  # of a recording, evenly chosen: more starts cost more in every frame
 
 
-def recorded_table(device: Thimble, contact: DiscContact, model: ForwardModel, x: Array) -> WarmStartTable:
+def recorded_table(device: DiscDevice, contact: DiscContact, model: ForwardModel, x: Array) -> WarmStartTable:
     """Return the table of a model that was learned from recorded configurations, shape (n, 3).
 
     Raises:
@@ -75,7 +89,7 @@ def recorded_table(device: Thimble, contact: DiscContact, model: ForwardModel, x
     )
 
 
-def warm_start_table(device: Thimble, contact: DiscContact, model: ForwardModel) -> WarmStartTable:
+def warm_start_table(device: DiscDevice, contact: DiscContact, model: ForwardModel) -> WarmStartTable:
     """Return the table of a forward model.
 
     Raises:
@@ -87,7 +101,7 @@ def warm_start_table(device: Thimble, contact: DiscContact, model: ForwardModel)
         for roll in TABLE_TILTS:
             z = first_contact(device, contact, pitch, roll)
             for depth in TABLE_DEPTHS:
-                x = np.array([pitch, roll, z - depth])
+                x = seated(device, pitch, roll, z - depth)
                 if device.feasible(x):
                     stimulus, slope = model.evaluate(x)
                     if stimulus.any() and slope.any():

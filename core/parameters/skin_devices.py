@@ -81,7 +81,37 @@ PINS = table(
     _fade("pin_fade_out", "Fade Out", "Time in which the pins' forces go down at the end of the track"),
 )
 
+_METHOD_TEXTS = (
+    (
+        "stress",
+        "Stress, Direct",
+        "The pose whose stress in the skin is nearest to the target's; the contact is "
+        "solved for every pose that is tried",
+    ),
+    (
+        "network",
+        "Stress, Network",
+        "The same with a small network in place of the contact; needs an adaptation to this finger",
+    ),
+    ("ridge", "Stress, Polynomial", "The same with a quadratic polynomial (ridge); needs an adaptation to this finger"),
+    ("force", "Force Only", "Only the total force is compared: the paper's first rival, for comparison"),
+    ("geometry", "Geometry Only", "The disc's plane is laid on the contact: the paper's second rival, for comparison"),
+)
+
 PLATFORM = table(
+    Parameter(
+        name="platform_method",
+        unit=TEXT,
+        label="Method",
+        text="How the motors' commands are found from what the skin shall feel; six legs with a motor each can be "
+        "searched for a pose as a thimble is",
+        source="[S2] III; [S0] 5",
+        default="lookup",
+        choices=(
+            ("lookup", "Look-Up Table", "What a virtual sensor reads is looked up in a table of this platform"),
+            *_METHOD_TEXTS,
+        ),
+    ),
     Parameter(
         name="table",
         unit=TEXT,
@@ -112,30 +142,7 @@ THIMBLE = table(
         text="How the disc's pose is found from what the skin shall feel",
         source="[S0]",
         default="stress",
-        choices=(
-            (
-                "stress",
-                "Stress, Direct",
-                "The pose whose stress in the skin is nearest to the target's; the contact is "
-                "solved for every pose that is tried",
-            ),
-            (
-                "network",
-                "Stress, Network",
-                "The same with a small network in place of the contact; needs an adaptation to this finger",
-            ),
-            (
-                "ridge",
-                "Stress, Polynomial",
-                "The same with a quadratic polynomial (ridge); needs an adaptation to this finger",
-            ),
-            ("force", "Force Only", "Only the total force is compared: the paper's first rival, for comparison"),
-            (
-                "geometry",
-                "Geometry Only",
-                "The disc's plane is laid on the contact: the paper's second rival, for comparison",
-            ),
-        ),
+        choices=_METHOD_TEXTS,
     ),
     Parameter(
         name="thimble_surrogate",

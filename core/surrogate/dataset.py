@@ -11,14 +11,15 @@ from numpy.typing import NDArray
 
 from ..arrays import Array, Indices
 from ..devices.disc import DiscContact
+from ..devices.disc_device import DiscDevice, seated
 from ..devices.disc_pose import DiscSolution, FrictionState, placed
 from ..devices.first_contact import first_contact
-from ..devices.thimble import Thimble
 from ..errors import DermisError
 from ..skin.felt_state import tissue_state
 from .trial import TrialForce
 
 MAX_TILT = np.radians(25.0)
+MAX_LATERAL = np.array([1.5e-3, 1.5e-3, np.radians(10.0)])  # shifts [m] and yaw to either side, where a device has them
 MAX_DEPTH = 1.6e-3  # [m] beyond first contact
 CLEARANCE = 0.6e-3  # [m] before it
 MAX_FORCE = 4.0  # [N] a movement ends where it is reached
@@ -30,7 +31,7 @@ class Dataset:
     """Samples along random movements of the device, those in contact only.
 
     Attributes:
-        x: configuration, shape (n, 3).
+        x: configuration, shape (n, 3), or (n, 6) of a device with six freedoms.
         force: on the pad nodes [N], float32, shape (n, 3 m), or all that skin feels (see `felt_by`).
         before: forces one step earlier on the p places that are pressed, which is the friction state that the step
             began with [N], shape (n, 3 p).
@@ -57,7 +58,7 @@ class Dataset:
 
 
 def record(
-    device: Thimble,
+    device: DiscDevice,
     contact: DiscContact,
     trajectories: int,
     *,
@@ -151,17 +152,19 @@ def _between(ends: list[Array], rng: np.random.Generator, steps: tuple[int, int]
 
 
 def _random(
-    device: Thimble, contact: DiscContact, rng: np.random.Generator, max_tilt: float, low: float, high: float
+    device: DiscDevice, contact: DiscContact, rng: np.random.Generator, max_tilt: float, low: float, high: float
 ) -> Array:
     for _ in range(200):
         pitch, roll = rng.uniform(-max_tilt, max_tilt, 2)
         z = first_contact(device, contact, pitch, roll)
-        x = np.array([pitch, roll, z + rng.uniform(low, high)])
+        x = seated(device, pitch, roll, z + rng.uniform(low, high))
+        if len(x) > 3:
+            x[3:] = rng.uniform(-1.0, 1.0, len(x) - 3) * MAX_LATERAL
         if device.feasible(x):
             return x
     raise DermisError(
         "the servo limits exclude contact with the skin",
         where="thimble",
-        value=f"+-{np.degrees(device.servo_range):.3g} deg",
+        value="{:.3g} to {:.3g}".format(*(float(end[0]) for end in device.servo_limits)),
         remedy="Use longer links, a wider servo range, or mount the device nearer to the pad",
     )

@@ -8,8 +8,8 @@ import numpy as np
 
 from ..arrays import Array
 from ..devices.disc import DiscContact
+from ..devices.disc_device import DiscDevice
 from ..devices.disc_pose import DiscSolution, FrictionState, placed
-from ..devices.thimble import Thimble
 from ..errors import DermisError
 from ..skin.felt_state import tissue_size
 from .tissue_channels import TissueChannels
@@ -31,7 +31,7 @@ class ForwardModel(Protocol):
         ...
 
     def evaluate(self, x: Array) -> tuple[Array, Array]:
-        """Return the stimulus, shape (k,), and its derivative by x, shape (k, 3)."""
+        """Return the stimulus, shape (k,), and its derivative by x, shape (k, n)."""
         ...
 
 
@@ -48,7 +48,7 @@ class DirectModel:
         DermisError: an observation matrix that does not fit the skin.
     """
 
-    def __init__(self, device: Thimble, contact: DiscContact, observation_matrix: Array) -> None:
+    def __init__(self, device: DiscDevice, contact: DiscContact, observation_matrix: Array) -> None:
         nodes3, stiff = 3 * contact.points.node_count, contact.points.stiff
         sizes = [nodes3] if stiff is None else [nodes3, nodes3 + tissue_size(stiff.stiffening)]
         if observation_matrix.ndim != 2 or observation_matrix.shape[1] not in sizes:
@@ -88,7 +88,7 @@ class DirectModel:
             columns = (3 * found.near[:, None] + np.arange(3)).ravel()
             self._columns = np.ascontiguousarray(self._of_points[:, columns])
             self._chosen = self.contact.choice
-        both = np.concatenate([found.force[:, :, None], found.slope], axis=2).reshape(-1, 4)
+        both = np.concatenate([found.force[:, :, None], found.slope], axis=2).reshape(-1, 1 + found.slope.shape[2])
         answer = self._columns @ both
         if self._tissue is not None and found.touching:
             answer += self._tissue.along(found)

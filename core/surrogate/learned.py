@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Array
+from ..devices.disc_device import DiscDevice
 from ..devices.disc_pose import FrictionState, placed
-from ..devices.thimble import Thimble
 from ..errors import DermisError
 from .dataset import Dataset
 from .subspace import TOLERANCE, Subspace, principal_components
@@ -39,13 +39,14 @@ class LearnedModel:
     def __init__(
         self,
         fit: Fit,
-        device: Thimble,
+        device: DiscDevice,
         trial: TrialForce,
         trial_space: Subspace,
         friction: Subspace | None = None,
         stiffness: float = 1.0,
     ) -> None:
-        sizes = 3, trial_space.size, 0 if friction is None else friction.size
+        n = device.freedoms
+        sizes = n, trial_space.size, 0 if friction is None else friction.size
         if fit.inputs != sum(sizes):
             raise DermisError(
                 "the fit has other inputs than the model", where="surrogate", value=fit.inputs, limit=str(sum(sizes))
@@ -67,9 +68,9 @@ class LearnedModel:
             float(stiffness),
         )
         self._basis = trial_space.basis / self.stiffness
-        self._told = slice(3, 3 + trial_space.size)
-        self._features, self._ways = np.zeros(fit.inputs), np.zeros((fit.inputs, 3))
-        self._ways[:3] = np.eye(3)
+        self._told = slice(n, n + trial_space.size)
+        self._features, self._ways = np.zeros(fit.inputs), np.zeros((fit.inputs, n))
+        self._ways[:n] = np.eye(n)
         self._nothing = trial_space.basis @ trial_space.mean
         self.hold(FrictionState.rest(len(trial.places)))
 
@@ -88,9 +89,9 @@ class LearnedModel:
         """Return the stimulus and its derivative, by the chain rule through the trial forces; zero without touch."""
         both = self.trial.at(placed(self.device, self.device.pose(x)))
         if self.friction is not None and not both[0].any():
-            return np.zeros(self.size), np.zeros((self.size, 3))
+            return np.zeros(self.size), np.zeros((self.size, self._ways.shape[1]))
         told = self._basis @ both.T
-        self._features[:3] = x
+        self._features[: self._told.start] = x
         self._features[self._told] = told[:, 0] - self._nothing
         self._ways[self._told] = told[:, 1:]
         value, slope = self.fit.along(self._features, self._ways)

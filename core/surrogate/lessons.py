@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from ..devices.disc import DiscContact
-from ..devices.thimble import Thimble
+from ..devices.disc_device import DiscDevice
 from ..steps import in_words
 from .dataset import Dataset, joined, record, split
 from .table import Fit, SampleTable, movement_errors, relative_rms
@@ -46,7 +46,7 @@ class Lessons:
 
 
 def lessons(
-    device: Thimble, contact: DiscContact, trajectories: int, seed: int = 0
+    device: DiscDevice, contact: DiscContact, trajectories: int, seed: int = 0
 ) -> Generator[tuple[int, int], None, Lessons]:
     """Record movements of both kinds and hold some out; yields movements done and in all.
 

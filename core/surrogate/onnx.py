@@ -1,8 +1,8 @@
 """ONNX: a network as a file that others can run, written and checked without the onnx package.
 
 ONNX is a protocol-buffer message. What is written here is a fixed graph of ten operators in opset 17, with inputs
-`features` (n, p): pose, components of trial forces, components of friction's forces, and `slopes` (n, p, 3): their
-derivative by the pose, and outputs `stress` (n, c) and `jacobian` (n, c, 3), all in double precision; a JSON text in
+`features` (n, p): pose, components of trial forces, components of friction's forces, and `slopes` (n, p, d): their
+derivative by the pose, and outputs `stress` (n, c) and `jacobian` (n, c, d), all in double precision; a JSON text in
 the model's metadata says for which skin and device it was trained. onnxruntime runs it.
 """
 
@@ -41,6 +41,7 @@ def dumps(network: Network, meta: Mapping[str, Any] | None = None) -> bytes:
         meta: plain values that say what it was trained for, such as skin and device keys.
     """
     p, c, h = network.inputs, network.outputs, network.hidden
+    ways = int((meta or {}).get("freedoms", 3))
     weights = network.weights / network.scale
     bias = network.bias - weights @ network.centre
     # log(1 + e^-|z|) + max(z, 0): the plain Softplus operator overflows or is single precision only in some runtimes
@@ -75,8 +76,8 @@ def dumps(network: Network, meta: Mapping[str, Any] | None = None) -> bytes:
     graph += _field(2, b"surrogate")
     graph += b"".join(_field(5, _tensor(name, value)) for name, value in tensors.items())
     graph += _field(5, _tensor("axis", np.array([2], np.int64)))
-    graph += _field(11, _value("features", ("n", p))) + _field(11, _value("slopes", ("n", p, 3)))
-    graph += _field(12, _value("stress", ("n", c))) + _field(12, _value("jacobian", ("n", c, 3)))
+    graph += _field(11, _value("features", ("n", p))) + _field(11, _value("slopes", ("n", p, ways)))
+    graph += _field(12, _value("stress", ("n", c))) + _field(12, _value("jacobian", ("n", c, ways)))
     text = json.dumps({**(meta or {}), "schema": SCHEMA, "inputs": p, "hidden": h, "outputs": c}, sort_keys=True)
     return b"".join(
         [
@@ -102,9 +103,9 @@ def write(path: Path, network: Network, meta: Mapping[str, Any] | None = None) -
 class _Bound:
     """A session with its inputs and outputs tied to arrays: a call copies a few numbers and allocates little."""
 
-    def __init__(self, session: Any, inputs: int, outputs: int) -> None:
-        self._features, self._slopes = np.zeros((1, inputs)), np.zeros((1, inputs, 3))
-        self._stress, self._jacobian = np.zeros((1, outputs)), np.zeros((1, outputs, 3))
+    def __init__(self, session: Any, inputs: int, outputs: int, ways: int) -> None:
+        self._features, self._slopes = np.zeros((1, inputs)), np.zeros((1, inputs, ways))
+        self._stress, self._jacobian = np.zeros((1, outputs)), np.zeros((1, outputs, ways))
         self._binding, self._session = session.io_binding(), session
         for names, arrays, bind in (
             (INPUTS, (self._features, self._slopes), self._binding.bind_input),
@@ -174,20 +175,24 @@ class OnnxFit:
         """Number of channels."""
         return int(self.meta["outputs"])
 
+    @property
+    def _ways(self) -> int:
+        return int(self.meta.get("freedoms", 3))
+
     def predict(self, u: Array) -> Array:
         """Return channels for rows of inputs."""
         u = np.atleast_2d(np.asarray(u, np.float64))
-        return self._session.run(["stress"], {"features": u, "slopes": np.zeros((*u.shape, 3))})[0]
+        return self._session.run(["stress"], {"features": u, "slopes": np.zeros((*u.shape, self._ways))})[0]
 
     def along(self, u: Array, ways: Array) -> tuple[Array, Array]:
-        """Return the channels and their derivative along three ways of the inputs."""
+        """Return the channels and their derivative along the device's ways of the inputs."""
         if self._bound is None:
-            self._bound = _Bound(self._session, self.inputs, self.outputs)
+            self._bound = _Bound(self._session, self.inputs, self.outputs, self._ways)
         return self._bound.run(u, ways)
 
     def _check(self, where: str) -> None:
-        p, c = self.inputs, self.outputs
-        wanted = {"features": [None, p], "slopes": [None, p, 3], "stress": [None, c], "jacobian": [None, c, 3]}
+        p, c, n = self.inputs, self.outputs, self._ways
+        wanted = {"features": [None, p], "slopes": [None, p, n], "stress": [None, c], "jacobian": [None, c, n]}
         found = {v.name: (v.type, v.shape) for v in [*self._session.get_inputs(), *self._session.get_outputs()]}
         for name, shape in wanted.items():
             kind, sizes = found.get(name, ("missing", []))
@@ -245,7 +250,11 @@ def read_meta(data: bytes, where: str = "") -> dict[str, Any]:
     if not 1 <= opset <= OPSET:
         raise DermisError("another ONNX operator set", where=where, value=opset, limit=f"1 to {OPSET}")
     sizes = [meta.get(n) for n in ("inputs", "outputs")]
-    if not all(type(n) is int and least <= n <= MAX_SIZE for n, least in zip(sizes, (3, 1), strict=True)):
+    freedoms = meta.get("freedoms", 3)  # files from before six-leg platforms could be learned do not say
+    enough = type(freedoms) is int and freedoms in (3, 6)
+    if not enough or not all(
+        type(n) is int and low <= n <= MAX_SIZE for n, low in zip(sizes, (freedoms, 1), strict=True)
+    ):
         raise DermisError("impossible sizes", where=where, value=str(sizes)[:80], limit=f"up to {MAX_SIZE}")
     return meta
 

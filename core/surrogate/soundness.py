@@ -14,11 +14,11 @@ from .surrogate import Surrogate
 REMEDY = "Adapt it again, or use the direct method"
 
 
-def check_parts(made: Surrogate, size: int, where: str) -> None:
+def check_parts(made: Surrogate, size: int, freedoms: int, where: str) -> None:
     """Refuse a surrogate whose parts do not fit together.
 
     Args:
-        size: number of components of what the skin feels (`skin.felt_state`).
+        size: number of components of what the skin feels (`skin.felt_state`). freedoms: of the device.
 
     Raises:
         DermisError: a part of another shape, with values that are not finite, or sizes that differ between parts.
@@ -26,7 +26,7 @@ def check_parts(made: Surrogate, size: int, where: str) -> None:
     spaces, ridge = made.descriptors, made.ridge
     stress, trial, friction = spaces.stress, spaces.trial, spaces.friction
     k, t, q = (len(np.atleast_1d(space.basis)) for space in (stress, trial, friction))
-    p, any_size, places3 = 3 + t + q, stress.mean.size, trial.mean.size  # what is pressed need not be the nodes
+    p, any_size, places3 = freedoms + t + q, stress.mean.size, trial.mean.size  # what is pressed need not be the nodes
     wanted: dict[str, tuple[Array, tuple[int, ...]]] = {
         "stress_mean": (stress.mean, (any_size,)),
         "stress_basis": (stress.basis, (k, any_size)),
@@ -88,12 +88,12 @@ def try_out(model: ForwardModel, poses: Iterable[Array], where: str) -> None:
                 value=f"{type(error).__name__}: {error}"[:200],
                 remedy=REMEDY,
             ) from error
-        if value.shape != (model.size,) or slope.shape != (model.size, 3):
+        if value.shape != (model.size,) or slope.shape != (model.size, len(x)):
             raise DermisError(
                 "the surrogate answers in another shape",
                 where=where,
                 value=f"{value.shape}, {slope.shape}",
-                limit=f"({model.size},), ({model.size}, 3)",
+                limit=f"({model.size},), ({model.size}, {len(x)})",
                 remedy=REMEDY,
             )
         if not (np.isfinite(value).all() and np.isfinite(slope).all()):

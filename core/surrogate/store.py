@@ -12,15 +12,15 @@ import os
 from collections.abc import Callable, Generator
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..cache import cache_key
 from ..devices.disc import DiscContact
+from ..devices.disc_device import DiscDevice
 from ..devices.disc_pose import Disc
-from ..devices.thimble import Thimble
 from ..errors import DermisError
 from ..files import write_npz
 from ..foreign import damage_told, json_of
@@ -43,28 +43,35 @@ TRAJECTORIES = 2400  # Source: [S0] 4.1
 _RIDGE = ("centre", "scale", "constant", "linear", "quadratic")
 
 
-def device_key(device: Thimble) -> str:
+def device_key(device: DiscDevice) -> str:
     """Return a key for all that decides what a device does to a skin."""
     usual = {"side": 1.0, "bounds": None}  # what most devices have in common is left out
-    parts = {k: None if v is None else np.asarray(v).tolist() for k, v in asdict(device).items()}
-    parts["knee"] = parts.pop("bend")  # as in the preset, and in the keys of what was learned before
+    parts = {k: _plain(v) for k, v in asdict(cast(Any, device)).items()}
+    if "bend" in parts:
+        parts["knee"] = parts.pop("bend")  # as in the preset, and in the keys of what was learned before
     told = {k: v for k, v in parts.items() if k not in usual or v != usual[k]}
     return cache_key(json.dumps(told, sort_keys=True))[:32]
 
 
-def place_of(folder: Path, skin: SkinModel, device: Thimble, friction: float) -> Path:
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items()}
+    return None if value is None else np.asarray(value).tolist()
+
+
+def place_of(folder: Path, skin: SkinModel, device: DiscDevice, friction: float) -> Path:
     """Return where a folder of adaptations keeps the one for a skin's shape, a device and a friction."""
     key = cache_key(SCHEMA, felt_key(skin), pressed_on(skin), device_key(device), repr(float(friction)))
     return Path(folder) / f"{key[:32]}.npz"
 
 
-def contact_of(device: Thimble, skin: SkinModel, friction: float) -> DiscContact:
+def contact_of(device: DiscDevice, skin: SkinModel, friction: float) -> DiscContact:
     """Return the device's disc against a skin: on points of it, or on its mesh's nodes where it has no smooth pad."""
     return DiscContact(press_points(skin), Disc(radius=device.disc_radius), friction)
 
 
 def adapt(
-    device: Thimble,
+    device: DiscDevice,
     skin: SkinModel,
     friction: float,
     *,
@@ -107,6 +114,7 @@ def adapt(
         "device": device_key(device),
         "friction": friction,
         "modulus": skin.material.modulus,
+        "freedoms": device.freedoms,
         "samples": len(found.data),
         "movements": len(np.unique(found.data.trajectory)),
         **{f"{name}_error": errors["straight"]["error"] for name, errors in held_out.items()},
@@ -135,7 +143,7 @@ def save(path: Path, surrogate: Surrogate) -> tuple[Path, Path]:
     return tables, graph
 
 
-def load(path: Path, skin: SkinModel, device: Thimble, friction: float) -> Surrogate:
+def load(path: Path, skin: SkinModel, device: DiscDevice, friction: float) -> Surrogate:
     """Read a surrogate for a skin and device.
 
     Raises:
@@ -183,5 +191,5 @@ def load(path: Path, skin: SkinModel, device: Thimble, friction: float) -> Surro
     made = Surrogate(
         Descriptors(spaces["stress"], observation_matrix, spaces["trial"], spaces["friction"]), ridge, network, meta
     )
-    check_parts(made, state_size(skin), where)
+    check_parts(made, state_size(skin), device.freedoms, where)
     return made

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..devices.disc import DiscContact
-from ..devices.thimble import Thimble
+from ..devices.disc_device import DiscDevice
 from ..errors import DermisError
 from ..skin.felt_state import felt_key
 from ..skin.model import SkinModel
@@ -32,7 +32,7 @@ class Surrogate:
     network: Fit
     meta: Mapping[str, Any]
 
-    def model(self, device: Thimble, skin: SkinModel, contact: DiscContact, kind: str = "network") -> LearnedModel:
+    def model(self, device: DiscDevice, skin: SkinModel, contact: DiscContact, kind: str = "network") -> LearnedModel:
         """Return the forward model of a device against a skin of this shape, of any stiffness.
 
         Args:

@@ -42,7 +42,7 @@ class SampleTable:
     """Samples to learn from: simulated, or recorded with a real sensor in a real device.
 
     Attributes:
-        x: configuration (pitch, roll, distance), shape (n, 3).
+        x: configuration (pitch, roll, distance), shape (n, 3); of devices with six freedoms (n, 6).
         memory: what else decides the channels, such as trial forces and the friction state of the previous step, shape
             (n, q), q >= 0; all columns in one unit.
         channels: stress components, electrodes or anything else, shape (n, c).
@@ -57,7 +57,7 @@ class SampleTable:
     def __post_init__(self) -> None:
         n = len(self.x)
         shapes = (
-            self.x.shape == (n, 3)
+            self.x.shape in ((n, 3), (n, 6))
             and self.memory.ndim == 2
             and self.channels.ndim == 2
             and len(self.memory) == len(self.channels) == len(self.trajectory) == n
@@ -75,18 +75,18 @@ class SampleTable:
 
     @property
     def standard(self) -> tuple[Array, Array]:
-        """Mean of the inputs and what they are divided by to be of like size, each of shape (3 + q,).
+        """Mean of the inputs and what they are divided by to be of like size, each of shape (d + q,).
 
         Columns of the memory share a scale: they are components of one kind of thing, and small ones are small.
         """
         centre, scale = self.inputs.mean(axis=0), self.inputs.std(axis=0)
-        scale[3:] = scale[3:].max(initial=0.0)
+        scale[self.x.shape[1] :] = scale[self.x.shape[1] :].max(initial=0.0)
         scale[scale <= 1e-12 * max(float(scale.max()), 1e-300)] = 1.0
         return centre, scale
 
     @property
     def inputs(self) -> Array:
-        """Configuration and memory side by side, shape (n, 3 + q)."""
+        """Configuration and memory side by side, shape (n, d + q)."""
         return np.concatenate([self.x, self.memory], axis=1)
 
     def without_memory(self) -> SampleTable:
@@ -140,6 +140,10 @@ def read_table(path: Path) -> SampleTable:
                 value=arrays[name].shape,
                 limit="(n, 3): pitch, roll [rad], distance [m]" if name == "x" else "(n, c)",
             )
+    if arrays["x"].shape[1] != 3:
+        raise DermisError(
+            "a table needs x (n, 3)", where=where, value=arrays["x"].shape, limit="pitch, roll [rad], distance [m]"
+        )
     n = len(arrays["x"])
     owner = arrays.get("trajectory", np.zeros(n))
     if owner.shape != (n,) or not np.isfinite(owner).all():

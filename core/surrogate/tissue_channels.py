@@ -28,10 +28,10 @@ class TissueChannels:
         self._line: tuple[StiffTangent, Array, Array] | None = None
 
     def along(self, found: DiscSolution) -> Array:
-        """Return the components and their derivative by the configuration, on the contact's tangent, shape (c, 4)."""
+        """Return the components and their derivative by the configuration, on the tangent, shape (c, 1 + n)."""
         assert found.tangent is not None
         value, slope = self._of_work(found.tangent)
-        both = np.concatenate([found.force[:, :, None], found.slope], axis=2).reshape(-1, 4)
+        both = np.concatenate([found.force[:, :, None], found.slope], axis=2).reshape(-1, 1 + found.slope.shape[2])
         columns = (3 * found.near[:, None] + np.arange(3)).ravel()
         work = (self.points.patterns[columns].T @ both) / self.points.modulus
         work[:, 0] -= found.tangent.q + found.tangent.force

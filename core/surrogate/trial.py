@@ -49,21 +49,22 @@ class TrialForce:
         """Return trial forces on the skin at a pose [N], and their derivative by the configuration.
 
         Returns:
-            shape (4, 3 m), x of all places first: forces in the first row, derivatives by pitch, roll and distance in
-            the others.
+            shape (1 + n, 3 m), x of all places first: forces in the first row, derivatives by the configuration in the
+            others.
         """
-        turn, out = pose.rotation, np.zeros((4, 3, len(self.places)))
+        turn, count = pose.rotation, len(pose.spin)
+        out = np.zeros((1 + count, 3, len(self.places)))
         inwards = turn.T
         centre, shift = inwards @ pose.centre, inwards @ pose.shift
         load = inwards @ self._load  # in the disc's frame, out of which -Z points
         load += centre[:, None] * self.stiffness
         active = (load[2] < 0.0).nonzero()[0]  # the rim only takes away
         if not active.size:
-            return out.reshape(4, -1)
+            return out.reshape(1 + count, -1)
         k, spin = self.stiffness[active], _crossings(pose.spin @ turn)
-        v = np.empty((3, 4, len(active)))  # components in the disc's frame, and their derivatives
+        v = np.empty((3, 1 + count, len(active)))  # components in the disc's frame, and their derivatives
         v[:, 0] = load[:, active]
-        v[:, 1:] = shift[:, :, None] * k - (spin @ v[:, 0]).reshape(3, 3, -1)
+        v[:, 1:] = shift[:, :, None] * k - (spin @ v[:, 0]).reshape(3, count, -1)
         self._fall(v, k, active, inwards, centre, shift, spin)
         v[:2, 0] += self._pull[:, active]
         if self._loose is not None:
@@ -77,9 +78,9 @@ class TrialForce:
             along = share * (way[0] * v[0] + way[1] * v[1]) + self.friction * v[2]
             v[:2] *= share
             v[:2] -= way[:, None] * along
-        v[:, 1:] += (spin @ v[:, 0]).reshape(3, 3, -1)  # forces turn with the disc
+        v[:, 1:] += (spin @ v[:, 0]).reshape(3, count, -1)  # forces turn with the disc
         out[:, :, active] = (turn @ v.reshape(3, -1)).reshape(v.shape).transpose(1, 0, 2)
-        return out.reshape(4, -1)
+        return out.reshape(1 + count, -1)
 
     def _fall(
         self, v: Array, k: Array, active: Indices, inwards: Array, centre: Array, shift: Array, spin: Array
@@ -95,7 +96,10 @@ class TrialForce:
             return
         flat, reach, k = flat[:, rim], np.sqrt(square[rim]), k[rim]
         over = (reach - self.disc.radius) / self.disc.rounding
-        moves = (spin[:6] @ across[:, rim]).reshape(2, 3, -1) + shift[:2, :, None]  # of the disc past the place
+        count = shift.shape[1]
+        moves = (spin[: 2 * count] @ across[:, rim]).reshape(2, count, -1) + shift[
+            :2, :, None
+        ]  # of the disc past the place
         v[2, 0, rim] += k * (0.5 * self.disc.rounding) * over * over
         slides = np.where(sticking[rim], 0.0, k * over / reach)
         v[2, 1:, rim] -= (slides * (flat[0] * moves[0] + flat[1] * moves[1])).T
@@ -108,5 +112,5 @@ _CROSS[(0, 1, 2), (1, 2, 0), (2, 0, 1)] = -1.0
 
 
 def _crossings(spin: Array) -> Array:
-    """Return what turns vectors a into spin_j x a, component c of spin j in row 3 c + j; shape (9, 3)."""
-    return (_CROSS @ spin.T).transpose(0, 2, 1).reshape(9, 3)
+    """Return what turns vectors a into spin_j x a, component c of spin j of n in row n c + j; shape (3 n, 3)."""
+    return (_CROSS @ spin.T).transpose(0, 2, 1).reshape(-1, 3)

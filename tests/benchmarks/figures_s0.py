@@ -253,7 +253,9 @@ def report(found: dict[str, Any]) -> str:
     paper = {"device": "7.9 %", "flat": "9.6 %", "cup": "33.7 %", "foam": "7.4 %"}
     lines += [
         "",
-        "Relative RMS of the rendered stress (the paper's are electrode signals of a BioTac):",
+        "Relative RMS of the **whole stress**, of every element. The paper's are electrode signals of a BioTac, which "
+        "the next table has; [floors](floor_figures.md) have whole stress, 154 cells and electrodes side by side, and "
+        "what the best pose found would leave:",
         "",
         "| touch | [S0] | stress | force only | geometry only |",
         "|---|---|---|---|---|",

@@ -27,6 +27,7 @@ DEVICE = {
     "use_weight",
     "use_content",
     "use_pattern",
+    "platform_method",
     "projection",
     "transient_axis",
     "weight_sign",

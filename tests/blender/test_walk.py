@@ -34,7 +34,15 @@ SKINS = ("index_medium", "thumb_small", "little_medium", "gone")
 # What would open windows or files of the system, talk to hardware, or compute for minutes.
 LEFT_OUT = {
     *("open_presets", "calibration_folder", "stream_rescan", "adapt_thimble", "design", "make_table", "compare_pins"),
-    *("press_test", "plot_thimble", "demo_skin_scene", "demo_pins_scene", "demo_thimble_scene", "demo_motors_scene"),
+    *(
+        "press_test",
+        "plot_thimble",
+        "find_floor",
+        "demo_skin_scene",
+        "demo_pins_scene",
+        "demo_thimble_scene",
+        "demo_motors_scene",
+    ),
 }
 # Settings that make a step take long, or name files; of the others any value that they take is tried.
 KEPT = {"level", "sample_rate", "table_rows", "live_trail", "url", "frame_start", "frame_end", "use_range", "rna_type"}

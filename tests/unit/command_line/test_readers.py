@@ -133,6 +133,7 @@ def test_every_verb_names_a_function_that_is_there() -> None:
         ("thimble", "adapt", "--out", "OUT"),
         ("thimble", "follow", "gone.csv", "--out", "OUT/a.csv"),
         ("thimble", "plot", "gone.npz", "--out", "OUT/a.png"),
+        ("floor", "gone.npz"),
         ("design", "ball", "--out", "OUT"),
         ("design", "ball", "--save-table", "OUT/a.npz"),
     ],

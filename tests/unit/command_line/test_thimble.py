@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from fractions import Fraction
 
 import numpy as np
@@ -201,10 +202,22 @@ def test_the_plot_of_a_sampled_scene(tmp_path, capsys, touching):
     scene = TactileScene("s", Fraction(24), (0, 12), 24.0, (finger,), (Body("plate", plate, {}),), (), (chunk,))
     scene_file.save(scene, tmp_path / "scene.npz")
     arguments = ["thimble", "plot", str(tmp_path / "scene.npz"), "--out"]
+    floor = ["floor", str(tmp_path / "scene.npz"), "--quiet", "--out", str(tmp_path / "floor.json")]
     if not touching:
-        assert main([*arguments, str(tmp_path / "p.png")]) == 2
-        assert "touches nothing" in capsys.readouterr().err
+        for words in ([*arguments, str(tmp_path / "p.png")], floor):
+            assert main(words) == 2
+            assert "touches nothing" in capsys.readouterr().err
         return
+    assert main(floor) == 0
+    told, said = json.loads((tmp_path / "floor.json").read_text()), capsys.readouterr().out
+    assert 0.0 < told["with_lateral_axes"]["whole stress"] <= told["best_found"]["whole stress"] <= 1.0
+    assert told["best_found"]["whole stress"] <= told["rendered"]["whole stress"] and told["device"] == "thimble_3rrs"
+    assert "best pose found" in said and f"{100 * told['best_found']['electrodes']:.1f} %" in said
+    assert main([*floor, "--device", "hexapod"]) == 0
+    legs = json.loads((tmp_path / "floor.json").read_text())
+    assert legs["with_lateral_axes"] is None and legs["method"] == "stress"
+    assert main([*floor, "--device", "haptip"]) == 2 and "searched for a pose" in capsys.readouterr().err
+    assert main([*floor, "--finger", "3"]) == 2
     assert main([*arguments, str(tmp_path / "p.png")]) == 0
     assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
     assert main([*arguments, str(tmp_path / "p.svg")]) == 0

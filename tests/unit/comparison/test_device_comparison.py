@@ -17,6 +17,7 @@ from core.cache import Cache
 from core.comparison import device_comparison, report, wearing
 from core.comparison.rendered_forces import rendered_forces
 from core.errors import DermisError
+from core.matching import floor
 from core.pipeline.render import render
 from core.presets import Library
 from core.scene import scene_file
@@ -118,6 +119,24 @@ def test_table_and_page(found: device_comparison.Comparison, tmp_path: Path) -> 
         assert ElementTree.fromstring(picture).tag.endswith("svg")
     assert "no touch screen" in html and "no touch screen" in report.text(found)
     assert json.loads(json.dumps(report.as_dict(found)))["rows"][0]["device"] == found.rows[0].device
+
+
+def test_floors_stand_beside_the_devices_that_are_searched(
+    found: device_comparison.Comparison, cache: Cache, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(floor, "MOST", 5)
+    more = drain(device_comparison.compare_devices(touch(), Library(), "Index", cache=cache, floors=True))
+    floors = {row.device: row.floor for row in more.rows}
+    assert {key for key, value in floors.items() if value is not None} == {"thimble_3rrs", "hexapod"} & set(floors)
+    assert all(row.floor is None for row in found.rows) and "# floor" not in report.csv(found)
+    lateral = floors["thimble_3rrs"]
+    assert lateral is not None and lateral.lateral is not None and lateral.lateral[0] <= lateral.best[0]
+    words = lateral.words()[0]
+    assert words in report.text(more) and words in report.html(more).replace("&#x27;", "'")
+    (line,) = (line for line in report.csv(more).splitlines() if line.startswith("# floor thimble_3rrs: "))
+    assert json.loads(line.partition(": ")[2])["best_found"]["whole stress"] == lateral.best[0]
+    rows = {row["device"]: row["floor"] for row in report.as_dict(more)["rows"]}
+    assert rows["thimble_3rrs"] == lateral.words() and rows["haptip"] == []
 
 
 def figures(text: str) -> list[tuple[str, list[float]]]:

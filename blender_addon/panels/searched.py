@@ -1,0 +1,78 @@
+"""What the panels of devices that are searched for a pose have in common: adaptation, mismatch of this frame, floor."""
+
+from typing import Any
+
+import bpy
+
+from .._core import core
+from ..layouts import paragraph
+from ..preview import thimble_preview
+from ..results import floors
+from ..viewport import shown
+
+
+def adaptation(layout: Any, context: bpy.types.Context, obj: bpy.types.Object, family: str, method: str) -> None:
+    """Draw whether learned methods are adapted to this finger, and the way to do it.
+
+    Args:
+        family: 'thimble' or 'platform'. method: of the device.
+    """
+    ready = shown.ready(context.scene, obj, family)
+    if ready is not None and ready.trouble:
+        paragraph(layout, context, ready.trouble, "ERROR")
+        return
+    found = ready.figures if ready is not None else None
+    if found is not None:
+        words = "Adapted to this finger"
+        if "network_error" in found:
+            network, ridge = 100 * found["network_error"], 100 * found["ridge_error"]
+            words += f": network {network:.0f} %, polynomial {ridge:.0f} % off"
+        paragraph(layout, context, words, "CHECKMARK")
+    elif method in core.matching.thimble_use.LEARNED:
+        paragraph(
+            layout,
+            context,
+            "Not adapted to this finger, so the direct method takes its place. Adapt it, "
+            "which takes some two minutes, or choose the direct method.",
+            "ERROR",
+        )
+    layout.operator("dermis.adapt_thimble", icon="FILE_REFRESH" if found is not None else "MOD_LATTICE")
+
+
+def skin_and_mismatch(layout: Any, context: bpy.types.Context, obj: bpy.types.Object, device: Any) -> None:
+    """Draw how far the device is off at this frame, or why it does nothing."""
+    if not obj.dermis.finger.skin.shown:
+        column = layout.column(align=True)
+        paragraph(column, context, "Show the finger's skin to see target and rendered skin side by side.", "INFO")
+        column.prop(obj.dermis.finger.skin, "shown", text="Show Skin", toggle=True)
+    now = shown.now(context.scene)
+    rows = now.devices.rows if now is not None and now.devices is not None else ()
+    mine = next((r for r in rows if r.finger == obj.name and r.device == device.preset), None)
+    trouble = thimble_preview.failure(obj.name)
+    if trouble:
+        paragraph(layout, context, trouble, "ERROR")
+    elif mine is not None and "mismatch" in mine.signals:
+        touching = mine.contact is None or mine.contact > 0.5
+        text = f"Mismatch now: {100 * mine.signals['mismatch']:.0f} % of the target" if touching else "In the air"
+        layout.label(text=text, icon="ARROW_LEFTRIGHT")
+
+
+def floor(layout: Any, context: bpy.types.Context, obj: bpy.types.Object, device: Any) -> None:
+    """Draw what the best pose found leaves of the baked touch, and what axes along the pad would."""
+    layout.operator("dermis.find_floor", icon="PIVOT_CURSOR")
+    found = floors.shown(context.scene, obj, device)
+    if found is None:
+        return
+    column = layout.box().column(align=True)
+    column.label(text="Left of the touch, stress / cells / electrodes")
+    for name, errors in (
+        ("as it is", found.rendered),
+        ("best pose found", found.best),
+        ("lateral axes too", found.lateral),
+    ):
+        if errors is not None:
+            split = column.split(factor=0.45)
+            split.label(text=name)
+            split.label(text=" / ".join(f"{100 * error:.0f}" for error in errors) + " %")
+    for finding in found.findings(obj.name):
+        paragraph(layout, context, f"{finding.what}. {finding.remedy}.", "ERROR")

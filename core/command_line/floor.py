@@ -1,0 +1,62 @@
+"""`python -m core floor`: how good any pose of a device could be for a touch, and what lateral axes would buy."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from typing import Any
+
+import numpy as np
+
+from ..contact.skin_sampler import skin_contacts
+from ..errors import DermisError
+from ..files import write_bytes
+from ..matching.felt_errors import MEASURES
+from ..matching.floor import floor_of, looked_at
+from ..matching.thimble import amounts_at, forces_at
+from ..matching.thimble_use import by_stress, method_name, prepare
+from ..parameters.skin import DEFAULT_SKIN
+from ..presets import Library
+from ..scene import scene_file
+from ..tissue.finger_skin import finger_skin
+from .findings import tell
+from .progress import drain_shown
+
+
+def floor(options: argparse.Namespace) -> int:
+    """Find and print the floor of one finger's device; write it where a file is named."""
+    scene, library = scene_file.load(options.scene), Library(options.presets)
+    if not 0 <= options.finger < len(scene.fingers):
+        raise DermisError(
+            "no such finger", where=str(options.scene), value=options.finger, limit=f"0 to {len(scene.fingers) - 1}"
+        )
+    finger = scene.fingers[options.finger]
+    worn = next((u for u in finger.devices if u.preset == options.device), None)
+    spec, parameters = library.device(options.device), {} if worn is None else dict(worn.parameters)
+    if spec.kind == "hexapod" and not by_stress(spec, parameters):
+        parameters[method_name(spec)] = "stress"
+    if spec.kind not in ("thimble", "hexapod"):
+        raise DermisError(
+            "a floor is of a disc that is searched for a pose",
+            where=f"device preset '{options.device}'",
+            value=spec.kind,
+            limit="thimble, hexapod",
+        )
+    felt = skin_contacts(scene, {options.finger: finger_skin(finger.parameters, library.skin(DEFAULT_SKIN))})
+    skin = felt[options.finger]
+    use = prepare(spec, skin.pressed, parameters)
+    times = skin.times[looked_at(len(skin.times))]
+    found = drain_shown(floor_of(use, forces_at(skin, times), amounts_at(skin, times)), quiet=options.quiet)
+    print(f"{finger.name}, {spec.name}, method {use.method}; simulated, {found.samples} touched samples")
+    rows: list[tuple[str, Any]] = [("rendered", found.rendered), ("best pose found", found.best)]
+    if found.lateral is not None:
+        rows.append(("with lateral axes", found.lateral))
+    print(f"{'':18}" + "".join(f"{name:>15}" for name in MEASURES))
+    for name, errors in rows:
+        print(f"{name:18}" + "".join(f"{100 * e:13.1f} %" for e in np.asarray(errors).tolist()))
+    if options.out is not None:
+        told = {"scene": scene.name, "finger": finger.name, "device": spec.key, "method": use.method}
+        write_bytes(options.out, (json.dumps({**told, **found.as_dict()}, indent=2) + "\n").encode())
+        print(options.out)
+    return tell((*use.findings, *found.findings(f"finger '{finger.name}', {spec.key}")), sys.stderr)

@@ -1,0 +1,156 @@
+"""SixLegs: a six-leg platform as something that is searched for a pose, leg by leg within its stroke.
+
+Configurations are x = (pitch, roll, distance, shift x, shift y, yaw): the disc turns by pitch about X, then roll about
+the turned Y, then yaw about its own axis, in a base frame that looks from the nail to the pad as the thimble's does.
+
+Source: [S2] II and Fig. 2 for the mechanism; [S0] 3.1 for the search's constraints
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays import Array
+from ..errors import DermisError
+from .hexapod import Hexapod
+from .linkage import PlatformPose
+from .poses import Poses
+from .spec import DeviceSpec
+
+FIRM = 0.25  # of the reference configuration's hold: the least that a pose must have
+_NEXT, _AFTER = [1, 2, 0], [2, 0, 1]
+_DOWN = np.diag([-1.0, 1.0, -1.0])  # the base's axes in the finger's frame
+
+
+@dataclass(frozen=True, eq=False)
+class SixLegs:
+    """The mechanism with its strokes.
+
+    Attributes:
+        hexapod: its joints and disc.
+        low, high: leg lengths [m], shape (6,) each.
+        servo_speed: of the slowest leg [m/s].
+        hold: conditioning that a pose must have, see `Hexapod.conditioning`.
+    """
+
+    hexapod: Hexapod
+    low: Array
+    high: Array
+    servo_speed: float
+    hold: float
+    mount: Array = field(default_factory=lambda: np.diag([-1.0, 1.0, -1.0, 1.0]))
+
+    @classmethod
+    def of(cls, hexapod: Hexapod, spec: DeviceSpec) -> SixLegs:
+        """Return a preset's platform.
+
+        Raises:
+            DermisError: a leg without a range.
+        """
+        ends = []
+        for channel in spec.channels:
+            if channel.low is None or channel.high is None:
+                raise DermisError("a leg needs a range", where=f"device preset '{spec.key}', {channel.name}")
+            ends.append((channel.low, channel.high))
+        low, high = np.array(ends).T
+        speed = min((c.slew for c in spec.channels if c.slew is not None), default=math.inf)
+        hold = FIRM * float(hexapod.conditioning(hexapod.rest_poses(1))[0])
+        return cls(hexapod, low, high, speed, hold)
+
+    @property
+    def freedoms(self) -> int:
+        """Number of values in a configuration."""
+        return 6
+
+    @property
+    def disc_radius(self) -> float:
+        """Of the surface that touches the skin [m]."""
+        return self.hexapod.disc_radius
+
+    @cached_property
+    def platform_radius(self) -> float:
+        """Of the circle of the legs' joints on the platform [m]."""
+        return float(np.linalg.norm(self.hexapod.joints[0]))
+
+    @property
+    def servo_limits(self) -> tuple[Array, Array]:
+        """Shortest and longest every leg can be [m], shape (6,) each."""
+        return self.low, self.high
+
+    def pose(self, x: ArrayLike) -> PlatformPose:
+        """Return the disc's pose in the base frame at x, whose last three values are 0 where there are but three."""
+        values = np.asarray(x, np.float64).tolist()
+        pitch, roll, distance, east, north, yaw = values if len(values) == 6 else (*values, 0.0, 0.0, 0.0)
+        cp, sp, cr, sr, c, s = (f(a) for a in (pitch, roll, yaw) for f in (math.cos, math.sin))
+        u, v = (cr, sp * sr, -cp * sr), (0.0, cp, sp)
+        axis = (sr, -sp * cr, cp * cr)
+        rotation = np.array([[c * a + s * b, c * b - s * a, n] for a, b, n in zip(u, v, axis, strict=True)])
+        none = (0.0, 0.0, 0.0)
+        spin = np.array([(1.0, 0.0, 0.0), v, none, none, none, axis])
+        shift = np.zeros((3, 6))
+        shift[2, 2], shift[0, 3], shift[1, 4] = 1.0, -1.0, 1.0
+        return PlatformPose(rotation, np.array([-east, north, distance]), spin, shift)
+
+    def joints(self, x: ArrayLike) -> tuple[Array, Array]:
+        """Return the legs' lengths [m], shape (6,), and their derivative by x, shape (6, 6)."""
+        pose = self.pose(x)
+        length, along, moment = self._legs(pose)
+        slopes: Array = along @ (_DOWN @ pose.d_centre) + moment @ (pose.spin @ _DOWN).T
+        return length, slopes
+
+    def constraints(self, x: ArrayLike, low: Array, high: Array) -> tuple[Array, Array]:
+        """Return what is left to the longest and, after the hold, to the shortest, c >= 0, (13,), and dc/dx, (13, 6).
+
+        The slope of the hold is not worked out, and zero.
+        """
+        length, slopes = self.joints(x)
+        room = np.concatenate([high - length, [self._hold(*self._legs(self.pose(x))[1:]) - self.hold], length - low])
+        return room, np.concatenate([-slopes, np.zeros((1, 6)), slopes])
+
+    def holds(self, x: Array, low: Array, high: Array) -> bool:
+        """Return whether all legs are within limits [m], shape (6,) each, and hold the platform firmly."""
+        length, along, moment = self._legs(self.pose(x))
+        return bool((length >= low).all() and (length <= high).all() and self._hold(along, moment) >= self.hold)
+
+    def feasible(self, x: ArrayLike) -> bool:
+        """Return whether all legs are within their strokes and hold the platform firmly."""
+        return self.holds(np.asarray(x, np.float64), self.low, self.high)
+
+    def forward(self, angles: ArrayLike, start: ArrayLike) -> Array:
+        """Return the configuration near `start` whose legs have these lengths [m], shape (6,): a leg's neutral is 0.
+
+        Raises:
+            DermisError: no pose near it has.
+        """
+        wanted = np.asarray(angles, np.float64)
+        found = self.hexapod.carry(wanted[None], self._poses(start))
+        turn, centre = _DOWN @ found.rotation[0] @ _DOWN, _DOWN @ found.centre[0]
+        roll = math.asin(min(max(float(turn[0, 2]), -1.0), 1.0))
+        pitch = math.atan2(-float(turn[1, 2]), float(turn[2, 2]))
+        yaw = math.atan2(-float(turn[0, 1]), float(turn[0, 0]))
+        return np.array([pitch, roll, centre[2], -centre[0], centre[1], yaw])
+
+    def _poses(self, x: ArrayLike) -> Poses:
+        pose = self.pose(x)
+        return Poses((_DOWN @ pose.rotation @ _DOWN)[None], (_DOWN @ pose.centre)[None])
+
+    def _legs(self, pose: PlatformPose) -> tuple[Array, Array, Array]:
+        """Return the legs' lengths, (6,), directions, (6, 3), and moments about the disc's centre, in the finger."""
+        arm = self.hexapod.joints @ (_DOWN @ pose.rotation @ _DOWN).T
+        leg = arm + _DOWN @ pose.centre - self.hexapod.base
+        length = np.sqrt((leg * leg).sum(axis=1))
+        along = leg / length[:, None]
+        # arm x along: numpy's own costs more than the rest of the kinematics
+        moment = arm[:, _NEXT] * along[:, _AFTER] - arm[:, _AFTER] * along[:, _NEXT]
+        return length, along, moment
+
+    def _hold(self, along: Array, moment: Array) -> float:
+        """Return `Hexapod.conditioning` of the legs' directions and moments."""
+        rows = np.concatenate([along, moment / self.platform_radius], axis=1)
+        values = np.linalg.svd(rows, compute_uv=False)
+        return float(values[-1] / values[0])

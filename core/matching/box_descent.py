@@ -1,0 +1,157 @@
+"""Least squares in the configuration of a device with many joints, each within its range: Gauss-Newton in a box.
+
+There are as many joints as values in a configuration, so that limits of joints are bounds of a box, to which every
+linearised step is fitted exactly. Each value's damping is a share of its own curvature: a touch says little of some.
+Every point that is tried keeps the limits, and the mismatch never rises.
+
+Source: [S0] 5.2; Marquardt 1963 for the damping
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..arrays import Array
+from ..devices.disc_device import DiscDevice, scale_of
+from ..errors import DermisError
+from .bounded_lsq import BoundedLeastSquares
+from .gauss_newton import (
+    ARMIJO,
+    EXACT,
+    GIVES_WAY,
+    LONGEST,
+    MAX_EVALUATIONS,
+    MAX_ITERATIONS,
+    OPTIMAL,
+    RESTORING,
+    SHORTEST,
+    SMALL_GAIN,
+    SMALL_STEP,
+    Evaluate,
+    Minimum,
+    ServoLimits,
+    shorter,
+)
+
+MARQUARDT = 1e-3  # of each value's own curvature
+LEAST = 1e-7  # of the largest curvature: for what a touch says nothing of
+INSIDE = 1e-12  # of a joint's range: what is put back onto a limit lies this much within
+
+
+def descend_in_box(
+    evaluate: Evaluate,
+    target: Array,
+    start: Array,
+    device: DiscDevice,
+    limits: ServoLimits | None = None,
+    *,
+    max_evaluations: int = MAX_EVALUATIONS,
+) -> Minimum:
+    """Return the configuration whose stimulus is nearest to the target; see `gauss_newton.minimise`.
+
+    Of `active`, i is joint i at its upper end and 7 + i at its lower one.
+
+    Raises:
+        DermisError: a start outside the limits.
+    """
+    limits = limits or ServoLimits.of(device)
+    scale, began = scale_of(device), _restored(np.array(start, np.float64), device, limits)
+    if began is None:
+        raise DermisError("the start is outside the joints' range", where="device", value=start.tolist())
+    x = began
+    stimulus, jacobian = evaluate(x)
+    residual = stimulus - target
+    size = max(float(np.sqrt(target @ target)), 1e-300)
+    start_cost = cost = 0.5 * float(residual @ residual)
+    evaluations, iterations, why = 1, 0, "limit"
+    while True:
+        scaled = jacobian * scale
+        joints, by_x = device.joints(x)
+        by_x = by_x * scale
+        gradient = scaled.T @ residual
+        step, active, multipliers, left = _step(scaled, gradient, by_x, limits.low - joints, limits.high - joints)
+        weight = float(np.sqrt(np.vdot(scaled, scaled) * (2.0 * cost)))
+        kkt = left / weight if weight > 0.0 else 0.0
+        if np.sqrt(2.0 * cost) <= EXACT * size:
+            why = "exact"
+            break
+        if kkt <= OPTIMAL:
+            why = "optimal"
+            break
+        if iterations >= MAX_ITERATIONS or evaluations >= max_evaluations:
+            break
+        length = float(np.sqrt(step @ step))
+        if length > LONGEST:
+            step = step * (LONGEST / length)
+        descent = -float(gradient @ step)
+        share, found = 1.0, False
+        while share >= SHORTEST:
+            trial, new_cost = _restored(x + share * scale * step, device, limits), np.inf
+            if trial is not None:
+                new_stimulus, new_jacobian = evaluate(trial)
+                evaluations += 1
+                new_residual = new_stimulus - target
+                new_cost = 0.5 * float(new_residual @ new_residual)
+                # where nothing touches there is no slope to come back by, so such a point is never accepted
+                enough = new_cost < cost and new_cost <= cost - share * ARMIJO * max(descent, 0.0)
+                found = enough and bool(new_jacobian.any())
+                if found:
+                    break
+            if share * length < SMALL_STEP or evaluations >= max_evaluations:
+                break
+            share *= 0.5 if trial is None else shorter(share, cost, new_cost, descent)
+        iterations += 1
+        if not found or trial is None:
+            why = "step" if length <= SMALL_STEP else "limit" if evaluations >= max_evaluations else "stalled"
+            break
+        moved, gained = float(np.linalg.norm((trial - x) / scale)), 1.0 - new_cost / cost
+        x, stimulus, jacobian, residual, cost = trial, new_stimulus, new_jacobian, new_residual, new_cost
+        if moved <= SMALL_STEP or gained <= SMALL_GAIN:
+            why = "step" if moved <= SMALL_STEP else "gain"
+            break
+    room = limits.constraints(device, x)[0]
+    return Minimum(
+        x, stimulus, residual, start_cost, cost, kkt, active, multipliers, room, iterations, evaluations, why
+    )
+
+
+def _step(
+    jacobian: Array, gradient: Array, by_x: Array, low: Array, high: Array
+) -> tuple[Array, tuple[int, ...], Array, float]:
+    """Return the damped step within low <= by_x step <= high, the ends that hold it, their multipliers, and what of
+    the gradient is left."""
+    gram = jacobian.T @ jacobian
+    curvature = np.diag(gram)
+    gram.flat[:: len(gram) + 1] += MARQUARDT * curvature + LEAST * max(float(curvature.max()), 1e-300)
+    free: Array = np.asarray(np.linalg.solve(gram, -gradient), np.float64)
+    reach = by_x @ free
+    if (reach >= low).all() and (reach <= high).all():  # most steps meet no limit
+        return free, (), np.zeros(0), float(np.sqrt(gradient @ gradient))
+    span = high - low  # joints over their room are alike, be they angles or lengths
+    back = np.linalg.inv(by_x) * span
+    found = BoundedLeastSquares(back.T @ gram @ back, np.minimum(low / span, 0.0), np.maximum(high / span, 0.0)).solve(
+        -back.T @ gradient
+    )
+    step = back @ found.x
+    held = np.flatnonzero(found.status)
+    active = tuple(int(i) if found.status[i] > 0 else GIVES_WAY + 1 + int(i) for i in held)
+    # at the step itself: this is minus the Gram matrix times the step, zero exactly where there is no step left
+    left = gradient - np.linalg.solve(back.T, np.where(found.status != 0, found.gradient, 0.0))
+    return step, active, np.abs(found.gradient[held]), float(np.sqrt(left @ left))
+
+
+def _restored(x: Array, device: DiscDevice, limits: ServoLimits) -> Array | None:
+    """Bring a point back into the limits that its linearisation overshot; None where it cannot be."""
+    span = INSIDE * (limits.high - limits.low)
+    for _ in range(RESTORING):
+        try:
+            if device.holds(x, limits.low, limits.high):
+                return x
+            joints, by_x = device.joints(x)
+        except DermisError:
+            return None
+        over = np.clip(joints, limits.low + span, limits.high - span) - joints
+        if not over.any():
+            return None  # within all joints' limits, but not held firmly
+        x = x + np.linalg.solve(by_x, over)
+    return x if device.holds(x, limits.low, limits.high) else None

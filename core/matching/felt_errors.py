@@ -1,0 +1,90 @@
+"""How far a rendered touch is off, in three measures side by side: whole stress, coarse cells, electrodes.
+
+They are not the same quantity. The stress of every element is the strictest; the mean stress of 154 cells is of the
+size that the paper describes stress with, and smooths what is between them; nineteen virtual electrodes read how thick
+the pulp is, and are a smooth summary of the touch, as the paper's sensor was.
+
+Source: [S0] 4.1 (154 tetrahedra), 6 (19 electrodes), 7.1 (errors)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Array, Indices
+from ..errors import DermisError
+from ..skin.felt_state import state_of, stress_components
+from ..skin.model import SkinModel
+from ..skin.sensor import electrode_sensor
+from ..skin.stimulus import Stimulus
+
+WHOLE, CELLS, ELECTRODES = MEASURES = ("whole stress", "154 cells", "electrodes")
+COUNT = 154  # of cells. Source: [S0] 4.1
+_SHEAR = np.sqrt([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # shear counts twice in the norm of a stress
+
+
+class FeltErrors:
+    """The measures of one skin.
+
+    Args:
+        skin: the model; with tissue that stiffens, its touches have amounts of patterns.
+    """
+
+    def __init__(self, skin: SkinModel) -> None:
+        self.skin = skin
+        self._whole, self._electrodes = stress_components(skin), electrode_sensor(skin).matrix
+        self._cell, self._share, self._root = _cells(skin)
+
+    def of(self, target: Array, rendered: Array, amounts: Array | None = None, made: Array | None = None) -> Array:
+        """Return the relative RMS between touches and what was rendered of them, in the order of `MEASURES`.
+
+        Args:
+            target, rendered: forces on the pad nodes [N], shape (n, m, 3).
+            amounts, made: of each pattern of skin that stiffens, in both, shape (n, k); from the forces where None.
+
+        Raises:
+            DermisError: sequences of unlike length, or nothing touched.
+        """
+        if len(target) != len(rendered) or not np.any(target):
+            raise DermisError(
+                "errors are of a touch and as many samples of what was rendered",
+                where="errors",
+                value=f"{len(target)} and {len(rendered)} samples, {'a' if np.any(target) else 'no'} touch",
+            )
+        left, whole = np.zeros(len(MEASURES)), np.zeros(len(MEASURES))
+        for i, (wanted, given) in enumerate(zip(target, rendered, strict=True)):
+            if not wanted.any() and not given.any():
+                continue
+            asked = self._values(wanted, None if amounts is None else amounts[i])
+            shown = self._values(given, None if made is None else made[i])
+            left += [float(np.square(b - a).sum()) for a, b in zip(asked, shown, strict=True)]
+            whole += [float(np.square(a).sum()) for a in asked]
+        return np.sqrt(left / whole)
+
+    def _values(self, force: NDArray[np.floating], amounts: Array | None) -> tuple[Array, Array, Array]:
+        state = state_of(self.skin, force.astype(np.float64), amounts)
+        stress = Stimulus(self.skin, force.astype(np.float64).reshape(-1, 3), None, amounts).stress * _SHEAR
+        cells = np.stack([np.bincount(self._cell, self._share * column, COUNT) for column in stress.T], axis=1)
+        return self._whole @ state, self._root[:, None] * cells, self._electrodes @ state
+
+
+def _cells(skin: SkinModel) -> tuple[Indices, Array, Array]:
+    """Return each element's cell, its share of that cell's volume, and the root of each cell's volume.
+
+    Cells are what lies nearest to places that are as far apart as can be, from the one under the pad's centre on.
+    """
+    mesh = skin.mesh
+    corners = mesh.nodes[mesh.tetrahedra[:, :4]]
+    middles = corners.mean(axis=1)
+    volume = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6.0
+    chosen = [int(np.square(middles).sum(axis=1).argmin())]
+    nearest = np.full(len(middles), np.inf)
+    cell = np.zeros(len(middles), np.intp)
+    for k in range(COUNT):
+        away = np.square(middles - middles[chosen[-1]]).sum(axis=1)
+        cell[away < nearest] = k
+        nearest = np.minimum(nearest, away)
+        chosen.append(int(nearest.argmax()))
+    size = np.bincount(cell, volume, COUNT)
+    return cell, volume / size[cell], np.sqrt(size)

@@ -11,21 +11,22 @@ from ..stiffening.following import Following
 from .held_tissue import HeldTissue
 from .jets import jets
 from .pair_fields import Slopes
-from .stress_fit import AT_ONCE, CHUNK, cubes_of, rising_cubes
+from .pair_modes import PairModes
+from .stress_fit import AT_ONCE, CHUNK, by_feature, cubes_of
 from .stress_reading import StressReading
 
 LENGTH = 2e-3  # [m] over which a displacement counts as the strain that it is
 
 
 def fit_following(
-    linear: HeldTissue, patterns: Array, samples: Array, few: int, rank: int
+    linear: HeldTissue, patterns: Array, samples: Array, modes: PairModes, rank: int
 ) -> Generator[tuple[int, int], None, Following]:
     """Return how tissue follows patterns; yields (done, steps).
 
     Args:
         patterns: displacement of all nodes in linear tissue [m], shape (k, n, 3).
         samples: amounts that touches bring, which say what matters, shape (s, k).
-        few: of how many patterns cubes are kept. rank: fields to keep.
+        modes: ways that their products go. rank: fields to keep.
     """
     tissue, mesh = linear.tissue, linear.tissue.mesh
     batches = [samples[s : s + AT_ONCE] for s in range(0, len(samples), AT_ONCE)]
@@ -40,18 +41,18 @@ def fit_following(
         seen.append(_followed(linear, patterns, batch))
     right = np.linalg.svd(np.concatenate(seen) * flat, full_matrices=False)[2][:rank]
     reading = StressReading.of_following(linear, (right * flat).reshape(len(right), -1, 4))
-    slopes = Slopes.of(tissue, patterns)
-    squares = reading.squares(slopes)
+    squares = reading.squares(Slopes.of(tissue, patterns))
     yield len(batches) + 1, steps
-    cubes = np.zeros((len(right) * few, few * (few + 1) // 2))
-    for done, part in cubes_of(linear, reading, slopes.first(few)):
+    cubes = np.zeros((len(right) * len(patterns), modes.shares.shape[1]))
+    for done, part in cubes_of(linear, reading, patterns, modes):
         cubes += part
         yield len(batches) + 1 + done, steps
     fields = (right / flat).T.reshape(len(mesh.nodes), 4, -1)
     return Following(
         np.ascontiguousarray(fields, np.float32),
         squares.astype(np.float32),
-        rising_cubes(cubes.reshape(len(right), few, -1)).astype(np.float32),
+        by_feature(cubes, len(patterns)).astype(np.float32),
+        modes.features,
     )
 
 

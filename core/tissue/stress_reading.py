@@ -103,7 +103,7 @@ class StressReading:
         return self.tissue.lame[0] * (turned - trace[:, None] * slopes.trace)
 
     def dual(self, slopes: Slopes, elements: slice, widened: Array) -> Floats32:
-        """Return what multiplies the second powers of `pair_fields` in some elements, for each field and pattern.
+        """Return what multiplies the second powers of `square_fields` in some elements, for each field and pattern.
 
         Args:
             slopes: of the patterns in these elements. widened: what multiplies the second power of J, (r, c, e).

@@ -21,7 +21,7 @@ def energy(cubic: float = 0.3, quartic: float = 0.2, reach: np.ndarray | None = 
     some = ways[:, :FEW]
     i, j = np.triu_indices(FEW)
     pairs = some[:, i] * some[:, j]
-    return Energy(third, quartic * pairs.T @ pairs, reach)
+    return Energy.of_forms(third, quartic * pairs.T @ pairs, reach)
 
 
 @pytest.mark.parametrize("size", [0.1, 1.0, 3.0])
@@ -80,7 +80,7 @@ def test_softening_is_what_a_change_of_force_shows() -> None:
 
 def test_tissue_that_no_force_holds_is_found_by_who_holds_its_displacement() -> None:
     """Of one pattern with q + n(q) = q - q^2: beyond 1/2 a force lets it run away, a displacement does not."""
-    made = Energy(np.full((1, 1, 1), -1.0 / 3.0), np.zeros((1, 1)))
+    made = Energy.of_forms(np.full((1, 1, 1), -1.0 / 3.0), np.zeros((1, 1)))
     one, held, z = Balance(made), 0.8, np.array([0.2])
     one.settle(z)
     for _ in range(6):

@@ -57,7 +57,7 @@ class Skin:
         some = rng.normal(size=(4, FEW))
         i, j = np.triu_indices(FEW)
         pairs = some[:, i] * some[:, j]
-        self.energy = Energy(third, 0.1 * strength / size**2 * pairs.T @ pairs)
+        self.energy = Energy.of_forms(third, 0.1 * strength / size**2 * pairs.T @ pairs)
         none = np.zeros((1, 6, 1), np.float32)
         series = StressSeries(
             np.zeros((1, 3)), np.zeros((0, 4), int), none, np.zeros((1, 6), np.float32), none[:, :4, 0]

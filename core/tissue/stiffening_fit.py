@@ -12,13 +12,12 @@ from ..arrays import Array, Indices
 from ..skin.material import Elastic
 from ..skin.model import SkinModel, fingertip_skin
 from ..skin.shape import FingertipShape
-from ..stiffening.balance import Balance
-from ..stiffening.energy import Energy
 from ..stiffening.patterns import Patterns
 from ..stiffening.stiffening import Stiffening
 from .energy_fit import fit_energy
 from .following_fit import fit_following
 from .held_tissue import HeldTissue
+from .mode_fields import ModeFields
 from .neo_hookean import NeoHookean
 from .pair_modes import PairModes
 from .stress_fit import fit_stress
@@ -30,7 +29,7 @@ STEPS = 100  # that making one is told in
 _ENDS = (0, 6, 10, 55, 78, STEPS)  # of the steps: touches, their answers, energy, stress, following
 AT_ONCE = 12  # loads that are answered together
 ANSWERED = 300  # loads at most, whose answers patterns are to hold
-SEEN = 200  # samples at most that say which fields of stress matter
+SEEN = 300  # samples at most that say which fields of stress matter
 RAREST = 0.3  # of all that there is, how much there may be of a pattern that touches hardly bring
 MARGIN = 1.5  # of what touches bring: slides go farther, and the series is still nearer there than a parabola
 ANSWERS = 3.0  # how much more they count: displacement beyond all patterns is at least linear skin's
@@ -51,11 +50,11 @@ class Size:
 
     level: str = "standard"
     touches: int = 180
-    patterns: int = 150
+    patterns: int = 120
     samples: int = 120
-    modes: int = 40
+    modes: int = 30
     fields: int = 30
-    following: int = 40
+    following: int = 90
 
 
 STANDARD = Size()
@@ -85,9 +84,9 @@ def fit_stiffening(
     modes = PairModes.of(_some(work, size.samples), reach, even, size.modes)
     energy = yield from _within(fit_energy(linear.tissue, linear.held, moved.astype(np.float32), modes), 2)
     energy = replace(energy, reach=MARGIN * reach)
-    samples = np.array([balanced(energy, z) for z in _some(work, SEEN)])
-    stress = yield from _within(fit_stress(linear, moved, energy, samples, modes, size.fields), 3)
-    following = yield from _within(fit_following(linear, moved, samples, modes, size.following), 4)
+    samples, products = _some(work, SEEN), ModeFields.of(linear, moved, modes)
+    stress = yield from _within(fit_stress(linear, moved, energy, samples, products, size.fields), 3)
+    following = yield from _within(fit_following(linear, moved, samples, products, size.following), 4)
     skins = np.unique(skin.mesh.surface)  # beyond the pad, too: at its rim a pattern is then read between places
     known = Patterns.through(skin.mesh.nodes[skins], moved[:, skins].transpose(1, 2, 0))
     return Stiffening(energy, known, stress, key, following)
@@ -146,14 +145,6 @@ def main_patterns(
     even = int((order < len(found[0][0])).sum())
     chosen = np.concatenate([rows[:few] for (_, rows), few in zip(found, (even, len(order) - even), strict=False)]).T
     return np.asarray(solve_triangular(root, chosen, lower=True, trans="T")), even
-
-
-def balanced(energy: Energy, work: Array) -> Array:
-    """Return how much of each pattern there is under forces that are put on little by little, shape (k,)."""
-    balance = Balance(energy)
-    for share in (0.25, 0.5, 0.75, 1.0):
-        balance.follow(share * work)
-    return balance.q
 
 
 def _pressed(skin: SkinModel, count: int, seed: int) -> Generator[tuple[int, int], None, Array]:

@@ -15,7 +15,8 @@ from ..stiffening.stress_series import StressSeries
 from ..stiffening.symmetric import rising
 from .held_tissue import HeldTissue
 from .jets import jets
-from .pair_fields import Slopes, square_fields, to_nodes
+from .mode_fields import ModeFields
+from .pair_fields import Slopes, to_nodes
 from .pair_modes import PairModes
 from .stress_reading import StressReading
 
@@ -25,14 +26,14 @@ _TWICE = np.sqrt([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
 
 
 def fit_stress(
-    linear: HeldTissue, patterns: Array, energy: Energy, samples: Array, modes: PairModes, rank: int
+    linear: HeldTissue, patterns: Array, energy: Energy, samples: Array, products: ModeFields, rank: int
 ) -> Generator[tuple[int, int], None, StressSeries]:
     """Return the stress of patterns; yields (done, steps).
 
     Args:
         patterns: displacement of all nodes in linear tissue [m], shape (k, n, 3).
         energy: of the patterns. samples: amounts that touches bring, which say what matters, shape (s, k).
-        modes: ways that their products go. rank: fields to keep.
+        products: of the ways that their products go. rank: fields to keep.
     """
     tissue, mesh = linear.tissue, linear.tissue.mesh
     batches = [samples[s : s + AT_ONCE] for s in range(0, len(samples), AT_ONCE)]
@@ -50,8 +51,8 @@ def fit_stress(
     slopes, first = Slopes.of(tissue, patterns), (right * weight) @ own.T
     squares = reading.squares(slopes) - first @ _slopes_of_squares(energy).T
     yield len(batches) + 2, steps
-    cubes = np.zeros((len(right) * len(patterns), modes.shares.shape[1]))
-    for done, part in cubes_of(linear, reading, patterns, modes):
+    cubes, modes = np.zeros((len(right) * len(patterns), len(products.elements))), products.modes
+    for done, part in cubes_of(reading, slopes, products):
         cubes += part
         yield len(batches) + 2 + done, steps
     cubes = by_feature(cubes, len(patterns)) - _cubes_of_forces(energy, first, modes)
@@ -75,29 +76,19 @@ def _beyond(linear: HeldTissue, patterns: Array, own: Array, energy: Energy, amo
 
 
 def cubes_of(
-    linear: HeldTissue, reading: StressReading, patterns: Array, modes: PairModes
+    reading: StressReading, patterns: Slopes, products: ModeFields
 ) -> Generator[tuple[int, Array], None, None]:
     """Yield parts of what multiplies a feature of products and one more pattern in the amounts, shape (r k, f)."""
-    tissue, mesh = linear.tissue, linear.tissue.mesh
-    first, slopes = tissue.lame[0], Slopes.of(tissue, patterns)
-    moved = np.asarray(np.tensordot(modes.samples, patterns, axes=1), np.float64)
-    follow = np.concatenate([
-        jets(tissue, linear.free_held, moved[s : s + AT_ONCE], 2)[2] for s in range(0, len(moved), AT_ONCE)
-    ])  # fmt: skip
-    touched = Slopes.of(tissue, moved)
-    pressed = to_nodes(mesh, reading.pressed(slopes).reshape(-1, len(mesh.tetrahedra)))
-    by_trace = first * (reading.pressure[:, None] * slopes.nodal).reshape(len(pressed), -1)
-    nodal = (11.0 / 6.0 * by_trace - 1.5 * pressed) @ (touched.nodal**2).T @ modes.shares
-    widened = ((pressed - 3.0 * by_trace) @ mesh.averaging).reshape(-1, len(patterns), len(mesh.tetrahedra))
-    shares = modes.shares.T.astype(np.float32)
+    mesh, first = reading.tissue.mesh, reading.tissue.lame[0]
+    pressed = to_nodes(mesh, reading.pressed(patterns).reshape(-1, len(mesh.tetrahedra)))
+    by_trace = first * (reading.pressure[:, None] * patterns.nodal).reshape(len(pressed), -1)
+    nodal = (11.0 / 6.0 * by_trace - 1.5 * pressed) @ products.nodal
+    widened = ((pressed - 3.0 * by_trace) @ mesh.averaging).reshape(len(reading.stress), -1, len(mesh.tetrahedra))
     for n, start in enumerate(range(0, len(mesh.tetrahedra), CHUNK)):
         chunk = slice(start, start + CHUNK)
-        here, there = slopes.within(chunk), touched.within(chunk)
-        corners = follow[:, mesh.tetrahedra[chunk]]
-        gradients = np.einsum("peai,eaj->peij", corners, tissue.geometry.gradients[chunk], optimize=True)
-        fields = square_fields(there, gradients)
-        dual = reading.dual(here, chunk, widened[..., chunk])
-        part = (dual.reshape(len(dual), -1) @ (shares @ fields.reshape(len(fields), -1)).T).astype(np.float64)
+        dual = reading.dual(patterns.within(chunk), chunk, widened[..., chunk])
+        fields = products.elements[:, chunk].reshape(len(products.elements), -1)
+        part = (dual.reshape(len(dual), -1) @ fields.T).astype(np.float64)
         yield n + 1, part if n else part + nodal
 
 

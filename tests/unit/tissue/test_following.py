@@ -15,6 +15,7 @@ from core.stiffening.following import Following
 from core.tissue.following_fit import fit_following
 from core.tissue.held_tissue import HeldTissue
 from core.tissue.jets import jets
+from core.tissue.mode_fields import ModeFields
 from tests.unit.tissue.test_energy import COUNT, Problem
 
 
@@ -26,7 +27,9 @@ def problem() -> Problem:
 @pytest.fixture(scope="module")
 def following(problem: Problem) -> Following:
     samples = np.random.default_rng(1).normal(size=(60, COUNT))
-    return drain(fit_following(HeldTissue(problem.tissue), problem.patterns, samples, problem.modes(), 60))
+    linear = HeldTissue(problem.tissue)
+    products = ModeFields.of(linear, problem.patterns, problem.modes())
+    return drain(fit_following(linear, problem.patterns, samples, products, 60))
 
 
 def test_displacement_and_pressure_are_those_of_the_meshs_series(problem: Problem, following: Following) -> None:

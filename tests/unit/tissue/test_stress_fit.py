@@ -12,6 +12,7 @@ from core.stiffening.energy import Energy
 from core.stiffening.stress_series import StressSeries
 from core.tissue.held_tissue import HeldTissue
 from core.tissue.jets import jets
+from core.tissue.mode_fields import ModeFields
 from core.tissue.stress_fit import fit_stress
 from tests.unit.tissue.test_energy import COUNT, Problem
 
@@ -25,8 +26,9 @@ class Fitted:
         self.patterns = self.problem.patterns
         self.energy: Energy = self.problem.energy
         samples = np.random.default_rng(1).normal(size=(60, COUNT))
+        self.products = ModeFields.of(self.linear, self.patterns, self.problem.modes())
         self.steps: list[tuple[int, int]] = []
-        work = fit_stress(self.linear, self.patterns, self.energy, samples, self.problem.modes(), 60)
+        work = fit_stress(self.linear, self.patterns, self.energy, samples, self.products, 60)
         self.series: StressSeries = drain(work, self.steps.append)
 
     def told(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -79,7 +81,7 @@ def test_what_is_left_of_the_stress_is_of_the_fourth_power(fitted: Fitted) -> No
 def test_fewer_fields_hold_what_was_seen_most_of(fitted: Fitted) -> None:
     rng = np.random.default_rng(5)
     samples = np.outer(rng.normal(size=40), rng.normal(size=COUNT))  # one way, more or less of it: two fields
-    series = drain(fit_stress(fitted.linear, fitted.patterns, fitted.energy, samples, fitted.problem.modes(), 2))
+    series = drain(fit_stress(fitted.linear, fitted.patterns, fitted.energy, samples, fitted.products, 2))
     fields = series.fields.astype(np.float64) @ series.amounts(samples[0])
     q = samples[0]
     wanted = fitted.wanted(q)
@@ -91,8 +93,9 @@ def test_fewer_fields_hold_what_was_seen_most_of(fitted: Fitted) -> None:
 
 def test_of_few_samples_cubes_are_exact_where_these_lead(fitted: Fitted) -> None:
     modes = fitted.problem.modes(3, 3)
+    products = ModeFields.of(fitted.linear, fitted.patterns, modes)
     samples = np.random.default_rng(1).normal(size=(60, COUNT))
-    series = drain(fit_stress(fitted.linear, fitted.patterns, fitted.energy, samples, modes, 60))
+    series = drain(fit_stress(fitted.linear, fitted.patterns, fitted.energy, samples, products, 60))
     i, j = np.triu_indices(COUNT)
     for q in modes.samples[:3]:
         cube = series.fields.astype(np.float64) @ (series.amounts(q) - series.squares @ (q[i] * q[j]))

@@ -18,7 +18,7 @@ class Following:
     Attributes:
         fields: displacement x, y, z [m] and pressure at the nodes of the stress series' mesh, shape (n, 4, r).
         squares: how much of each field a product q_a q_b, a <= b, brings, shape (r, k (k + 1) / 2).
-        cubes: that of each feature y_j times q_a, shape (r, f, k).
+        cubes: that of each feature y_j times q_a, of the first c fields, shape (c, f, k).
         features: y of q.
     """
 

@@ -199,7 +199,10 @@ def _fits(found: dict[str, NDArray[Any]]) -> bool:
     told = {"fields": 6 * len(tetra), "squares": pairs, "cubes": features["series"] * count}
     if _FOLLOWING[0] in found:
         told |= dict(zip(_FOLLOWING, (4 * len(found["nodes"]), pairs, told["cubes"]), strict=True))
+        if len(found[_FOLLOWING[2]]) > len(found[_FOLLOWING[0]]):
+            return False
     ranks = {name: len(found["fields" if name in _HALF else _FOLLOWING[0]]) for name in told}
+    ranks[_FOLLOWING[2]] = len(found.get(_FOLLOWING[2], ()))
     return (
         all(found[name].shape == (ranks[name], columns) for name, columns in told.items())
         and found["signs"].shape == (features["energy"],)

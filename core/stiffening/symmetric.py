@@ -72,10 +72,12 @@ def polynomial(squares: Floats32, cubes: Floats32, features: Features, q: Array)
     """Return what products of q bring of each of r things, shape (r,).
 
     Args:
-        squares: of q_a q_b, a <= b, shape (r, k (k + 1) / 2). cubes: of features y_j times q_a, shape (r, f, k).
+        squares: of q_a q_b, a <= b, shape (r, k (k + 1) / 2). cubes: of features y_j times q_a, of the first c things,
+            shape (c, f, k).
         features: y of q. q: shape (k,).
     """
     i, j = np.triu_indices(len(q))
     thirds = np.outer(features.at(q), q).ravel().astype(np.float32)
-    flat = cubes.reshape(len(cubes), len(thirds))
-    return np.asarray(squares @ (q[i] * q[j]).astype(np.float32) + flat @ thirds, np.float64)
+    out = (squares @ (q[i] * q[j]).astype(np.float32)).astype(np.float64)
+    out[: len(cubes)] += cubes.reshape(len(cubes), len(thirds)) @ thirds
+    return out

@@ -19,7 +19,7 @@ LENGTH = 2e-3  # [m] over which a displacement counts as the strain that it is
 
 
 def fit_following(
-    linear: HeldTissue, patterns: Array, samples: Array, products: ModeFields, rank: int
+    linear: HeldTissue, patterns: Array, samples: Array, products: ModeFields, rank: int, cubed: int
 ) -> Generator[tuple[int, int], None, Following]:
     """Return how tissue follows patterns; yields (done, steps).
 
@@ -27,6 +27,7 @@ def fit_following(
         patterns: displacement of all nodes in linear tissue [m], shape (k, n, 3).
         samples: amounts that touches bring, which say what matters, shape (s, k).
         products: of the ways that their products go. rank: fields to keep.
+        cubed: how many of them, the first, have a third power, which is smoother than the second.
     """
     tissue, mesh = linear.tissue, linear.tissue.mesh
     batches = [samples[s : s + AT_ONCE] for s in range(0, len(samples), AT_ONCE)]
@@ -38,16 +39,16 @@ def fit_following(
     seen = []
     for n, batch in enumerate(batches):
         yield n + 1, steps
-        seen.append(_followed(linear, patterns, batch))
-    both = np.concatenate(seen) * flat  # a faint touch is told as well as a strong one
-    both /= np.linalg.norm(both, axis=1)[:, None]
-    right = np.linalg.svd(both, full_matrices=False)[2][:rank]
+        seen.append(_followed(linear, patterns, batch) * flat)
+    powers = np.concatenate(seen, axis=1)
+    powers /= np.linalg.norm(powers[0], axis=1)[:, None]  # a faint touch is told as well as a strong one
+    right = np.linalg.svd(powers.reshape(-1, powers.shape[2]), full_matrices=False)[2][:rank]
     reading = StressReading.of_following(linear, (right * flat).reshape(len(right), -1, 4))
-    slopes = Slopes.of(tissue, patterns)
+    slopes, main = Slopes.of(tissue, patterns), reading.first(cubed)
     squares = reading.squares(slopes)
     yield len(batches) + 1, steps
-    cubes = np.zeros((len(right) * len(patterns), len(products.elements)))
-    for done, part in cubes_of(reading, slopes, products):
+    cubes = np.zeros((len(main.stress) * len(patterns), len(products.elements)))
+    for done, part in cubes_of(main, slopes, products):
         cubes += part
         yield len(batches) + 1 + done, steps
     fields = (right / flat).T.reshape(len(mesh.nodes), 4, -1)
@@ -60,8 +61,8 @@ def fit_following(
 
 
 def _followed(linear: HeldTissue, patterns: Array, amounts: Array) -> Array:
-    """Return displacement and nodal pressure of the second power, most of what follows, shape (s, 4 n)."""
+    """Return displacement and nodal pressure of the second and the third power, shape (2, s, 4 n)."""
     moved = np.asarray(np.tensordot(amounts, patterns, axes=1), np.float64)
-    series = jets(linear.tissue, linear.free_held, moved, 2)
+    series = jets(linear.tissue, linear.free_held, moved, 3)
     nodal = linear.tissue.response(series).nodal
-    return np.concatenate([series[2], nodal[2, ..., None]], axis=-1).reshape(len(amounts), -1)
+    return np.concatenate([series[2:], nodal[2:, ..., None]], axis=-1).reshape(2, len(amounts), -1)

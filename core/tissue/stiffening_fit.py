@@ -31,7 +31,7 @@ AT_ONCE = 12  # loads that are answered together
 ANSWERED = 300  # loads at most, whose answers patterns are to hold
 SEEN = 300  # samples at most that say which fields of stress matter
 RAREST = 0.3  # of all that there is, how much there may be of a pattern that touches hardly bring
-MARGIN = 1.5  # of what touches bring: slides go farther, and the series is still nearer there than a parabola
+MARGIN = 0.7  # of what touches bring: beyond it tissue of many patterns gives way where the series ends
 ANSWERS = 3.0  # how much more they count: displacement beyond all patterns is at least linear skin's
 MIRROR = np.array([-1.0, 1.0, 1.0])
 EVEN = 1e-6  # of its size, to which a fingertip is its own mirror image
@@ -45,7 +45,8 @@ class Size:
     Attributes:
         level: of the mesh. touches: runs that show what skin may be asked.
         patterns: of displacement. samples: touches at which the fourth power of energy is exact.
-        modes: ways that their products go, even and odd ones. fields: of stress. following: of how tissue follows.
+        modes: ways that their products go, even and odd ones. fields: of stress.
+        following: fields of how tissue follows. cubed: of them, the first, with a third power.
     """
 
     level: str = "standard"
@@ -55,6 +56,7 @@ class Size:
     modes: int = 30
     fields: int = 30
     following: int = 90
+    cubed: int = 40
 
 
 STANDARD = Size()
@@ -86,7 +88,7 @@ def fit_stiffening(
     energy = replace(energy, reach=MARGIN * reach)
     samples, products = _some(work, SEEN), ModeFields.of(linear, moved, modes)
     stress = yield from _within(fit_stress(linear, moved, energy, samples, products, size.fields), 3)
-    following = yield from _within(fit_following(linear, moved, samples, products, size.following), 4)
+    following = yield from _within(fit_following(linear, moved, samples, products, size.following, size.cubed), 4)
     skins = np.unique(skin.mesh.surface)  # beyond the pad, too: at its rim a pattern is then read between places
     known = Patterns.through(skin.mesh.nodes[skins], moved[:, skins].transpose(1, 2, 0))
     return Stiffening(energy, known, stress, key, following)

@@ -64,6 +64,10 @@ class StressReading:
         pressure = weights[..., 3] - to_nodes(mesh, np.einsum("reii->re", follow))
         return cls(tissue, np.zeros_like(follow), follow, pressure)
 
+    def first(self, count: int) -> StressReading:
+        """Return what reads the first fields."""
+        return StressReading(self.tissue, self.stress[:count], self.follow[:count], self.pressure[:count])
+
     def squares(self, slopes: Slopes) -> Array:
         """Return what multiplies q_a q_b, a <= b, in the amounts, shape (r, pairs)."""
         first, mesh = self.tissue.lame[0], self.tissue.mesh

@@ -125,6 +125,7 @@ def test_the_same_numbers_make_the_same_bytes(tmp_path: Path) -> None:
         ("cubes", np.ones((RANK, 2), np.float16), "do not fit"),
         ("key", np.ones(3), "do not fit"),
         ("following", np.ones((RANK, 6 * NODES), np.float16), "do not fit"),
+        ("following_cubes", np.ones((RANK + 1, FORMS * COUNT), np.float16), "do not fit"),
         ("following_cubes", np.full((RANK, FORMS * COUNT), np.nan), "do not fit"),
     ],
 )

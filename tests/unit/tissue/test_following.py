@@ -29,7 +29,7 @@ def following(problem: Problem) -> Following:
     samples = np.random.default_rng(1).normal(size=(60, COUNT))
     linear = HeldTissue(problem.tissue)
     products = ModeFields.of(linear, problem.patterns, problem.modes())
-    return drain(fit_following(linear, problem.patterns, samples, products, 60))
+    return drain(fit_following(linear, problem.patterns, samples, products, 60, 60))
 
 
 def test_displacement_and_pressure_are_those_of_the_meshs_series(problem: Problem, following: Following) -> None:

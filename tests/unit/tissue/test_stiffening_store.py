@@ -22,7 +22,7 @@ from core.tissue import job, stiffening_fit, stiffening_store
 from core.tissue.stiffening_store import find_stiffening, make_stiffening, shipped_name, stiffened, stiffening_key
 from tests.problems import cube_mesh
 
-SMALL = stiffening_fit.Size("draft", 4, 6, 5, 4, 5, 5)
+SMALL = stiffening_fit.Size("draft", 4, 6, 5, 4, 5, 5, 3)
 SHAPE, RATIO = FingertipShape(), 0.47
 
 

@@ -17,6 +17,8 @@ from ..arrays import Array
 from .cubic import Cubic
 from .features import Features
 
+WALL = 0.3  # of |reach|^2: less lets tissue run away, more takes a drag for a push
+
 
 @dataclass(frozen=True, eq=False)
 class Energy:
@@ -121,7 +123,7 @@ class Energy:
         third, fourth = powers
         along = scaled / (self.reach * t)  # slope of t
         across = (np.diag(self.reach**-2.0) - np.outer(along, along)) / t
-        s, firm = t - 1.0, float((self.reach**2).max())
+        s, firm = t - 1.0, WALL * float((self.reach**2).max())
         bend = firm * (2.0 * s * np.outer(along, along) + s * s * across)
         wall = _Power(0, firm * s**3 / 3.0, firm * s * s * along, bend)
         return third.bent(t, along, across).plus(wall), fourth.bent(t, along, across)

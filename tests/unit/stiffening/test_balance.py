@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("scipy")
 
 from core.stiffening.balance import FLOOR, TOLERANCE, Balance
-from core.stiffening.energy import Energy
+from core.stiffening.energy import WALL, Energy
 
 COUNT, FEW = 4, 3
 
@@ -100,7 +100,7 @@ def test_beyond_its_reach_the_energy_is_a_parabola_and_a_wall_along_each_ray() -
     value, slope, bend = inner.value(way), float(inner.force(way) @ way), float(way @ inner.stiffness(way) @ way)
     for far in (1.0, 1.5, 4.0):
         s = far - 1.0
-        wall = reach.max() ** 2 * s**3 / 3.0
+        wall = WALL * reach.max() ** 2 * s**3 / 3.0
         assert made.value(far * way) == pytest.approx(value + slope * s + 0.5 * bend * s * s + wall, rel=1e-12)
 
 

@@ -106,7 +106,7 @@ class Energy:
     def _powers(self, q: Array) -> tuple[_Power, _Power]:
         """Return both powers."""
         along = self.features.along(q)
-        signed = along * self.signs[:, None]
+        signed = along * self.signs[:, None].astype(along.dtype)
         form = self.features.summed(signed @ q)
         slope = form @ q
         bend = 4.0 * form + 8.0 * along.T @ signed

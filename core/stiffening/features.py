@@ -56,16 +56,18 @@ class Features:
         """Number of patterns k."""
         return self.shape[2] + self.shape[3]
 
-    def along(self, q: Array) -> Array:
+    def along(self, q: Array) -> Floats:
         """Return Z_j q, shape (r + s, k); y_j is its product with q, and twice it the slope of that."""
         r, s, e, o = self.shape
         head, tail = q[:e].astype(self.first.dtype), q[e:].astype(self.first.dtype)
-        out = np.zeros((r + s, e + o))
+        out = np.empty((r + s, e + o), self.first.dtype)
         out[:r, :e] = (self.first.reshape(r * e, e) @ head).reshape(r, e)
         if o:
             out[:r, e:] = (self.second.reshape(r * o, o) @ tail).reshape(r, o)
             out[r:, :e] = (self.across.reshape(e * s, o) @ tail).reshape(e, s).T
             out[r:, e:] = (head @ self.across.reshape(e, s * o)).reshape(s, o)
+        else:
+            out[r:] = 0.0
         return out
 
     def at(self, q: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from functools import lru_cache
 
 import numpy as np
 
@@ -76,8 +77,14 @@ def polynomial(squares: Floats32, cubes: Floats32, features: Features, q: Array)
             shape (c, f, k).
         features: y of q. q: shape (k,).
     """
-    i, j = np.triu_indices(len(q))
+    i, j = _pairs(len(q))
     thirds = np.outer(features.at(q), q).ravel().astype(np.float32)
     out = (squares @ (q[i] * q[j]).astype(np.float32)).astype(np.float64)
     out[: len(cubes)] += cubes.reshape(len(cubes), len(thirds)) @ thirds
     return out
+
+
+@lru_cache(maxsize=8)
+def _pairs(count: int) -> tuple[Indices, Indices]:
+    i, j = np.triu_indices(count)
+    return i, j

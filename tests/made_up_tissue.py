@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.arrays import Array
+from core.arrays import Array, Floats32
 from core.cache import Cache
 from core.skin.model import SkinModel, fingertip_skin
 from core.skin.shape import FingertipShape
 from core.stiffening.energy import Energy
+from core.stiffening.features import Features
 from core.stiffening.patterns import Patterns
 from core.stiffening.stiffening import Stiffening
 from core.stiffening.stress_series import StressSeries
@@ -47,9 +48,17 @@ def made_up(skin: SkinModel, count: int = 5, hardening: float = 0.3, key: str = 
         skin.mesh.tetrahedra,
         (fields[:, None, :] * shares[:, None]).astype(np.float32),
         squares.astype(np.float32),
-        np.zeros((3, 1), np.float32),
+        *no_cubes(3, count),
     )
-    return Stiffening(Energy(np.zeros((count,) * 3), quartic), Patterns.through(skin.positions, moved), stress, key)
+    return Stiffening(
+        Energy.of_forms(np.zeros((count,) * 3), quartic), Patterns.through(skin.positions, moved), stress, key
+    )
+
+
+def no_cubes(fields: int, count: int) -> tuple[Floats32, Features]:
+    """Return what a series has of the third power where it has none."""
+    none = Features.of(np.zeros((0, count, count), np.float32), count, 0)
+    return np.zeros((fields, 0, count), np.float32), none
 
 
 def kept(cache: Cache, shape: FingertipShape, poisson: float) -> str:

@@ -18,12 +18,14 @@ from core.stiffening.stiffening import Stiffening
 from core.stiffening.stress_series import StressSeries
 from core.tissue.energy_fit import fit_energy
 from core.tissue.neo_hookean import NeoHookean
+from core.tissue.pair_modes import PairModes
+from tests.made_up_tissue import no_cubes
 from tests.touches import Solid, Touch, ball, edge, flat, rod
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
 
-COUNT, FEW = 36, 24
+COUNT, MODES = 36, 30
 MIRROR = np.array([-1.0, 1.0, 1.0])
 
 
@@ -52,12 +54,12 @@ def small_stiffening(skin: SkinModel) -> Stiffening:
     patterns[:, on_pad] = pad.T
     patterns[:, inner] = -factor.solve(stiff[inner][:, on_pad] @ pad).T
     assert np.allclose((stiff @ patterns.T)[on_pad], loads, atol=1e-6 * np.abs(loads).max())
-    energy = drained(fit_energy(law, factor.solve, patterns.reshape(COUNT, -1, 3), FEW))
+    work = samples @ pad
+    modes = PairModes.of(work, np.full(COUNT, np.linalg.norm(work, axis=1).max()), COUNT, MODES)
+    energy = drained(fit_energy(law, factor.solve, patterns.reshape(COUNT, -1, 3), modes))
     none = np.zeros((len(mesh.tetrahedra), 6, 1), np.float32)
-    pairs, triples = COUNT * (COUNT + 1) // 2, 1
-    stress = StressSeries(
-        mesh.nodes, mesh.tetrahedra, none, np.zeros((1, pairs), np.float32), np.zeros((1, triples), np.float32)
-    )
+    squares = np.zeros((1, COUNT * (COUNT + 1) // 2), np.float32)
+    stress = StressSeries(mesh.nodes, mesh.tetrahedra, none, squares, *no_cubes(1, COUNT))
     return Stiffening(energy, Patterns.through(skin.positions, pad.reshape(-1, 3, COUNT)), stress)
 
 

@@ -9,13 +9,15 @@ from __future__ import annotations
 import numpy as np
 
 from core.skin.model import SkinModel, fingertip_skin
+from core.stiffening.cubic import Cubic
 from core.stiffening.energy import Energy
+from core.stiffening.features import Features
 from core.stiffening.patterns import Patterns
 from core.stiffening.stiffening import Stiffening
 from core.stiffening.stress_series import StressSeries
 
 COUNT, FIELDS = 5, 4
-FEW, LARGE_FIELDS, LARGE_CUBES = 40, 60, 10  # of large tables: patterns to the fourth power, fields, patterns in cubes
+LARGE_FIELDS, LARGE_FORMS = 60, 80  # of large tables: fields, features of either kind
 USUAL = 1e-4  # amount of a pattern under about a newton [m^1.5]
 
 
@@ -47,28 +49,32 @@ def stiffening_of(skin: SkinModel, seed: int = 0, strength: float = 1.0, count: 
 
 
 def _energy(rng: np.random.Generator, strength: float, k: int) -> Energy:
+    """Return a random third power and c |q|^4; large, with as many features as a table of real tissue."""
     cubic = rng.standard_normal((k, k, k))
     cubic = sum(cubic.transpose(p) for p in ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0))) / 6.0
-    one = np.eye(min(k, FEW))
-    whole = np.einsum("ab,cd->abcd", one, one)
-    whole = (whole + whole.transpose(0, 2, 1, 3) + whole.transpose(0, 3, 2, 1)) / 3.0
-    i, j = np.triu_indices(len(one))
-    quartic = whole[i, j][:, i, j]
-    kept = np.float64 if k <= COUNT else np.float32  # as in files
-    third, fourth = 0.02 * strength / USUAL * np.sqrt(COUNT / k) ** 3 * cubic, 0.1 * strength / USUAL**2 * quartic
-    return Energy(third.astype(kept), fourth.astype(kept))
+    third = 0.02 * strength / USUAL * np.sqrt(COUNT / k) ** 3 * cubic
+    root = np.sqrt(0.1 * strength) / USUAL
+    if k <= COUNT:
+        return Energy(Cubic.of(third, k), Features.of(root * np.eye(k)[None], k, 0), np.ones(1))
+    forms = rng.standard_normal((2 * LARGE_FORMS + 1, k, k))
+    forms = 0.01 * root / k * (forms + forms.transpose(0, 2, 1))
+    forms[0] = root * np.eye(k)
+    features = Features.of(forms.astype(np.float32), k // 2, LARGE_FORMS)
+    return Energy(Cubic.of(third.astype(np.float32), k // 2), features, np.ones(len(forms)))
 
 
 def _stress(rng: np.random.Generator, skin: SkinModel, strength: float, count: int) -> StressSeries:
-    mesh, rows, few = skin.mesh, (FIELDS, LARGE_FIELDS)[count > COUNT], min(count, LARGE_CUBES)
+    mesh, rows = skin.mesh, (FIELDS, LARGE_FIELDS)[count > COUNT]
     places = 1e2 * mesh.nodes[mesh.tetrahedra].mean(axis=1)
     waves = np.stack([np.ones(len(places)), *(np.cos(places @ rng.standard_normal(3)) for _ in range(rows - 1))], 1)
     fields = np.einsum("nr,cr->ncr", waves, rng.standard_normal((6, rows)))
-    two, three = count * (count + 1) // 2, few * (few + 1) * (few + 2) // 6
+    two, forms = count * (count + 1) // 2, rng.standard_normal((FIELDS, count, count))
+    features = Features.of((forms + forms.transpose(0, 2, 1)).astype(np.float32), count, 0)
     return StressSeries(
         mesh.nodes,
         mesh.tetrahedra,
         fields.astype(np.float32),
         (0.01 * strength / USUAL**2 * rng.standard_normal((rows, two))).astype(np.float32),
-        (0.005 * strength / USUAL**3 * rng.standard_normal((rows, three))).astype(np.float32),
+        (0.005 * strength / USUAL**3 * rng.standard_normal((rows, FIELDS, count))).astype(np.float32),
+        features,
     )

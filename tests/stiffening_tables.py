@@ -1,6 +1,6 @@
 """The stiffening of the standard skins: `python -m tests.stiffening_tables [preset ...]` makes the files that ship.
 
-Of 8 MB each, one ships: the default preset's. Others are made where they are first wanted.
+Of 9 MB each, one ships: the default preset's. Others are made where they are first wanted.
 """
 
 from __future__ import annotations

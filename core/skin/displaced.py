@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from ..arrays import Array
@@ -24,7 +26,7 @@ def displaced_stress(operator: StressOperator, displacement: Array, pressure: Ar
     shear = lame(1.0, operator.material.poisson)[1]
     tetra = operator.mesh.tetrahedra
     moved = np.ascontiguousarray(displacement[tetra].transpose(1, 2, 0))  # elements last: products are of long rows
-    slopes = np.ascontiguousarray(operator.geometry.gradients.transpose(1, 2, 0))
+    slopes = _slopes(operator)
     f = np.einsum("aie,aje->ije", moved, slopes)
     for i in range(3):
         f[i, i] += 1.0
@@ -37,6 +39,11 @@ def displaced_stress(operator: StressOperator, displacement: Array, pressure: Ar
         left = np.einsum("ke,ke->e", f[i], f[j])
         out[:, column] = over * (left - 1.0) + pressed if i == j else over * left
     return out
+
+
+@lru_cache(maxsize=4)
+def _slopes(operator: StressOperator) -> Array:
+    return np.ascontiguousarray(operator.geometry.gradients.transpose(1, 2, 0))
 
 
 def linear_pressure(operator: StressOperator, displacement: Array) -> Array:

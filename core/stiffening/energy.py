@@ -9,46 +9,68 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Array, Indices
+from ..arrays import Array
+from .cubic import Cubic
+from .features import Features
 
-Floats = NDArray[np.floating[Any]]
+WALL = 0.3  # of |reach|^2: less lets tissue run away, more takes a drag for a push
 
 
 @dataclass(frozen=True, eq=False)
 class Energy:
     """Phi3 and Phi4 of some patterns.
 
+    Phi4 is told by a few features of q, squared: touches go few ways among all products of four patterns.
+
     Beyond `reach`, where t = |q / reach| is above 1, the series is followed no further: along each ray the energy goes
     on as the parabola that it has there, and a wall (t - 1)^3 keeps it from running away. It stays one energy: what is
     pressed on gets its work back.
 
     Attributes:
-        cubic: T of Phi3 = sum T_abc q_a q_b q_c, symmetric, shape (k, k, k).
-        quartic: R of Phi4 = sum R_abcd q_a q_b q_c q_d over the first l <= k patterns, symmetric in all four, as a
-            matrix of pairs a <= b and c <= d, shape (l (l + 1) / 2, l (l + 1) / 2).
+        third: of Phi3.
+        features: y of Phi4 = sum s_j y_j^2. signs: s, 1 or -1, shape (r,).
         reach: amounts up to which the series is trusted, shape (k,); anywhere where None.
 
     In single precision it takes half the time.
     """
 
-    cubic: Floats
-    quartic: Floats
+    third: Cubic
+    features: Features
+    signs: Array
     reach: Array | None = None
+
+    @classmethod
+    def of_forms(cls, cubic: Array, quartic: Array, reach: Array | None = None, even: int | None = None) -> Energy:
+        """Return the energy of whole forms.
+
+        Args:
+            cubic: T of Phi3 = sum T_abc q_a q_b q_c, symmetric, shape (k, k, k).
+            quartic: Phi4 as a form of products q_a q_b, a <= b, of the first l <= k patterns, symmetric, shape (p, p).
+            reach: as above. even: number of patterns that a mirror keeps, which come first; all where None.
+        """
+        count = len(cubic)
+        values, vectors = np.linalg.eigh(quartic)
+        kept = np.abs(values) > 1e-12 * np.abs(values).max(initial=1e-300)
+        i, j = np.triu_indices(int(np.sqrt(2 * len(quartic))))
+        forms = np.zeros((int(kept.sum()), count, count))
+        forms[:, i, j] += 0.5 * (vectors[:, kept] * np.sqrt(np.abs(values[kept]))).T
+        forms += forms.transpose(0, 2, 1)
+        even = count if even is None else even
+        return cls(Cubic.of(cubic, even), Features.of(forms, even, 0), np.sign(values[kept]), reach)
 
     @property
     def count(self) -> int:
         """Number of patterns k."""
-        return len(self.cubic)
+        return self.third.count
 
-    @cached_property
-    def few(self) -> int:
-        """Number of patterns l of which the fourth power is kept."""
-        return int(np.sqrt(2 * len(self.quartic)))
+    @property
+    def cubic(self) -> Array:
+        """T of Phi3 = sum T_abc q_a q_b q_c, symmetric, shape (k, k, k)."""
+        return self.third.tensor
 
     def far(self, q: Array) -> float:
         """Return t = |q / reach|, 0 where nothing bounds it."""
@@ -68,24 +90,27 @@ class Energy:
         return self.force_and_stiffness(q)[1]
 
     def force_and_stiffness(self, q: Array) -> tuple[Array, Array]:
-        """Return `force` and `stiffness`, for the price of one."""
+        """Return `force` and `stiffness`, for the price of one, and for none where q is that of the last time."""
+        known = self._last.get("")
+        if known is not None and np.array_equal(known[0], q):
+            return known[1], known[2]
         third, fourth = self._beyond(q, self._powers(q))
-        few = len(fourth.slope)
-        third.slope[:few] += fourth.slope
-        third.bend[:few, :few] += fourth.bend
-        return third.slope, third.bend
+        force, stiffness = third.slope + fourth.slope, third.bend + fourth.bend
+        self._last[""] = q.copy(), force, stiffness  # what is shown asks again for what contact was solved with
+        return force, stiffness
+
+    @cached_property
+    def _last(self) -> dict[str, tuple[Array, Array, Array]]:
+        return {}
 
     def _powers(self, q: Array) -> tuple[_Power, _Power]:
-        """Return both powers; the fourth of the first l patterns alone."""
-        from scipy.linalg.blas import dsymv, ssymv  # reads half of the matrix
-
-        k, few, (i, j, place) = self.count, self.few, self._pairs
-        first = q[:few]
-        third = np.asarray(self._flat @ q.astype(self.cubic.dtype), np.float64).reshape(k, k)
-        products = (self._twice * q[i] * q[j]).astype(self.quartic.dtype)
-        product = ssymv if self.quartic.dtype == np.float32 else dsymv
-        fourth = product(1.0, self.quartic.T, products)[place].astype(np.float64)
-        return _Power.of(3, q, third), _Power.of(4, first, fourth)
+        """Return both powers."""
+        along = self.features.along(q)
+        signed = along * self.signs[:, None].astype(along.dtype)
+        form = self.features.summed(signed @ q)
+        slope = form @ q
+        bend = 4.0 * form + 8.0 * along.T @ signed
+        return _Power.of(3, q, self.third.along(q)), _Power(4, float(slope @ q), 4.0 * slope, bend)
 
     def _beyond(self, q: Array, powers: tuple[_Power, _Power]) -> tuple[_Power, _Power]:
         """Return the powers, bent to parabolas along the rays beyond `reach`, with the wall in the third."""
@@ -96,32 +121,12 @@ class Energy:
         if t <= 1.0:
             return powers
         third, fourth = powers
-        whole = np.zeros(len(q)), np.zeros((len(q), len(q)))
-        whole[0][: self.few], whole[1][: self.few, : self.few] = fourth.slope, fourth.bend
         along = scaled / (self.reach * t)  # slope of t
         across = (np.diag(self.reach**-2.0) - np.outer(along, along)) / t
-        s, firm = t - 1.0, float((self.reach**2).max())
+        s, firm = t - 1.0, WALL * float((self.reach**2).max())
         bend = firm * (2.0 * s * np.outer(along, along) + s * s * across)
         wall = _Power(0, firm * s**3 / 3.0, firm * s * s * along, bend)
-        bent = _Power(4, fourth.value, *whole).bent(t, along, across)
-        return third.bent(t, along, across).plus(wall), bent
-
-    @cached_property
-    def _pairs(self) -> tuple[Indices, Indices, Indices]:
-        """Return both patterns of each pair, and where the pair of two patterns is, shape (l, l)."""
-        i, j = np.triu_indices(self.few)
-        place = np.empty((self.few, self.few), np.intp)
-        place[i, j] = place[j, i] = np.arange(len(i))
-        return i, j, place
-
-    @cached_property
-    def _twice(self) -> Array:
-        i, j, _ = self._pairs
-        return np.where(i == j, 1.0, 2.0)
-
-    @cached_property
-    def _flat(self) -> Floats:
-        return self.cubic.reshape(self.count**2, self.count)
+        return third.bent(t, along, across).plus(wall), fourth.bent(t, along, across)
 
 
 class _Power(NamedTuple):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..arrays import Array, Floats32
+from .features import Features
 from .symmetric import polynomial
 
 
@@ -17,13 +18,15 @@ class Following:
     Attributes:
         fields: displacement x, y, z [m] and pressure at the nodes of the stress series' mesh, shape (n, 4, r).
         squares: how much of each field a product q_a q_b, a <= b, brings, shape (r, k (k + 1) / 2).
-        cubes: that of q_a q_b q_c, a <= b <= c, of the first l patterns, shape (r, l (l + 1) (l + 2) / 6).
+        cubes: that of each feature y_j times q_a, of the first c fields, shape (c, f, k).
+        features: y of q.
     """
 
     fields: Floats32
     squares: Floats32
     cubes: Floats32
+    features: Features
 
     def amounts(self, q: Array) -> Array:
         """Return how much of each field there is, shape (r,)."""
-        return polynomial(self.squares, self.cubes, q)
+        return polynomial(self.squares, self.cubes, self.features, q)

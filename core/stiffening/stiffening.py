@@ -14,20 +14,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..errors import DermisError
 from ..files import write_npz
 from ..npz import opened_npz
+from .cubic import Cubic
 from .energy import Energy
+from .features import Features
 from .following import Following
 from .patterns import Patterns
 from .stress_series import StressSeries
-from .symmetric import packed_cubic, packed_quartic, side, whole_cubic, whole_quartic
+from .symmetric import entries, packed_cubic, packed_forms, side, whole_cubic, whole_forms
 
-VERSION = 1
-_ARRAYS = "version key cubic quartic reach centres displacement nodes tetrahedra fields squares cubes".split()
-_FLOATS = "cubic quartic reach centres displacement nodes fields squares cubes".split()
+VERSION = 2
+_ENERGY = "cubic cubic_across signs reach".split()
+_FLOATS = [*_ENERGY, "centres", "displacement", "nodes"]
+_ARRAYS = ["version", "key", "tetrahedra", *_FLOATS]
+_FORMS = ("first", "second", "across")  # blocks of features
+_FEATURES = tuple(f"{name}_{block}" for name in ("energy", "series") for block in _FORMS)
 _FOLLOWING = ("following", "following_squares", "following_cubes")
-_HALF = ("fields", "squares", "cubes")  # each row by its largest number: stress is then good to 0.05 %
+_HALF = (*_FEATURES, "fields", "squares", "cubes")  # each row by its largest number: stress is then good to 0.05 %
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,25 +63,27 @@ class Stiffening:
         Raises:
             DermisError: the file cannot be written.
         """
-        stress = self.stress
+        stress, third = self.stress, self.energy.third
         arrays: dict[str, NDArray[Any]] = {
             "version": np.array(VERSION),
             "key": np.array(self.key),
-            "cubic": packed_cubic(self.energy.cubic).astype(np.float32),
-            "quartic": packed_quartic(self.energy.quartic).astype(np.float32),
+            "cubic": packed_cubic(third.first).astype(np.float32),
+            "cubic_across": packed_forms(third.across).astype(np.float32),
+            "signs": self.energy.signs,
             "reach": np.zeros(0) if self.energy.reach is None else self.energy.reach,
             "centres": self.patterns.centres,
             "displacement": self.patterns.at(self.patterns.centres),
             "nodes": stress.nodes,
             "tetrahedra": stress.tetrahedra.astype(np.int32),
         }
-        fields = stress.fields.reshape(-1, stress.fields.shape[-1]).T
-        for name, rows in zip(_HALF, (fields, stress.squares, stress.cubes), strict=True):
-            arrays[name], arrays[f"{name}_scale"] = _halved(rows)
+        halves = [*_packed(self.energy.features), *_packed(stress.features)]
+        halves += [_rows(stress.fields), stress.squares, _flat(stress.cubes)]
+        names: tuple[str, ...] = _HALF
         if self.following is not None:
-            fields = self.following.fields.reshape(-1, self.following.fields.shape[-1]).T
-            for name, rows in zip(_FOLLOWING, (fields, self.following.squares, self.following.cubes), strict=True):
-                arrays[name], arrays[f"{name}_scale"] = _halved(rows)
+            names += _FOLLOWING
+            halves += [_rows(self.following.fields), self.following.squares, _flat(self.following.cubes)]
+        for name, rows in zip(names, halves, strict=True):
+            arrays[name], arrays[f"{name}_scale"] = _halved(rows)
         write_npz(path, arrays)
 
     @classmethod
@@ -87,45 +95,71 @@ class Stiffening:
         """
         where = str(path)
         with opened_npz(path, kind="the table of a skin that stiffens") as archive:
+            _check_version(archive.arrays(["version"])["version"], where)
             halves = _HALF + (_FOLLOWING if _FOLLOWING[0] in archive.names else ())
-            found = archive.arrays([*_ARRAYS, *_FOLLOWING[: len(halves) - 3], *(f"{name}_scale" for name in halves)])
-        version = found["version"]
-        if version.shape != () or version.dtype.kind not in "iu" or int(version) != VERSION:
-            raise DermisError(
-                "a table of a skin that stiffens, of another version",
-                where=where,
-                value=str(version)[:40],
-                limit=str(VERSION),
-                remedy="Delete it: it is made again",
-            )
+            found = archive.arrays([*_ARRAYS, *halves, *(f"{name}_scale" for name in halves)])
         if not _fits(found):
             raise DermisError("a stiffening skin's arrays do not fit", where=where, value=found["displacement"].shape)
         rows = {name: found[name].astype(np.float32) * found[f"{name}_scale"][:, None] for name in halves}
-        fields = rows["fields"].T.reshape(len(found["tetrahedra"]), 6, -1)
-        following = None
+        first = whole_cubic(found["cubic"]).astype(np.float32)
+        across = whole_forms(found["cubic_across"].astype(np.float32))
+        even, odd = len(first), across.shape[1]
+        forms, products = (_unpacked([rows[f"{n}_{b}"] for b in _FORMS], even, odd) for n in ("energy", "series"))
+        shape, following = (products.count, even + odd), None
         if len(halves) > len(_HALF):
             moved, squares, cubes = (np.ascontiguousarray(rows[name]) for name in _FOLLOWING)
-            following = Following(np.ascontiguousarray(moved.T.reshape(len(found["nodes"]), 4, -1)), squares, cubes)
+            fields = np.ascontiguousarray(moved.T.reshape(len(found["nodes"]), 4, -1))
+            following = Following(fields, squares, cubes.reshape(len(cubes), *shape), products)
         return cls(
-            Energy(
-                whole_cubic(found["cubic"]).astype(np.float32),
-                whole_quartic(found["quartic"]).astype(np.float32),
-                found["reach"] if found["reach"].size else None,
-            ),
+            Energy(Cubic(first, across), forms, found["signs"], found["reach"] if found["reach"].size else None),
             Patterns.through(found["centres"], found["displacement"]),
             StressSeries(
                 found["nodes"],
                 found["tetrahedra"],
-                np.ascontiguousarray(fields),
-                np.ascontiguousarray(rows["squares"]),
-                np.ascontiguousarray(rows["cubes"]),
+                np.ascontiguousarray(rows["fields"].T.reshape(len(found["tetrahedra"]), 6, -1)),
+                rows["squares"],
+                rows["cubes"].reshape(len(rows["cubes"]), *shape),
+                products,
             ),
             str(found["key"]),
             following,
         )
 
 
-def _halved(rows: NDArray[np.float32]) -> tuple[NDArray[np.float16], NDArray[np.float32]]:
+def _check_version(version: NDArray[Any], where: str) -> None:
+    if version.shape != () or version.dtype.kind not in "iu" or int(version) != VERSION:
+        raise DermisError(
+            "a table of a skin that stiffens, of another version",
+            where=where,
+            value=str(version)[:40],
+            limit=str(VERSION),
+            remedy="Delete it: it is made again",
+        )
+
+
+def _rows(fields: Floats) -> Floats:
+    """Return each field as a row, shapes (n, c, r) to (r, n c)."""
+    return fields.reshape(-1, fields.shape[-1]).T
+
+
+def _flat(cubes: Floats) -> Floats:
+    return cubes.reshape(len(cubes), cubes.shape[1] * cubes.shape[2])
+
+
+def _packed(features: Features) -> list[Floats]:
+    """Return what differs in the blocks of features, a row each."""
+    _, odd, e, o = features.shape
+    across = features.across.transpose(1, 0, 2).reshape(odd, e * o)
+    return [packed_forms(features.first), packed_forms(features.second), across]
+
+
+def _unpacked(blocks: list[Floats], even: int, odd: int) -> Features:
+    """Return the features of what `_packed` returned."""
+    across = blocks[2].reshape(len(blocks[2]), even, odd).transpose(1, 0, 2)
+    return Features(whole_forms(blocks[0]), whole_forms(blocks[1]), np.ascontiguousarray(across))
+
+
+def _halved(rows: Floats) -> tuple[NDArray[np.float16], NDArray[np.float32]]:
     """Return rows in half precision over their largest numbers, and those numbers."""
     scale = np.abs(rows).max(axis=1, initial=0.0)
     scale = np.where(scale > 0.0, scale, 1.0).astype(np.float32)
@@ -139,40 +173,49 @@ def _fits(found: dict[str, NDArray[Any]]) -> bool:
     if found["key"].dtype.kind != "U" or found["key"].shape != ():
         return False
     for name in (n for n in _HALF + _FOLLOWING if n in found):
-        rank = len(found["fields" if name in _HALF else _FOLLOWING[0]])
         scale = found[f"{name}_scale"]
-        if found[name].ndim != 2 or scale.dtype.kind != "f" or scale.shape != (rank,) or len(found[name]) != rank:
+        if found[name].ndim != 2 or scale.dtype.kind != "f" or scale.shape != (len(found[name]),):
             return False
         if found[name].dtype.kind != "f" or not np.isfinite(found[name]).all():
             return False
         if not (np.isfinite(scale).all() and (scale > 0.0).all()):
             return False
-    if found["cubic"].ndim != 1 or found["quartic"].ndim != 1:
+    if found["cubic"].ndim != 1 or found["cubic_across"].ndim != 2 or found["nodes"].ndim != 2:
         return False
-    count, few = side(len(found["cubic"]), 3), side(len(found["quartic"]), 4)
-    centres, nodes, tetra = found["centres"], found["nodes"], found["tetrahedra"]
-    if _FOLLOWING[0] in found:
-        moved, squares, cubes = (found[name] for name in _FOLLOWING)
-        fits = nodes.ndim == 2 and moved.shape[1] == 4 * len(nodes) and 0 < side(cubes.shape[1], 3) <= count
-        if not (fits and squares.shape[1] == count * (count + 1) // 2):
+    even = side(len(found["cubic"]), 3)
+    odd = side(found["cubic_across"].shape[1], 2) if found["cubic_across"].size else 0
+    count, centres, tetra = even + odd, found["centres"], found["tetrahedra"]
+    reach, pairs = found["reach"], entries(count, 2)
+    if even == 0 or len(found["cubic_across"]) != even or found["cubic_across"].shape[1] != entries(odd, 2):
+        return False
+    features = {}
+    for name in ("energy", "series"):
+        first, second, across = (found[f"{name}_{block}"] for block in _FORMS)
+        if len(first) != len(second) or first.shape[1] != entries(even, 2) or second.shape[1] != entries(odd, 2):
             return False
-    reach = found["reach"]
+        if across.shape[1] != even * odd:
+            return False
+        features[name] = len(first) + len(across)
+    told = {"fields": 6 * len(tetra), "squares": pairs, "cubes": features["series"] * count}
+    if _FOLLOWING[0] in found:
+        told |= dict(zip(_FOLLOWING, (4 * len(found["nodes"]), pairs, told["cubes"]), strict=True))
+        if len(found[_FOLLOWING[2]]) > len(found[_FOLLOWING[0]]):
+            return False
+    ranks = {name: len(found["fields" if name in _HALF else _FOLLOWING[0]]) for name in told}
+    ranks[_FOLLOWING[2]] = len(found.get(_FOLLOWING[2], ()))
     return (
-        0 < few <= count
+        all(found[name].shape == (ranks[name], columns) for name, columns in told.items())
+        and found["signs"].shape == (features["energy"],)
         and reach.shape in ((0,), (count,))
         and bool((reach > 0.0).all())
         and centres.ndim == 2
         and found["displacement"].shape == (len(centres), 3, count)
         and centres.shape[1] == 3
-        and nodes.ndim == 2
-        and nodes.shape[1] == 3
-        and found["squares"].shape[1] == count * (count + 1) // 2
-        and 0 < side(found["cubes"].shape[1], 3) <= count
+        and found["nodes"].shape[1] == 3
         and tetra.dtype.kind in "iu"
         and tetra.ndim == 2
         and tetra.shape[1] == 4
         and len(tetra) > 0
-        and found["fields"].shape[1] == 6 * len(tetra)
         and 0 <= int(tetra.min())
-        and int(tetra.max()) < len(nodes)
+        and int(tetra.max()) < len(found["nodes"])
     )

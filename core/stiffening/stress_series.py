@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array, Floats32
+from .features import Features
 from .symmetric import polynomial
 
 
@@ -23,7 +24,8 @@ class StressSeries:
         nodes, tetrahedra: of the mesh [m], shapes (n, 3) and (e, 4).
         fields: stress of the elements, xx, yy, zz, yz, xz, xy, shape (e, 6, r).
         squares: how much of each field a product q_a q_b, a <= b, brings, shape (r, k (k + 1) / 2).
-        cubes: that of q_a q_b q_c, a <= b <= c, of the first l patterns, shape (r, l (l + 1) (l + 2) / 6).
+        cubes: that of each feature y_j times q_a, shape (r, f, k).
+        features: y of q.
     """
 
     nodes: Array
@@ -31,10 +33,11 @@ class StressSeries:
     fields: Floats32
     squares: Floats32
     cubes: Floats32
+    features: Features
 
     def amounts(self, q: Array) -> Array:
         """Return how much of each field there is, shape (r,)."""
-        return polynomial(self.squares, self.cubes, q)
+        return polynomial(self.squares, self.cubes, self.features, q)
 
     @cached_property
     def nodal(self) -> Floats32:

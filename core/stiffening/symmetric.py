@@ -6,9 +6,9 @@ import itertools
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Array, Floats32, Indices
+from ..arrays import Array, Floats, Floats32, Indices
+from .features import Features
 
 
 def rising(count: int, power: int) -> Indices:
@@ -39,12 +39,12 @@ def side(found: int, power: int) -> int:
     return 0
 
 
-def packed_cubic(tensor: NDArray[np.floating]) -> Array:
+def packed_cubic(tensor: Floats) -> Array:
     """Return what differs in T_abc, shape (k, k, k) to (k (k + 1) (k + 2) / 6,)."""
     return np.asarray(tensor[tuple(rising(len(tensor), 3))])
 
 
-def whole_cubic(packed: NDArray[np.floating]) -> Array:
+def whole_cubic(packed: Floats) -> Array:
     """Return T_abc of what `packed_cubic` returned."""
     count = side(len(packed), 3)
     a, b, c = rising(count, 3)
@@ -54,45 +54,37 @@ def whole_cubic(packed: NDArray[np.floating]) -> Array:
     return out
 
 
-def packed_quartic(pairs: NDArray[np.floating]) -> Array:
-    """Return what differs in R_abcd, a matrix of pairs a <= b and c <= d, shape (p, p) to (n,)."""
-    count = side(len(pairs), 2)
-    a, b, c, d = rising(count, 4)
-    return np.asarray(pairs[_pair(count, a, b), _pair(count, c, d)])
+def packed_forms(forms: Floats) -> Array:
+    """Return what differs in symmetric matrices, shapes (r, k, k) to (r, k (k + 1) / 2)."""
+    i, j = np.triu_indices(forms.shape[1])
+    return np.asarray(forms[:, i, j])
 
 
-def whole_quartic(packed: NDArray[np.floating]) -> Array:
-    """Return R_abcd, as a matrix of pairs, of what `packed_quartic` returned."""
-    count = side(len(packed), 4)
-    a, b, c, d = rising(count, 4)
-    size = entries(count, 2)
-    out = np.empty((size, size))
-    for i, j, k, m in ((a, b, c, d), (a, c, b, d), (a, d, b, c)):
-        first, second = _pair(count, i, j), _pair(count, k, m)
-        out[first, second] = out[second, first] = packed
+def whole_forms(packed: Floats32) -> Floats32:
+    """Return the matrices of what `packed_forms` returned."""
+    count = side(packed.shape[1], 2)
+    i, j = np.triu_indices(count)
+    out = np.empty((len(packed), count, count), packed.dtype)
+    out[:, i, j] = out[:, j, i] = packed
     return out
 
 
-def _pair(count: int, a: Indices, b: Indices) -> Indices:
-    """Return the place of the pair a <= b among all."""
-    return a * count - a * (a - 1) // 2 + b - a
-
-
-def polynomial(squares: Floats32, cubes: Floats32, q: Array) -> Array:
+def polynomial(squares: Floats32, cubes: Floats32, features: Features, q: Array) -> Array:
     """Return what products of q bring of each of r things, shape (r,).
 
     Args:
-        squares: of q_a q_b, a <= b, shape (r, k (k + 1) / 2). cubes: of q_a q_b q_c, a <= b <= c, of the first l, shape
-            (r, l (l + 1) (l + 2) / 6). q: shape (k,).
+        squares: of q_a q_b, a <= b, shape (r, k (k + 1) / 2). cubes: of features y_j times q_a, of the first c things,
+            shape (c, f, k).
+        features: y of q. q: shape (k,).
     """
-    i, j = np.triu_indices(len(q))
-    a, b, c = _triples(cubes.shape[1])
-    return np.asarray(
-        squares @ (q[i] * q[j]).astype(np.float32) + cubes @ (q[a] * q[b] * q[c]).astype(np.float32), np.float64
-    )
+    i, j = _pairs(len(q))
+    thirds = np.outer(features.at(q), q).ravel().astype(np.float32)
+    out = (squares @ (q[i] * q[j]).astype(np.float32)).astype(np.float64)
+    out[: len(cubes)] += cubes.reshape(len(cubes), len(thirds)) @ thirds
+    return out
 
 
 @lru_cache(maxsize=8)
-def _triples(entries: int) -> tuple[Indices, Indices, Indices]:
-    a, b, c = rising(side(entries, 3), 3)
-    return a, b, c
+def _pairs(count: int) -> tuple[Indices, Indices]:
+    i, j = np.triu_indices(count)
+    return i, j

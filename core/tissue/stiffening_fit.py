@@ -8,29 +8,33 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..arrays import Array
+from ..arrays import Array, Indices
 from ..skin.material import Elastic
 from ..skin.model import SkinModel, fingertip_skin
 from ..skin.shape import FingertipShape
-from ..stiffening.balance import Balance
-from ..stiffening.energy import Energy
 from ..stiffening.patterns import Patterns
 from ..stiffening.stiffening import Stiffening
 from .energy_fit import fit_energy
 from .following_fit import fit_following
 from .held_tissue import HeldTissue
+from .mode_fields import ModeFields
 from .neo_hookean import NeoHookean
+from .pair_modes import PairModes
 from .stress_fit import fit_stress
 from .touches import loads_of, touches
 
 Made = TypeVar("Made")
 
 STEPS = 100  # that making one is told in
-_ENDS = (0, 6, 14, 40, 70, STEPS)  # of the steps: touches, their answers, energy, stress, following
+_ENDS = (0, 6, 10, 55, 78, STEPS)  # of the steps: touches, their answers, energy, stress, following
 AT_ONCE = 12  # loads that are answered together
 ANSWERED = 300  # loads at most, whose answers patterns are to hold
-SEEN = 200  # samples at most that say which fields of stress matter
+SEEN = 300  # samples at most that say which fields of stress matter
 RAREST = 0.3  # of all that there is, how much there may be of a pattern that touches hardly bring
+MARGIN = 0.6  # of what touches bring: beyond it tissue of many patterns gives way where the series ends
+ANSWERS = 3.0  # how much more they count: displacement beyond all patterns is at least linear skin's
+MIRROR = np.array([-1.0, 1.0, 1.0])
+EVEN = 1e-6  # of its size, to which a fingertip is its own mirror image
 _FAINT = 0.05  # of the largest load: smaller ones do not count for as much
 
 
@@ -40,16 +44,19 @@ class Size:
 
     Attributes:
         level: of the mesh. touches: runs that show what skin may be asked.
-        patterns: of displacement. few: of them, the first, with fourth powers of energy and cubes of stress.
-        fields: of stress. following: fields of how tissue follows.
+        patterns: of displacement. samples: touches at which the fourth power of energy is exact.
+        modes: ways that their products go, even and odd ones. fields: of stress.
+        following: fields of how tissue follows. cubed: of them, the first, with a third power.
     """
 
     level: str = "standard"
     touches: int = 180
-    patterns: int = 52
-    few: int = 52
+    patterns: int = 120
+    samples: int = 120
+    modes: int = 30
     fields: int = 30
-    following: int = 40
+    following: int = 90
+    cubed: int = 40
 
 
 STANDARD = Size()
@@ -72,15 +79,16 @@ def fit_stiffening(
     loads = yield from _within(_pressed(skin, size.touches, seed), 0)
     linear = HeldTissue(NeoHookean(skin.mesh, poisson))
     answers = yield from _within(_answered(linear, _some(loads, ANSWERED)), 1)
-    loaded = main_patterns(skin.unit_compliance, loads, answers, size.patterns)
+    loaded, even = main_patterns(skin.unit_compliance, loads, answers, size.patterns, mirror_of(skin))
     moved = linear.moved(loaded)
-    few = min(size.few, loaded.shape[1])
-    energy = yield from _within(fit_energy(linear.tissue, linear.held, moved, few), 2)
     work = loads @ (skin.unit_compliance @ loaded)
-    energy = replace(energy, reach=reach_of(work))
-    samples = np.array([balanced(energy, z) for z in _some(work, SEEN)])
-    stress = yield from _within(fit_stress(linear, moved, energy, samples, few, size.fields), 3)
-    following = yield from _within(fit_following(linear, moved, samples, few, size.following), 4)
+    reach = reach_of(work)
+    modes = PairModes.of(_some(work, size.samples), reach, even, size.modes)
+    energy = yield from _within(fit_energy(linear.tissue, linear.held, moved.astype(np.float32), modes), 2)
+    energy = replace(energy, reach=MARGIN * reach)
+    samples, products = _some(work, SEEN), ModeFields.of(linear, moved, modes)
+    stress = yield from _within(fit_stress(linear, moved, energy, samples, products, size.fields), 3)
+    following = yield from _within(fit_following(linear, moved, samples, products, size.following, size.cubed), 4)
     skins = np.unique(skin.mesh.surface)  # beyond the pad, too: at its rim a pattern is then read between places
     known = Patterns.through(skin.mesh.nodes[skins], moved[:, skins].transpose(1, 2, 0))
     return Stiffening(energy, known, stress, key, following)
@@ -98,30 +106,47 @@ def reach_of(amounts: Array) -> Array:
     return np.asarray(reach * np.linalg.norm(amounts / reach, axis=1).max())
 
 
-def main_patterns(compliance: Array, loads: Array, answers: Array, count: int) -> Array:
+def mirror_of(skin: SkinModel) -> Indices | None:
+    """Return which pad node is each one's mirror image in x, shape (m,); None of skin that is not its own image."""
+    from scipy.spatial import cKDTree
+
+    away, image = cKDTree(skin.positions).query(skin.positions * MIRROR)
+    if away.max() > EVEN * np.ptp(skin.positions):
+        return None
+    blocks = skin.unit_compliance.reshape(len(image), 3, len(image), 3)
+    turned = blocks[image][:, :, image] * MIRROR[:, None, None] * MIRROR
+    return np.asarray(image) if np.abs(turned - blocks).max() <= EVEN * np.abs(blocks).max() else None
+
+
+def main_patterns(
+    compliance: Array, loads: Array, answers: Array, count: int, mirror: Indices | None = None
+) -> tuple[Array, int]:
     """Return the loads whose displacements are most of what touches bring, shape (3 m, k): each stores energy 1/2.
 
     Args:
         compliance: of the pad at E = 1, shape (3 m, 3 m). loads: of touches, over E, shape (s, 3 m).
         answers: forces of the second power that tissue answers some of them with, as evenly spread, shape (a, 3 m).
+        mirror: each pad node's image, shape (m,); then patterns are even or odd.
+
+    Returns:
+        the loads, those of even patterns first, and how many of these there are; all, where there is no mirror.
     """
     from scipy.linalg import cholesky, solve_triangular
 
     root = cholesky(compliance, lower=True)
     sizes = np.linalg.norm(loads, axis=1)
     weights = 1.0 / (sizes + _FAINT * sizes.max())
-    often = np.sqrt(len(loads) / len(answers))  # they stand for as many
-    seen = [(loads * weights[:, None]) @ root, (answers * (often * _some(weights, ANSWERED))[:, None]) @ root]
-    chosen = np.linalg.svd(np.concatenate(seen), full_matrices=False)[2][:count].T
-    return np.asarray(solve_triangular(root, chosen, lower=True, trans="T"))
-
-
-def balanced(energy: Energy, work: Array) -> Array:
-    """Return how much of each pattern there is under forces that are put on little by little, shape (k,)."""
-    balance = Balance(energy)
-    for share in (0.25, 0.5, 0.75, 1.0):
-        balance.follow(share * work)
-    return balance.q
+    often = ANSWERS * np.sqrt(len(loads) / len(answers))  # they stand for as many
+    seen = np.concatenate([loads * weights[:, None], answers * (often * _some(weights, ANSWERED))[:, None]])
+    parts = [seen]
+    if mirror is not None:
+        image = (seen.reshape(len(seen), -1, 3)[:, mirror] * MIRROR).reshape(seen.shape)
+        parts = [0.5 * (seen + image), 0.5 * (seen - image)]
+    found = [np.linalg.svd(part @ root, full_matrices=False)[1:] for part in parts]
+    order = np.argsort(-np.concatenate([values for values, _ in found]), kind="stable")[:count]
+    even = int((order < len(found[0][0])).sum())
+    chosen = np.concatenate([rows[:few] for (_, rows), few in zip(found, (even, len(order) - even), strict=False)]).T
+    return np.asarray(solve_triangular(root, chosen, lower=True, trans="T")), even
 
 
 def _pressed(skin: SkinModel, count: int, seed: int) -> Generator[tuple[int, int], None, Array]:

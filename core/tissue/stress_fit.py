@@ -15,7 +15,9 @@ from ..stiffening.stress_series import StressSeries
 from ..stiffening.symmetric import rising
 from .held_tissue import HeldTissue
 from .jets import jets
-from .pair_fields import Slopes, pair_fields, second_displacements, to_nodes
+from .mode_fields import ModeFields
+from .pair_fields import Slopes, to_nodes
+from .pair_modes import PairModes
 from .stress_reading import StressReading
 
 AT_ONCE = 12  # displacements whose series are in memory together
@@ -24,14 +26,14 @@ _TWICE = np.sqrt([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
 
 
 def fit_stress(
-    linear: HeldTissue, patterns: Array, energy: Energy, samples: Array, few: int, rank: int
+    linear: HeldTissue, patterns: Array, energy: Energy, samples: Array, products: ModeFields, rank: int
 ) -> Generator[tuple[int, int], None, StressSeries]:
     """Return the stress of patterns; yields (done, steps).
 
     Args:
         patterns: displacement of all nodes in linear tissue [m], shape (k, n, 3).
         energy: of the patterns. samples: amounts that touches bring, which say what matters, shape (s, k).
-        few: of how many patterns cubes are kept, as many as the energy's fourth power at most. rank: fields to keep.
+        products: of the ways that their products go. rank: fields to keep.
     """
     tissue, mesh = linear.tissue, linear.tissue.mesh
     batches = [samples[s : s + AT_ONCE] for s in range(0, len(samples), AT_ONCE)]
@@ -49,13 +51,14 @@ def fit_stress(
     slopes, first = Slopes.of(tissue, patterns), (right * weight) @ own.T
     squares = reading.squares(slopes) - first @ _slopes_of_squares(energy).T
     yield len(batches) + 2, steps
-    cubes = np.zeros((len(right) * few, few * (few + 1) // 2))
-    for done, part in cubes_of(linear, reading, slopes.first(few)):
+    cubes, modes = np.zeros((len(right) * len(patterns), len(products.elements))), products.modes
+    for done, part in cubes_of(reading, slopes, products):
         cubes += part
         yield len(batches) + 2 + done, steps
-    cubes = rising_cubes(cubes.reshape(len(right), few, -1)) - first[:, : energy.few] @ _slopes_of_cubes(energy, few).T
+    cubes = by_feature(cubes, len(patterns)) - _cubes_of_forces(energy, first, modes)
     fields = np.ascontiguousarray((right / weight).T.reshape(len(mesh.tetrahedra), 6, -1), np.float32)
-    return StressSeries(mesh.nodes, mesh.tetrahedra, fields, squares.astype(np.float32), cubes.astype(np.float32))
+    kept = squares.astype(np.float32), cubes.astype(np.float32)
+    return StressSeries(mesh.nodes, mesh.tetrahedra, fields, *kept, modes.features)
 
 
 def _linear_stress(linear: HeldTissue, moved: Array) -> Array:
@@ -72,39 +75,26 @@ def _beyond(linear: HeldTissue, patterns: Array, own: Array, energy: Energy, amo
     return np.concatenate([stress[2] - square @ own, stress[3] - (force - square) @ own])
 
 
-def cubes_of(linear: HeldTissue, reading: StressReading, slopes: Slopes) -> Generator[tuple[int, Array], None, None]:
-    """Yield parts of what multiplies a pair and one more pattern in the amounts, shape (r few, pairs)."""
-    tissue, mesh = linear.tissue, linear.tissue.mesh
-    first, few = tissue.lame[0], len(slopes.trace)
-    a, b = rising(few, 2)
-    follow = second_displacements(linear, slopes)
-    pressed = to_nodes(mesh, reading.pressed(slopes).reshape(-1, len(mesh.tetrahedra)))
-    by_trace = first * (reading.pressure[:, None] * slopes.nodal).reshape(len(pressed), -1)
-    squares = np.where(a == b, 1.0, 2.0)[:, None] * slopes.nodal[a] * slopes.nodal[b]
-    nodal = (11.0 / 6.0 * by_trace - 1.5 * pressed) @ squares.T
-    widened = ((pressed - 3.0 * by_trace) @ mesh.averaging).reshape(-1, few, len(mesh.tetrahedra))
+def cubes_of(
+    reading: StressReading, patterns: Slopes, products: ModeFields
+) -> Generator[tuple[int, Array], None, None]:
+    """Yield parts of what multiplies a feature of products and one more pattern in the amounts, shape (r k, f)."""
+    mesh, first = reading.tissue.mesh, reading.tissue.lame[0]
+    pressed = to_nodes(mesh, reading.pressed(patterns).reshape(-1, len(mesh.tetrahedra)))
+    by_trace = first * (reading.pressure[:, None] * patterns.nodal).reshape(len(pressed), -1)
+    nodal = (11.0 / 6.0 * by_trace - 1.5 * pressed) @ products.nodal
+    widened = ((pressed - 3.0 * by_trace) @ mesh.averaging).reshape(len(reading.stress), -1, len(mesh.tetrahedra))
     for n, start in enumerate(range(0, len(mesh.tetrahedra), CHUNK)):
         chunk = slice(start, start + CHUNK)
-        here = Slopes(slopes.gradient[:, chunk], slopes.trace[:, chunk], slopes.nodal, slopes.mean[:, chunk])
-        moved = follow[:, mesh.tetrahedra[chunk]]
-        gradients = np.einsum("peai,eaj->peij", moved, tissue.geometry.gradients[chunk], optimize=True)
-        fields = pair_fields(here, gradients)
-        dual = reading.dual(here, chunk, widened[..., chunk])
-        part = (dual.reshape(len(dual), -1) @ fields.reshape(len(fields), -1).T).astype(np.float64)
+        dual = reading.dual(patterns.within(chunk), chunk, widened[..., chunk])
+        fields = products.elements[:, chunk].reshape(len(products.elements), -1)
+        part = (dual.reshape(len(dual), -1) @ fields.T).astype(np.float64)
         yield n + 1, part if n else part + nodal
 
 
-def rising_cubes(cubes: Array) -> Array:
-    """Return what multiplies q_a q_b q_c, a <= b <= c, from pairs and one more, (r, few, pairs) to (r, triples)."""
-    few = cubes.shape[1]
-    pair, one = np.meshgrid(np.arange(cubes.shape[2]), np.arange(few))
-    a, b = rising(few, 2)
-    order = np.sort(np.stack([a[pair], b[pair], one]).reshape(3, -1), axis=0)
-    code = (order[0] * few + order[1]) * few + order[2]
-    i, j, k = rising(few, 3)
-    place = np.searchsorted((i * few + j) * few + k, code)
-    flat = cubes.reshape(len(cubes), -1)
-    return np.stack([np.bincount(place, row, minlength=len(i)) for row in flat])
+def by_feature(cubes: Array, count: int) -> Array:
+    """Return what `cubes_of` told as series have it, shapes (r k, f) to (r, f, k)."""
+    return np.ascontiguousarray(cubes.reshape(-1, count, cubes.shape[1]).transpose(0, 2, 1))
 
 
 def _slopes_of_squares(energy: Energy) -> Array:
@@ -113,13 +103,10 @@ def _slopes_of_squares(energy: Energy) -> Array:
     return np.asarray(3.0 * np.where(i == j, 1.0, 2.0)[:, None] * energy.cubic[i, j])
 
 
-def _slopes_of_cubes(energy: Energy, few: int) -> Array:
-    """Return what multiplies q_a q_b q_c, a <= b <= c, in the slope of Phi4, shape (triples, few)."""
-    a, b, c = rising(few, 3)
-    i, j = rising(energy.few, 2)
-    at = np.zeros((energy.few, energy.few), np.int64)
-    at[i, j] = at[j, i] = np.arange(len(i))
-    same = np.stack([a == b, b == c])
-    often = np.where(same.all(axis=0), 1.0, np.where(same.any(axis=0), 3.0, 6.0))
-    slope = energy.quartic[at[a, b][:, None], at[c[:, None], np.arange(energy.few)]]
-    return np.asarray(4.0 * often[:, None] * slope)
+def _cubes_of_forces(energy: Energy, first: Array, modes: PairModes) -> Array:
+    """Return what the slope of Phi4 brings to amounts that are linear in it, first (r, k), to (r, f, k)."""
+    along = np.array([energy.features.along(q) for q in modes.samples])
+    amounts = np.einsum("sfk,sk->sf", along, modes.samples) * energy.signs
+    told = modes.shares.T @ amounts  # features of the energy, for each of these
+    forms = np.array([energy.features.summed(w) for w in told])  # f, k, k
+    return 4.0 * np.einsum("rc,fck->rfk", first, forms, optimize=True)

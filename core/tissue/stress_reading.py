@@ -64,6 +64,10 @@ class StressReading:
         pressure = weights[..., 3] - to_nodes(mesh, np.einsum("reii->re", follow))
         return cls(tissue, np.zeros_like(follow), follow, pressure)
 
+    def first(self, count: int) -> StressReading:
+        """Return what reads the first fields."""
+        return StressReading(self.tissue, self.stress[:count], self.follow[:count], self.pressure[:count])
+
     def squares(self, slopes: Slopes) -> Array:
         """Return what multiplies q_a q_b, a <= b, in the amounts, shape (r, pairs)."""
         first, mesh = self.tissue.lame[0], self.tissue.mesh
@@ -103,7 +107,7 @@ class StressReading:
         return self.tissue.lame[0] * (turned - trace[:, None] * slopes.trace)
 
     def dual(self, slopes: Slopes, elements: slice, widened: Array) -> Floats32:
-        """Return what multiplies the second powers of `pair_fields` in some elements, for each field and pattern.
+        """Return what multiplies the second powers of `square_fields` in some elements, for each field and pattern.
 
         Args:
             slopes: of the patterns in these elements. widened: what multiplies the second power of J, (r, c, e).

@@ -100,7 +100,7 @@ TAIL = """
 * **Adhesion.** Contact pulls nowhere. Clean glass holds moist skin; the rim then peels instead of opening.
 * **Ridges, layers, fat, fibres.** One smooth, uniform tissue on bone and nail; what stiffens is its geometry and the law of large strains, not fibres.
 * **Time.** No relaxation, creep or hysteresis; friction does not grow while sweat gathers (Dzidek, Bochereau, Johnson, Hayward and Adams 2017, *PNAS* 114: up to 20 s).
-* **Depth.** Stress is off the neo-Hookean law itself by 12 % at 1 mm and 24 % at 2 mm in the linear skin, by 8 and 14 % in the neo-Hookean one, which is a series (medians of forty touches); what is dragged far is farther off in both.
+* **Depth.** Stress is off the neo-Hookean law itself by 12 % at 1 mm and 24 % at 2 mm in the linear skin, by 5 and 9 % in the neo-Hookean one, which is a series (medians of forty touches); what is dragged far is farther off in both.
 """
 
 

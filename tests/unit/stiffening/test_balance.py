@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("scipy")
 
 from core.stiffening.balance import FLOOR, TOLERANCE, Balance
-from core.stiffening.energy import Energy
+from core.stiffening.energy import WALL, Energy
 
 COUNT, FEW = 4, 3
 
@@ -21,7 +21,7 @@ def energy(cubic: float = 0.3, quartic: float = 0.2, reach: np.ndarray | None = 
     some = ways[:, :FEW]
     i, j = np.triu_indices(FEW)
     pairs = some[:, i] * some[:, j]
-    return Energy(third, quartic * pairs.T @ pairs, reach)
+    return Energy.of_forms(third, quartic * pairs.T @ pairs, reach)
 
 
 @pytest.mark.parametrize("size", [0.1, 1.0, 3.0])
@@ -80,7 +80,7 @@ def test_softening_is_what_a_change_of_force_shows() -> None:
 
 def test_tissue_that_no_force_holds_is_found_by_who_holds_its_displacement() -> None:
     """Of one pattern with q + n(q) = q - q^2: beyond 1/2 a force lets it run away, a displacement does not."""
-    made = Energy(np.full((1, 1, 1), -1.0 / 3.0), np.zeros((1, 1)))
+    made = Energy.of_forms(np.full((1, 1, 1), -1.0 / 3.0), np.zeros((1, 1)))
     one, held, z = Balance(made), 0.8, np.array([0.2])
     one.settle(z)
     for _ in range(6):
@@ -100,7 +100,7 @@ def test_beyond_its_reach_the_energy_is_a_parabola_and_a_wall_along_each_ray() -
     value, slope, bend = inner.value(way), float(inner.force(way) @ way), float(way @ inner.stiffness(way) @ way)
     for far in (1.0, 1.5, 4.0):
         s = far - 1.0
-        wall = reach.max() ** 2 * s**3 / 3.0
+        wall = WALL * reach.max() ** 2 * s**3 / 3.0
         assert made.value(far * way) == pytest.approx(value + slope * s + 0.5 * bend * s * s + wall, rel=1e-12)
 
 

@@ -10,22 +10,33 @@ import pytest
 from core.errors import DermisError
 from core.files import write_npz
 from core.npz import read_npz
+from core.stiffening.cubic import Cubic
 from core.stiffening.energy import Energy
+from core.stiffening.features import Features
 from core.stiffening.following import Following
 from core.stiffening.patterns import Patterns
 from core.stiffening.stiffening import Stiffening
 from core.stiffening.stress_series import StressSeries
-from core.stiffening.symmetric import entries, packed_cubic, packed_quartic, rising, side, whole_cubic, whole_quartic
+from core.stiffening.symmetric import entries, packed_cubic, packed_forms, rising, side, whole_cubic, whole_forms
+from tests.made_up_tissue import no_cubes
 
-COUNT, FEW, RANK, NODES = 5, 3, 4, 7
+EVEN, ODD, RANK, NODES = 3, 2, 4, 7
+COUNT, FORMS = EVEN + ODD, 6
+
+
+def features(rng: np.random.Generator, size: float) -> Features:
+    """Return random features, two of them odd."""
+    forms = size * rng.normal(size=(FORMS, COUNT, COUNT))
+    return Features.of((forms + forms.transpose(0, 2, 1)).astype(np.float32), EVEN, 2)
 
 
 def small() -> Stiffening:
     """Return a stiffening of random numbers."""
     rng = np.random.default_rng(3)
     energy = Energy(
-        whole_cubic(1e4 * rng.normal(size=entries(COUNT, 3))),
-        whole_quartic(1e8 * rng.normal(size=entries(FEW, 4))),
+        Cubic.of(whole_cubic(1e4 * rng.normal(size=entries(COUNT, 3))), EVEN),
+        features(rng, 1e4),
+        rng.choice([-1.0, 1.0], FORMS),
         rng.uniform(1.0, 2.0, COUNT),
     )
     centres = rng.normal(size=(6, 3)) * 1e-3
@@ -35,10 +46,14 @@ def small() -> Stiffening:
         np.array([[0, 1, 2, 3], [3, 4, 5, 6]]),
         rng.normal(size=(2, 6, RANK)).astype(np.float32),
         (1e9 * rng.normal(size=(RANK, entries(COUNT, 2)))).astype(np.float32),
-        (1e13 * rng.normal(size=(RANK, entries(FEW, 3)))).astype(np.float32),
+        (1e13 * rng.normal(size=(RANK, FORMS, COUNT))).astype(np.float32),
+        features(rng, 1.0),
     )
     following = Following(
-        rng.normal(size=(NODES, 4, RANK)).astype(np.float32), stress.squares.copy(), stress.cubes.copy()
+        rng.normal(size=(NODES, 4, RANK)).astype(np.float32),
+        stress.squares.copy(),
+        stress.cubes.copy(),
+        stress.features,
     )
     return Stiffening(energy, Patterns.through(centres, rng.normal(size=(6, 3, COUNT))), stress, "a" * 64, following)
 
@@ -49,8 +64,11 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     read = Stiffening.read(tmp_path / "one.npz")
     q = 1e-4 * np.random.default_rng(4).normal(size=COUNT)
     places = made.stress.nodes
-    assert read.key == made.key and read.count == COUNT and read.energy.few == FEW
-    np.testing.assert_allclose(read.energy.force(q), made.energy.force(q), rtol=1e-5)
+    assert read.key == made.key and read.count == COUNT
+    np.testing.assert_array_equal(read.energy.signs, made.energy.signs)
+    np.testing.assert_allclose(read.energy.cubic, made.energy.cubic, rtol=1e-6)
+    off = np.abs(read.energy.force(q) - made.energy.force(q)).max()
+    assert off <= 2e-3 * np.abs(made.energy.force(q)).max()  # features are told to half precision
     assert read.energy.reach is not None and made.energy.reach is not None
     np.testing.assert_array_equal(read.energy.reach, made.energy.reach)
     np.testing.assert_allclose(read.patterns.at(places), made.patterns.at(places), atol=1e-5)
@@ -71,7 +89,7 @@ def test_fields_around_a_node_are_averaged_by_volume() -> None:
     nodes = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -3.0]])
     fields = np.stack([np.full((6, 1), 4.0), np.full((6, 1), 8.0)]).astype(np.float32)
     one = np.ones((1, 1), np.float32)
-    series = StressSeries(nodes, np.array([[0, 1, 2, 3], [0, 2, 1, 4]]), fields, one, one)
+    series = StressSeries(nodes, np.array([[0, 1, 2, 3], [0, 2, 1, 4]]), fields, one, *no_cubes(1, 1))
     np.testing.assert_allclose(series.nodal[:, 0, 0], [7.0, 7.0, 7.0, 4.0, 8.0])
 
 
@@ -85,10 +103,16 @@ def test_the_same_numbers_make_the_same_bytes(tmp_path: Path) -> None:
     ("name", "value", "said"),
     [
         ("version", np.array(99), "another version"),
-        ("version", np.array([1, 1]), "another version"),
+        ("version", np.array([2, 2]), "another version"),
         ("cubic", np.ones(34), "do not fit"),
-        ("quartic", np.ones(entries(COUNT + 1, 4)), "do not fit"),
-        ("quartic", np.array([np.nan] * entries(FEW, 4)), "do not fit"),
+        ("cubic_across", np.ones((EVEN + 1, 3)), "do not fit"),
+        ("cubic_across", np.ones((EVEN, 2)), "do not fit"),
+        ("signs", np.ones(FORMS - 1), "do not fit"),
+        ("energy_first", np.ones((FORMS - 1, 6), np.float16), "do not fit"),
+        ("energy_second", np.full((FORMS - 2, 3), np.nan, np.float16), "do not fit"),
+        ("energy_across", np.ones((2, 5), np.float16), "do not fit"),
+        ("series_first", np.ones((FORMS - 2, 5), np.float16), "do not fit"),
+        ("series_across_scale", np.zeros(2, np.float32), "do not fit"),
         ("reach", np.ones(COUNT + 1), "do not fit"),
         ("reach", np.zeros(COUNT), "do not fit"),
         ("displacement", np.ones((6, 3, COUNT + 1), np.float32), "do not fit"),
@@ -101,7 +125,8 @@ def test_the_same_numbers_make_the_same_bytes(tmp_path: Path) -> None:
         ("cubes", np.ones((RANK, 2), np.float16), "do not fit"),
         ("key", np.ones(3), "do not fit"),
         ("following", np.ones((RANK, 6 * NODES), np.float16), "do not fit"),
-        ("following_cubes", np.full((RANK, entries(FEW, 3)), np.nan), "do not fit"),
+        ("following_cubes", np.ones((RANK + 1, FORMS * COUNT), np.float16), "do not fit"),
+        ("following_cubes", np.full((RANK, FORMS * COUNT), np.nan), "do not fit"),
     ],
 )
 def test_arrays_that_do_not_fit_are_refused(tmp_path: Path, name: str, value: np.ndarray, said: str) -> None:
@@ -131,12 +156,20 @@ def test_rising_choices_are_all_and_in_order(count: int, power: int) -> None:
 
 def test_packed_tensors_come_back_whole() -> None:
     rng = np.random.default_rng(5)
-    cubic, quartic = rng.normal(size=entries(4, 3)), rng.normal(size=entries(4, 4))
-    tensor, pairs = whole_cubic(cubic), whole_quartic(quartic)
+    cubic, forms = rng.normal(size=entries(4, 3)), rng.normal(size=(3, entries(4, 2)))
+    tensor, whole = whole_cubic(cubic), whole_forms(forms)
     for axes in ((0, 2, 1), (1, 0, 2), (2, 1, 0)):
         np.testing.assert_array_equal(tensor, tensor.transpose(axes))
-    np.testing.assert_array_equal(pairs, pairs.T)
-    at = {pair: n for n, pair in enumerate(zip(*rising(4, 2), strict=True))}
-    assert pairs[at[0, 1], at[2, 3]] == pairs[at[0, 2], at[1, 3]] == pairs[at[0, 3], at[1, 2]]
+    np.testing.assert_array_equal(whole, whole.transpose(0, 2, 1))
     np.testing.assert_array_equal(packed_cubic(tensor), cubic)
-    np.testing.assert_array_equal(packed_quartic(pairs), quartic)
+    np.testing.assert_array_equal(packed_forms(whole), forms)
+
+
+def test_a_file_of_the_version_before_is_refused_with_its_remedy(tmp_path: Path) -> None:
+    small().write(tmp_path / "one.npz")
+    found = read_npz(tmp_path / "one.npz")
+    old = {name: found[name] for name in ("key", "cubic", "reach", "fields")}
+    write_npz(tmp_path / "old.npz", {**old, "version": np.array(1)})
+    with pytest.raises(DermisError, match="another version") as refused:
+        Stiffening.read(tmp_path / "old.npz")
+    assert "made again" in str(refused.value)

@@ -15,7 +15,8 @@ from core.stiffening.following import Following
 from core.tissue.following_fit import fit_following
 from core.tissue.held_tissue import HeldTissue
 from core.tissue.jets import jets
-from tests.unit.tissue.test_energy import COUNT, FEW, Problem
+from core.tissue.mode_fields import ModeFields
+from tests.unit.tissue.test_energy import COUNT, Problem
 
 
 @pytest.fixture(scope="module")
@@ -26,12 +27,13 @@ def problem() -> Problem:
 @pytest.fixture(scope="module")
 def following(problem: Problem) -> Following:
     samples = np.random.default_rng(1).normal(size=(60, COUNT))
-    return drain(fit_following(HeldTissue(problem.tissue), problem.patterns, samples, FEW, 60))
+    linear = HeldTissue(problem.tissue)
+    products = ModeFields.of(linear, problem.patterns, problem.modes())
+    return drain(fit_following(linear, problem.patterns, samples, products, 60, 60))
 
 
 def test_displacement_and_pressure_are_those_of_the_meshs_series(problem: Problem, following: Following) -> None:
-    q = np.zeros(COUNT)
-    q[:FEW] = np.random.default_rng(2).normal(size=FEW)
+    q = np.random.default_rng(2).normal(size=COUNT)
     moved = np.tensordot(q, problem.patterns, axes=1)[None]
     series = jets(problem.tissue, HeldTissue(problem.tissue).free_held, moved, 3)
     pressure = problem.tissue.response(series).nodal[2:].sum(axis=0)[0]
@@ -41,8 +43,7 @@ def test_displacement_and_pressure_are_those_of_the_meshs_series(problem: Proble
 
 
 def test_what_is_left_of_the_stress_is_of_the_fourth_power(problem: Problem, following: Following) -> None:
-    way, left = np.zeros(COUNT), []
-    way[:FEW] = np.random.default_rng(3).normal(size=FEW)
+    way, left = np.random.default_rng(3).normal(size=COUNT), []
     operator = StressOperator(problem.mesh, Elastic(1.0, problem.tissue.poisson, 1.0))
     for t in (0.2, 0.1):
         moved = np.tensordot(t * way, problem.patterns, axes=1)

@@ -10,6 +10,7 @@ pytest.importorskip("scipy")
 from core.steps import drain
 from core.tissue.energy_fit import fit_energy
 from core.tissue.held_tissue import HeldTissue
+from core.tissue.pair_modes import PairModes
 from core.tissue.stiffening_fit import main_patterns
 from tests.unit.tissue.test_energy import Problem
 
@@ -33,8 +34,9 @@ def test_tissue_that_is_loaded_moves_as_tissue_that_is_held_where_it_went(proble
 def test_the_second_power_of_the_loads_is_the_slope_of_the_third_of_the_energy(problem: Problem) -> None:
     linear = HeldTissue(problem.tissue)
     patterns = linear.moved(loads(problem, 3).T)
-    energy = drain(fit_energy(problem.tissue, linear.held, patterns, 1))
     q = np.random.default_rng(8).normal(size=3)
+    modes = PairModes.of(q[None], np.ones(3), 3, 1)
+    energy = drain(fit_energy(problem.tissue, linear.held, patterns, modes))
     answer = linear.second_loads((q @ loads(problem, 3))[None])[0]
     work = patterns[:, problem.mesh.pad].reshape(3, -1) @ answer
     wanted = 3.0 * np.einsum("abc,b,c->a", energy.cubic, q, q)
@@ -46,7 +48,7 @@ def test_patterns_store_one_half_and_hold_touches_and_answers(problem: Problem) 
     unit = linear.moved(np.eye(len(problem.pad)))[:, problem.mesh.pad].reshape(len(problem.pad), -1)
     touched = loads(problem, 3)
     answers = linear.second_loads(touched)
-    patterns = main_patterns(unit, touched, answers, 6)
+    patterns, _ = main_patterns(unit, touched, answers, 6)
     np.testing.assert_allclose(patterns.T @ unit @ patterns, np.eye(6), atol=1e-9)
     for load in (*touched, *answers):
         left = load - patterns @ (patterns.T @ (unit @ load))

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 pytest.importorskip("scipy")
 
-from core.tissue.stiffening_fit import RAREST, main_patterns, reach_of
+from core.skin.mesh import TetraMesh
+from core.skin.model import fingertip_skin, mesh_skin
+from core.tissue.stiffening_fit import MIRROR, RAREST, main_patterns, mirror_of, reach_of
+from tests.problems import cube_mesh
 
 
 def test_what_touches_bring_lies_within_reach_and_one_of_them_on_its_rim() -> None:
@@ -30,7 +35,34 @@ def test_the_main_patterns_store_one_each_and_hold_the_loads_that_come_most() ->
     compliance = root @ root.T + np.eye(12)
     three = rng.normal(size=(3, 12))
     loads = rng.normal(size=(40, 3)) @ three
-    found = main_patterns(compliance, loads, loads, 3)
+    found, even = main_patterns(compliance, loads, loads, 3)
+    assert even == 3  # of what is not known to be its own mirror image
     np.testing.assert_allclose(found.T @ compliance @ found, np.eye(3), atol=1e-10)
     rest = loads.T - found @ (found.T @ compliance @ loads.T)
     assert np.abs(rest).max() <= 1e-9 * np.abs(loads).max()
+
+
+def test_a_fingertip_is_its_own_mirror_image_and_its_patterns_are_even_or_odd() -> None:
+    skin = fingertip_skin(level="draft")
+    mirror = mirror_of(skin)
+    assert mirror is not None
+    np.testing.assert_allclose(skin.positions[mirror], skin.positions * MIRROR, atol=1e-9)
+    loads = np.random.default_rng(3).normal(size=(30, 3 * skin.pad_count))
+    found, even = main_patterns(skin.unit_compliance, loads, loads, 12, mirror)
+    assert 0 < even < 12
+    images = (found.T.reshape(12, -1, 3)[:, mirror] * MIRROR).reshape(12, -1).T
+    signs = np.where(np.arange(12) < even, 1.0, -1.0)
+    np.testing.assert_allclose(images, found * signs, atol=1e-6 * np.abs(found).max())
+    np.testing.assert_allclose(found.T @ skin.unit_compliance @ found, np.eye(12), atol=1e-6)
+
+
+def test_a_mesh_that_is_not_its_own_mirror_image_has_no_even_patterns() -> None:
+    assert mirror_of(mesh_skin(skewed())) is None
+
+
+def skewed() -> TetraMesh:
+    """Return a block that leans over."""
+    mesh = cube_mesh(3)
+    nodes = mesh.nodes.copy()
+    nodes[:, 0] += 0.3 * nodes[:, 1]
+    return replace(mesh, nodes=nodes)

@@ -22,7 +22,7 @@ from core.tissue import job, stiffening_fit, stiffening_store
 from core.tissue.stiffening_store import find_stiffening, make_stiffening, shipped_name, stiffened, stiffening_key
 from tests.problems import cube_mesh
 
-SMALL = stiffening_fit.Size("draft", 4, 6, 4, 5, 5)
+SMALL = stiffening_fit.Size("draft", 4, 6, 5, 4, 5, 5, 3)
 SHAPE, RATIO = FingertipShape(), 0.47
 
 
@@ -50,7 +50,8 @@ def test_what_was_made_is_found(tmp_path: Path) -> None:
     found = find_stiffening(SHAPE, RATIO, cache=cache)
     assert found is not None and found.key == made.key == stiffening_key(SHAPE, RATIO)
     q = np.full(made.count, 1e-5)
-    np.testing.assert_allclose(found.energy.force(q), made.energy.force(q), rtol=1e-5)
+    force = made.energy.force(q)
+    assert np.abs(found.energy.force(q) - force).max() <= 2e-3 * np.abs(force).max()
     skin = stiffened(draft(cache))
     assert skin is not None and skin.stiffening is not None and skin.stiffening.key == made.key
 

@@ -17,6 +17,7 @@ from core.stiffening.energy import Energy
 from core.stiffening.patterns import Patterns
 from core.stiffening.stiffening import Stiffening
 from core.stiffening.stress_series import StressSeries
+from tests.made_up_tissue import no_cubes
 from tests.touches import ball, flat
 
 SIDE, SPACING, YOUNG, COUNT, FEW = 5, 1e-3, 2.0, 3, 2
@@ -57,10 +58,10 @@ class Skin:
         some = rng.normal(size=(4, FEW))
         i, j = np.triu_indices(FEW)
         pairs = some[:, i] * some[:, j]
-        self.energy = Energy(third, 0.1 * strength / size**2 * pairs.T @ pairs)
+        self.energy = Energy.of_forms(third, 0.1 * strength / size**2 * pairs.T @ pairs)
         none = np.zeros((1, 6, 1), np.float32)
         series = StressSeries(
-            np.zeros((1, 3)), np.zeros((0, 4), int), none, np.zeros((1, 6), np.float32), none[:, :4, 0]
+            np.zeros((1, 3)), np.zeros((0, 4), int), none, np.zeros((1, 6), np.float32), *no_cubes(1, COUNT)
         )
         self.stiffening = Stiffening(self.energy, Patterns.through(self.points, patterns), series)
         self.patterns = patterns.astype(np.float32)

@@ -8,16 +8,16 @@ from ..arrays import Array
 from .sampled_tissue import SampledTissue
 
 TOLERANCE = 1e-5  # of what is left beneath, over |q|
-FAR = 0.08  # of |q|, beyond which a tangent is taken anew
-SLOW, GROWN = 0.4, 2.0  # a step that leaves more asks for a new tangent; one that leaves more still is made shorter
-SHORTER = 0.3
-STEPS, PARTS, SHORTEST = 12, 14, 0.02
+FAR = 0.4  # of |q|, beyond which a tangent is taken anew
+SLOW, PATIENCE = 0.5, 5  # a step that leaves more asks for a new tangent, after so many
+MIXED = 4  # steps that are mixed
+STEPS, PARTS, SHORTEST = 12, 14, 0.02  # at one q; of the way there where it is not found, and the least of them
 
 
 class SampledEnergy:
     """Stands in for `Energy` where the law itself is asked: the slope n(q) and its stiffness, for `Balance`.
 
-    What is beneath is sought from where it was last, by Newton's method with a tangent that serves for several q. Its
+    What is beneath is sought from where it was last, with a tangent that serves for many q. Its
     answer depends on the way there by the tolerance only, or where tissue beneath has several balances.
 
     Args:
@@ -87,8 +87,15 @@ class SampledEnergy:
         return x, left
 
     def _balanced(self, q: Array, x: Array, size: float) -> tuple[Array, float]:
-        """Return the best of a few steps of Newton's method, and what it leaves over the size of q."""
+        """Return the best of a few steps with an old tangent, and what it leaves over the size of q.
+
+        Steps are mixed so that together they leave least (Anderson 1965): what the old tangent does not know of, they
+        learn on the way.
+        """
         best, least, before = x, np.inf, np.inf
+        ways: list[Array] = []
+        gains: list[Array] = []
+        last: tuple[Array, Array] | None = None
         for step in range(STEPS):
             rest = self.tissue.forces(q, x)[1]
             left = float(np.linalg.norm(rest)) / size
@@ -98,13 +105,18 @@ class SampledEnergy:
                 best, least = x, left
             if left <= TOLERANCE:
                 break
-            if left > SLOW * before and step % 3 == 2:
+            if left > SLOW * before and step >= PATIENCE:
                 self._take(q, best)
-            if left > GROWN * before:
-                x = best + SHORTER * (x - best)
-            else:
-                x = x - self._inverse @ rest
-            before = left
+                ways, gains, last = [], [], None
+            way = self._inverse @ rest
+            if last is not None:
+                ways, gains = [*ways[1 - MIXED :], x - last[0]], [*gains[1 - MIXED :], way - last[1]]
+            last, before = (x, way), left
+            x = x - way
+            if ways:
+                gained = np.array(gains).T
+                shares = np.linalg.lstsq(gained, way, rcond=1e-8)[0]
+                x = x - (np.array(ways).T - gained) @ shares
         return best, least
 
     def _take(self, q: Array, x: Array) -> None:

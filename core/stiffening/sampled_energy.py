@@ -8,7 +8,7 @@ from ..arrays import Array
 from .sampled_tissue import SampledTissue
 
 TOLERANCE = 1e-5  # of what is left beneath, over |q|
-FAR = 0.4  # of |q|, beyond which a tangent is taken anew
+FAR = 0.1  # of |q|, beyond which a tangent is taken anew
 SLOW, PATIENCE = 0.5, 5  # a step that leaves more asks for a new tangent, after so many
 MIXED = 4  # steps that are mixed
 STEPS, PARTS, SHORTEST = 12, 14, 0.02  # at one q; of the way there where it is not found, and the least of them

@@ -1,0 +1,130 @@
+"""SampledEnergy: what patterns of the pad store beyond linear tissue, which is followed beneath as they change."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..arrays import Array
+from .sampled_tissue import SampledTissue
+
+TOLERANCE = 1e-5  # of what is left beneath, over |q|
+FAR = 0.1  # of |q|, beyond which a tangent is taken anew
+SLOW, PATIENCE = 0.5, 5  # a step that leaves more asks for a new tangent, after so many
+MIXED = 4  # steps that are mixed
+STEPS, PARTS, SHORTEST = 12, 14, 0.02  # at one q; of the way there where it is not found, and the least of them
+
+
+class SampledEnergy:
+    """Stands in for `Energy` where the law itself is asked: the slope n(q) and its stiffness, for `Balance`.
+
+    What is beneath is sought from where it was last, with a tangent that serves for many q. Its
+    answer depends on the way there by the tolerance only, or where tissue beneath has several balances.
+
+    Args:
+        tissue: at E = 1.
+
+    Attributes:
+        x: amounts of what is beneath, for the last q, shape (j + r,). left: of their balance, over |q|.
+    """
+
+    reach: Array | None = None
+
+    def __init__(self, tissue: SampledTissue) -> None:
+        self.tissue = tissue
+        self.reset()
+
+    @property
+    def count(self) -> int:
+        """Number of patterns k."""
+        return self.tissue.count
+
+    def reset(self) -> None:
+        """Go back to rest."""
+        tissue = self.tissue
+        self.x, self.left = np.zeros(len(tissue.inner)), 0.0
+        self._q, self._at = np.zeros(self.count), np.zeros(self.count)
+        self._stiffness = np.zeros((self.count, self.count))
+        self._inverse, self._coupling = np.linalg.inv(tissue.inner), np.zeros((len(self.x), self.count))
+
+    def force_and_stiffness(self, q: Array) -> tuple[Array, Array]:
+        """Return the slope of the energy, shape (k,), and its stiffness near there, shape (k, k)."""
+        size = float(np.linalg.norm(q))
+        if size == 0.0:
+            self.reset()
+            return np.zeros(self.count), np.zeros((self.count, self.count))
+        if np.linalg.norm(q - self._at) > FAR * size:
+            self._take(self._q if np.linalg.norm(self._q - self._at) > 0.3 * FAR * size else q, self.x)
+        x, left = self._balanced(q, self._expected(q, self._q, self.x), size)
+        if left > 10.0 * TOLERANCE:
+            x, left = self._led(q, size)
+        force, rest = self.tissue.forces(q, x)
+        self._q, self.x, self.left = q.copy(), x, left
+        return force - self._coupling.T @ (self._inverse @ rest), self._stiffness.copy()
+
+    def value(self, q: Array) -> float:
+        """Return the energy."""
+        self.force_and_stiffness(q)
+        return self.tissue.value(q, self.x)
+
+    def _expected(self, q: Array, before: Array, x: Array) -> Array:
+        return x - self._inverse @ (self._coupling @ (q - before))
+
+    def _led(self, q: Array, size: float) -> tuple[Array, float]:
+        """Return what is beneath and what is left, led there in parts of the way from the last q."""
+        start, x, at, part, left = self._q, self.x, 0.0, 0.5, np.inf
+        for _ in range(PARTS):
+            here = start + at * (q - start)
+            self._take(here, x)
+            to = min(1.0, at + part)
+            there = start + to * (q - start)
+            found, left = self._balanced(there, self._expected(there, here, x), size)
+            if left <= 100.0 * TOLERANCE:
+                x, at, part = found, to, 1.5 * part
+            else:
+                part *= 0.4
+            if at == 1.0 or part < SHORTEST:
+                break
+        return x, left
+
+    def _balanced(self, q: Array, x: Array, size: float) -> tuple[Array, float]:
+        """Return the best of a few steps with an old tangent, and what it leaves over the size of q.
+
+        Steps are mixed so that together they leave least (Anderson 1965): what the old tangent does not know of, they
+        learn on the way.
+        """
+        best, least, before = x, np.inf, np.inf
+        ways: list[Array] = []
+        gains: list[Array] = []
+        last: tuple[Array, Array] | None = None
+        for step in range(STEPS):
+            rest = self.tissue.forces(q, x)[1]
+            left = float(np.linalg.norm(rest)) / size
+            if not np.isfinite(left):
+                break
+            if left < least:
+                best, least = x, left
+            if left <= TOLERANCE:
+                break
+            if left > SLOW * before and step >= PATIENCE:
+                self._take(q, best)
+                ways, gains, last = [], [], None
+            way = self._inverse @ rest
+            if last is not None:
+                ways, gains = [*ways[1 - MIXED :], x - last[0]], [*gains[1 - MIXED :], way - last[1]]
+            last, before = (x, way), left
+            x = x - way
+            if ways:
+                gained = np.array(gains).T
+                shares = np.linalg.lstsq(gained, way, rcond=1e-8)[0]
+                x = x - (np.array(ways).T - gained) @ shares
+        return best, least
+
+    def _take(self, q: Array, x: Array) -> None:
+        """Take the tangent of a state, unless it is none."""
+        k = self.count
+        whole = self.tissue.tangent(q, x)
+        if not np.isfinite(whole).all():
+            return
+        self._inverse, self._coupling, self._at = np.linalg.inv(whole[k:, k:]), whole[k:, :k], q.copy()
+        self._stiffness = whole[:k, :k] - self._coupling.T @ (self._inverse @ self._coupling)
+        self._stiffness = 0.5 * (self._stiffness + self._stiffness.T)

@@ -1,0 +1,120 @@
+"""Tissue told in a few fields on a few elements, against the exact law on all of them."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from core.skin.assembly import degrees
+from core.skin.model import SkinModel, fingertip_skin
+from core.stiffening.sampled_energy import SampledEnergy
+from core.stiffening.sampled_tissue import SampledTissue
+from core.tissue.held_tissue import HeldTissue
+from core.tissue.neo_hookean import NeoHookean
+from core.tissue.sampled_fit import Bases, SampledSize, fit_bases, fit_sampled, on_elements
+from tests.nonlinear import ExactFinger
+from tests.stiff import press
+from tests.touches import ball, flat, rod
+
+Array = NDArray[np.float64]
+SIZE = SampledSize(patterns=24, beneath=24, pressures=24, elements=250)
+
+
+@functools.cache
+def _skin() -> SkinModel:
+    return fingertip_skin(level="draft")
+
+
+@functools.cache
+def _law() -> NeoHookean:
+    return NeoHookean(_skin().mesh, _skin().material.poisson)
+
+
+@functools.cache
+def _states() -> tuple[Array, Array]:
+    """Return displacements of all nodes [m] and forces of the pad over E, of exact touches."""
+    skin, finger = _skin(), ExactFinger(_skin(), 1e-7)
+    moved, forces = [], []
+    for surface, slide in ((flat(), 1.2e-3), (ball(5e-3), 1.2e-3), (rod(6e-3), 0.0)):
+        finger.reset()
+        touch, before = press(skin, surface, 1.4e-3, slide=slide, step=0.2e-3), None
+        for i in range(len(touch.position)):
+            held = finger.step(touch.bodies(i), before)
+            before = touch.bodies(i)
+            moved.append(held.displacement)
+            forces.append(held.force.ravel() / skin.material.modulus)
+    return np.array(moved), np.array(forces)
+
+
+@functools.cache
+def _bases() -> Bases:
+    stiffness = np.linalg.inv(_skin().unit_compliance)
+    return fit_bases(HeldTissue(_law()), 0.5 * (stiffness + stiffness.T), _states()[0], SIZE)
+
+
+@functools.cache
+def _whole() -> SampledTissue:
+    volumes = np.asarray(_skin().mesh.volumes)
+    return on_elements(_law(), _bases(), np.arange(len(volumes)), volumes)
+
+
+@functools.cache
+def _few() -> SampledTissue:
+    return fit_sampled(_law(), _bases(), SIZE)
+
+
+def _deep() -> list[int]:
+    return [6, 12, 19, 25, 32]  # pressed and drawn, three touches
+
+
+def test_patterns_store_half_and_fields_leave_the_pad_alone() -> None:
+    bases, pad = _bases(), degrees(_skin().mesh.pad)
+    stored = bases.pad @ np.linalg.solve(_skin().unit_compliance, bases.pad.T)
+    np.testing.assert_allclose(stored, np.eye(len(stored)), atol=1e-6)
+    assert np.abs(bases.beneath.reshape(len(bases.beneath), -1)[:, pad]).max() == 0.0
+    np.testing.assert_allclose(bases.linear.reshape(len(stored), -1)[:, pad], bases.pad, atol=1e-15)
+
+
+@pytest.mark.parametrize(("few", "within"), [(False, 0.02), (True, 0.06)])
+def test_exact_states_are_balanced(few: bool, within: float) -> None:
+    """The pad's forces beyond linear tissue's are those of the exact law, and nothing is left beneath."""
+    bases, tissue = _bases(), _few() if few else _whole()
+    k = tissue.count
+    for state in _deep():
+        amounts = bases.amounts[state]
+        wanted = bases.pad @ _states()[1][state] - amounts[:k]
+        energy = SampledEnergy(tissue)
+        for share in (0.25, 0.5, 0.75, 1.0):
+            force = energy.force_and_stiffness(share * amounts[:k])[0]
+        assert energy.left < 1e-4
+        linear = np.linalg.norm(bases.pad @ _states()[1][state])
+        assert np.linalg.norm(wanted) > 2.0 * within * linear, "tissue hardly stiffens there"
+        assert np.linalg.norm(force - wanted) < within * linear
+
+
+def test_the_force_is_the_slope_of_the_energy() -> None:
+    energy, q = SampledEnergy(_few()), _bases().amounts[12][: _few().count]
+    for share in (0.3, 0.6, 1.0):
+        force = energy.force_and_stiffness(share * q)[0]
+    way = 0.02 * np.linalg.norm(q) * _bases().amounts[19][: len(q)] / np.linalg.norm(_bases().amounts[19][: len(q)])
+    risen = energy.value(q + way) - energy.value(q - way)
+    assert abs(2.0 * float(force @ way) - risen) < 0.01 * abs(risen)
+
+
+def test_tangent_is_the_slope_of_the_forces() -> None:
+    tissue, amounts = _few(), _bases().amounts[12]
+    k, way = tissue.count, 0.02 * (_bases().amounts[19] - amounts)
+    more = np.concatenate(tissue.forces((amounts + way)[:k], (amounts + way)[k:]))
+    less = np.concatenate(tissue.forces((amounts - way)[:k], (amounts - way)[k:]))
+    told = 2.0 * tissue.tangent(amounts[:k], amounts[k:]) @ way
+    assert np.linalg.norm(more - less - told) < 0.01 * np.linalg.norm(told)
+
+
+def test_small_loads_find_linear_tissue() -> None:
+    q = _bases().amounts[12][: _few().count]
+    sizes = [np.linalg.norm(SampledEnergy(_few()).force_and_stiffness(share * q)[0]) for share in (0.04, 0.02)]
+    assert sizes[0] < 0.1 * 0.04 * np.linalg.norm(q)
+    assert 3.5 < sizes[0] / sizes[1] < 4.6  # of second order

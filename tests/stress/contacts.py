@@ -57,13 +57,15 @@ class Felt:
 
     Attributes:
         force: on the nodes of the pad, frame by frame [N], shape (n, m, 3). resultant: shape (n, 3).
-        solutions: of the frames that were solved.
+        solutions: of the frames that were solved. reused: of those that the last forces served again, which is allowed
+            where they meet the residual, its cones within it.
         unsolved: frames that missed their residual. findings: of the finger.
     """
 
     force: Array
     resultant: Array
     solutions: Sequence[Solution]
+    reused: Sequence[Solution]
     unsolved: int
     findings: tuple[Finding, ...]
 
@@ -133,7 +135,7 @@ def feel(
     stepper = SkinStepper(skin, 0, Finger("f", (), parameters), scene)
     numbers = np.arange(1.0, count + 1.0) if frames is None else frames
     poses = np.array([thing.poses for thing in things]).reshape(len(things), count, 4, 4)
-    forces, solutions, unsolved = [], [], 0
+    forces, solutions, reused, unsolved = [], [], [], 0
     with one_thread():
         for i in range(0, count, CHUNK):
             part = slice(i, min(i + CHUNK, count))
@@ -148,9 +150,9 @@ def feel(
                 unsolved += not felt.converged
                 last = stepper.bone.solver._step
                 if last is not None and last.work != "idle":
-                    solutions.append(last.solution)
+                    (solutions if last.work == "solved" else reused).append(last.solution)
     force = np.array(forces)
-    return Felt(force, force.sum(axis=1), solutions, unsolved, stepper.findings)
+    return Felt(force, force.sum(axis=1), solutions, reused, unsolved, stepper.findings)
 
 
 def lawful(felt: Felt, most: float) -> Verdict:
@@ -160,7 +162,7 @@ def lawful(felt: Felt, most: float) -> Verdict:
         most: force that no frame should come near [N], see `most_force`.
     """
     verdict = Verdict(told=felt.told, excuses=EXCUSES)
-    arrays = [felt.force, *(s.force for s in felt.solutions), *(s.displacement for s in felt.solutions)]
+    arrays = [felt.force, *(a for s in (*felt.solutions, *felt.reused) for a in (s.force, s.displacement))]
     verdict.hold("finite", sum(int((~np.isfinite(a)).sum()) for a in arrays), tolerances.FINITE)
     if verdict.missed:
         return verdict
@@ -171,7 +173,7 @@ def lawful(felt: Felt, most: float) -> Verdict:
             verdict.hold("cone", max(cone_residual(solution), -solution.normal_force.min() / scale), tolerances.CONE)
     silent = felt.unsolved if "not-converged" not in felt.told else 0
     verdict.hold("residual told", silent, tolerances.SILENT)
-    met = [s.residual / s.tolerance for s in felt.solutions if s.converged]
+    met = [s.residual / s.tolerance for s in (*felt.solutions, *felt.reused) if s.converged]
     verdict.hold("residual met", max(met, default=0.0), 1.0)
     return verdict
 

@@ -18,13 +18,14 @@ class Known:
 
     Attributes:
         family, check: what fails. seeds: of cases that fail, tried in every run. reason: what is wrong.
-        covers: which cases fail so.
+        below: the largest value known: one above it is another failure. covers: which cases fail so.
     """
 
     family: str
     check: str
     seeds: tuple[int, ...]
     reason: str
+    below: float = float("inf")
     covers: Callable[[Values], bool] = lambda values: True
 
 
@@ -33,7 +34,7 @@ KNOWN: tuple[Known, ...] = ()
 MENDED: dict[str, tuple[int, ...]] = {}
 
 
-def known_failure(family: str, check: str, values: Values) -> Known | None:
+def known_failure(family: str, check: str, value: float, values: Values) -> Known | None:
     """Return the row that covers a failure, None where it is new."""
-    rows = (row for row in KNOWN if (row.family, row.check) == (family, check) and row.covers(values))
+    rows = (r for r in KNOWN if (r.family, r.check) == (family, check) and value <= r.below and r.covers(values))
     return next(rows, None)

@@ -19,10 +19,10 @@ def draw_skin(dice: Dice) -> Values:
     """Draw a finger's skin, and how its contact is solved."""
     contact = dice.one_of("points", "nodes")
     shipped = contact == "points" or dice.rng.uniform() < 0.3
-    tissue = dice.one_of("linear", "linear", "neo_hookean") if shipped else "linear"
+    tissue = dice.one_of(*["linear"] * 5, "neo_hookean") if shipped else "linear"
     return {
         "contact": contact,
-        "level": dice.one_of(*["draft"] * 9, "standard"),
+        "level": dice.one_of(*["draft"] * 14, "standard"),
         "poisson": 0.48 if shipped else dice.one_of(0.0, 0.2, 0.3, 0.4, 0.45, 0.49, 0.499),
         "young": dice.decades(1e2, 1e8),
         "tissue": tissue,

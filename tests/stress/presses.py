@@ -13,7 +13,7 @@ from .case import Dice, Family, Values, Verdict, apart
 from .contacts import EXCUSES, lawful
 from .paths import PLAIN, Press, draw_touch, pressing, wander
 
-FRAMES = 20
+FRAMES = 14
 
 
 def draw_press(dice: Dice) -> Values:

@@ -152,7 +152,7 @@ def judge_one(
     tally.slowest = max(tally.slowest, (took, seed))
     tally.counts["tried"] += 1
     failed = verdict.failed
-    rows = {check: known_failure(family.name, check, values) for check in failed}
+    rows = {check: known_failure(family.name, check, verdict.measured[check][0], values) for check in failed}
     new = [check for check in failed if rows[check] is None]
     fate = "failed" if new else "known" if failed else "flagged" if verdict.missed else "passed"
     tally.counts[fate] += 1

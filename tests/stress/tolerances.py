@@ -13,7 +13,7 @@ from core.contact.solver.point_path import TOLERANCE as POINT_TOLERANCE
 GOAL = {"nodes": CHECK * TOLERANCE, "points": CHECK * POINT_TOLERANCE}
 
 # -- laws of contact that hold in every frame --------------------------------------------------------------------------
-CONE = 1e-9  # a point outside its friction cone, or pulled, over the largest force: the last step projects onto it
+CONE = 1e-9  # a point outside its friction cone, or pulled, over the largest force: a solution is projected onto it
 FINITE = 0  # values that are not finite
 BOUND = 1.0  # of `contacts.most_force`: what the whole pad would bear, were it pressed and dragged so far
 SILENT = 0  # frames that miss their residual without the finding that says so

@@ -28,7 +28,7 @@ def draw_wander(dice: Dice, kinds: tuple[str, ...] = ANY) -> Values:
         "speed": dice.decades(1e-7, 10.0),
         "step": dice.decades(1e-4, 1.0),
         "start": dice.some(0.5, dice.between(0.0, 20e-3)),
-        "frames": dice.whole(6, 24),
+        "frames": dice.whole(6, 14),
         "mode": dice.one_of("animated", "animated", "animated", "compliant"),
         "bone_stiffness": dice.decades(10.0, 1e6),
         "force_limit": dice.decades(1e-2, 1e2),
@@ -97,7 +97,7 @@ def compared(press: Press, some: Felt, others: Felt, check: str, limit: float) -
 def draw_calm(dice: Dice) -> Values:
     """Draw a touch whose way is one that a person would animate."""
     drawn = draw_wander(dice, (*ANY[:-1],))
-    drawn |= {"speed": dice.decades(2e-3, 50e-3), "step": 1.0 / 240.0, "start": 0.0, "frames": 16, "growing": 1.0}
+    drawn |= {"speed": dice.decades(2e-3, 50e-3), "step": 1.0 / 240.0, "start": 0.0, "frames": 12, "growing": 1.0}
     return drawn | {"depth": dice.between(0.1e-3, 3e-3), "mode": "animated", "turning": 0.0}
 
 
@@ -143,12 +143,19 @@ def judge_named(values: Values) -> Verdict:
 
 
 def judge_rate(values: Values) -> Verdict:
-    """Sample a way twice as often."""
-    press, things = wanderer({**values, "frames": 1 + 2 * int(values["frames"]), "step": float(values["step"]) / 2})
+    """Sample a way twice as often; it turns at samples of either rate, so that both know all of it."""
+    press, things = wanderer(values)
     if not press.meets:
         return Verdict()
-    fine = press.feel(things, step=float(values["step"]) / 2)
-    coarse = press.feel([replace(t, poses=t.poses[::2]) for t in things], step=float(values["step"]))
+    depth, slide, way = (float(values[name]) for name in ("depth", "slide", "way"))
+    along, rise = slide * np.array([np.cos(way), np.sin(way)]), int(values["frames"]) // 3
+    turns = np.array([[0.0, 0.0, -0.3e-3], [0.0, 0.0, depth], [*along, depth], [*along, -0.3e-3]])
+    at = np.cumsum([0, max(rise, 2), max(2 * rise, 2), max(rise, 2)])
+    times = np.arange(2 * at[-1] + 1) / 2
+    offsets = np.stack([np.interp(times, at, turns[:, k]) for k in range(3)], axis=1)
+    whole = [replace(t, poses=poses(t.poses[0, :3, 3] - things[0].poses[0, :3, 3] + [*press.at, press.height] + offsets, t.poses[0, :3, :3])) for t in things]
+    fine = press.feel(whole, step=float(values["step"]) / 2)
+    coarse = press.feel([replace(t, poses=t.poses[::2]) for t in whole], step=float(values["step"]))
     verdict = Verdict(told=fine.told | coarse.told, excuses=EXCUSES)
     verdict.hold("rate", apart(coarse.resultant, fine.resultant[::2]), tolerances.RATE)
     return verdict

@@ -97,9 +97,12 @@ class SubStepper:
             return self.solver.step(bodies, scene_frame=scene_frame)
         came, gaps = self.solver.bodies, self.solver.look(bodies)
         start: Sequence[ContactBody] = (*came, *bodies[len(came) :])  # others came since
-        if self.solver.fresh:
+        begins = self.solver.fresh
+        if begins:
             start = self._start(bodies, before, gaps)
         ways = self._ways(start, bodies, gaps)
+        if begins and (gaps.gap < -OUTSIDE).any() and any(body.friction > 0.0 for body in bodies if not body.away):
+            ways.insert(0, list(start))  # friction counts from where skin is first touched
         for way in ways:
             self.solver.step(way, part=True)
         step = self.solver.step(bodies, scene_frame=scene_frame, gaps=None if ways else gaps)

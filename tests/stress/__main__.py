@@ -24,20 +24,23 @@ FAMILIES: tuple[Family, ...] = (
 
 def table(tallies: dict[str, Tally]) -> str:
     """Return what became of the cases, in columns."""
-    head = f"{'family':10} {'tried':>7} {'passed':>7} {'flagged':>8} {'known':>6} {'failed':>7} {'s/case':>7}  worst that passed"
+    words = (f"{word:>7}" for word in ("tried", "passed", "flagged", "known", "failed", "s/case"))
+    head = f"{'family':10} {' '.join(words)}  nearest to its limit, of what passed"
     lines, total = [head], Tally()
     for name, tally in tallies.items():
         total.counts.update(tally.counts)
         total.seconds += tally.seconds
         worst = max(tally.worst.items(), key=lambda item: item[1][0], default=None)
-        told = f"{worst[0]} {worst[1][1]:.2g} of {worst[1][2]:.2g} (seed {worst[1][3]})" if worst and worst[1][0] else ""
+        told = (
+            f"{worst[0]} {worst[1][1]:.2g} of {worst[1][2]:.2g} (seed {worst[1][3]})" if worst and worst[1][0] else ""
+        )
         lines.append(_row(name, tally, told))
     return "\n".join([*lines, _row("all", total, "")])
 
 
 def _row(name: str, tally: Tally, told: str) -> str:
     count = tally.counts
-    numbers = f"{count['tried']:7} {count['passed']:7} {count['flagged']:8} {count['known']:6} {count['failed']:7}"
+    numbers = f"{count['tried']:7} {count['passed']:7} {count['flagged']:7} {count['known']:7} {count['failed']:7}"
     return f"{name:10} {numbers} {tally.seconds / max(count['tried'], 1):7.3f}  {told}".rstrip()
 
 
@@ -55,7 +58,8 @@ def value_of(text: str) -> tuple[str, Value]:
 def as_json(tallies: dict[str, Tally], failures: list[Failure]) -> str:
     """Return the same for programs."""
     found = {
-        name: {**dict(t.counts), "seconds": t.seconds, "slowest": t.slowest, "worst": t.worst} for name, t in tallies.items()
+        name: {**dict(t.counts), "seconds": t.seconds, "slowest": t.slowest, "worst": t.worst}
+        for name, t in tallies.items()
     }
     told = [{"family": f.family, "seed": f.seed, "measured": f.measured, "command": f.command} for f in failures]
     return json.dumps({"families": found, "failures": told}, indent=1)
@@ -64,7 +68,9 @@ def as_json(tallies: dict[str, Tally], failures: list[Failure]) -> str:
 def main(arguments: list[str] | None = None) -> int:
     """Run what is asked for; status 1 where something failed, or where a known failure passes."""
     parser = argparse.ArgumentParser(prog="build_addon.py stress", description=__doc__)
-    parser.add_argument("names", nargs="*", metavar="NAME", help="families (all): " + ", ".join(f.name for f in FAMILIES))
+    parser.add_argument(
+        "names", nargs="*", metavar="NAME", help="families (all): " + ", ".join(f.name for f in FAMILIES)
+    )
     how = parser.add_mutually_exclusive_group()
     how.add_argument("--seconds", type=float, help="for so long, each family as long as any other")
     how.add_argument("--runs", type=int, help="cases of each family (20)")

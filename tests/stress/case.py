@@ -57,10 +57,10 @@ class Verdict:
 
     def hold(self, check: str, value: float, limit: float) -> None:
         """Hold a value against a limit; of several of the same name the worst stays."""
-        value = float(value)
-        known = self.measured.get(check)
-        if known is None or not value / max(limit, 1e-300) <= known[0] / max(known[1], 1e-300):
-            self.measured[check] = value, float(limit)
+        share, (known, allowed) = float(value) / max(limit, 1e-300), self.measured.get(check, (-1.0, 1.0))
+        worst = known / max(allowed, 1e-300)
+        if worst == worst and not share <= worst:  # not a number is the worst there is
+            self.measured[check] = float(value), float(limit)
 
     @property
     def missed(self) -> list[str]:

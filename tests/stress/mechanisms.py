@@ -70,7 +70,17 @@ def judge_thimble(values: Values) -> Verdict:
         return verdict
     low, high = device.servo_limits
     reference = float(np.array([0.0, 0.0, reference_distance(preset("thimble_3rrs"), device)])[2])
-    level = np.array([0.0, 0.0, float(changed(preset("thimble_3rrs"), float(values["other"]), int(values["random"])).parameters["reference_distance"])])
+    level = np.array(
+        [
+            0.0,
+            0.0,
+            float(
+                changed(preset("thimble_3rrs"), float(values["other"]), int(values["random"])).parameters[
+                    "reference_distance"
+                ]
+            ),
+        ]
+    )
     way = rng.normal(size=3) * [float(values["turn"]), float(values["turn"]), float(values["shift"])]
     verdict.hold("level", not (np.isfinite(reference) and device.feasible(level)), 0)
     if verdict.missed:

@@ -1,4 +1,4 @@
-"""Where a body is, sample after sample, in the frame of a finger that keeps still; and how all of it is carried about."""
+"""Where a body is, sample after sample, in the frame of a finger that keeps still; and how all is carried about."""
 
 from __future__ import annotations
 

@@ -68,4 +68,12 @@ def judge(values: Values) -> Verdict:
     return verdict
 
 
-FAMILIES = (Family("pins", "bounded least squares, ill-conditioned and in corners", draw, judge, {"alike": 0, "shut": 0.0, "rank": 1.0, "condition": 1.0, "size": 1.0, "load": 1.0}),)
+FAMILIES = (
+    Family(
+        "pins",
+        "bounded least squares, ill-conditioned and in corners",
+        draw,
+        judge,
+        {"alike": 0, "shut": 0.0, "rank": 1.0, "condition": 1.0, "size": 1.0, "load": 1.0},
+    ),
+)

@@ -113,7 +113,11 @@ def judge_meshed(values: Values) -> Verdict:
 
 def draw_inside(dice: Dice) -> Values:
     """Draw a press that is begun inside."""
-    return {**draw_touch(dice, WIDE, 2.5e-3), "size": dice.decades(4e-3, 30e-3), "from": dice.one_of("start", "nowhere")}
+    return {
+        **draw_touch(dice, WIDE, 2.5e-3),
+        "size": dice.decades(4e-3, 30e-3),
+        "from": dice.one_of("start", "nowhere"),
+    }
 
 
 def draw_again(dice: Dice) -> Values:

@@ -89,12 +89,14 @@ def run(
     changed: Values | None = None,
     tell: Callable[[str], None] = lambda text: None,
     simplify: bool = True,
+    again: bool = True,
 ) -> tuple[dict[str, Tally], list[Failure], list[str]]:
     """Run cases of families.
 
     Args:
         seed: of the first case of each. runs: cases of each family. seconds: in all, in place of `runs`.
-        changed: values in place of those drawn. tell: is told of every failure.
+        changed: values in place of those drawn. tell: is told of every failure. simplify: make what fails simpler.
+        again: begin with what failed before, unless it is one case alone that is asked for.
 
     Returns:
         What became of each family's cases, what failed, and which known failures pass.
@@ -102,20 +104,17 @@ def run(
     tallies = {family.name: Tally() for family in families}
     failures: list[Failure] = []
     passing: list[str] = []
-    if not changed and runs != 1:
-        for family in families:
-            for first in (*MENDED.get(family.name, ()), *(s for row in KNOWN for s in row.seeds if row.family == family.name)):
-                judge_one(family, first, family.values(first), tallies[family.name], failures, tell, simplify)
-            passing += [
-                f"{row.family} --seed {s}: {row.check}"
-                for row in KNOWN
-                if row.family == family.name
-                for s in row.seeds
-                if row.check not in judged(family, family.values(s)).failed
-            ]
+    for family in families if again and not changed and runs != 1 else ():
+        rows = [(row, seed) for row in KNOWN if row.family == family.name for seed in row.seeds]
+        for first in MENDED.get(family.name, ()):
+            judge_one(family, first, family.values(first), tallies[family.name], failures, tell, simplify)
+        for row, first in rows:
+            verdict = judge_one(family, first, family.values(first), tallies[family.name], failures, tell, simplify)
+            if row.check not in verdict.failed:
+                passing.append(f"{family.name} --seed {first}: {row.check}")
     for family, number in _turns(families, seed, runs, seconds, tallies):
         values = {**family.values(number), **(changed or {})}
-        judge_one(family, number, values, tallies[family.name], failures, tell, simplify, changed or {})
+        judge_one(family, number, values, tallies[family.name], failures, tell, simplify)
     return tallies, failures, passing
 
 
@@ -142,9 +141,8 @@ def judge_one(
     failures: list[Failure],
     tell: Callable[[str], None] = lambda text: None,
     simplify: bool = True,
-    given: Values | None = None,
-) -> None:
-    """Judge a case, count it, and tell of what failed."""
+) -> Verdict:
+    """Judge a case, count it, tell of what failed, and return what was measured."""
     started = time.perf_counter()
     verdict = judged(family, values)
     took = time.perf_counter() - started
@@ -162,7 +160,7 @@ def judge_one(
         if check not in verdict.missed and (check not in tally.worst or share > tally.worst[check][0]):
             tally.worst[check] = share, value, limit, seed
     if not new:
-        return
+        return verdict
     simpler = simple(family, values, new[0], SHRINKING if simplify else 0.0)
     drawn = family.values(seed)
     differ = {name: value for name, value in simpler.items() if drawn.get(name) != value}
@@ -170,6 +168,7 @@ def judge_one(
     failure = Failure(family.name, seed, found, differ)
     failures.append(failure)
     tell(f"FAILED {family.name} {seed}: " + "; ".join(f"{c}: {m}" for c, m in found.items()) + f"\n  {failure.command}")
+    return verdict
 
 
 def simple(family: Family, values: Values, check: str, seconds: float) -> Values:

@@ -76,7 +76,12 @@ def judge_drift(values: Values) -> Verdict:
 
 def draw_stretched(dice: Dice) -> Values:
     """Draw a touch of an object that has a scale of its own."""
-    return {**draw_calm(dice), "scale": dice.decades(1e-6, 1e6), "shear": dice.some(0.3, dice.between(-1.0, 1.0)), "mirror": dice.one_of(0, 0, 1)}
+    return {
+        **draw_calm(dice),
+        "scale": dice.decades(1e-6, 1e6),
+        "shear": dice.some(0.3, dice.between(-1.0, 1.0)),
+        "mirror": dice.one_of(0, 0, 1),
+    }
 
 
 def judge_stretched(values: Values) -> Verdict:
@@ -103,7 +108,13 @@ def draw_bake(dice: Dice) -> Values:
     """Draw a way, a device, and a material with values anywhere in their ranges."""
     drawn = {**draw_wander(dice), "level": "draft", "growing": 1.0}
     device = dice.one_of(*["haptip"] * 6, "pin_array_128", "thimble_3rrs")
-    return {**drawn, "device": device, "material": dice.whole(0, 10**6), "step": dice.decades(1e-3, 0.1), "others": dice.one_of(0, 1)}
+    return {
+        **drawn,
+        "device": device,
+        "material": dice.whole(0, 10**6),
+        "step": dice.decades(1e-3, 0.1),
+        "others": dice.one_of(0, 1),
+    }
 
 
 def judge_bake(values: Values) -> Verdict:
@@ -116,7 +127,11 @@ def judge_bake(values: Values) -> Verdict:
     bodies = [(Body(t.name, t.mesh, {**material(rng), **t.parameters}), t.poses) for t in things]
     count = int(values["frames"])
     still = np.tile(np.eye(4), (count, 1, 1))
-    told = {**press.parameters, "skin_level": "draft", "pattern": str(rng.choice(["none", "none", "orientation", "direction"]))}
+    told = {
+        **press.parameters,
+        "skin_level": "draft",
+        "pattern": str(rng.choice(["none", "none", "orientation", "direction"])),
+    }
     finger = Finger("f", (DeviceUse(str(values["device"])),), told)
     bits = []
     for _ in range(2):
@@ -129,9 +144,16 @@ def judge_bake(values: Values) -> Verdict:
     for track in tracks:
         verdict.hold("finite", int((~np.isfinite(track.values)).sum()), 0)
         verdict.hold("limits told", len([f for f in track.check() if f.severity == "error"]), 0)
-        steps = np.abs(np.diff(track.values, axis=0)) / np.diff(track.times)[:, None] if len(track.times) > 1 else track.values[:0]
+        steps = (
+            np.abs(np.diff(track.values, axis=0)) / np.diff(track.times)[:, None]
+            if len(track.times) > 1
+            else track.values[:0]
+        )
         for k, channel in enumerate(track.channels):
-            low, high = (-np.inf if channel.low is None else channel.low), (np.inf if channel.high is None else channel.high)
+            low, high = (
+                (-np.inf if channel.low is None else channel.low),
+                (np.inf if channel.high is None else channel.high),
+            )
             size = high - low if np.isfinite(high - low) else 1.0
             over = max(float((track.values[:, k] - high).max()), float((low - track.values[:, k]).max()), 0.0)
             verdict.hold("limits", over / size, tolerances.TRACK)
@@ -161,6 +183,12 @@ def material(rng: np.random.Generator) -> dict[str, object]:
 FAMILIES = (
     Family("crowd", "a touch amid thousands of objects", draw_crowd, judge_crowd, PLAIN),
     Family("drift", "a cycle gone through many times", draw_drift, judge_drift, PLAIN),
-    Family("stretched", "an object's scale, shear and mirror, in its matrix or its mesh", draw_stretched, judge_stretched, PLAIN),
+    Family(
+        "stretched",
+        "an object's scale, shear and mirror, in its matrix or its mesh",
+        draw_stretched,
+        judge_stretched,
+        PLAIN,
+    ),
     Family("bake", "tracks of devices, of any material", draw_bake, judge_bake, PLAIN),
 )

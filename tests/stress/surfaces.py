@@ -115,4 +115,12 @@ def distance(point: Array, corners: Array) -> float:
     return min(best, float(np.abs(height[inside]).min(initial=np.inf)))
 
 
-FAMILIES = (Family("surface", "gaps to any surface, against all of its triangles", draw, judge, {"spoilt": "", "scale": 1.0, "slivers": 0}),)
+FAMILIES = (
+    Family(
+        "surface",
+        "gaps to any surface, against all of its triangles",
+        draw,
+        judge,
+        {"spoilt": "", "scale": 1.0, "slivers": 0},
+    ),
+)

@@ -153,7 +153,15 @@ def judge_rate(values: Values) -> Verdict:
     at = np.cumsum([0, max(rise, 2), max(2 * rise, 2), max(rise, 2)])
     times = np.arange(2 * at[-1] + 1) / 2
     offsets = np.stack([np.interp(times, at, turns[:, k]) for k in range(3)], axis=1)
-    whole = [replace(t, poses=poses(t.poses[0, :3, 3] - things[0].poses[0, :3, 3] + [*press.at, press.height] + offsets, t.poses[0, :3, :3])) for t in things]
+    whole = [
+        replace(
+            t,
+            poses=poses(
+                t.poses[0, :3, 3] - things[0].poses[0, :3, 3] + [*press.at, press.height] + offsets, t.poses[0, :3, :3]
+            ),
+        )
+        for t in things
+    ]
     fine = press.feel(whole, step=float(values["step"]) / 2)
     coarse = press.feel([replace(t, poses=t.poses[::2]) for t in whole], step=float(values["step"]))
     verdict = Verdict(told=fine.told | coarse.told, excuses=EXCUSES)
@@ -173,7 +181,9 @@ def draw_named(dice: Dice) -> Values:
 
 FAMILIES = (
     Family("touch", "any body, way, speed, friction and stiffness", draw_wander, judge_touch, PLAIN),
-    Family("turned", "a touch, and the same in a scene that is turned and carried away", draw_calm, judge_turned, PLAIN),
+    Family(
+        "turned", "a touch, and the same in a scene that is turned and carried away", draw_calm, judge_turned, PLAIN
+    ),
     Family("scaled", "a touch, and the same with all so many times as stiff", draw_scaled, judge_scaled, PLAIN),
     Family("named", "bodies of other names, and in another order", draw_named, judge_named, PLAIN),
     Family("rate", "a touch, sampled twice as often", draw_calm, judge_rate, PLAIN),

@@ -58,8 +58,18 @@ KNOWN: tuple[Known, ...] = (
     Known("inside", "inside", (60,), _FACETS, 0.15, lambda v: v["contact"] == "nodes" and v["shape"] != "block"),
     Known("again", "again", (15,), _CORNER, 0.6, lambda v: v["contact"] == "points" and v["shape"] != "block"),
     Known("again", "again", (1,), _FACETS, 1.0, lambda v: v["contact"] == "nodes" and v["shape"] != "block"),
-    Known("rate", "rate", (3,), _ENTERS, 0.1, lambda v: float(v["friction"]) > 0.0),
+    Known("rate", "rate", (3,), _ENTERS, 0.3, lambda v: float(v["friction"]) > 0.0),
     Known("rate", "rate", (1, 17), _CORNER, 0.1, lambda v: v["friction"] == 0.0 and v["shape"] != "block"),
+    Known("meshed", "same", (1022,), _CORNER, 0.2, lambda v: v["shape"] in ("pillar", "edge", "hull")),
+    Known(
+        "card",
+        "same",
+        (1004,),
+        "beside the rim of a card that is narrower than the pad, and deeper in it than it is thick, skin comes about the "
+        "card's lower face, where a block has a wall",
+        0.15,
+        lambda v: float(v["width"]) < 0.02 and float(v["depth"]) > float(v["thickness"]),
+    ),
     Known(
         "drift",
         "drift",

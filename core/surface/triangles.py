@@ -12,7 +12,7 @@ from ..arrays import Array, Indices
 # A triangle flatter than this (twice its area over its longest edge squared) has no usable normal.
 FLAT = 1e-10
 # The closest point on one flatter than this is looked for on its edges first: the Gram determinant has few digits left.
-SLIVER = 3e-4
+SLIVER = 1e-4
 
 
 @dataclass(frozen=True, eq=False)

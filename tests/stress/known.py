@@ -17,7 +17,8 @@ class Known:
     """A failure that is known.
 
     Attributes:
-        family, check: what fails, or how that begins. seeds: of cases that fail, tried in every run. reason: what is wrong.
+        family, check: what fails, or how that begins. seeds: of cases that fail, tried in every run.
+        reason: what is wrong.
         below: the largest value known: one above it is another failure. covers: which cases fail so.
     """
 
@@ -43,7 +44,8 @@ KNOWN: tuple[Known, ...] = (
         "surface",
         "distance",
         (25,),
-        "which of two edges is closest is told by squares: next to where they meet that leaves half of the digits",
+        "which of two edges is closest is told by squares: next to where they meet that leaves half of the digits; so "
+        "do Gram determinants of triangles down to 1e-4 as high as they are long",
         below=3e-8,
     ),
     Known(
@@ -58,16 +60,16 @@ KNOWN: tuple[Known, ...] = (
         "pins",
         "refused at core/matching/bounded_lsq.py",
         (13649,),
-        "a singular matrix that rounding lets pass as definite is refused at the first free variables that show it, "
-        "where steps as of other singular ones would solve it",
+        "a singular matrix that rounding lets pass as definite is refused at the first free variables that show "
+        "it, where steps as of other singular ones would solve it",
         covers=lambda v: v["rank"] != 1.0 or float(v["condition"]) > 1e12,
     ),
     Known(
         "thimble",
         "refused at core/devices",
         (14997,),
-        "where a leg is all but stretched, the way to the servos' pose asks beyond what the leg reaches, and its refusal "
-        "is not taken as a step too long",
+        "where a leg is all but stretched, the way to the servos' pose asks beyond what the leg reaches, and its "
+        "refusal is not taken as a step too long",
         covers=lambda v: float(v["turn"]) > 0.1 or float(v["shift"]) > 1e-3,
     ),
     Known("inside", "inside", (16,), _CORNER, 0.6, lambda v: v["contact"] == "points" and v["shape"] != "block"),

@@ -39,6 +39,16 @@ _ENTERS = (
     "what comes to touch between two frames is dragged from where it was in the first of them, so that a sliding or "
     "tilted press is right to the first order of its step only"
 )
+_SMALL = (
+    "something smaller than a mesh's cells is held by one node or two, slips between them, and where it is deeper than "
+    "they face it drags them after it; 'smaller-than-mesh' says so of its force, 'slips-in' of some of these frames"
+)
+
+
+def _small(values: Values) -> bool:
+    return values["contact"] == "nodes" and values["shape"] != "block" and float(values["size"]) < 8e-3
+
+
 KNOWN: tuple[Known, ...] = (
     Known(
         "surface",
@@ -48,14 +58,9 @@ KNOWN: tuple[Known, ...] = (
         "do Gram determinants of triangles down to 1e-4 as high as they are long",
         below=3e-8,
     ),
-    Known(
-        "press",
-        "pull",
-        (47,),
-        "something smaller than a mesh's cells slips between its nodes, deeper than where they face it, and drags them "
-        "after it; 'slips-in' and 'smaller-than-mesh' say that it is felt too little, not that it pulls",
-        covers=lambda v: v["contact"] == "nodes" and v["shape"] != "block" and float(v["size"]) < 8e-3,
-    ),
+    Known("press", "pull", (47,), _SMALL, covers=_small),
+    Known("press", "fall", (2007,), _SMALL, covers=_small),
+    Known("rate", "rate", (2013, 2017), _SMALL, covers=lambda v: _small(v) and v["friction"] == 0.0),
     Known(
         "pins",
         "refused at core/matching/bounded_lsq.py",

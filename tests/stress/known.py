@@ -81,6 +81,15 @@ KNOWN: tuple[Known, ...] = (
     Known("inside", "inside", (60,), _FACETS, 0.15, lambda v: v["contact"] == "nodes" and v["shape"] != "block"),
     Known("again", "again", (15,), _CORNER, 0.6, lambda v: v["contact"] == "points" and v["shape"] != "block"),
     Known("again", "again", (1,), _FACETS, 1.0, lambda v: v["contact"] == "nodes" and v["shape"] != "block"),
+    Known(
+        "rate",
+        "rate",
+        (504,),
+        "neo-Hookean tissue, pressed or dragged farther than it is trusted ('too-deep', 'slid-far'), lets go on "
+        "another way than it came, as its steps have it",
+        1.0,
+        lambda v: v["tissue"] == "neo_hookean" and max(float(v["depth"]), 0.4 * float(v["slide"])) > 2e-3,
+    ),
     Known("rate", "rate", (3,), _ENTERS, 0.3, lambda v: float(v["friction"]) > 0.0),
     Known("rate", "rate", (1, 17), _CORNER, 0.1, lambda v: v["friction"] == 0.0 and v["shape"] != "block"),
     Known("meshed", "same", (1022,), _CORNER, 0.2, lambda v: v["shape"] in ("pillar", "edge", "hull")),

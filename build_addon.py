@@ -557,6 +557,16 @@ def bench(options: argparse.Namespace) -> int:
         return subprocess.run(command, cwd=ROOT, env=env.variables(True, **more)).returncode
 
 
+def stress(options: argparse.Namespace) -> int:
+    """Hold scenes, surfaces, pins and mechanisms drawn at random to the laws they must obey; print the table."""
+    env = environment()
+    given = {"--seconds": options.seconds, "--runs": options.runs, "--seed": options.seed, "--json": options.json}
+    words = [word for name, value in given.items() if value is not None for word in (name, value)]
+    words += [word for value in options.set or () for word in ("--set", value)]
+    command = [str(env.python), "-m", "tests.stress", *options.names, *words]
+    return subprocess.run(command, cwd=ROOT, env=env.variables(True)).returncode
+
+
 def peers(env: Environment) -> list[Path]:
     """Make (or keep) the folders of the solvers that the benchmarks compare with; the extension has none of them."""
     folders = []
@@ -690,6 +700,14 @@ def parser() -> argparse.ArgumentParser:
     new = verb(bench)
     new.add_argument("names", nargs="*", metavar="NAME", help="benchmarks to run (default: all)")
     new.add_argument("--json", type=Path, metavar="FILE", help="write the results to this file")
+    new = verb(stress)
+    new.add_argument("names", nargs="*", metavar="NAME", help="kinds of cases (default: all)")
+    how = new.add_mutually_exclusive_group()
+    how.add_argument("--seconds", metavar="N", help="for so long, each kind as long as any other")
+    how.add_argument("--runs", metavar="N", help="cases of each kind (20)")
+    new.add_argument("--seed", metavar="S", help="of the first case of each kind (0)")
+    new.add_argument("--set", action="append", metavar="NAME=VALUE", help="in place of what is drawn (repeatable)")
+    new.add_argument("--json", type=os.path.abspath, metavar="FILE", help="write the results to this file")
     new = verb(docs)
     new.add_argument("--out", type=Path, default=ROOT / "core", metavar="DIR", help="where to write (core/)")
     return top

@@ -64,7 +64,7 @@ def floor(layout: Any, context: bpy.types.Context, obj: bpy.types.Object, device
     if found is None:
         return
     column = layout.box().column(align=True)
-    column.label(text="Left of the touch, stress / cells / electrodes")
+    column.label(text="Left: stress / cells / electrodes")
     for name, errors in (
         ("as it is", found.rendered),
         ("best pose found", found.best),

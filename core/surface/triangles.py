@@ -11,6 +11,8 @@ from ..arrays import Array, Indices
 
 # A triangle flatter than this (twice its area over its longest edge squared) has no usable normal.
 FLAT = 1e-10
+# The closest point on one flatter than this is looked for on its edges first: the Gram determinant has few digits left.
+SLIVER = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,11 +24,13 @@ class TriangleTable:
             reciprocal of the Gram determinant of ab and ac (0 without area) [m^-4], shape (14, T).
         bounds: centroid (3), unit normal (3), circumscribing radius about the centroid (1), shape (7, T).
         usable: False for triangles without area, shape (T,).
+        slivers: True for those that are nearly without, shape (T,); None where there are none.
     """
 
     rows: Array
     bounds: Array
     usable: NDArray[np.bool_]
+    slivers: NDArray[np.bool_] | None = None
 
     @classmethod
     def build(cls, vertices: Array, triangles: NDArray[np.integer]) -> TriangleTable:
@@ -49,12 +53,13 @@ class TriangleTable:
         normal[1] = ab[2] * ac[0] - ab[0] * ac[2]
         normal[2] = ab[0] * ac[1] - ab[1] * ac[0]
         area2 = np.sqrt(_square(normal))
-        usable = area2 > FLAT * np.max(rows[9:12], axis=0)
+        longest = np.max(rows[9:12], axis=0)
+        usable, slivers = area2 > FLAT * longest, area2 < SLIVER * longest
         rows[13] = 0.0
         np.divide(1.0, area2 * area2, out=rows[13], where=usable)
         np.divide(normal, area2, out=normal, where=usable)
         normal[:, ~usable] = 0.0
-        return cls(rows, bounds, usable)
+        return cls(rows, bounds, usable, slivers if slivers.any() else None)
 
     def closest(self, x: Array, triangle: Indices) -> tuple[Array, Array, Array]:
         """Return squared distances and barycentric weights (of corners b and c) of the closest points.
@@ -83,6 +88,10 @@ class TriangleTable:
             u[outside], w[outside] = _closest_on_edges(
                 d1.take(outside), d2.take(outside), rows[9:13].take(outside, axis=1)
             )
+        if self.slivers is not None:
+            thin = self.slivers.take(triangle).nonzero()[0]
+            if thin.size:
+                u[thin], w[thin] = _closest_on_slivers(v[:, thin], rows[3:].take(thin, axis=1), u[thin], w[thin])
         ab *= u
         v -= ab
         ac *= w
@@ -121,6 +130,29 @@ def _closest_on_edges(d1: Array, d2: Array, gram: Array) -> tuple[Array, Array]:
     u = np.where(first, t[0], np.where(second, 0.0, 1.0 - t[2]))
     w = np.where(first, 0.0, np.where(second, t[1], t[2]))
     return u, w
+
+
+def _closest_on_slivers(v: Array, rows: Array, u: Array, w: Array) -> tuple[Array, Array]:
+    """Return the weights of the closest points of triangles that are nearly lines.
+
+    Args:
+        v: points seen from corner a [m], shape (3, n). rows: as those of a table from the third on. u, w: first guess.
+    """
+    ab, ac, (g11, g22, g33, g12, scale) = rows[:3], rows[3:6], rows[6:]
+    bc, from_b = ac - ab, v - ab
+    one, two, three = (
+        np.clip(_dot(p, edge) / np.maximum(square, 1e-300), 0.0, 1.0)
+        for p, edge, square in ((v, ab, g11), (v, ac, g22), (from_b, bc, g33))
+    )
+    for _ in range(2):  # what a guess leaves along the face tells by how much it is off
+        left = v - u * ab - w * ac
+        d1, d2 = _dot(left, ab), _dot(left, ac)
+        u, w = u + (g22 * d1 - g12 * d2) * scale, w + (g11 * d2 - g12 * d1) * scale
+    within = (np.minimum(u, w) > 0.0) & (u + w < 1.0)
+    face = np.where(within, _square(v - u * ab - w * ac), np.inf)
+    off = [_square(v - one * ab), _square(v - two * ac), _square(from_b - three * bc), face]
+    best, zero = np.argmin(off, axis=0), np.zeros_like(one)
+    return np.choose(best, [one, zero, 1.0 - three, u]), np.choose(best, [zero, two, three, w])
 
 
 def _dot(a: Array, b: Array) -> Array:

@@ -123,7 +123,7 @@ def test_build_addon_needs_the_standard_library_only() -> None:
     assert roots <= sys.stdlib_module_names | {"__future__"}
 
 
-@pytest.mark.parametrize("verb", ["", "demo", "test", "build", "dev", "bench", "docs"])
+@pytest.mark.parametrize("verb", ["", "demo", "test", "build", "dev", "bench", "stress", "docs"])
 def test_help_everywhere(verb: str) -> None:
     done = run(*verb.split(), "--help")
     assert done.returncode == 0 and "usage:" in done.stdout

@@ -55,7 +55,12 @@ class NearSurface(Surface):
         self.triangles, self.topology = end.triangles, near.topology
         some = TriangleTable.build(self.vertices, self.triangles[near.chosen])
         count = len(self.triangles)
-        self.table = TriangleTable(np.zeros((14, count)), np.zeros((7, count)), np.zeros(count, dtype=np.bool_))
+        slivers = None
+        if some.slivers is not None:
+            slivers = np.zeros(count, dtype=np.bool_)
+            slivers[near.chosen] = some.slivers
+        usable = np.zeros(count, dtype=np.bool_)
+        self.table = TriangleTable(np.zeros((14, count)), np.zeros((7, count)), usable, slivers)
         self.table.rows[:, near.chosen] = some.rows
         self.table.bounds[:, near.chosen] = some.bounds
         self.table.usable[near.chosen] = some.usable

@@ -47,7 +47,8 @@ def over_rims(
         above = behind + (drawn[own] / HOLD / np.sqrt(dot(up, up)))[:, None] * up
         found = node_gaps(above, [gaps.bodies[index]], search_radius, bone)
         free = (found.clearance > 0.0) & (dot(found.normal, inward[own]) > TOP)
-        own, top, foot = own[free], found.normal[free], (above - found.clearance[:, None] * found.normal)[free]
+        own, top = own[free], found.normal[free]
+        foot = above[free] - found.clearance[free, None] * top
         out.clearance[own], out.gap[own] = dot(places[own] - foot, top), dot(points[own] - foot, top)
         out.normal[own], out.triangle[own] = top, found.triangle[free]
     return out

@@ -17,7 +17,7 @@ from ...arrays import Array, Indices
 from ...surface.crossing import first_crossing
 from ...surface.gap import Surface
 from .between import between, lowered, matter_moved, reshaped, vertices_moved
-from .bodies import AWAY, ContactBody, NodeGaps, travel
+from .bodies import AWAY, ContactBody, NodeGaps, same_places, travel
 from .near_surface import NearTriangles
 from .path import PathSolver
 from .path_step import PathStep
@@ -97,9 +97,12 @@ class SubStepper:
             return self.solver.step(bodies, scene_frame=scene_frame)
         came, gaps = self.solver.bodies, self.solver.look(bodies)
         start: Sequence[ContactBody] = (*came, *bodies[len(came) :])  # others came since
-        if self.solver.fresh:
+        begins = self.solver.fresh
+        if begins:
             start = self._start(bodies, before, gaps)
         ways = self._ways(start, bodies, gaps)
+        if begins and (gaps.gap < -OUTSIDE).any() and not same_places(start, bodies) and _rub(bodies):
+            ways.insert(0, list(start))  # friction counts from where skin is first touched
         for way in ways:
             self.solver.step(way, part=True)
         step = self.solver.step(bodies, scene_frame=scene_frame, gaps=None if ways else gaps)
@@ -348,6 +351,10 @@ class SubStepper:
 def _meets(surface: Surface, start: Array, end: Array) -> bool:
     """Return whether straight ways [m], shape (n, 3), lead through a surface from either side."""
     return any((first_crossing(surface.table, start, end, side)[0] >= 0).any() for side in (1, -1))
+
+
+def _rub(bodies: Sequence[ContactBody]) -> bool:
+    return any(body.friction > 0.0 for body in bodies if not body.away)
 
 
 def _outside_bone(body: ContactBody, bone: Array) -> bool:

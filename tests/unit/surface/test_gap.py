@@ -429,3 +429,16 @@ def test_a_few_points_need_no_tree():
             for name in ("gap", "normal", "point", "triangle", "weights"):
                 one = np.concatenate([getattr(answer, name) for answer in few])
                 np.testing.assert_array_equal(one, getattr(many, name))
+
+
+@pytest.mark.parametrize(("flat", "apart"), [(1e-2, 1e-12), (5e-5, 1e-9), (1e-6, 1e-9), (1e-8, 1e-8)])
+def test_points_on_slivers_are_on_them(flat, apart):
+    """A needle's Gram determinant has no digits left: the closest point it gives may be a third of its length off."""
+    rng = np.random.default_rng(5)
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.61, flat, 0.0]]) @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    surface = Surface.build(corners, np.array([[0, 1, 2]]))
+    on = rng.dirichlet((0.5, 0.5, 0.5), 400) @ corners
+    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    above = on + 1e-3 * normal / np.linalg.norm(normal)
+    assert np.abs(surface.query(on).gap).max() < apart
+    np.testing.assert_allclose(np.abs(surface.query(above).gap), 1e-3, rtol=1e-9)

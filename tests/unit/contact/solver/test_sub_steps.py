@@ -256,3 +256,23 @@ def test_the_bone_does_not_turn_an_open_surface_over(skin):
     forces = [steps.step([below(skin, dome, d)]).solution.force[:, 2].sum() for d in np.linspace(-1e-3, 30e-3, 24)]
     assert min(forces) > -1e-9
     assert "passed-through" in {f.code for f in steps.solver.findings}
+
+
+@pytest.mark.parametrize(("angle", "apart"), [(0.2, 0.01), (0.7, 0.05)])
+def test_friction_counts_from_where_skin_is_first_touched(skin, angle, apart):
+    """A tilted block that comes from afar within a frame drags skin as on a slow way: from the first touch on."""
+    turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+    surface, depth = Surface.block(0.05, 0.05, 0.02), 0.15e-3
+    touch = -float(surface.query(skin.positions @ turn).gap.min()) / turn[2, 2]
+
+    def drag(rises):
+        steps, came = stepper(skin), None
+        for rise in rises:
+            body = ContactBody(surface, turn, np.array([0.0, 0.0, rise - touch]), 2.0)
+            last = [body if came is None else came]
+            step, came = steps.step([body], lambda last=last: last), body
+        return step.solution.force.sum(axis=0)
+
+    slow, sudden = drag(np.linspace(-1e-3, depth, 200)), drag([-0.04, depth])
+    assert np.linalg.norm(slow[:2]) > 0.05 * slow[2] > 0.0
+    assert np.linalg.norm(sudden - slow) < apart * np.linalg.norm(slow)

@@ -1,0 +1,112 @@
+"""Run the stress suite and print its table: `python3 build_addon.py stress [NAME ...] [--seconds N | --runs N]`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from . import mechanisms, pins, presses, scenes, surfaces, touches
+from .case import Family, Value, Values
+from .known import KNOWN
+from .run import Failure, Tally, run
+
+FAMILIES: tuple[Family, ...] = (
+    *touches.FAMILIES,
+    *presses.FAMILIES,
+    *scenes.FAMILIES,
+    *surfaces.FAMILIES,
+    *pins.FAMILIES,
+    *mechanisms.FAMILIES,
+)
+
+
+def table(tallies: dict[str, Tally]) -> str:
+    """Return what became of the cases, in columns."""
+    words = (f"{word:>7}" for word in ("tried", "passed", "flagged", "known", "failed", "s/case"))
+    head = f"{'family':10} {' '.join(words)}  nearest to its limit, of what passed"
+    lines, total = [head], Tally()
+    for name, tally in tallies.items():
+        total.counts.update(tally.counts)
+        total.seconds += tally.seconds
+        worst = max(tally.worst.items(), key=lambda item: item[1][0], default=None)
+        told = (
+            f"{worst[0]} {worst[1][1]:.2g} of {worst[1][2]:.2g} (seed {worst[1][3]})" if worst and worst[1][0] else ""
+        )
+        lines.append(_row(name, tally, told))
+    return "\n".join([*lines, _row("all", total, "")])
+
+
+def _row(name: str, tally: Tally, told: str) -> str:
+    count = tally.counts
+    numbers = f"{count['tried']:7} {count['passed']:7} {count['flagged']:7} {count['known']:7} {count['failed']:7}"
+    return f"{name:10} {numbers} {tally.seconds / max(count['tried'], 1):7.3f}  {told}".rstrip()
+
+
+def value_of(text: str) -> tuple[str, Value]:
+    """Return a name and its value, as `--set` has them."""
+    name, _, value = text.partition("=")
+    for kind in (int, float):
+        try:
+            return name, kind(value)
+        except ValueError:
+            pass
+    return name, value
+
+
+def as_json(tallies: dict[str, Tally], failures: list[Failure]) -> str:
+    """Return the same for programs."""
+    found = {
+        name: {**dict(t.counts), "seconds": t.seconds, "slowest": t.slowest, "worst": t.worst}
+        for name, t in tallies.items()
+    }
+    told = [{"family": f.family, "seed": f.seed, "measured": f.measured, "command": f.command} for f in failures]
+    return json.dumps({"families": found, "failures": told}, indent=1)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run what is asked for; status 1 where something failed, or where a known failure passes."""
+    parser = argparse.ArgumentParser(prog="build_addon.py stress", description=__doc__)
+    parser.add_argument(
+        "names", nargs="*", metavar="NAME", help="families (all): " + ", ".join(f.name for f in FAMILIES)
+    )
+    how = parser.add_mutually_exclusive_group()
+    how.add_argument("--seconds", type=float, help="for so long, each family as long as any other")
+    how.add_argument("--runs", type=int, help="cases of each family (20)")
+    parser.add_argument("--seed", type=int, default=0, help="of the first case of each family (0)")
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="in place of what is drawn")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the results to this file")
+    parser.add_argument("--as-drawn", action="store_true", help="do not make failing cases simpler")
+    options = parser.parse_args(arguments)
+    unknown = set(options.names) - {f.name for f in FAMILIES}
+    if unknown:
+        parser.error(f"no such family: {', '.join(sorted(unknown))}; there are {', '.join(f.name for f in FAMILIES)}")
+    chosen = [family for family in FAMILIES if not options.names or family.name in options.names]
+    changed: Values = dict(map(value_of, options.set))
+
+    def tell(text: str) -> None:
+        print(text, flush=True)
+
+    tallies, failures, passing = run(
+        chosen,
+        options.seed,
+        runs=options.runs,
+        seconds=options.seconds,
+        changed=changed,
+        tell=tell,
+        simplify=not options.as_drawn,
+    )
+    print(table(tallies))
+    for row in KNOWN:
+        if row.family in tallies:
+            print(f"known: {row.family}, {row.check}: {tallies[row.family].known[row]} cases. {row.reason}")
+    for text in passing:
+        print(f"KNOWN TO FAIL, BUT PASSES: {text}: take its row out of tests/stress/known.py")
+    if options.json:
+        options.json.write_text(as_json(tallies, failures), encoding="utf-8")
+    return 1 if failures or passing else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,185 @@
+"""Runs cases: judges them, names what failed, and makes a failing case as simple as it stays failing."""
+
+from __future__ import annotations
+
+import time
+import traceback
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from core.errors import DermisError
+
+from .case import Family, Value, Values, Verdict
+from .known import KNOWN, MENDED, Known, known_failure
+
+SHRINKING = 30.0  # [s] that a failing case is made simpler for
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@dataclass
+class Tally:
+    """What became of a family's cases.
+
+    Attributes:
+        counts: 'tried', 'passed', 'flagged', 'known', 'failed'. seconds: they took.
+        worst: check -> (value over its limit, value, limit, seed) of the case that came nearest to its limit, of those
+            that passed.
+        known: rows -> how many cases failed so.
+    """
+
+    counts: Counter[str] = field(default_factory=Counter)
+    seconds: float = 0.0
+    slowest: tuple[float, int] = (0.0, 0)
+    worst: dict[str, tuple[float, float, float, int]] = field(default_factory=dict)
+    known: Counter[Known] = field(default_factory=Counter)
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A case that failed.
+
+    Attributes:
+        values: that differ from those its seed draws, after it was made simpler.
+        measured: check -> what was found, in words.
+    """
+
+    family: str
+    seed: int
+    measured: dict[str, str]
+    values: Values
+
+    @property
+    def command(self) -> str:
+        """What judges it alone."""
+        told = "".join(f" --set {name}={value}" for name, value in self.values.items())
+        return f"python3 build_addon.py stress {self.family} --seed {self.seed} --runs 1{told}"
+
+
+def judged(family: Family, values: Values) -> Verdict:
+    """Judge a case; an exception, or a warning of arithmetic, is a check that is not passed."""
+    verdict = Verdict()
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always")
+        try:
+            verdict = family.judge(values)
+        except Exception as error:
+            last = traceback.extract_tb(error.__traceback__)[-1]
+            kind = "refused" if isinstance(error, DermisError) else type(error).__name__
+            verdict.hold(f"{kind} at {_place(last.filename)}:{last.lineno}: {str(error)[:120]}", 1, 0)
+    for warning in heard:
+        if issubclass(warning.category, RuntimeWarning):
+            verdict.hold(f"warns at {_place(warning.filename)}: {warning.message}", 1, 0)
+    return verdict
+
+
+def _place(filename: str) -> str:
+    path = Path(filename)
+    return path.relative_to(ROOT).as_posix() if path.is_relative_to(ROOT) else path.name
+
+
+def run(
+    families: Sequence[Family],
+    seed: int = 0,
+    *,
+    runs: int | None = None,
+    seconds: float | None = None,
+    changed: Values | None = None,
+    tell: Callable[[str], None] = lambda text: None,
+    simplify: bool = True,
+    again: bool = True,
+) -> tuple[dict[str, Tally], list[Failure], list[str]]:
+    """Run cases of families.
+
+    Args:
+        seed: of the first case of each. runs: cases of each family. seconds: in all, in place of `runs`.
+        changed: values in place of those drawn. tell: is told of every failure. simplify: make what fails simpler.
+        again: begin with what failed before, unless it is one case alone that is asked for.
+
+    Returns:
+        What became of each family's cases, what failed, and which known failures pass.
+    """
+    tallies = {family.name: Tally() for family in families}
+    failures: list[Failure] = []
+    passing: list[str] = []
+    for family in families if again and not changed and runs != 1 else ():
+        rows = [(row, seed) for row in KNOWN if row.family == family.name for seed in row.seeds]
+        for first in MENDED.get(family.name, ()):
+            judge_one(family, first, family.values(first), tallies[family.name], failures, tell, simplify)
+        for row, first in rows:
+            verdict = judge_one(family, first, family.values(first), tallies[family.name], failures, tell, simplify)
+            if not any(check.startswith(row.check) for check in verdict.failed):
+                passing.append(f"{family.name} --seed {first}: {row.check}")
+    for family, number in _turns(families, seed, runs, seconds, tallies):
+        values = {**family.values(number), **(changed or {})}
+        judge_one(family, number, values, tallies[family.name], failures, tell, simplify)
+    return tallies, failures, passing
+
+
+def _turns(
+    families: Sequence[Family], seed: int, runs: int | None, seconds: float | None, tallies: dict[str, Tally]
+) -> Iterator[tuple[Family, int]]:
+    """Yield families with their seeds: all of them so often, or that with the least time so far until time is up."""
+    if seconds is None:
+        for k in range(runs if runs is not None else 20):
+            yield from ((family, seed + k) for family in families)
+        return
+    ends, nexts = time.monotonic() + seconds, dict.fromkeys((f.name for f in families), seed)
+    while time.monotonic() < ends:
+        family = min(families, key=lambda f: tallies[f.name].seconds)
+        yield family, nexts[family.name]
+        nexts[family.name] += 1
+
+
+def judge_one(
+    family: Family,
+    seed: int,
+    values: Values,
+    tally: Tally,
+    failures: list[Failure],
+    tell: Callable[[str], None] = lambda text: None,
+    simplify: bool = True,
+) -> Verdict:
+    """Judge a case, count it, tell of what failed, and return what was measured."""
+    started = time.perf_counter()
+    verdict = judged(family, values)
+    took = time.perf_counter() - started
+    tally.seconds += took
+    tally.slowest = max(tally.slowest, (took, seed))
+    tally.counts["tried"] += 1
+    failed = verdict.failed
+    rows = {check: known_failure(family.name, check, verdict.measured[check][0], values) for check in failed}
+    new = [check for check in failed if rows[check] is None]
+    fate = "failed" if new else "known" if failed else "flagged" if verdict.missed else "passed"
+    tally.counts[fate] += 1
+    tally.known.update({row for row in rows.values() if row is not None})
+    for check, (value, limit) in verdict.measured.items():
+        share = value / limit if limit else float(value > 0)
+        if check not in verdict.missed and (check not in tally.worst or share > tally.worst[check][0]):
+            tally.worst[check] = share, value, limit, seed
+    if not new:
+        return verdict
+    simpler = simple(family, values, new[0], SHRINKING if simplify else 0.0)
+    drawn = family.values(seed)
+    differ = {name: value for name, value in simpler.items() if drawn.get(name) != value}
+    found = {check: "{:.3g}, allowed {:.3g}".format(*verdict.measured[check]) for check in new}
+    failure = Failure(family.name, seed, found, differ)
+    failures.append(failure)
+    tell(f"FAILED {family.name} {seed}: " + "; ".join(f"{c}: {m}" for c, m in found.items()) + f"\n  {failure.command}")
+    return verdict
+
+
+def simple(family: Family, values: Values, check: str, seconds: float) -> Values:
+    """Return a case that fails the same check with as many of its values as plain as may be."""
+    ends, kept = time.monotonic() + seconds, dict(values)
+    tries: list[tuple[str, Value]] = [(name, value) for name, value in family.plain.items() if name in kept]
+    if isinstance(kept.get("frames"), int):
+        tries.append(("frames", max(int(kept["frames"]) // 2, 2)))
+    for name, value in tries:
+        if time.monotonic() > ends:
+            break
+        if kept[name] != value and check in judged(family, {**kept, name: value}).failed:
+            kept[name] = value
+    return kept

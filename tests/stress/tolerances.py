@@ -1,0 +1,42 @@
+"""What each law of the stress suite is held to. Set before any outcome was looked at; a miss is a defect, not a reason.
+
+Forces of two answers are compared as |F - F'| over the largest |F| of the history, F the resultant on the skin. What
+two solutions of one problem may differ by follows from what a frame is solved to (`CHECK * TOLERANCE`, the residual
+|f - P(f - w / rho)| / |f|); what points of the smooth skin may differ by beyond that, from their coming and going.
+"""
+
+from __future__ import annotations
+
+from core.contact.solver.path import CHECK, TOLERANCE
+from core.contact.solver.point_path import TOLERANCE as POINT_TOLERANCE
+
+GOAL = {"nodes": CHECK * TOLERANCE, "points": CHECK * POINT_TOLERANCE}
+
+# -- laws of contact that hold in every frame --------------------------------------------------------------------------
+CONE = 1e-9  # a point outside its friction cone, or pulled, over the largest force: a solution is projected onto it
+FINITE = 0  # values that are not finite
+BOUND = 1.0  # of `contacts.most_force`: what the whole pad would bear, were it pressed and dragged so far
+SILENT = 0  # frames that miss their residual without the finding that says so
+LIMIT = 1e-3  # of a compliant bone's force limit, where no finding says that it was not kept
+BITS = 0  # runs of the same scene that give other bits
+
+# -- laws of a frictionless press --------------------------------------------------------------------------------------
+# Elastic energy with a rigid convex body in the way: the force is how fast it grows, and falls only where the contact
+# is not one (points that come and go are a discretisation of 1 % at most).
+FALL = {"nodes": 1e-3, "points": 1e-2}
+PULL = 1e-6  # of the largest force: the resultant against the way of the press
+INSIDE = 1e-2  # a finger that is first seen inside against one that was pressed there
+AGAIN = 1e-2  # a pose come back to, on a way of jumps and with time reversed
+
+# -- the same touch said otherwise: two solutions of one problem -------------------------------------------------------
+SAME = {kind: 3.0 * goal for kind, goal in GOAL.items()}
+RATE = 2e-3  # sampled twice as often, at the samples that both have
+DRIFT = {"frictionless": SAME, "friction": {"nodes": 2e-2, "points": 2e-2}}  # a cycle against one long before
+
+# -- parts -------------------------------------------------------------------------------------------------------------
+DISTANCE = 1e-9  # of a surface's extent: a gap against the closest of all triangles, one by one
+UNIT = 1e-9  # by which a normal's length may be off
+KKT = 1e-9  # of bounded least squares, relative to its scale; ill-conditioned ones among them
+BEYOND = 0.0  # of bounds and limits
+CLOSE = 1e-6  # of the platform's size: a pose against the pose of its commands
+TRACK = 1e-9  # of a channel's range, beyond its limits; of the largest step, beyond its speed

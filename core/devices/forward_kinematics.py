@@ -40,6 +40,17 @@ def configuration(linkage: Linkage, angles: ArrayLike, start: ArrayLike) -> Arra
     return found
 
 
+def _reached(linkage: Linkage, x: Array) -> Array | None:
+    """Return the servo angles of a configuration; None where a leg does not reach, or beyond a singular pose."""
+    if not (linkage.leg_margins(x) > 0).all():
+        return None
+    try:
+        beyond = inverse_kinematics(linkage, *x.tolist())[1] <= 0.0
+        return None if beyond else linkage.servo_angles(x)[0]
+    except DermisError:  # all but stretched, where margin and reach disagree in the last digits
+        return None
+
+
 def _newton(linkage: Linkage, wanted: Array, x: Array) -> Array | None:
     """Return the configuration nearest to x; None where the way there is barred."""
     scale = np.array([1.0, 1.0, linkage.platform_radius])  # keeps tilt and distance alike
@@ -52,10 +63,9 @@ def _newton(linkage: Linkage, wanted: Array, x: Array) -> Array | None:
         share = min(1.0, LONGEST / float(np.abs(step).max()))
         while share > SHORTEST:
             trial = x + share * scale * step
-            if (linkage.leg_margins(trial) > 0).all() and inverse_kinematics(linkage, *trial.tolist())[1] > 0.0:
-                left = wanted - linkage.servo_angles(trial)[0]
-                if left @ left < miss @ miss:
-                    break
+            angles = _reached(linkage, trial)
+            if angles is not None and (left := wanted - angles) @ left < miss @ miss:
+                break
             share /= 2
         else:
             break

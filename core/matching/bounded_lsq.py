@@ -55,6 +55,10 @@ class _Factor:
     offset: Array | None = None  # -inverse @ inner_base
 
 
+class _Singular(Exception):
+    """Some free variables show that H is singular, although rounding let all of it pass as definite."""
+
+
 class BoundedLeastSquares:
     """One Gram matrix and its bounds, solved for many right-hand sides.
 
@@ -89,19 +93,12 @@ class BoundedLeastSquares:
         self.n = len(gram)
         self._set_bounds(low, high)
         self._proximal = 0.0
-        if self.n and self._potrf(gram)[1] != 0:
-            self._proximal = PROXIMAL_WEIGHT * max(float(np.trace(gram)) / self.n, 1e-300)
-            if self._potrf(self._definite())[1] != 0:
-                raise DermisError(
-                    "the Gram matrix is not positive semi-definite",
-                    where=WHERE,
-                    value=float(np.linalg.eigvalsh(gram)[0]),
-                    limit=">= 0",
-                )
-        self._solved = self._definite() if self._proximal else gram
+        self._solved = gram
         self._status = np.full(self.n, -1, dtype=np.int8)
         self._latest: _Factor | None = None
         self._factors: Recent[bytes, _Factor] = Recent(FACTORS_KEPT)
+        if self.n and self._potrf(gram)[1] != 0:
+            self._make_definite()
 
     def solve(
         self, c: Array, *, low: Any = None, high: Any = None, start: NDArray[np.int8] | None = None
@@ -130,9 +127,12 @@ class BoundedLeastSquares:
         if start is not None:
             self._status, self._latest = statuses_of(start, self.n), None
         scale = abs(c.item(self._idamax(c))) + self._size * self._span
-        if self._proximal:
-            return self._proximal_steps(c, scale)
-        return self._pivot(c, scale)
+        if not self._proximal:
+            try:
+                return self._pivot(c, scale)
+            except _Singular:
+                self._make_definite()
+        return self._proximal_steps(c, scale)
 
     def _pivot(self, c: Array, scale: float) -> BoundedSolution:
         tolerance, slack = -SIGN_TOLERANCE * scale, SIGN_TOLERANCE * self._span
@@ -258,6 +258,8 @@ class BoundedLeastSquares:
         rows = self._solved.take(free, axis=0)  # H is symmetric, and its rows are contiguous
         cholesky, info = self._potrf(rows.take(free, axis=1).T, overwrite_a=1) if len(free) else (_EMPTY, 0)
         if info != 0:
+            if not self._proximal:
+                raise _Singular
             raise DermisError("the Gram matrix is not positive definite on the free variables", where=WHERE)
         fixed = np.where(status < 0, self.low, self.high)
         fixed[free] = 0.0
@@ -271,10 +273,20 @@ class BoundedLeastSquares:
         self._uniform = (float(self.low[0]), float(self.high[0])) if same else None
         self._span = max(float(np.abs(self.low).max(initial=0.0)), float(np.abs(self.high).max(initial=0.0)))
 
-    def _definite(self) -> Array:
-        definite = self.gram.copy()
-        definite[np.diag_indices(self.n)] += self._proximal
-        return definite
+    def _make_definite(self) -> None:
+        """Go over to H + w I and to proximal steps, which take w out again."""
+        self._proximal = PROXIMAL_WEIGHT * max(float(np.trace(self.gram)) / self.n, 1e-300)
+        self._solved = self.gram.copy()
+        self._solved[np.diag_indices(self.n)] += self._proximal
+        if self._potrf(self._solved)[1] != 0:
+            raise DermisError(
+                "the Gram matrix is not positive semi-definite",
+                where=WHERE,
+                value=float(np.linalg.eigvalsh(self.gram)[0]),
+                limit=">= 0",
+            )
+        self._factors.clear()
+        self._latest = None
 
 
 _EMPTY = np.zeros(0)

@@ -88,6 +88,8 @@ def test_no_damaged_file_shows_a_traceback(words: tuple[str, ...], made: object,
         ("stream", "play", "a.csv", "--url", "virtual:", "--calibration", "gone.json"),
         ("check", "/dev/zero"),
         ("design", "gone.csv"),
+        ("floor", "gone.npz"),
+        ("tell-apart", "gone.npz"),
         ("design", "gone.npz"),
         ("design", "ball", "--table", "gone.npz"),
     ],
@@ -120,7 +122,7 @@ def test_every_option_that_is_written_to_is_judged_before_the_work() -> None:
 def test_every_verb_names_a_function_that_is_there() -> None:
     named = [one.get_default("run") for one in every_parser(parser("core"))]
     functions = [name.rpartition(".") for name in named if name]
-    assert len(functions) == 17
+    assert len(functions) == 22
     for module, _, function in functions:
         assert callable(getattr(import_module(f"core.{module}"), function))
 
@@ -133,7 +135,10 @@ def test_every_verb_names_a_function_that_is_there() -> None:
         ("thimble", "adapt", "--out", "OUT"),
         ("thimble", "follow", "gone.csv", "--out", "OUT/a.csv"),
         ("thimble", "plot", "gone.npz", "--out", "OUT/a.png"),
-        ("floor", "gone.npz"),
+        ("floor", "gone.npz", "--out", "OUT/a.json"),
+        ("tell-apart", "gone.npz", "--out", "OUT"),
+        ("sweep", "--out", "OUT"),
+        ("bump", "--out", "OUT"),
         ("design", "ball", "--out", "OUT"),
         ("design", "ball", "--save-table", "OUT/a.npz"),
     ],

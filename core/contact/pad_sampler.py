@@ -8,7 +8,7 @@ Bodies whose scale changes, and bodies that deform, get a surface per sample, bu
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -39,10 +39,12 @@ class PadSampler:
 
     Args:
         scene: its header; the chunks are handed to `add`.
+        fingers: whose touch is collected; all where None.
     """
 
-    def __init__(self, scene: TactileScene) -> None:
+    def __init__(self, scene: TactileScene, fingers: Collection[int] | None = None) -> None:
         self.renew(scene)
+        self._own = set(range(len(scene.fingers))) if fingers is None else set(fingers)
         self._chunks: list[Chunk] = []
         self._first = self._count = 0  # samples that are kept: from the first, below the other
         self._pairs: dict[tuple[int, int], PairRecord] = {}
@@ -150,6 +152,7 @@ class PadSampler:
             near = [
                 (int(f), np.flatnonzero((np.abs(pads[f] - middle) <= half + self._radius.longest).all(axis=1)))
                 for f in close
+                if int(f) in self._own
             ]
             near = [(f, index) for f, index in near if index.size]
             self._skipped["pair_samples_far"] += total - sum(index.size for _, index in near)

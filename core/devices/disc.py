@@ -27,7 +27,9 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..contact.solver.cone import OPEN, SLIP, STICK
+from ..contact.solver.solve import Solution
 from ..contact.solver.solve import solve as solve_contact
+from ..errors import DermisError
 from ..stiffening.tangent import StiffTangent
 from .disc_pose import FALLBACK_TOLERANCE, TOLERANCE, Disc, DiscPose, DiscSolution, FrictionState
 from .press_problem import PressPoints
@@ -161,18 +163,12 @@ class DiscContact:
         if residual > TOLERANCE:
             self.fallbacks += 1
             method = "fallback"
-            other = solve_contact(
-                self._matrix,
-                (offset if self._stiff is None else offset + self._tangent_line(self._stiff)[1]).ravel(),
-                self.friction,
-                normals=np.tile(pose.normal, (len(offset), 1)),
-                start=force,
-                tolerance=FALLBACK_TOLERANCE,
-            )
-            force, w, slope, status, residual, more = self._newton(pose, offset, change, other.force, steps=1)
-            if residual > other.residual:
-                force, w, status, residual = other.force, other.displacement, other.status, other.residual
-            steps += other.iterations + more
+            other = self._solved_otherwise(pose, offset, force)
+            if other is not None:
+                force, w, slope, status, residual, more = self._newton(pose, offset, change, other.force, steps=1)
+                if residual > other.residual:
+                    force, w, status, residual = other.force, other.displacement, other.status, other.residual
+                steps += other.iterations + more
         self._guess = (force, slope)
         self._guess_pose = pose
         found = DiscSolution(pose, self.near, force, w, slope, status, residual, steps, method)
@@ -180,6 +176,19 @@ class DiscContact:
             return found
         z = self._stiff.work(_degrees(self.near), force.ravel())
         return replace(found, tangent=self.tangent, amounts=self.tangent.amounts_at(z))
+
+    def _solved_otherwise(self, pose: DiscPose, offset: Array, start: Array) -> Solution | None:
+        """Return what a slower way finds; None where skin that stiffens is about to give way, and has no way there."""
+        line = offset if self._stiff is None else offset + self._tangent_line(self._stiff)[1]
+        normals = np.tile(pose.normal, (len(offset), 1))
+        try:
+            return solve_contact(
+                self._matrix, line.ravel(), self.friction, normals=normals, start=start, tolerance=FALLBACK_TOLERANCE
+            )
+        except DermisError:
+            if self._stiff is None:
+                raise
+            return None
 
     def nodal(self, solution: DiscSolution) -> Array:
         """Return the forces on the nodes of the skin's mesh [N], shape (m, 3)."""

@@ -54,6 +54,7 @@ def touched(
     models: Mapping[int, SkinModel],
     clock: Stages,
     kept: list[Chunk] | None = None,
+    fingers: Collection[int] | None = None,
 ) -> Generator[Progress, None, tuple[PadContact, dict[int, SkinContact]]]:
     """Draw the chunks through the contact of the pads' centres and of some fingers' skins.
 
@@ -61,10 +62,11 @@ def touched(
 
     Args:
         models: finger index -> its skin. kept: where the mended chunks are put.
+        fingers: whose pads are followed; all where None.
     """
     from ..contact.pad_sampler import PadSampler
 
-    pads, skins = PadSampler(scene), None
+    pads, skins = PadSampler(scene, fingers), None
     if models:
         from ..contact.skin_sampler import SkinSampler
 

@@ -45,12 +45,16 @@ class Share:
 
 
 def render_share(
-    scene: TactileScene, library: Library, fingers: Sequence[int], cache: Cache | None
+    scene: TactileScene, library: Library, fingers: Sequence[int], cache: Cache | None, beside: Sequence[int] = ()
 ) -> Generator[Progress, None, Share]:
-    """Render the skins of some fingers, and the devices that follow them; yield progress."""
+    """Render the skins of some fingers, and the devices that follow them; yield progress.
+
+    Args:
+        beside: fingers that may hold something together with these, and whose skin is not simulated.
+    """
     clock, told = Stages(), list[Finding]()  # who shares the work out says the same of the whole scene
     models = yield from skin_models(scene, fingers, library, cache, clock, told)
-    pad_contact, felt = yield from touched(scene, iter(scene.chunks), models, clock)
+    pad_contact, felt = yield from touched(scene, iter(scene.chunks), models, clock, fingers={*models, *beside})
     uses = [(f, use, spec) for f, use, spec in usable(scene, library, told) if f in models and spec.follows_skin]
     made: dict[int, list[Driven]] = {f: [] for f in models}
     for step, (f, use, spec) in enumerate(uses):
@@ -60,10 +64,17 @@ def render_share(
     return Share(felt, made, clock.seconds)
 
 
-def asked(scene: Path, library: Library, cache: Cache | None, fingers: Sequence[int]) -> dict[str, Any]:
+def asked(
+    scene: Path, library: Library, cache: Cache | None, fingers: Sequence[int], beside: Sequence[int]
+) -> dict[str, Any]:
     """Return the parameters of `work`."""
-    kept = None if cache is None else [str(cache.folder), cache.limit_bytes]
-    return {"scene": str(scene), "presets": [str(f) for f in library.folders], "cache": kept, "fingers": [*fingers]}
+    return {
+        "scene": str(scene),
+        "presets": [str(folder) for folder in library.folders],
+        "cache": None if cache is None else [str(cache.folder), cache.limit_bytes],
+        "fingers": [*fingers],
+        "beside": [*beside],
+    }
 
 
 def work(_arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Report) -> dict[str, NDArray[Any]]:
@@ -75,7 +86,8 @@ def work(_arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], rep
     scene = scene_file.load(Path(parameters["scene"]))
     built_in, *own = (Path(folder) for folder in parameters["presets"])
     cache = None if parameters["cache"] is None else Cache(Path(parameters["cache"][0]), int(parameters["cache"][1]))
-    steps = render_share(scene, Library(own[0] if own else None, built_in), parameters["fingers"], cache)
+    library = Library(own[0] if own else None, built_in)
+    steps = render_share(scene, library, parameters["fingers"], cache, parameters["beside"])
     samples = scene.sample_count
 
     def tell(step: Progress) -> None:  # contact and devices take about as long

@@ -7,7 +7,7 @@ process; with other wheels or on another processor results agree to some 1e-6.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import wait
 from dataclasses import replace
 from pathlib import Path
@@ -59,7 +59,7 @@ def touched_in_shares(
     kept: list[Chunk] = []
     pad_contact, _ = yield from touched(scene, chunks, {}, clock, kept)
     whole = replace(scene, chunks=kept)
-    shares = shares_of(scene, pad_contact, sorted(models))
+    shares = shares_of(scene, pad_contact, models)
     if saved(shares, executor.workers) < SAVED:
         _, felt = yield from touched(whole, iter(kept), models, clock)
         return pad_contact, felt, {}
@@ -71,21 +71,24 @@ def touched_in_shares(
     return pad_contact, dict(sorted(felt.items())), ready
 
 
-def shares_of(scene: TactileScene, pad_contact: PadContact, fingers: Sequence[int]) -> dict[tuple[int, ...], int]:
+def shares_of(scene: TactileScene, pad_contact: PadContact, skins: Collection[int]) -> dict[tuple[int, ...], int]:
     """Return which fingers go together, and in how many samples each lot is in reach of something; most comes first.
 
     Those that ever come near the same thing, if it may be held, stay together: they balance it.
+
+    Args:
+        skins: fingers whose skin is simulated. Others are in a lot where they may hold something with one of these.
     """
     from ..contact.held_body import can_be_held
     from ..contact.lots import lots_of
 
     holdable = {b for b in range(len(scene.bodies)) if can_be_held(scene, b, pad_contact.animated)}
-    near = {f: np.zeros(len(pad_contact.times), bool) for f in fingers}
+    near = {f: np.zeros(len(pad_contact.times), bool) for f in skins}
     for (f, _), pair in pad_contact.pairs.items():
         if f in near:
             near[f] |= np.isfinite(pair.gap)
-    lots = lots_of(pad_contact.pairs, holdable, fingers)
-    loads = {lot: sum(int(near[f].sum()) for f in lot) for lot in lots}
+    lots = lots_of(pad_contact.pairs, holdable, range(len(scene.fingers)))
+    loads = {lot: sum(int(near[f].sum()) for f in lot if f in near) for lot in lots if near.keys() & set(lot)}
     return dict(sorted(loads.items(), key=lambda item: (-item[1], item[0])))
 
 
@@ -111,18 +114,19 @@ def _rendered(
         scene_file.save(scene, path)
         jobs: list[JobFuture] = []
         try:
-            jobs += [executor.submit("share", {}, asked(path, library, cache, fingers)) for fingers in shares]
+            parts = [([f for f in lot if f in models], [f for f in lot if f not in models]) for lot in shares]
+            jobs += [executor.submit("share", {}, asked(path, library, cache, *part)) for part in parts]
             while not all(job.done() for job in jobs):
                 wait([job for job in jobs if not job.done()], LOOK)
                 _raise_if_refused(jobs)
                 told = [job.progress() for job in jobs]
                 yield Progress("fingers", sum(done for done, _ in told), max(1, sum(total for _, total in told)))
             made = []
-            for fingers, job in zip(shares, jobs, strict=True):
+            for (fingers, beside), job in zip(parts, jobs, strict=True):
                 if job.exception() is None:
                     made.append(made_of(job.result(), scene, models, library))
                 else:  # its process died: what it was to do is done here
-                    made.append((yield from render_share(scene, library, fingers, cache)))
+                    made.append((yield from render_share(scene, library, fingers, cache, beside)))
             return made
         finally:
             for job in jobs:

@@ -42,7 +42,7 @@ def scene(level: str) -> Any:
     from core.surface.gap import Surface
 
     times = np.arange(COUNT) / RATE
-    ball = Surface.sphere(15e-3).mesh
+    ball = Surface.sphere(15e-3, facets=1200).mesh
     hands = np.tile(np.eye(4), (FINGERS, COUNT, 1, 1))
     hands[:, :, 0, 3] = 40e-3 * np.arange(FINGERS)[:, None]
     balls = np.tile(np.eye(4), (FINGERS, COUNT, 1, 1))

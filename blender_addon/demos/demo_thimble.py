@@ -23,6 +23,7 @@ FPS, LAST = 24, 73
 BALL, ROD, CUP, RIM = 15e-3, 3e-3, 35e-3, 1.5e-3  # radii [m]
 FOAM = 8.0  # [MPa/m]: it yields 1 mm under 8 kPa
 HELD = (14, 68)  # frames in which the block counts as held
+SHARP = ("edge", "cup")  # things that a draft's nodes miss: contact on points, at three times the price
 GRIP, BLOCK, SHAKE, SHAKES = 1.0e-3, 24e-3, 5e-3, 4  # depth of both fingers, thickness [m], stroke [m], how often
 
 Keys = list[tuple[float, float]]
@@ -115,7 +116,10 @@ def _touched(scene: bpy.types.Scene, what: Scene) -> None:
     place = {"ball": (0.0, 0.0, -BALL)}.get(what.thing, (0.0, 0.0, 0.0))
     colour = demo_stage.ROSE if what.soft else demo_stage.STEEL
     demo_stage.touchable(demo_stage.add(scene, what.title, data, place, colour), 0.6, what.soft)
-    _key(_finger(scene, "Index"), poses(what))
+    finger = _finger(scene, "Index")
+    if what.thing in SHARP:
+        finger.dermis.finger.skin.contact = "points"
+    _key(finger, poses(what))
 
 
 def _held(scene: bpy.types.Scene) -> None:

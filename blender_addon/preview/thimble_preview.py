@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from .. import changes
+from .. import changes, choices
 from .._core import DermisError, core
 from ..devices import active_presets, skin_models, thimble_devices
 from ..results import store
@@ -163,7 +163,9 @@ def _live_state(scene: bpy.types.Scene, target: SkinState, device: Any) -> SkinS
     kept = _states.get(target.finger)
     if kept is None or kept[0] is not rendered:
         contact = path.follower.matching.contact
-        state = _state(target, path.use.method, rendered.solution, contact, rendered.mismatch)
+        state = _state(
+            target, choices.kind_of(device.preset), path.use.method, rendered.solution, contact, rendered.mismatch
+        )
         kept = _states[target.finger] = (rendered, None, state)
     return kept[2]
 
@@ -190,7 +192,14 @@ def _baked_state(scene: bpy.types.Scene, target: SkinState, device: Any) -> Skin
     with skin_models.one_thread():
         solution = played.replay.solution(sample, ahead)
     mismatch = store.signal_at(result, played.output, "mismatch", frame) or 0.0
-    state = _state(target, str(track.meta.get("method", "")), solution, played.replay.contact, mismatch)
+    state = _state(
+        target,
+        choices.kind_of(device.preset),
+        str(track.meta.get("method", "")),
+        solution,
+        played.replay.contact,
+        mismatch,
+    )
     _states[target.finger] = (played, frame, state)
     return state
 
@@ -220,8 +229,8 @@ def _replay(result: Any, target: SkinState, device: Any) -> _Played | None:
     return _played[target.finger]
 
 
-def _state(target: SkinState, method: str, solution: Any, contact: Any, mismatch: float) -> SkinState:
-    """Return the skin under the disc in the place of the target."""
+def _state(target: SkinState, kind: str, method: str, solution: Any, contact: Any, mismatch: float) -> SkinState:
+    """Return the skin under the disc of a kind of device in the place of the target."""
     force, cone = contact.nodal(solution), core.contact.solver.cone
     total = force.sum(axis=0)
     normal = solution.pose.normal
@@ -230,7 +239,7 @@ def _state(target: SkinState, method: str, solution: Any, contact: Any, mismatch
     spread = solution.spread(contact.count)
     return replace(
         target,
-        finger=f"{target.finger}: thimble",
+        finger=f"{target.finger}: {core.devices.kinds.KINDS[kind].drawn}",
         force=force,
         normal_force=along,
         tangential_force=float(np.linalg.norm(total - along * normal)),

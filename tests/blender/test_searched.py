@@ -90,7 +90,8 @@ def test_six_legs_bake_scrub_and_show_the_rendered_skin(legs):
     assert row.contact == 1.0 and 0.0 < row.signals["mismatch"] < 0.6 and live.shape == (6,)
     assert len(platform_card.lines_of(row)) == 6
     rendered = thimble_preview.rendered(scene, skin_preview.own(scene))
-    assert len(rendered) == 1 and rendered[0].work == "rendered" and rendered[0].normal_force > 0.05
+    assert len(rendered) == 1 and rendered[0].finger == "Index: platform"
+    assert rendered[0].work == "rendered" and rendered[0].normal_force > 0.05
     output = baked(scene).bake.outputs[0]
     assert output.track.meta["method"] == "stress" and output.signals["mismatch"].max() > 0.0
     at = int(np.abs(output.track.times - 22 / scene.render.fps).argmin())

@@ -31,8 +31,9 @@ def test_every_scene_bakes_without_an_error_and_touches(which) -> None:
     assert sum(len(o.data.vertices) for o in scene.objects if o.type == "MESH") < 25_000
     assert bpy.ops.dermis.bake() == {"FINISHED"}
     bake = store.current(scene).bake
-    # an edge is smaller than a mesh of two millimetres, and it is said
-    assert {f.code for f in bake.all_findings if f.severity != "info"} <= {"smaller-than-mesh"}
+    # a draft's nodes are two millimetres apart, and it is said; what is sharp is felt on points
+    sharp = demo_thimble.SCENES[which].thing in demo_thimble.SHARP
+    assert {f.code for f in bake.all_findings if f.severity != "info"} <= (set() if sharp else {"smaller-than-mesh"})
     fingers = [o for o in scene.objects if o.dermis.role == "FINGER"]
     assert len(bake.outputs) == len(fingers) == (2 if which == "BLOCK" else 1)
     for output in bake.outputs:

@@ -149,4 +149,5 @@ def test_patterns_may_be_told_in_any_order(problem: Problem) -> None:
         other = problem.fit()
     finally:
         problem.patterns = kept
-    assert abs(other.value(q[order]) - problem.energy.value(q)) <= 1e-7 * abs(problem.energy.value(q))
+    # the fit holds its fields in single precision: sums of them in another order differ by a few times 1e-7
+    assert abs(other.value(q[order]) - problem.energy.value(q)) <= 1e-6 * abs(problem.energy.value(q))

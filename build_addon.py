@@ -552,6 +552,8 @@ def bench(options: argparse.Namespace) -> int:
         command = [str(env.python), "-m", "tests.benchmarks", *options.names]
         if options.json:
             command += ["--json", str(options.json.resolve())]
+        if options.full:
+            command += ["--full", "--out", str(options.out.resolve())]
         more = {"DERMIS_ZIP": str(path), "BLENDER_USER_RESOURCES": str(Path(scratch) / "profile")}
         more["PYTHONPATH"] = os.pathsep.join(map(str, (env.wheels, *peers(env))))
         return subprocess.run(command, cwd=ROOT, env=env.variables(True, **more)).returncode
@@ -700,6 +702,10 @@ def parser() -> argparse.ArgumentParser:
     new = verb(bench)
     new.add_argument("names", nargs="*", metavar="NAME", help="benchmarks to run (default: all)")
     new.add_argument("--json", type=Path, metavar="FILE", help="write the results to this file")
+    new.add_argument(
+        "--full", action="store_true", help="also time against error, knob by knob: tables, JSON, diagrams"
+    )
+    new.add_argument("--out", type=Path, default=ROOT / "bench_out", metavar="DIR", help="of --full (bench_out/)")
     new = verb(stress)
     new.add_argument("names", nargs="*", metavar="NAME", help="kinds of cases (default: all)")
     how = new.add_mutually_exclusive_group()

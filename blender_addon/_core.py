@@ -65,8 +65,10 @@ if TYPE_CHECKING:
     import core.parameters.screen
     import core.parameters.skin
     import core.parameters.stream
+    import core.pipeline.kept_shares
     import core.pipeline.outputs
     import core.pipeline.render
+    import core.pipeline.skipping
     import core.pipeline.trail
     import core.plot.stimuli
     import core.presets

@@ -16,28 +16,43 @@ from .jobs import Steps
 from .preferences import setting
 from .sampling import scene_sweep
 
+_kept: list[Any] = []  # what came of fingers in earlier bakes, once there was one
 
-def bake(scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None = None) -> Steps:
+
+def forget() -> None:
+    """Forget what came of earlier bakes: the next renders every finger."""
+    _kept.clear()
+
+
+def bake(
+    scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None = None, cores: int | None = None
+) -> Steps:
     """Sample a scene and render it; yield progress after every sample, return the engine's `Bake`.
 
     The generator may be closed at any moment: frame and handlers are then as they were.
+
+    Args:
+        cores: to use; as the preferences say where None.
 
     Raises:
         DermisError: the scene cannot be sampled or rendered.
     """
     with film_objects.paused(scene):
-        return (yield from _baked(scene, library, span))
+        return (yield from _baked(scene, library, span, cores))
 
 
-def _baked(scene: bpy.types.Scene, library: Any, span: tuple[int, int] | None) -> Steps:
+def _baked(scene: bpy.types.Scene, library: Any, span: tuple[int, int] | None, cores: int | None) -> Steps:
     yield core.pipeline.bake.Progress("preparing", 0, 1)
     yield from platform_devices.make_missing(scene)
     tactile = scene_sweep.sample(scene, span=span)
     sweep = tactile.chunks
     yield from skin_models.make_tables(tactile, library)
     skins = skin_models.solved_in(tactile, library)
-    executor = core.work.processes.ProcessExecutor(setting("bake_cores") or core.work.processes.cores())
-    steps = core.pipeline.render.render(tactile, library, cache=skin_models.cache(), executor=executor)
+    executor = core.work.processes.ProcessExecutor(cores or setting("bake_cores") or core.work.processes.cores())
+    if not _kept:
+        _kept.append(core.pipeline.kept_shares.KeptShares())
+    render = core.pipeline.render.render
+    steps = render(tactile, library, cache=skin_models.cache(), executor=executor, before=_kept[0])
     sampling_seconds = 0.0
     try:
         while True:

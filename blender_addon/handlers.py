@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
-from . import changes, reporting
+from . import baking, changes, reporting
 from .devices import skin_models
 from .preview import skin_preview
 from .properties.scene_properties import stamp
@@ -42,6 +42,7 @@ def _on_history(*_: Any) -> None:
 def _on_load(*_: Any) -> None:
     changes.note_file()
     store.forget()
+    baking.forget()
     exported.forget()
     recall.request()
     shown.forget()

@@ -5,6 +5,7 @@ from typing import Any
 import bpy
 
 from .. import changes, choices, reporting
+from .._core import core
 from ..hands import bone_names
 from ..layouts import paragraph, properties
 from ..polls import needs
@@ -148,9 +149,8 @@ class DERMIS_PT_result_details(DermisPanel, bpy.types.Panel):
         column = self.layout.column(align=True)
         column.active = False
         column.scale_y = 0.85
-        for name, count in result.bake.skipped.items():
-            if count:
-                column.label(text=f"Skipped, {name.replace('_', ' ')}: {count:,}")
+        for part, words in core.pipeline.skipping.told(result.bake.skipped):
+            column.label(text=f"Skipped, {part}: {words}")
         if result.bake.stage_seconds:
             times = ", ".join(f"{name} {1e3 * seconds:.0f} ms" for name, seconds in result.bake.stage_seconds.items())
             paragraph(column, context, f"Took {times}")

@@ -173,8 +173,10 @@ class DERMIS_PT_skin_work(DermisPanel, bpy.types.Panel):
                 if count:
                     bad = name in ("not converged", "solved by the fallback")
                     _pair(column, name, f"{count:,}", "ERROR" if bad else "BLANK1")
-        for name, count in skin_shown.counters().items():
-            _pair(column, f"stress {name}", f"{count:,}", "BLANK1")
+        view = {**skin_shown.counters(), "overlays_kept": shown.draws()}
+        _pair(column, "stress computed", f"{view.pop('stress_computed'):,}", "BLANK1")
+        for part, words in core.pipeline.skipping.told(view):
+            column.label(text=f"Skipped, {part}: {words}")
 
 
 def _figures(column: Any, context: bpy.types.Context, state: SkinState, said: str) -> None:

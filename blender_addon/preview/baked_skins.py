@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 
 from .. import changes
+from .._core import core
 from ..results import store
 from .skin_state import SkinState
 
@@ -32,7 +33,8 @@ def states(scene: bpy.types.Scene, result: Any, frame: float, state: str) -> tup
 
 def _baked_state(name: str, touch: Any, frame: float, state: str) -> SkinState:
     source = "bake" if state == "fresh" else state
-    counters = {k.removeprefix("skin_").replace("_", " "): int(v) for k, v in touch.skipped.items()}
+    rows = core.pipeline.skipping.SKIPPED
+    counters = {rows[k].counted if k in rows else k: int(v) for k, v in touch.skipped.items()}
     frames = touch.frames
     if not len(frames) or frame < frames[0] - 0.5 or frame > frames[-1] + 0.5:
         return SkinState(

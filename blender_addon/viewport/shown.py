@@ -49,6 +49,7 @@ class Frame(NamedTuple):
 _frames: dict[int, Frame] = {}  # by the scene's session uid
 _doubts: dict[int, tuple[doubtful.Doubt, ...]] = {}  # about the scene itself
 _keys: dict[int, tuple[Any, ...]] = {}  # what they were worked out for
+_drawn = {"kept": 0}  # how often a view was drawn from what was worked out
 _slices = slices.Slices(lambda: _steps())
 
 
@@ -123,8 +124,14 @@ def now(scene: bpy.types.Scene) -> Frame | None:
     """Return what is shown at the current frame, None where it has not been worked out. Reads; for drawing."""
     kept = _read(scene)
     if kept is None or kept.frame == moment.frame_of(scene):
+        _drawn["kept"] += kept is not None
         return kept
     return _late(kept, scene) if _slices.busy(scene) else None
+
+
+def draws() -> int:
+    """Return how often something was drawn from what had been worked out already."""
+    return _drawn["kept"]
 
 
 def _late(kept: Frame, scene: bpy.types.Scene) -> Frame:

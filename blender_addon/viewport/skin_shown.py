@@ -26,7 +26,7 @@ class Shown(NamedTuple):
 
 _drawn: dict[str, tuple[SkinState, tuple[Any, ...], Drawn]] = {}
 _largest: dict[tuple[Any, ...], float] = {}
-_stresses = {"computed": 0, "skipped": 0}
+_stresses = {"stress_computed": 0, "stress_skipped": 0, "stress_kept": 0}
 
 
 def shown(scene: bpy.types.Scene, states: tuple[SkinState, ...]) -> Shown:
@@ -42,7 +42,7 @@ def shown(scene: bpy.types.Scene, states: tuple[SkinState, ...]) -> Shown:
 
 
 def counters() -> dict[str, int]:
-    """Return for how many skins and frames the values to show were computed, and for how many that was not needed."""
+    """Return for how many skins and frames values were computed, were none, and were those of before."""
     return dict(_stresses)
 
 
@@ -63,8 +63,9 @@ def values(state: SkinState, quantity: str, exaggeration: float) -> Drawn:
             and np.array_equal(before.force, state.force)
             and _alike(before.amounts, state.amounts)
         ):
+            _stresses["stress_kept"] += 1
             return kept[2]
-    _stresses["computed" if state.touching else "skipped"] += 1
+    _stresses["stress_computed" if state.touching else "stress_skipped"] += 1
     with skin_models.one_thread():
         drawn = skin_field.draw_of(state, quantity, key[1])
     _drawn[state.finger] = (state, key, drawn)

@@ -12,6 +12,7 @@ from ..errors import DermisError
 from ..matching import pin_report
 from ..pipeline import outputs
 from ..pipeline import render as pipeline
+from ..pipeline.skipping import told
 from ..presets import Library
 from ..scene import scene_file
 from ..scene.tactile_scene import TactileScene
@@ -49,9 +50,8 @@ def render(options: argparse.Namespace) -> int:
             except DermisError as error:  # one finger's track does not take the others down
                 print(f"error: {output.finger}, {output.device}, {form}: {error}", file=sys.stderr)
                 refused += 1
-    for name in sorted(bake.skipped):
-        if bake.skipped[name] and not options.quiet:
-            print(f"skipped: {bake.skipped[name]} {name}", file=sys.stderr)
+    for part, words in () if options.quiet else told(bake.skipped):
+        print(f"skipped, {part}: {words}", file=sys.stderr)
     return max(tell(bake.all_findings, sys.stderr), FAILED if refused else 0)
 
 

@@ -125,7 +125,7 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
     findings += _short_findings(maps, scene, settings.times)
     findings += driven
     track = CommandTrack(spec, settings.times, values, _meta(maps, scene, device))
-    return Rendered(track, signals, tuple(findings))
+    return Rendered(track, signals, tuple(findings), {"slopes_untouched": int((~contact).sum())})
 
 
 def screen_maps(scene: TactileScene, matrices: Array, use: DeviceUse, spec: DeviceSpec) -> dict[int, ScreenMap]:

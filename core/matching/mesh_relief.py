@@ -145,7 +145,7 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
         "law": f"slope {law.slope:.9g} intercept {law.intercept:.9g} base {law.base:.9g}",
     }
     track = CommandTrack(spec, times, values, meta)
-    skipped = {"normals_limited": limited} if limited else {}
+    skipped = {"slopes_untouched": int((~contact).sum())}
     return Rendered(track, signals, (*findings, *driven), skipped)
 
 

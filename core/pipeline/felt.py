@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Generator, Iterator, Mapping
+from collections.abc import Collection, Generator, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from ..errors import DermisError, Finding
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ..cache import Cache
     from ..contact.pad_contact import PadContact
     from ..contact.skin_contact import SkinContact
+    from ..contact.skin_sampler import SkinSampler
     from ..skin.model import SkinModel
 
 
@@ -88,13 +89,35 @@ def touched(
         yield Progress("sampling", done, scene.sample_count)
     with clock.stage("contact"):
         pad_contact = pads.finish()
-    if skins is None:
-        return pad_contact, {}
+    return pad_contact, {} if skins is None else (yield from _balanced(skins, pad_contact, scene.sample_count, clock))
+
+
+def felt_by(
+    scene: TactileScene,
+    chunks: Iterable[Chunk],
+    models: Mapping[int, SkinModel],
+    pad_contact: PadContact,
+    clock: Stages,
+) -> Generator[Progress, None, dict[int, SkinContact]]:
+    """Draw chunks that the pads have been drawn through, mended, through the contact of some fingers' skins."""
+    from ..contact.skin_sampler import SkinSampler
+
+    skins, done = SkinSampler(scene, models), 0
+    for chunk in chunks:
+        with clock.stage("skin contact"):
+            skins.add(chunk)
+        done += len(chunk.times)
+        yield Progress("skin contact", done, scene.sample_count)
+    return (yield from _balanced(skins, pad_contact, scene.sample_count, clock))
+
+
+def _balanced(
+    skins: SkinSampler, pad_contact: PadContact, samples: int, clock: Stages
+) -> Generator[Progress, None, dict[int, SkinContact]]:
     held = skins.solve_held(pad_contact)
     while True:
         with clock.stage("skin contact"):
             solved = next(held, None)
         if solved is None:
-            break
-        yield Progress("skin contact", solved, scene.sample_count)
-    return pad_contact, skins.finish()
+            return skins.finish()
+        yield Progress("skin contact", solved, samples)

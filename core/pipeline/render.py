@@ -5,7 +5,8 @@ scene -> contact of the pads' centres and of the skins -> each device's commands
 `outputs` writes them to files.
 
 `render` decides what a scene does not need: fingers without devices are not rendered, far objects are dropped
-by the broad phase, and effects that nothing switches on are never computed. What was skipped is counted. Fingers that
+by the broad phase, and effects that nothing switches on are never computed. `skipping` has the table of what is
+skipped when, and is counted. Fingers that
 hold nothing together are independent: given an executor, `shares` lets other processes render them, to the same bytes.
 """
 
@@ -16,6 +17,8 @@ from collections import Counter
 from collections.abc import Generator, Iterator
 from typing import TYPE_CHECKING
 
+from ..devices.kinds import KINDS
+from ..devices.mechanism import kind_of
 from ..devices.spec import DeviceSpec
 from ..parameters.skin import SKIN_CONTACT
 from ..presets import Library
@@ -28,14 +31,22 @@ from .device_tracks import Driven, driven, usable
 from .felt import skin_models, touched
 from .stages import Stages
 
+RENDERERS = {kind.renderer for kind in KINDS.values()}
+
 if TYPE_CHECKING:
     from ..cache import Cache
     from ..contact.skin_contact import SkinContact
     from ..work.executor import JobExecutor
+    from .kept_shares import KeptShares
 
 
 def render(
-    scene: TactileScene, library: Library, *, cache: Cache | None = None, executor: JobExecutor | None = None
+    scene: TactileScene,
+    library: Library,
+    *,
+    cache: Cache | None = None,
+    executor: JobExecutor | None = None,
+    before: KeptShares | None = None,
 ) -> Generator[Progress, None, Bake]:
     """Render every device of every finger; yield progress, return a `Bake`.
 
@@ -43,6 +54,8 @@ def render(
         library: the presets.
         cache: where condensed skins are kept; without one they are made anew.
         executor: of child processes, which render fingers side by side where that is worth it. Bytes stay the same.
+        before: what came of earlier bakes: fingers that nothing has changed for are taken from there, and what is
+            rendered is put there. Bytes stay the same.
 
     Raises:
         DermisError: the scene cannot be rendered at all (see `TactileScene.validate`).
@@ -60,15 +73,20 @@ def render(
     chunks = content.through(scene.chunks)
     ready: dict[int, Iterator[Driven]] = {}
     rigid = all(body.mesh is not None for body in scene.bodies)  # what deforms is too much to hand over
-    if executor is not None and executor.workers > 1 and len(models) > 1 and rigid:
+    unchanged = 0
+    several = executor is not None and executor.workers > 1 and len(models) > 1
+    if rigid and models and (several or before is not None):
         from .shares import touched_in_shares
 
-        touch = touched_in_shares(scene, chunks, models, library, cache, clock, executor)
-        pad_contact, skin_contacts, ready = yield from touch
+        touch = touched_in_shares(scene, chunks, models, library, cache, clock, executor, before)
+        pad_contact, skin_contacts, ready, unchanged = yield from touch
     else:
         pad_contact, skin_contacts = yield from touched(scene, chunks, models, clock)
     findings += pad_contact.findings
     skipped = Counter(pad_contact.skipped)
+    skipped["fingers_unchanged"] = unchanged
+    skipped["fingers_without_skin"] = len(scene.fingers) - len(needed)
+    skipped["renderers_not_loaded"] = len(RENDERERS - {kind_of(spec).renderer for _, _, spec in uses})
     for contact in skin_contacts.values():
         findings += contact.findings
         skipped.update(contact.skipped)
@@ -90,6 +108,7 @@ def render(
             outputs.append(made.output)
     yield Progress("devices", len(uses), len(uses))
     by_name = {scene.fingers[finger].name: contact for finger, contact in skin_contacts.items()}
+    skipped = Counter({name: count for name, count in skipped.items() if count})
     return Bake(tuple(outputs), tuple(findings), skipped, content_hash, clock.seconds, by_name)
 
 

@@ -26,6 +26,7 @@ from .felt import skin_models, touched
 from .stages import Stages
 
 if TYPE_CHECKING:
+    from ..contact.pad_contact import PadContact
     from ..contact.skin_contact import SkinContact
     from ..skin.model import SkinModel
 
@@ -55,13 +56,21 @@ def render_share(
     clock, told = Stages(), list[Finding]()  # who shares the work out says the same of the whole scene
     models = yield from skin_models(scene, fingers, library, cache, clock, told)
     pad_contact, felt = yield from touched(scene, iter(scene.chunks), models, clock, fingers={*models, *beside})
-    uses = [(f, use, spec) for f, use, spec in usable(scene, library, told) if f in models and spec.follows_skin]
-    made: dict[int, list[Driven]] = {f: [] for f in models}
+    return Share(felt, (yield from driven_by(scene, library, pad_contact, felt, clock)), clock.seconds)
+
+
+def driven_by(
+    scene: TactileScene, library: Library, pad_contact: PadContact, felt: Mapping[int, SkinContact], clock: Stages
+) -> Generator[Progress, None, dict[int, list[Driven]]]:
+    """Render the devices that follow some fingers' skins; their tracks do not know the hash of the whole scene yet."""
+    told: list[Finding] = []  # who renders the whole scene says the same
+    uses = [(f, use, spec) for f, use, spec in usable(scene, library, told) if f in felt and spec.follows_skin]
+    made: dict[int, list[Driven]] = {f: [] for f in felt}
     for step, (f, use, spec) in enumerate(uses):
         yield Progress("devices", step, len(uses))
         with clock.stage("devices"):
             made[f].append(driven(pad_contact, scene, f, use, spec, felt[f], ""))
-    return Share(felt, made, clock.seconds)
+    return made
 
 
 def asked(

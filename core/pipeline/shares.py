@@ -11,7 +11,7 @@ from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import wait
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -21,8 +21,9 @@ from ..scene import scene_file
 from ..scene.tactile_scene import Chunk, TactileScene
 from .bake import Progress
 from .device_tracks import Driven
-from .felt import touched
-from .share_job import Share, asked, made_of, render_share
+from .felt import felt_by, touched
+from .kept_shares import KeptShares, keys_of
+from .share_job import Share, asked, driven_by, made_of, render_share
 from .stages import Stages
 
 if TYPE_CHECKING:
@@ -37,7 +38,17 @@ SAVED = (
 )
 LOOK = 0.02  # seconds between two looks at what is under way
 
-Touched = tuple["PadContact", dict[int, "SkinContact"], dict[int, Iterator[Driven]]]
+
+class Touched(NamedTuple):
+    """What is felt over a scene: of the pads and of the skins, what came of the devices that follow these, by finger.
+
+    `unchanged` says how many fingers are as an earlier bake had them.
+    """
+
+    pad_contact: PadContact
+    felt: dict[int, SkinContact]
+    ready: dict[int, Iterator[Driven]]
+    unchanged: int
 
 
 def touched_in_shares(
@@ -47,11 +58,13 @@ def touched_in_shares(
     library: Library,
     cache: Cache | None,
     clock: Stages,
-    executor: JobExecutor,
+    executor: JobExecutor | None,
+    before: KeptShares | None = None,
 ) -> Generator[Progress, None, Touched]:
     """Return contact of the pads, of the skins, and what came of the devices that follow these, by finger.
 
-    The last is empty where other processes would not have saved time: then none was asked.
+    Shares that nothing has changed for are taken from earlier bakes. Others are rendered by other processes where that
+    saves time, else here.
 
     Raises:
         DermisError: what a process refuses.
@@ -59,16 +72,45 @@ def touched_in_shares(
     kept: list[Chunk] = []
     pad_contact, _ = yield from touched(scene, chunks, {}, clock, kept)
     whole = replace(scene, chunks=kept)
-    shares = shares_of(scene, pad_contact, models)
-    if saved(shares, executor.workers) < SAVED:
-        _, felt = yield from touched(whole, iter(kept), models, clock)
-        return pad_contact, felt, {}
-    made = yield from _rendered(whole, list(shares), models, library, cache, executor)
-    for share in made:
+    shares, made = shares_of(scene, pad_contact, models), dict[tuple[int, ...], Share]()
+    keys: dict[tuple[int, ...], str] = {}
+    if before is not None:
+        with clock.stage("earlier bakes"):
+            keys = keys_of(whole, kept, pad_contact, shares, models, library)
+            known = {lot: before.get(key) for lot, key in keys.items()}
+        made = {lot: share for lot, share in known.items() if share is not None}
+    left = {lot: load for lot, load in shares.items() if lot not in made}
+    if executor is not None and saved(left, executor.workers) >= SAVED:
+        rendered = yield from _rendered(whole, list(left), models, library, cache, executor)
+    elif left:
+        rendered = yield from _rendered_here(whole, list(left), models, library, pad_contact, clock)
+    else:
+        rendered = []
+    for lot, share in zip(left, rendered, strict=True):
         clock.add(share.seconds)
-    felt = {f: touch for share in made for f, touch in share.felt.items()}
-    ready = {f: iter(devices) for share in made for f, devices in share.driven.items()}
-    return pad_contact, dict(sorted(felt.items())), ready
+        made[lot] = share
+        if before is not None:
+            before.put(keys[lot], share)
+    felt = {f: touch for share in made.values() for f, touch in share.felt.items()}
+    ready = {f: iter(devices) for share in made.values() for f, devices in share.driven.items()}
+    return Touched(
+        pad_contact, dict(sorted(felt.items())), ready, sum(len(made[lot].felt) for lot in shares.keys() - left)
+    )
+
+
+def _rendered_here(
+    scene: TactileScene,
+    lots: Sequence[tuple[int, ...]],
+    models: Mapping[int, SkinModel],
+    library: Library,
+    pad_contact: PadContact,
+    clock: Stages,
+) -> Generator[Progress, None, list[Share]]:
+    """Render shares one beside the other in this process, whose clock goes on."""
+    wanted = {f: models[f] for f in sorted(f for lot in lots for f in lot) if f in models}
+    felt = yield from felt_by(scene, scene.chunks, wanted, pad_contact, clock)
+    driven = yield from driven_by(scene, library, pad_contact, felt, clock)
+    return [Share({f: felt[f] for f in lot if f in felt}, {f: driven[f] for f in lot if f in felt}, {}) for lot in lots]
 
 
 def shares_of(scene: TactileScene, pad_contact: PadContact, skins: Collection[int]) -> dict[tuple[int, ...], int]:

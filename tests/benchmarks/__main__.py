@@ -83,6 +83,8 @@ def main(arguments: list[str]) -> int:
     """Run the named benchmarks, or all; return 1 where one could not run or is wrong, 2 where there is none to run."""
     parser = argparse.ArgumentParser(prog="bench", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help="names, or parts of names, of benchmarks")
+    parser.add_argument("--full", action="store_true", help="also time against error, knob by knob, with diagrams")
+    parser.add_argument("--out", type=Path, default=Path("bench_out"), metavar="DIR", help="of --full (bench_out/)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the results to this file")
     options = parser.parse_args(arguments)
     results = load()
@@ -101,6 +103,8 @@ def main(arguments: list[str]) -> int:
         partial = options.json.with_name(options.json.name + ".part")
         partial.write_text(as_json(results), encoding="utf-8", newline="\n")
         os.replace(partial, options.json)
+    if options.full:
+        importlib.import_module(f"{__package__}.work_precision.__main__").main(["--out", str(options.out)])
     return 1 if any(r.value is None or r.error for r in results) else 0
 
 

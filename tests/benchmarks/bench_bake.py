@@ -15,7 +15,7 @@ def bake_own() -> Result:
     import bpy
 
     import blender_addon
-    from blender_addon import jobs
+    from blender_addon import baking
     from blender_addon.sampling import frames as frames_of
     from core.presets import Library
     from core.steps import drain
@@ -34,7 +34,7 @@ def bake_own() -> Result:
                 for whole, part in places:
                     scene.frame_set(whole, subframe=part)
                 middle = time.perf_counter()
-                bake = drain(jobs.bake(scene, library))
+                bake = drain(baking.bake(scene, library))
                 after = time.perf_counter()
                 if turn:  # the first loads modules
                     bare.append(1e6 * (middle - before) / len(places))

@@ -57,6 +57,13 @@ def contact_6k_p95() -> Result:
     return Result("contact_6k_p95_ms", timing(_run("standard", "sliding").times).p95, "ms")
 
 
+@benchmark("contact_6k_p95_ratio", limit=1.5)
+def contact_6k_p95_ratio() -> Result:
+    """The same over the median."""
+    found = timing(_run("standard", "sliding").times)
+    return Result("contact_6k_p95_ratio", found.p95 / found.median, "1")
+
+
 @benchmark("contact_6k_path_error", limit=1e-3)
 def contact_6k_path_error() -> Result:
     """RMS force error along the sliding path, relative; the worst frame beside it."""

@@ -130,6 +130,13 @@ def thimble_frame() -> Result:
     return frame_result("thimble_frame_ms", "draft", with_target=False, p95_limit=2.0)
 
 
+@benchmark("thimble_frame_p95_ratio", limit=2.0)
+def thimble_frame_p95_ratio() -> Result:
+    """The 95th percentile of the same over its median."""
+    times = timing(list(frames("draft")["thimble"]))
+    return Result("thimble_frame_p95_ratio", times.p95 / times.median, "1")
+
+
 @benchmark("finger_frame_ms", limit=2.0)
 def finger_frame() -> Result:
     """The same with the contact of the virtual touch."""

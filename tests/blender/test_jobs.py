@@ -146,16 +146,48 @@ def test_a_bake_on_all_cores_is_that_of_one_and_can_be_left(scene, monkeypatch):
     for cores in (1, 2):
         monkeypatch.setattr(baking, "setting", lambda _name, cores=cores: cores)
         told[cores] = []
+        baking.forget()
         baked[cores] = drain(baking.bake(scene, library()), told[cores].append)
     assert "fingers" in {p.stage for p in told[2]} and "fingers" not in {p.stage for p in told[1]}
     assert baked[1].content_hash == baked[2].content_hash and len(baked[2].skins) == 2
     for name, skin in baked[1].skins.items():
         assert skin.force.any() and skin.force.tobytes() == baked[2].skins[name].force.tobytes()
+    baking.forget()
     steps = baking.bake(scene, library())
     while next(steps).stage != "fingers":
         pass
     steps.close()
     assert not own_workers(), "a process went on"
+
+
+def test_a_second_bake_renders_whom_a_change_concerns(scene):
+    build.cube("Other Cube", 0.2, location=(1.0, 0.0, 0.0))
+    tips = [bpy.data.objects["Finger"], build.finger("Other Finger", (1.0, 0.0, 0.3))]
+    build.keys(tips[1], "location", [1, 13, 25], [(1, 0, 0.2), (1, 0, 0.0985), (1.003, 0, 0.0985)])
+    build.keys(tips[0], "location", [1, 13, 25], [(0, 0, 0.2), (0, 0, 0.098), (0.003, 0, 0.098)])
+    for tip in tips:
+        tip.dermis.finger.skin.shown, tip.dermis.finger.skin.level = True, "draft"
+
+    def baked():
+        return drain(baking.bake(scene, library(), cores=1))
+
+    first, again = baked(), baked()
+    assert "fingers_unchanged" not in first.skipped and again.skipped["fingers_unchanged"] == 2
+    assert "skin contact" in first.stage_seconds and "skin contact" not in again.stage_seconds
+    bpy.data.objects["Other Cube"].dermis.material.friction = 0.05
+    changed = baked()
+    assert changed.skipped["fingers_unchanged"] == 1
+    baking.forget()
+    fresh = baked()
+    assert "fingers_unchanged" not in fresh.skipped and fresh.content_hash == changed.content_hash
+    for name, skin in fresh.skins.items():
+        assert skin.force.any() and skin.force.tobytes() == changed.skins[name].force.tobytes()
+        assert (skin.force.tobytes() == first.skins[name].force.tobytes()) == (name == "Finger")
+    path = str(bpy.app.tempdir) + "again.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    scene = bpy.context.scene
+    assert "fingers_unchanged" not in drain(baking.bake(scene, library(), cores=1)).skipped, "another file"
 
 
 def own_workers() -> list[int]:

@@ -186,7 +186,13 @@ def test_far_and_still_frames_are_skipped_and_counted(pressing: bpy.types.Scene)
     views.renew(pressing)
     views.renew(pressing)
     after = skin_shown.counters()
-    assert after["computed"] - before["computed"] == 1
+    assert after["stress_computed"] - before["stress_computed"] == 1
+    assert after["stress_kept"] - before["stress_kept"] == 1 and after["stress_skipped"] == before["stress_skipped"]
+    views.now(pressing)
+    drawn = views.draws()
+    views.now(pressing)
+    assert views.draws() == drawn + 1, "a view that is drawn again works nothing out"
+    assert skin_shown.counters() == after
 
 
 def test_a_hidden_skin_is_not_solved(pressing: bpy.types.Scene) -> None:

@@ -1,0 +1,228 @@
+"""What came of fingers in earlier bakes, kept so that a bake renders only those that something has changed for.
+
+A finger is known by all that its skin and the devices which follow it could be rendered from: its own header and path,
+what may be held together with it, every object that ever comes near it, the presets, and the files and tables that they
+name. What stays away from it is no part of that: it may move and change.
+"""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+import json
+import time
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contact import skin_arrays
+from ..contact.held_body import can_be_held
+from ..contact.posed_scene import PosedScene
+from ..errors import DermisError
+from ..parameters.skin import DEFAULT_SKIN
+from ..presets import Library
+from ..scene.tactile_scene import Chunk, DeviceUse, TactileScene, header
+from ..skin.surface_store import smooth_pad
+from ..version import version
+from .share_job import Share
+
+if TYPE_CHECKING:
+    from ..contact.pad_contact import PadContact
+    from ..skin.model import SkinModel
+
+LIMIT_BYTES = 300_000_000
+# Skin is looked for within this multiple of the pad's size, from its centre, and a way [m]: more than any contact does.
+REACH, MARGIN = 2.0, 2.5e-3
+ALL = ("frames/", "times/")  # of the series, whose samples they are
+
+
+class KeptShares:
+    """Shares of bakes by what they were rendered from; those not used for longest make room.
+
+    Args:
+        limit_bytes: of all of them; one that is larger is not kept.
+
+    Attributes:
+        found: how many shares were taken from here. made: how many were rendered and put here.
+    """
+
+    def __init__(self, limit_bytes: int = LIMIT_BYTES) -> None:
+        self._limit = limit_bytes
+        self._shares: dict[str, tuple[Share, int]] = {}
+        self.found = self.made = 0
+
+    def __len__(self) -> int:
+        return len(self._shares)
+
+    @property
+    def size(self) -> int:
+        """How many bytes are kept."""
+        return sum(size for _, size in self._shares.values())
+
+    def get(self, key: str) -> Share | None:
+        """Return the share of a key, None where it is not kept."""
+        if key not in self._shares:
+            return None
+        self._shares[key] = self._shares.pop(key)
+        self.found += 1
+        return self._shares[key][0]
+
+    def put(self, key: str, share: Share) -> None:
+        """Keep a share, in place of those that were not used for longest."""
+        self.made += 1
+        size = size_of(share)
+        self._shares.pop(key, None)
+        if size > self._limit:
+            return
+        while self._shares and self.size + size > self._limit:
+            del self._shares[next(iter(self._shares))]
+        self._shares[key] = (share, size)
+
+    def clear(self) -> None:
+        """Forget all of them."""
+        self._shares.clear()
+
+
+def size_of(share: Share) -> int:
+    """Return how many bytes the arrays of a share have."""
+    arrays = [array for touch in share.felt.values() for array in skin_arrays.arrays_of(touch).values()]
+    outputs = [made.output for devices in share.driven.values() for made in devices if made.output is not None]
+    arrays += [series for o in outputs for series in (o.track.times, o.track.values, *o.signals.values())]
+    return sum(np.asarray(array).nbytes for array in arrays)
+
+
+def keys_of(
+    scene: TactileScene,
+    chunks: Sequence[Chunk],
+    pad_contact: PadContact,
+    lots: Collection[tuple[int, ...]],
+    models: Mapping[int, SkinModel],
+    library: Library,
+) -> dict[tuple[int, ...], str]:
+    """Return the key of each lot of fingers, see `lots_of`.
+
+    Args:
+        chunks: of the whole scene, as they were taken in. models: of the fingers whose skin is simulated.
+    """
+    whole = header(scene)
+    near = _near(scene, chunks, pad_contact, models)
+    series = _series(scene, chunks)
+    return {lot: _key(lot, scene, whole, near, series, models, library) for lot in lots}
+
+
+def _key(
+    lot: tuple[int, ...],
+    scene: TactileScene,
+    whole: Mapping[str, Any],
+    near: Mapping[int, set[int]],
+    series: Mapping[str, str],
+    models: Mapping[int, SkinModel],
+    library: Library,
+) -> str:
+    bodies = sorted(set[int]().union(*(near[f] for f in lot)))
+    owners = {("finger", str(f)) for f in lot} | {("device", str(f)) for f in lot} | {("body", str(b)) for b in bodies}
+    own = {
+        name: value
+        for name, value in series.items()
+        if name.startswith(ALL) or tuple(name.split("/")[:2]) in owners or "/touch_distance/" in name
+    }
+    told = {
+        "version": version(),
+        "scene": {name: value for name, value in whole.items() if name not in ("fingers", "bodies", "screens")},
+        "counts": [len(scene.fingers), len(scene.bodies)],
+        "reach": [finger.parameters.get("touch_distance") for finger in scene.fingers],  # the longest is everyone's
+        "fingers": {f: whole["fingers"][f] for f in lot},
+        "bodies": {b: whole["bodies"][b] for b in bodies},
+        "series": own,
+        "skins": {f: _skin(models[f]) for f in lot if f in models},
+        "default skin": library.skin(DEFAULT_SKIN),
+        "devices": [_device(use, library) for f in lot for use in scene.fingers[f].devices],
+    }
+    return hashlib.sha256(json.dumps(told, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def _near(
+    scene: TactileScene, chunks: Sequence[Chunk], pad_contact: PadContact, models: Mapping[int, SkinModel]
+) -> dict[int, set[int]]:
+    """Return what ever comes near each finger, and what that contains; by boxes, so rather too much than too little.
+
+    What may be held is known by the touch of pads, which looks farther.
+    """
+    near: dict[int, set[int]] = {f: set() for f in range(len(scene.fingers))}
+    for f, b in pad_contact.pairs:
+        if can_be_held(scene, b, pad_contact.animated):
+            near[f].add(b)
+    posed = PosedScene(scene.bodies)
+    for chunk in chunks:
+        if not len(chunk.times):
+            continue
+        posed.take(chunk)
+        middle, half = posed.boxes()
+        for f, model in models.items():
+            size = float(np.sqrt((model.positions**2).sum(axis=1).max()))
+            within = (np.abs(chunk.fingers[f, :, :3, 3] - middle) <= half + REACH * size + MARGIN).all(axis=2)
+            near[f] |= set(np.flatnonzero(np.any(within, axis=1)).tolist())
+    index = {body.name: b for b, body in enumerate(scene.bodies)}
+    for bodies in near.values():
+        waiting = list(bodies)
+        while waiting:
+            inside = {index[name] for name in scene.bodies[waiting.pop()].content if name in index} - bodies
+            bodies |= inside
+            waiting += inside
+    return near
+
+
+def _series(scene: TactileScene, chunks: Sequence[Chunk]) -> dict[str, str]:
+    """Return a hash of each thing's path, surface and animated parameters, by names that begin as in `Chunk.animated`.
+
+    Cutting the scene into other chunks changes nothing.
+    """
+    found: dict[str, Any] = {}
+
+    def add(name: str, rows: NDArray[Any]) -> None:
+        sha = found.setdefault(f"{name}/{rows.dtype.str}{rows.shape[1:]}", hashlib.sha256())
+        sha.update(np.ascontiguousarray(rows).data)
+
+    for b, body in enumerate(scene.bodies):
+        if body.mesh is not None:
+            add(f"body/{b}/vertices", body.mesh.vertices)
+            add(f"body/{b}/triangles", body.mesh.triangles)
+    for chunk in chunks:
+        add("frames", chunk.frames)
+        add("times", chunk.times)
+        for kind, poses in (("finger", chunk.fingers), ("body", chunk.bodies)):
+            for index, pose in enumerate(poses):
+                add(f"{kind}/{index}/pose", pose)
+        for name, values in chunk.animated.items():
+            add(name, values)
+    return {name: sha.hexdigest() for name, sha in found.items()}
+
+
+def _skin(model: SkinModel) -> list[Any]:
+    """Return what of a skin depends on tables that may be there or not; else it is as the scene says."""
+    key = "" if model.stiffening is None else model.stiffening.key
+    return [model.tissue, key, smooth_pad(model) is not None]
+
+
+def _device(use: DeviceUse, library: Library) -> list[Any]:
+    """Return what a device is made from besides the scene: its preset, and the files that its settings name."""
+    try:
+        preset = library.device(use.preset).hash
+    except DermisError as error:
+        preset = str(error)
+    return [preset, [_stamps(value) for value in use.parameters.values() if isinstance(value, str)]]
+
+
+def _stamps(value: str) -> list[tuple[str, int, int]]:
+    """Return name, size and time of all files whose names begin with a text, or that lie in the folder it names."""
+    if "/" not in value and "\\" not in value:
+        return []
+    path = Path(value)
+    files = path.rglob("*") if path.is_dir() else path.parent.glob(f"{glob.escape(path.name)}*")
+    try:
+        return sorted((str(file), file.stat().st_size, file.stat().st_mtime_ns) for file in files if file.is_file())
+    except OSError:  # a file that goes meanwhile
+        return [(value, -1, time.time_ns())]

@@ -1,0 +1,87 @@
+"""What each part of the pipeline needs, and what it leaves out where a scene does not need it: one row a counter.
+
+What is left out changes no byte of a track, but for forces that still hold: a new solution would be another within the
+contact's tolerance. Who leaves something out counts it in `skipped` by a name of this table; panels and summaries show
+the counts in its words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+
+class Skip(NamedTuple):
+    """One thing that may be left out.
+
+    Attributes:
+        part: of the pipeline. needs: what the part is computed from. when: nothing of it is, and then it is counted.
+        counted: what one of the count is, in words that follow a number.
+    """
+
+    part: str
+    needs: str
+    when: str
+    counted: str
+
+
+SKIPPED: Mapping[str, Skip] = {
+    "renderers_not_loaded": Skip(
+        "imports", "the module of each kind of device", "no finger wears one", "kinds of device that nobody wears"
+    ),
+    "fingers_without_skin": Skip(
+        "fingers", "a skin", "it is not shown and no device follows it", "fingers whose skin is not simulated"
+    ),
+    "fingers_unchanged": Skip(
+        "fingers",
+        "its path, what comes near, what it wears",
+        "all that is as an earlier bake had it",
+        "fingers taken from an earlier bake",
+    ),
+    "pair_samples_far": Skip(
+        "objects", "gap of a pad to an object", "their boxes are apart", "pads and objects too far apart, by sample"
+    ),
+    "skin_pairs_far": Skip(
+        "objects", "gaps of a skin to an object", "their boxes are apart", "skins and objects too far apart, by sample"
+    ),
+    "surfaces_far": Skip(
+        "objects", "surface of an object that deforms", "no pad is near", "surfaces of deforming objects not built"
+    ),
+    "skin_frames_idle": Skip("contact", "forces on the skin", "nothing is near", "samples of a skin with nothing near"),
+    "skin_frames_same": Skip(
+        "frames", "forces on the skin", "nothing has moved, or the last ones still hold", "samples of a skin as before"
+    ),
+    "slopes_untouched": Skip(
+        "gradient", "slope of a screen's map", "the finger is not on it", "samples of a finger that is on no screen"
+    ),
+    "effects_off": Skip("effects", "each effect", "its switch or its amplitude is zero", "effects that are off"),
+    "bodies_never_touched": Skip(
+        "effects", "what a finger feels of an object", "it never touches it", "objects that a tactor never touches"
+    ),
+    "bodies_never_held": Skip(
+        "effects", "weight and content", "nobody holds the object", "objects that a tactor never holds"
+    ),
+    "pin_frames_without_contact": Skip(
+        "matching", "forces of pins", "the skin touches nothing", "samples of pins at rest"
+    ),
+    "thimble_frames_without_contact": Skip(
+        "matching", "pose of a disc", "the skin touches nothing", "commands of a thimble at rest"
+    ),
+    "lookups_without_contact": Skip(
+        "matching", "row of a table", "the skin touches nothing", "samples of a platform at rest"
+    ),
+    "stress_skipped": Skip("stress", "colours of a skin", "it touches nothing", "skins in the view without a touch"),
+    "stress_kept": Skip("stress", "colours of a skin", "they are those of before", "skins in the view as before"),
+    "overlays_kept": Skip(
+        "overlays", "what a view shows", "nothing has happened since", "views drawn from what was worked out"
+    ),
+}
+
+
+def told(skipped: Mapping[str, int]) -> Iterator[tuple[str, str]]:
+    """Yield part and words for all that was left out, in the order of the table; what it does not know comes last."""
+    for name in sorted(skipped, key=lambda name: ([*SKIPPED].index(name) if name in SKIPPED else len(SKIPPED), name)):
+        if skipped[name]:
+            row = SKIPPED.get(name)
+            words = name.replace("_", " ") if row is None else row.counted
+            yield ("other" if row is None else row.part), f"{skipped[name]:,} {words}"

@@ -1,0 +1,112 @@
+"""Diagrams on two logarithmic axes, side by side on one canvas."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import ceil, floor, log10
+
+import numpy as np
+
+from core.plot.axes import FAINT, FRAME, GRID, INK, PAPER
+from core.plot.canvas import Canvas
+
+from .measured import Panel, Point
+
+COLOURS = ("#c8323c", "#e39aa0", "#1f6fb2", "#4fa3a0", "#8a4fb0", "#b0661a", "#6b7480")
+WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 306.0, 250.0, 48.0, 14.0, 34.0, 42.0
+HEAD = 78.0  # for title, sentence and legend
+OWN, BAND = "#eef0f3", "#b9a06a"
+SMALL = 6.2
+
+
+def size(count: int, across: int) -> tuple[float, float]:
+    """Return width and height of a canvas for so many diagrams [points]."""
+    return 12.0 + WIDTH * across, HEAD + HEIGHT * ceil(count / across)
+
+
+def draw(canvas: Canvas, panels: Sequence[Panel], title: str, says: str, across: int) -> None:
+    """Draw diagrams row by row; the same curve has the same colour everywhere."""
+    names = list(dict.fromkeys(point.curve for panel in panels for point in panel.points))
+    colours = {name: COLOURS[k % len(COLOURS)] for k, name in enumerate(names)}
+    canvas.text(20, 24, title, 9.5, INK)
+    canvas.text(20, 43, says, 7.5, INK)
+    x = 20.0
+    for name, colour in colours.items():
+        canvas.disc(x + 4, 60.5, 3.5, colour)
+        canvas.text(x + 12, 63.5, name, 7.0, FAINT)
+        x += 26 + 5.4 * len(name)
+    canvas.disc(x + 4, 60.5, 5.0, INK)
+    canvas.disc(x + 4, 60.5, 3.6, PAPER)
+    canvas.text(x + 13, 63.5, "the default", 7.0, FAINT)
+    for k, panel in enumerate(panels):
+        _draw(canvas, panel, colours, 6.0 + WIDTH * (k % across), HEAD + HEIGHT * (k // across))
+
+
+def _draw(canvas: Canvas, panel: Panel, colours: dict[str, str], left: float, top: float) -> None:
+    errors = [p.error for p in panel.points] + [e for e in (*panel.bands.values(), panel.own) if e > 0.0]
+    (low, high), (fast, slow) = (_around(values) for values in (errors, [p.median for p in panel.points]))
+    x0, x1, y0, y1 = left + LEFT, left + WIDTH - RIGHT, top + HEIGHT - BOTTOM, top + TOP
+
+    def x(value: float) -> float:
+        share = (log10(max(value, 1e-300)) - low) / (high - low)
+        return x0 + (x1 - x0) * min(max(share, 0.0), 1.0)
+
+    def y(value: float) -> float:
+        return y0 + (y1 - y0) * (log10(value) - fast) / (slow - fast)
+
+    if panel.own > 0.0:
+        canvas.rectangle(x0, y1, x(panel.own) - x0, y0 - y1, OWN)
+    for value in _ticks(low, high):
+        canvas.line(x(value), y1, x(value), y0 + 3, GRID, 0.75)
+        canvas.text(x(value), y0 + 13, _share(value), 6.5, FAINT, "middle")
+    for value in _ticks(fast, slow):
+        canvas.line(x0 - 3, y(value), x1, y(value), GRID, 0.75)
+        canvas.text(x0 - 6, y(value) + 3, f"{value:g}", 6.5, FAINT, "end")
+    for level in (y0, y1):
+        canvas.line(x0, level, x1, level, FRAME, 0.75)
+    for side in (x0, x1):
+        canvas.line(side, y1, side, y0, FRAME, 0.75)
+    canvas.text(x0, y1 - 20, panel.title, 8.0, INK)
+    canvas.text(x0, y1 - 6, "ms a frame", 6.5, FAINT)
+    canvas.text((x0 + x1) / 2, y0 + 27, f"error of {panel.across}", 6.5, FAINT, "middle")
+    for k, (name, value) in enumerate(panel.bands.items()):
+        canvas.line(x(value), y1, x(value), y0, BAND, 1.0, 3.0)
+        canvas.text(x(value) + 3, y1 + 9 + 9 * k, name.replace("_", "-"), SMALL, BAND)
+    if panel.own > 0.0:
+        canvas.text(x0 + 3, y0 - 4, "the reference's own", SMALL, FAINT)
+    for curve in dict.fromkeys(point.curve for point in panel.points):
+        own = [point for point in panel.points if point.curve == curve]
+        if len(own) > 1:
+            canvas.path(np.array([x(p.error) for p in own]), np.array([y(p.median) for p in own]), colours[curve], 1.0)
+        for point in own:
+            _mark(canvas, point, x(point.error), y(point.median), colours[curve], x1)
+
+
+def _mark(canvas: Canvas, point: Point, x: float, y: float, colour: str, right: float) -> None:
+    if point.default:
+        canvas.disc(x, y, 5.4, INK)
+        canvas.disc(x, y, 4.4, PAPER)
+    canvas.disc(x, y, 3.0, colour)
+    end = x > right - 40.0
+    canvas.text(x + (-7 if end else 7), y - 3, point.knob, SMALL, colour, "end" if end else "start")
+
+
+def _around(values: Sequence[float]) -> tuple[float, float]:
+    """Return the powers of ten between which values lie, with some room."""
+    found = [log10(v) for v in values if v > 0.0]
+    low, high = min(found), max(found)
+    room = max(0.08 * (high - low), 0.12)
+    return low - room, high + room
+
+
+def _ticks(low: float, high: float) -> list[float]:
+    """Return round values between two powers of ten: 1, 2 and 5 of each, or whole powers where there are many."""
+    steps = (1.0, 2.0, 5.0) if high - low < 2.5 else (1.0,)
+    every = max(1, ceil((high - low) / 7.0))
+    powers = range(floor(low), ceil(high) + 1)
+    values = [step * 10.0**k for k in powers if k % every == 0 for step in steps]
+    return [float(f"{v:.3g}") for v in values if low <= log10(v) <= high]
+
+
+def _share(value: float) -> str:
+    return f"{100 * value:g} %" if value >= 1e-4 else f"{value:.0e}"

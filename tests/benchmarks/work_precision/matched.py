@@ -1,0 +1,133 @@
+"""Matching: what pins and thimbles do with a touch, by method and by solver.
+
+Solvers of the same bounded least squares are judged by how far a step of projected descent from their answer moves,
+relative to the greatest force: a certificate that none of them makes. Methods are judged by the skin's displacement
+that they leave, thimbles by the stress.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from core.arrays import Array
+
+from .. import one_blas_thread, timing
+from ..bench_pins import LIMIT, _daqp, _forces, _setup
+from .measured import Panel, Point, clocked
+
+FEW = 60  # frames that slow solvers get
+ROUNDING = 1e-16
+
+
+def pin_solvers() -> Panel:
+    """Return DM2 on the path that never settles, by solver."""
+    from core.matching.bounded_lsq import BoundedLeastSquares
+
+    panel = Panel("pin solvers", "128 pins, deformation matching: solvers", "certificate")
+    matcher = _setup().matcher
+    gram = matcher.gram("DM2")
+    sides = [matcher.rhs("DM2", f) for f in _forces("varied")]
+    ours = BoundedLeastSquares(gram, 0.0, LIMIT)
+    makers: dict[str, tuple[Callable[[], Callable[[Array], Array]], int]] = {
+        "ours": (lambda: lambda c: ours.solve(c).x, len(sides)),
+        "DAQP": (lambda: _daqp(gram), len(sides)),
+        "scipy BVLS": (lambda: _bvls(gram), FEW),
+    }
+    for digits in (1e-3, 1e-5):
+        makers[f"OSQP {digits:.0e}"] = (lambda digits=digits: _osqp(gram, digits), FEW)  # type: ignore[misc]
+    for name, (make, count) in makers.items():
+        try:
+            solve = make()
+        except ImportError:  # a development dependency
+            continue
+        panel.points.append(_solved(name, gram, sides[:count], solve))
+    return panel
+
+
+def _solved(name: str, gram: Array, sides: list[Array], solve: Callable[[Array], Array]) -> Point:
+    slope, times, off = float(np.diag(gram).max()), [], 0.0
+    with one_blas_thread():
+        solve(sides[0])
+        for c in sides:
+            x, taken = clocked(lambda c=c: solve(c))  # type: ignore[misc]
+            times.append(taken)
+            moved = np.clip(x - (gram @ x - c) / slope, 0.0, LIMIT) - x
+            off = max(off, float(np.abs(moved).max()) / LIMIT)
+    found = timing(times)
+    error = max(off, ROUNDING)
+    return Point(name.partition(" 1e")[0], name, found.median, found.p95, error, error, name == "ours")
+
+
+def _bvls(gram: Array) -> Callable[[Array], Array]:
+    from scipy.optimize import lsq_linear
+
+    root = np.linalg.cholesky(gram).T
+
+    def solve(c: Array) -> Array:
+        found = lsq_linear(root, np.linalg.solve(root.T, c), (0.0, LIMIT), method="bvls")
+        return np.asarray(np.clip(found.x, 0.0, LIMIT))
+
+    return solve
+
+
+def _osqp(gram: Array, digits: float) -> Callable[[Array], Array]:
+    import osqp
+    from scipy import sparse
+
+    n, scale = len(gram), float(np.diag(gram).mean())
+    model = osqp.OSQP()
+    upper = sparse.triu(sparse.csc_matrix(gram / scale), format="csc")
+    bounds = sparse.eye(n, format="csc"), np.zeros(n), np.full(n, LIMIT)
+    accuracy: dict[str, Any] = {"eps_abs": digits, "eps_rel": digits, "max_iter": 100_000}
+    model.setup(upper, np.zeros(n), *bounds, **accuracy, verbose=False, polishing=False)
+
+    def solve(c: Array) -> Array:
+        model.update(q=-c / scale)
+        return np.asarray(np.clip(model.solve().x, 0.0, LIMIT))
+
+    return solve
+
+
+def pin_methods() -> Panel:
+    """Return all methods on the paper's slide: displacement of the skin that is left, of what was asked for."""
+    from core.matching.deformation import METHODS, PinSolver
+
+    panel = Panel("pin methods", "128 pins, slide 2 mm deep: methods", "displacement left")
+    matcher, forces = _setup().matcher, _forces("slide")
+    asked = np.array([float(matcher.displacement_error(f, np.zeros(len(matcher.active)))) for f in forces])
+    for method in METHODS:
+        solver = PinSolver(matcher, method, force_limit=LIMIT)
+        times, left = [], []
+        with one_blas_thread():
+            solver.step(forces[0])
+            for f in forces:
+                step, taken = clocked(lambda f=f, solver=solver: solver.step(f))  # type: ignore[misc]
+                times.append(taken)
+                left.append(float(matcher.displacement_error(f, step.x)))
+        found = timing(times)
+        off = float(np.sqrt((np.array(left) ** 2).sum() / (asked**2).sum()))
+        panel.points.append(Point(method[:2], method, found.median, found.p95, off, None, method == "DM2"))
+    return panel
+
+
+def thimble() -> Panel:
+    """Return the searches of a thimble on three touches: stress that is left, of what was asked for.
+
+    What the direct search leaves is nearly all the device's own: a rigid disc cannot render these touches. What a
+    learned model leaves beyond it is its error.
+    """
+    from ..bench_thimble import searches
+
+    panel = Panel("thimble", "thimble: searches on three touches", "stress left")
+    direct = searches("direct")["error"]
+    for kind in ("direct", "ridge", "network"):
+        found, name = searches(kind), {"ridge": "polynomial"}.get(kind, kind)
+        times = timing([1e-3 * us for us in found["us"]])
+        beyond = max(found["error"] - direct, 0.0)
+        other = {"beyond the direct search": beyond, "rescues": float(len(found["rescues"]))}
+        panel.points.append(Point(name, name, times.median, times.p95, found["error"], beyond, kind == "direct", other))
+    panel.bands = {"the device's own": direct}
+    return panel

@@ -1,0 +1,163 @@
+"""Contact by shape: what presses 1 mm into the pad as a scene presses it, at nodes of finer meshes and on points.
+
+Errors are of stress 1.2 mm under the skin, relative L2 over 42 points, against references graded to each shape; the
+force's stands beside. The algebraic part is the distance from the same method solved to `TIGHT`. Cards are judged by a
+block with the same top. Frames count from first contact on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any, NamedTuple
+from unittest import mock
+
+import numpy as np
+
+from core.arrays import Array
+from core.parameters.error_bands import LINEAR, NEO_HOOKEAN, error_band
+
+from .. import one_blas_thread, timing
+from ..bench_shapes import BEFORE, RATE, STEP, stress_at
+from .measured import Panel, Point, clocked
+
+if TYPE_CHECKING:
+    from core.skin.stimulus import Stimulus
+
+DEPTH, TIGHT, RUNS = 1e-3, 1e-7, 2
+CASES = (
+    "plane",
+    "ball 2 mm",
+    "ball 5 mm",
+    "ball 12 mm",
+    "edge 120 degrees at 0 mm",
+    "edge 90 degrees at 0 mm",
+    "edge 60 degrees at 0 mm",
+    "ribs",
+)
+CARD = 0.1e-3
+PROBED = 1  # of the depths of the probes: 1.2 mm
+
+
+class Setting(NamedTuple):
+    """One way to solve contact."""
+
+    curve: str
+    knob: str
+    contact: str
+    level: str = "standard"
+    tolerance: float | None = None
+    coarser: float = 1.0
+    default: bool = False
+
+
+def settings() -> list[Setting]:
+    """Return all ways that are compared; those that people get are marked."""
+    from core.contact.solver.path import TOLERANCE as NODES
+    from core.contact.solver.point_path import TOLERANCE as POINTS
+
+    levels = [Setting("nodes, by mesh", level, "nodes", level) for level in ("draft", "standard", "fine")]
+    nodes = [
+        Setting("nodes, by tolerance", f"{t:.0e}", "nodes", tolerance=t) for t in (30 * NODES, 3 * NODES, NODES / 9)
+    ]
+    factors = (30.0, 10.0, 3.0, 1.0, 0.1)
+    points = [
+        Setting("points, by tolerance", f"{f * POINTS:.0e}", "points", tolerance=f * POINTS, default=f == 1.0)
+        for f in factors
+    ]
+    spacing = [Setting("points, by spacing", f"{f:g}x", "points", coarser=f) for f in (4.0, 2.0, 0.5)]
+    return [*levels, *nodes, *points, *spacing]
+
+
+def panels(names: Sequence[str] = CASES) -> Iterator[Panel]:
+    """Yield a diagram for each shape."""
+    from ..references.cases import FAMILIES
+    from ..references.results import difference, load
+
+    known = load()["cases"]
+    bands = {tissue: error_band(tissue, DEPTH).stress.median for tissue in (LINEAR, NEO_HOOKEAN)}
+    for family in FAMILIES.values():
+        for shape, depth, title in family.cases():
+            name = title.partition(",")[0]
+            if name not in names or depth != 1e3 * DEPTH:
+                continue
+            exact = known[title]
+            place = 1e-3 * (np.array(exact["place"]) - [0.0, 0.0, depth])
+            probes = 1e-3 * family.probes
+            truth = np.asarray(exact["stress"])
+            limit = float(np.atleast_1d(exact.get("limit", exact["force"]))[-1])
+            panel = Panel(name, name, "stress 1.2 mm deep", own=exact["error"]["stress"][PROBED], bands=bands)
+            for setting, felt, tight, times in _felt(shape.surface(), place):
+                stress = stress_at(felt, probes)
+                off, solved = (difference(stress, of, 3)[PROBED] for of in (truth, stress_at(tight, probes)))
+                force = abs(float(felt.resultant[2]) / limit - 1.0)
+                panel.points.append(_point(setting, times, off, solved, {"force": force}))
+            yield panel
+
+
+def card() -> Panel:
+    """Return the diagram of a thin card: its force against that of a block with the same top."""
+    from core.surface.gap import Surface
+
+    panel = Panel("card", f"card of {1e3 * CARD:g} mm", "force, against a block")
+    solid = {setting: felt for setting, felt, _, _ in _felt(Surface.block(0.02, 0.02, 0.02), np.zeros(3))}
+    for setting, felt, tight, times in _felt(Surface.block(0.02, 0.02, CARD), np.zeros(3)):
+        block = solid[setting].resultant[2]
+        off, solved = (abs(float(felt.resultant[2] / of) - 1.0) for of in (block, tight.resultant[2]))
+        panel.points.append(_point(setting, times, off, solved, {}))
+    return panel
+
+
+def _point(setting: Setting, times: Sequence[float], off: float, solved: float, other: dict[str, float]) -> Point:
+    found = timing(list(times))
+    return Point(setting.curve, setting.knob, found.median, found.p95, off, solved, setting.default, other)
+
+
+def _felt(surface: Any, place: Array) -> Iterator[tuple[Setting, Stimulus, Stimulus, list[float]]]:
+    """Yield what is felt at the depth by each setting, the same solved tightly, and the times of frames [ms]."""
+    tight: dict[tuple[str, str, float], Stimulus] = {}
+    with one_blas_thread():
+        for setting in settings():
+            key = (setting.contact, setting.level, setting.coarser)
+            if key not in tight:
+                tight[key] = pressed(surface, place, setting._replace(tolerance=TIGHT))[0]
+            times: list[float] = []
+            for _ in range(RUNS):
+                felt, taken = pressed(surface, place, setting)
+                times += taken
+            yield setting, felt, tight[key], times
+
+
+def pressed(surface: Any, place: Array, setting: Setting) -> tuple[Stimulus, list[float]]:
+    """Press a surface from its first contact on, a sample at a time; return the end, and the times in contact [ms]."""
+    from core.contact.skin_sampler import SkinSampler
+    from core.contact.solver import point_tree
+    from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
+
+    body = Body("shape", Mesh(surface.vertices, surface.triangles), {"friction": 0.0})
+    finger = Finger("finger", (), {"contact": setting.contact})
+    scene = TactileScene("shapes", Fraction(24), (1, 100), RATE, (finger,), (body,), (), ())
+    limits = {name: setting.coarser * getattr(point_tree, name) for name in ("TURNED", "BENT")}
+    times = []
+    with mock.patch.multiple(point_tree, **limits):
+        sampler = SkinSampler(scene, {0: _skin(setting.level)}, tolerance=setting.tolerance)
+        for part in range(-BEFORE, round(DEPTH / STEP) + 1):
+            pose = np.eye(4)[None, None].copy()
+            pose[0, 0, :3, 3] = place + [0.0, 0.0, part * STEP]
+            at = np.array([float(part)])
+            chunk = Chunk(at, at / RATE, np.eye(4)[None, None].copy(), pose, pose[:0])
+            taken = clocked(lambda chunk=chunk: sampler.add(chunk))[1]  # type: ignore[misc]
+            times += [taken] if part > 0 else []
+        touch = sampler.finish()[0]
+    return touch.stimulus_at(len(touch.times) - 1), times
+
+
+_skins: dict[str, Any] = {}
+
+
+def _skin(level: str) -> Any:
+    from core.skin.model import fingertip_skin
+
+    if level not in _skins:
+        _skins[level] = fingertip_skin(level=level)
+    return _skins[level]

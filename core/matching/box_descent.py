@@ -19,9 +19,11 @@ from .gauss_newton import (
     ARMIJO,
     EXACT,
     GIVES_WAY,
+    HARDLY,
     LONGEST,
     MAX_EVALUATIONS,
     MAX_ITERATIONS,
+    NEARLY,
     OPTIMAL,
     RESTORING,
     SHORTEST,
@@ -30,6 +32,8 @@ from .gauss_newton import (
     Evaluate,
     Minimum,
     ServoLimits,
+    promised,
+    reach_of,
     shorter,
 )
 
@@ -46,10 +50,11 @@ def descend_in_box(
     limits: ServoLimits | None = None,
     *,
     max_evaluations: int = MAX_EVALUATIONS,
+    reach: float = 1.0,
 ) -> Minimum:
     """Return the configuration whose stimulus is nearest to the target; see `gauss_newton.minimise`.
 
-    Of `active`, i is joint i at its upper end and 7 + i at its lower one.
+    `reach` is that of a search nearby. Of `active`, i is joint i at its upper end and 7 + i at its lower one.
 
     Raises:
         DermisError: a start outside the limits.
@@ -84,7 +89,10 @@ def descend_in_box(
         if length > LONGEST:
             step = step * (LONGEST / length)
         descent = -float(gradient @ step)
-        share, found = 1.0, False
+        if 0.5 * reach * descent <= HARDLY * cost:
+            why = "gain"
+            break
+        share, found = reach if reach < NEARLY else 1.0, False
         while share >= SHORTEST:
             trial, new_cost = _restored(x + share * scale * step, device, limits), np.inf
             if trial is not None:
@@ -92,6 +100,7 @@ def descend_in_box(
                 evaluations += 1
                 new_residual = new_stimulus - target
                 new_cost = 0.5 * float(new_residual @ new_residual)
+                reach = reach_of(share, cost, new_cost, descent)
                 # where nothing touches there is no slope to come back by, so such a point is never accepted
                 enough = new_cost < cost and new_cost <= cost - share * ARMIJO * max(descent, 0.0)
                 found = enough and bool(new_jacobian.any())
@@ -99,10 +108,14 @@ def descend_in_box(
                     break
             if share * length < SMALL_STEP or evaluations >= max_evaluations:
                 break
+            if trial is not None and promised(share, cost, new_cost, descent) <= HARDLY * cost:
+                why = "gain"
+                break
             share *= 0.5 if trial is None else shorter(share, cost, new_cost, descent)
         iterations += 1
         if not found or trial is None:
-            why = "step" if length <= SMALL_STEP else "limit" if evaluations >= max_evaluations else "stalled"
+            if why != "gain":
+                why = "step" if length <= SMALL_STEP else "limit" if evaluations >= max_evaluations else "stalled"
             break
         moved, gained = float(np.linalg.norm((trial - x) / scale)), 1.0 - new_cost / cost
         x, stimulus, jacobian, residual, cost = trial, new_stimulus, new_jacobian, new_residual, new_cost
@@ -111,7 +124,7 @@ def descend_in_box(
             break
     room = limits.constraints(device, x)[0]
     return Minimum(
-        x, stimulus, residual, start_cost, cost, kkt, active, multipliers, room, iterations, evaluations, why
+        x, stimulus, residual, start_cost, cost, kkt, active, multipliers, room, iterations, evaluations, why, reach
     )
 
 

@@ -23,9 +23,11 @@ from .gauss_newton import (
     ARMIJO,
     DAMPING,
     EXACT,
+    HARDLY,
     LONGEST,
     MAX_EVALUATIONS,
     MAX_ITERATIONS,
+    NEARLY,
     OPTIMAL,
     SHORTEST,
     SMALL_GAIN,
@@ -34,20 +36,30 @@ from .gauss_newton import (
     Minimum,
     ServoLimits,
     minimise,
+    promised,
+    reach_of,
     shorter,
 )
 
 
 def descend(
-    evaluate: Evaluate, target: Array, start: Array, device: DiscDevice, limits: ServoLimits | None = None
+    evaluate: Evaluate,
+    target: Array,
+    start: Array,
+    device: DiscDevice,
+    limits: ServoLimits | None = None,
+    reach: float = 1.0,
 ) -> Minimum:
     """Return the configuration whose stimulus is nearest to the target; see `minimise` and `descend_in_box`.
+
+    Args:
+        reach: of a search nearby, as its `Minimum` tells it.
 
     Raises:
         DermisError: a start outside the limits.
     """
     if not isinstance(device, Thimble):
-        return descend_in_box(evaluate, target, start, device, limits)
+        return descend_in_box(evaluate, target, start, device, limits, reach=reach)
     limits = limits or ServoLimits.of(device)
     low, high = limits.low.tolist(), limits.high.tolist()
     size, radius = len(target), device.platform_radius
@@ -79,7 +91,10 @@ def descend(
         if step_length > LONGEST:
             step = [s * (LONGEST / step_length) for s in step]
         descent = -(gradient[0] * step[0] + gradient[1] * step[1] + gradient[2] * step[2])
-        share, found = 1.0, False
+        if 0.5 * reach * descent <= HARDLY * cost:
+            why = "gain"
+            break
+        share, found = reach if reach < NEARLY else 1.0, False
         while share >= SHORTEST:
             at = (pitch + share * step[0], roll + share * step[1], distance + share * radius * step[2])
             if not device.within(*at, low, high):
@@ -90,6 +105,7 @@ def descend(
             evaluations += 1
             new_gram = _gram(both, new_stimulus, new_jacobian, target, radius)
             new_cost = 0.5 * new_gram[3][3]
+            reach = reach_of(share, cost, new_cost, descent)
             # where nothing touches there is no slope to come back by, so such a point is never accepted
             slope = new_gram[0][0] + new_gram[1][1] + new_gram[2][2]
             if new_cost <= cost - share * ARMIJO * max(descent, 0.0) and new_cost < cost and slope > 0.0:
@@ -97,10 +113,14 @@ def descend(
                 break
             if share * step_length < SMALL_STEP or evaluations >= MAX_EVALUATIONS:
                 break
+            if promised(share, cost, new_cost, descent) <= HARDLY * cost:
+                why = "gain"
+                break
             share *= shorter(share, cost, new_cost, descent)
         iterations += 1
         if not found:
-            why = "step" if step_length <= SMALL_STEP else "limit" if evaluations >= MAX_EVALUATIONS else "stalled"
+            if why != "gain":
+                why = "step" if step_length <= SMALL_STEP else "limit" if evaluations >= MAX_EVALUATIONS else "stalled"
             break
         moved, gained = share * min(step_length, LONGEST), 1.0 - new_cost / cost
         (pitch, roll, distance), x, stimulus, gram, cost = at, trial, new_stimulus, new_gram, new_cost
@@ -112,7 +132,19 @@ def descend(
     angles, margin = inverse_kinematics(device, pitch, roll, distance)
     room = np.array([*map(sub, high, angles), *map(sub, angles, low), margin - MIN_MARGIN])
     return Minimum(
-        x, stimulus, stimulus - target, start_cost, cost, kkt, (), np.zeros(0), room, iterations, evaluations, why
+        x,
+        stimulus,
+        stimulus - target,
+        start_cost,
+        cost,
+        kkt,
+        (),
+        np.zeros(0),
+        room,
+        iterations,
+        evaluations,
+        why,
+        reach,
     )
 
 

@@ -27,6 +27,10 @@ OPTIMAL = 3e-3  # KKT residual to stop at
 SMALL_STEP = 1e-4  # of tilt [rad], and of distance over the platform's radius: 0.006 degrees, 1 um
 EXACT = 1e-7  # mismatch relative to the target below which nothing is left to gain
 SMALL_GAIN = 1e-3  # of the cost in one step, 0.05 % of the mismatch: at a kink (a node about to slip) steps creep
+# Of the cost, 0.13 % of the mismatch: for less no step is tried. A full step that gains no more starts where the KKT
+# residual is 0.05 at most.
+HARDLY = 2.5e-3
+LEAST_REACH, NEARLY = 0.25, 0.8  # of a full step: what is believed of a reach, and from where on a step is tried whole
 MAX_ITERATIONS = 20
 MAX_EVALUATIONS = 16  # the longest searches creep along kinks for hardly any gain: frames must come in time
 SHORTEST = 1.0 / 64.0
@@ -55,6 +59,7 @@ class Minimum:
         why: 'optimal', 'exact', 'step' (no longer moving), 'gain' (no longer better), 'stalled' (no descent at a
             kink), 'limit', 'underway' (the servos cannot reach a better minimum within one frame; start_cost is cost
             and kkt is 0, for speed decides), or 'edge' (the same where a recording ends).
+        reach: share of a full step that leads furthest down, as the last one that was tried told; 1 if nothing did.
     """
 
     x: Array
@@ -69,6 +74,7 @@ class Minimum:
     iterations: int
     evaluations: int
     why: str
+    reach: float = 1.0
 
     @property
     def mismatch(self) -> float:
@@ -196,6 +202,22 @@ def shorter(share: float, cost: float, new_cost: float, descent: float) -> float
     """Return by how much to shorten a step: to the minimum of the parabola through what is known, within limits."""
     curve = new_cost - cost + share * descent
     return float(min(max(0.5 * share * descent / curve, 0.1), 0.5)) if curve > 0 else 0.5
+
+
+def promised(share: float, cost: float, new_cost: float, descent: float) -> float:
+    """Return by how much the parabola through what is known of a step falls below the cost; inf if it has no end."""
+    curve = new_cost - cost + share * descent
+    return 0.25 * (share * descent) ** 2 / curve if curve > 0 else math.inf
+
+
+def reach_of(share: float, cost: float, new_cost: float, descent: float) -> float:
+    """Return the share of a full step at which that parabola ends, within limits.
+
+    A touch that no pose can make leaves much, and its curvature, which Gauss-Newton leaves out, makes steps too long:
+    what one of them told holds for the next, and for the next frame.
+    """
+    curve = new_cost - cost + share * descent
+    return min(max(0.5 * share * share * descent / curve, LEAST_REACH), 1.0) if curve > 0 else 1.0
 
 
 def _restored(x: Array, device: Thimble, limits: ServoLimits, scale: Array) -> tuple[Array, Array, Array] | None:

@@ -130,15 +130,18 @@ class StressMatcher:
         self._moved = np.zeros_like(self.x)
         self._wait, self._patience = 0, 1
         self._goal: Array | None = None  # a better minimum that is farther away than one frame
+        self._reach = 1.0  # of steps, in the last search
         self.rescues = 0
 
     def save(self) -> tuple[Any, ...]:
         """Return all that the next frame depends on."""
-        return (self.x, self.angles, self.state, self._pressed, self._moved, self._wait, self._patience, self._goal)
+        how = self._wait, self._patience, self._goal, self._reach
+        return (self.x, self.angles, self.state, self._pressed, self._moved, *how)
 
     def restore(self, saved: tuple[Any, ...]) -> None:
         """Go back to where `save` was called."""
-        self.x, self.angles, self.state, self._pressed, self._moved, self._wait, self._patience, self._goal = saved
+        self.x, self.angles, self.state, self._pressed, self._moved, *how = saved
+        self._wait, self._patience, self._goal, self._reach = how
 
     def step(self, target: Array, search: Search | None = None, start: Array | None = None) -> ThimbleFrame:
         """Find the pose for the next frame's target, shape (k,), and renew the friction state.
@@ -182,6 +185,7 @@ class StressMatcher:
             rescued = self.rescues > before
         self._settle(solution)
         miss = stimulus - target
+        self._reach = 1.0 if minimum is None else minimum.reach
         self._moved = x - self.x if minimum is not None and followed else np.zeros_like(x)
         self.x, self.angles = x, self._angles(x)
         mismatch = float(np.sqrt(miss @ miss)) / size if minimum is not None else 0.0
@@ -202,7 +206,8 @@ class StressMatcher:
         promised = size * float(np.sqrt(max(1.0 - alike[nearest] ** 2, 0.0)))
         best: Minimum | None = None
         if self._pressed:
-            best = descend(self.model.evaluate, target, self._extrapolated(limits), self.device, limits)
+            start = self._extrapolated(limits)
+            best = descend(self.model.evaluate, target, start, self.device, limits, self._reach)
         if best is not None:
             self._wait = max(self._wait - 1, 0)
         start = self.table.configuration(nearest, size * float(alike[nearest]))

@@ -11,6 +11,7 @@ from ..devices.disc_device import DiscDevice
 from ..devices.disc_pose import FrictionState, placed
 from ..errors import DermisError
 from .dataset import Dataset
+from .ridge import PartOfRidge, QuadraticRidge
 from .subspace import TOLERANCE, Subspace, principal_components
 from .table import Fit, SampleTable
 from .trial import TrialForce
@@ -67,9 +68,13 @@ class LearnedModel:
             friction,
             float(stiffness),
         )
-        self._basis = trial_space.basis / self.stiffness
+        by_place = trial_space.basis.reshape(trial_space.size, 3, places).transpose(1, 2, 0)
+        self._basis = np.ascontiguousarray(by_place) / self.stiffness
         self._told = slice(n, n + trial_space.size)
-        self._features, self._ways = np.zeros(fit.inputs), np.zeros((fit.inputs, n))
+        # a polynomial is contracted with the friction state once, not with every pose
+        self._part = None if friction is None or not isinstance(fit, QuadraticRidge) else PartOfRidge(fit, sizes[2])
+        used = fit.inputs if self._part is None else self._told.stop
+        self._features, self._ways = np.zeros(used), np.zeros((used, n))
         self._ways[:n] = np.eye(n)
         self._nothing = trial_space.basis @ trial_space.mean
         self.hold(FrictionState.rest(len(trial.places)))
@@ -83,18 +88,23 @@ class LearnedModel:
         """Fix the friction state."""
         if self.friction is not None:
             self.trial.hold(state)
-            self._features[self._told.stop :] = self.friction.project(state.force.ravel() / self.stiffness)
+            remembered = self.friction.project(state.force.ravel() / self.stiffness)
+            if self._part is None:
+                self._features[self._told.stop :] = remembered
+            else:
+                self._part.give(remembered)
 
     def evaluate(self, x: Array) -> tuple[Array, Array]:
         """Return the stimulus and its derivative, by the chain rule through the trial forces; zero without touch."""
-        both = self.trial.at(placed(self.device, self.device.pose(x)))
-        if self.friction is not None and not both[0].any():
-            return np.zeros(self.size), np.zeros((self.size, self._ways.shape[1]))
-        told = self._basis @ both.T
+        told = self.trial.told(placed(self.device, self.device.pose(x)), self._basis)
+        if told is None:
+            if self.friction is not None:
+                return np.zeros(self.size), np.zeros((self.size, self._ways.shape[1]))
+            told = np.zeros((1 + self._ways.shape[1], len(self._nothing)))
         self._features[: self._told.start] = x
-        self._features[self._told] = told[:, 0] - self._nothing
-        self._ways[self._told] = told[:, 1:]
-        value, slope = self.fit.along(self._features, self._ways)
+        self._features[self._told] = told[0] - self._nothing
+        self._ways[self._told] = told[1:].T
+        value, slope = (self._part or self.fit).along(self._features, self._ways)
         if self.stiffness == 1.0:
             return value, slope
         return self.stiffness * value, self.stiffness * slope

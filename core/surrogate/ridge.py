@@ -43,11 +43,6 @@ class QuadraticRidge:
         """Number of channels."""
         return len(self.constant)
 
-    @cached_property
-    def _rows(self) -> Array:
-        """The quadratic part as one matrix, shape (c p, p)."""
-        return self.quadratic.reshape(-1, self.inputs)
-
     def predict(self, u: Array) -> Array:
         """Return channels for rows of inputs."""
         s = (np.atleast_2d(u) - self.centre) / self.scale
@@ -56,12 +51,45 @@ class QuadraticRidge:
 
     def along(self, u: Array, ways: Array) -> tuple[Array, Array]:
         """Return the channels and their derivative along ways of the inputs."""
-        s = (u - self.centre) / self.scale
-        bent = (self._rows @ s).reshape(self.linear.shape)
-        slope = self.linear + bent
-        value = self.constant + slope @ s
+        return self._free.along(u, ways)
+
+    @cached_property
+    def _free(self) -> PartOfRidge:
+        return PartOfRidge(self, 0)
+
+
+class PartOfRidge:
+    """A quadratic ridge as a polynomial of its first inputs, the others being given for many evaluations.
+
+    Args:
+        ridge: of all inputs. given: how many of the last ones are given; they are at their mean until `give`.
+    """
+
+    def __init__(self, ridge: QuadraticRidge, given: int) -> None:
+        n = ridge.inputs - given
+        self._whole, self._count, quadratic = ridge, n, ridge.quadratic
+        self._centre, self._scale, self._ways_scale = ridge.centre[:n], ridge.scale[:n], ridge.scale[:n, None].copy()
+        self._rows = np.ascontiguousarray(quadratic[:, :n, :n]).reshape(-1, n)
+        if given:
+            self._mixed = quadratic[:, :n, n:].reshape(-1, given)
+            self._others = quadratic[:, n:, n:].reshape(-1, given)
+        self._constant, self._linear = ridge.constant, ridge.linear[:, :n]
+
+    def give(self, last: Array) -> None:
+        """Fix the last inputs."""
+        whole, n = self._whole, self._count
+        s = (last - whole.centre[n:]) / whole.scale[n:]
+        self._linear = whole.linear[:, :n] + 2.0 * (self._mixed @ s).reshape(-1, n)
+        self._constant = whole.constant + (whole.linear[:, n:] + (self._others @ s).reshape(-1, len(s))) @ s
+
+    def along(self, u: Array, ways: Array) -> tuple[Array, Array]:
+        """Return the channels and their derivative along ways of the first inputs."""
+        s = (u - self._centre) / self._scale
+        bent = (self._rows @ s).reshape(self._linear.shape)
+        slope = self._linear + bent
+        value = self._constant + slope @ s
         slope += bent
-        return value, slope @ (ways / self.scale[:, None])
+        return value, slope @ (ways / self._ways_scale)
 
 
 def fit_ridge(table: SampleTable, penalty: float | None = None) -> QuadraticRidge:

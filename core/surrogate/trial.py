@@ -28,6 +28,8 @@ class TrialForce:
 
     def __init__(self, places: Array, stiffness: Array, disc: Disc, friction: float) -> None:
         self.places, self.stiffness, self.disc, self.friction = places, stiffness, disc, float(friction)
+        self._rows = np.ones((12, len(places)))
+        self._rows[3] = self.stiffness
         self.hold(FrictionState.rest(len(places)))
 
     @classmethod
@@ -38,12 +40,14 @@ class TrialForce:
 
     def hold(self, state: FrictionState) -> None:
         """Fix the friction state for the poses that follow."""
-        moved = (self.places + state.moved).T
-        self._moved = np.ascontiguousarray(moved)
-        self._load = state.force.T - self.stiffness * moved  # what presses on the disc but for pose, anchors and rim
-        self._sticking, self._anchor = state.sticking, np.ascontiguousarray(state.anchor.T)
-        self._pull = self.stiffness * self._anchor * state.anchored
-        self._loose = None if state.anchored.all() else ~state.anchored
+        rows, k, loose = self._rows, self.stiffness, ~state.anchored
+        np.add(self.places.T, state.moved.T, out=rows[_MOVED])
+        np.multiply(rows[_MOVED], -k, out=rows[_LOAD])
+        rows[_LOAD] += state.force.T
+        rows[_ANCHOR] = state.anchor.T
+        np.multiply(rows[_ANCHOR], k, out=rows[_PULL])
+        rows[_PULL, loose] = 0.0
+        self._sticking, self._loose = state.sticking, loose if loose.any() else None
 
     def at(self, pose: DiscPose) -> Array:
         """Return trial forces on the skin at a pose [N], and their derivative by the configuration.
@@ -52,65 +56,94 @@ class TrialForce:
             shape (1 + n, 3 m), x of all places first: forces in the first row, derivatives by the configuration in the
             others.
         """
+        out = np.zeros((1 + len(pose.spin), 3, len(self.places)))
+        found = self._pressed(pose)
+        if found is not None:
+            out[:, :, found[0]] = found[1]
+        return out.reshape(len(out), -1)
+
+    def told(self, pose: DiscPose, basis: Array) -> Array | None:
+        """Return the same in components, shape (1 + n, t); None where nothing is pressed.
+
+        Args:
+            basis: of forces on all places, shape (3, m, t).
+        """
+        found = self._pressed(pose)
+        if found is None:
+            return None
+        active, v = found
+        parts = v.transpose(1, 0, 2) @ basis.take(active, axis=1)
+        out: Array = parts[0] + parts[1] + parts[2]
+        return out
+
+    def _pressed(self, pose: DiscPose) -> tuple[Indices, Array] | None:
+        """Return the places that are pressed, (a,), and their forces with derivatives, (1 + n, 3, a); None of none."""
         turn, count = pose.rotation, len(pose.spin)
-        out = np.zeros((1 + count, 3, len(self.places)))
         inwards = turn.T
-        centre, shift = inwards @ pose.centre, inwards @ pose.shift
-        load = inwards @ self._load  # in the disc's frame, out of which -Z points
-        load += centre[:, None] * self.stiffness
-        active = (load[2] < 0.0).nonzero()[0]  # the rim only takes away
+        way = np.empty((1 + count, 3, 4))  # how springs stretch with a configuration, seen from where they stand
+        way[0, :, :3], way[0, :, 3] = _UNIT, pose.centre
+        spin = way[1:, :, :3]
+        spin[:] = (pose.spin @ _CROSS).reshape(count, 3, 3)
+        way[1:, :, 3] = spin @ pose.centre
+        way[1:, :, 3] += pose.shift.T
+        way = inwards @ way  # in the disc's frame, out of which -Z points
+        rows = self._rows
+        active = (way[0, 2] @ rows[_SPRUNG] < 0.0).nonzero()[0]  # the rim only takes away
         if not active.size:
-            return out.reshape(1 + count, -1)
-        k, spin = self.stiffness[active], _crossings(pose.spin @ turn)
-        v = np.empty((3, 1 + count, len(active)))  # components in the disc's frame, and their derivatives
-        v[:, 0] = load[:, active]
-        v[:, 1:] = shift[:, :, None] * k - (spin @ v[:, 0]).reshape(3, count, -1)
-        self._fall(v, k, active, inwards, centre, shift, spin)
-        v[:2, 0] += self._pull[:, active]
+            return None
+        rows = rows.take(active, axis=1)
+        v = (way.reshape(-1, 4) @ rows[_SPRUNG]).reshape(1 + count, 3, -1)
+        self._fall(v, rows, active, way)
+        v[0, :2] += rows[_PULL]
         if self._loose is not None:
-            v[:2, :, self._loose[active]] = 0.0
-        pushed, length = v[2, 0] * -self.friction, np.sqrt(v[0, 0] * v[0, 0] + v[1, 0] * v[1, 0])
+            v[:, :2, self._loose[active]] = 0.0
+        along, across = v[:, 2], v[:, :2]
+        square = across[0] * across[0]
+        length, pushed = np.sqrt(square[0] + square[1]), along[0] * -self.friction
         slips = length > pushed
         if slips.any():
-            length[~slips] = 1.0  # what does not slip is left alone
-            share, way = np.where(slips, pushed / length, 1.0), v[:2, 0] * (slips / length)
+            np.maximum(length, _TINY, out=length)
+            share, to = np.minimum(pushed / length, 1.0), across[0] * (slips / length)
             # of the forces themselves this takes nothing: along their way they are as long as friction can carry
-            along = share * (way[0] * v[0] + way[1] * v[1]) + self.friction * v[2]
-            v[:2] *= share
-            v[:2] -= way[:, None] * along
-        v[:, 1:] += (spin @ v[:, 0]).reshape(3, count, -1)  # forces turn with the disc
-        out[:, :, active] = (turn @ v.reshape(3, -1)).reshape(v.shape).transpose(1, 0, 2)
-        return out.reshape(1 + count, -1)
+            over = share * (to[0] * across[:, 0] + to[1] * across[:, 1]) + self.friction * along
+            across *= share
+            across -= to * over[:, None]
+        v = turn @ v
+        v[1:] -= (spin.reshape(-1, 3) @ v[0]).reshape(count, 3, -1)  # forces turn with the disc
+        return active, v
 
-    def _fall(
-        self, v: Array, k: Array, active: Indices, inwards: Array, centre: Array, shift: Array, spin: Array
-    ) -> None:
+    def _fall(self, v: Array, rows: Array, active: Indices, way: Array) -> None:
         """Take away what presses where the disc's rim falls away under a place."""
-        sticking = self._sticking[active]
-        across = inwards @ self._moved[:, active]
-        across -= centre[:, None]
-        flat = np.where(sticking, self._anchor[:, active], across[:2])  # what sticks stays where it is on the disc
-        square = flat[0] * flat[0] + flat[1] * flat[1]
-        rim = (square > self.disc.radius**2).nonzero()[0]
-        if not rim.size:
-            return
-        flat, reach, k = flat[:, rim], np.sqrt(square[rim]), k[rim]
+        sticking = self._sticking.take(active)
+        # where places are on the disc, and how it moves past them; what sticks stays where it is
+        past = (way[:, :2] * _BEFORE[: len(way)]) @ rows[_PLACE]
+        flat = np.where(sticking, rows[_ANCHOR], past[0])
+        square = flat * flat
+        reach = np.sqrt(square[0] + square[1])
         over = (reach - self.disc.radius) / self.disc.rounding
-        count = shift.shape[1]
-        moves = (spin[: 2 * count] @ across[:, rim]).reshape(2, count, -1) + shift[
-            :2, :, None
-        ]  # of the disc past the place
-        v[2, 0, rim] += k * (0.5 * self.disc.rounding) * over * over
-        slides = np.where(sticking[rim], 0.0, k * over / reach)
-        v[2, 1:, rim] -= (slides * (flat[0] * moves[0] + flat[1] * moves[1])).T
-        v[:, :, rim[v[2, 0, rim] >= 0.0]] = 0.0
+        np.maximum(over, 0.0, out=over)
+        if not over.any():
+            return
+        slide = rows[3] * over
+        v[0, 2] += (0.5 * self.disc.rounding) * slide * over
+        slide *= ~sticking
+        slide /= reach + _TINY
+        v[1:, 2] -= slide * (flat[0] * past[1:, 0] + flat[1] * past[1:, 1])
+        lost = v[0, 2] >= 0.0
+        if lost.any():
+            v[:, :, lost] = 0.0
 
 
-_CROSS = np.zeros((3, 3, 3))  # of a spin s with a vector a: (s x a)_c = sum of s_m a_l [c, l, m]
-_CROSS[(0, 1, 2), (2, 0, 1), (1, 2, 0)] = 1.0
-_CROSS[(0, 1, 2), (1, 2, 0), (2, 0, 1)] = -1.0
-
-
-def _crossings(spin: Array) -> Array:
-    """Return what turns vectors a into spin_j x a, component c of spin j of n in row n c + j; shape (3 n, 3)."""
-    return (_CROSS @ spin.T).transpose(0, 2, 1).reshape(-1, 3)
+# rows of what is known of each place before a pose: what presses on the disc but for pose, anchors and rim, and its
+# spring, which a pose turns and stretches; where it is, and 1; its anchor, and what that pulls
+_LOAD, _MOVED, _ANCHOR, _PULL = slice(0, 3), slice(4, 7), slice(8, 10), slice(10, 12)
+_SPRUNG, _PLACE = slice(0, 4), slice(4, 8)
+_TINY = 1e-300
+_UNIT = np.eye(3)
+# a place is at its way from the disc's centre, to which a load is added; its derivatives are the disc's, turned round
+_BEFORE = np.tile([-1.0, -1.0, -1.0, 1.0], (7, 1, 1))
+_BEFORE[0] *= -1.0
+# of a spin s, row by row: the matrix of a -> a x s
+_CROSS = np.zeros((3, 9))
+_CROSS[(0, 1, 2), (5, 6, 1)] = 1.0
+_CROSS[(0, 1, 2), (7, 2, 3)] = -1.0

@@ -9,7 +9,7 @@ from core.devices.inverse_kinematics import inverse_kinematics
 from core.devices.thimble import mechanism
 from core.errors import DermisError
 from core.matching.descent import descend
-from core.matching.gauss_newton import ServoLimits, minimise
+from core.matching.gauss_newton import HARDLY, ServoLimits, minimise
 from core.presets import Library
 
 DEVICE = mechanism(Library().device("thimble_3rrs"))
@@ -70,4 +70,4 @@ def test_noise_is_fitted_as_well_as_by_the_general_method():
         target = curved(np.array([*rng.uniform(-0.3, 0.3, 2), 0.0178]))[0] + 0.05 * rng.normal(size=8)
         one, other = (f(curved, target, np.array([0.0, 0.0, 0.018]), DEVICE) for f in (descend, minimise))
         assert one.kkt <= 3e-3 or one.why in ("gain", "step")
-        assert one.cost <= other.cost * (1 + 1e-3)
+        assert one.cost <= other.cost * (1 + HARDLY)  # for less no step is tried

@@ -11,7 +11,7 @@ from core.errors import DermisError
 from core.files import write_npz
 from core.surrogate import onnx
 from core.surrogate.network import Network, sigmoid, softplus, train
-from core.surrogate.ridge import fit_ridge
+from core.surrogate.ridge import PartOfRidge, QuadraticRidge, fit_ridge
 from core.surrogate.table import SampleTable, read_table, relative_rms
 from tests.tables import write_table
 
@@ -54,6 +54,25 @@ def test_ridge_recovers_a_quadratic_exactly():
     unseen = table_of(lambda u: c + b @ u + np.einsum("kij,i,j->k", q, u, u), seed=9)
     assert relative_rms(fit, unseen) < 1e-6
     check_derivative(fit, unseen.inputs[0])
+
+
+def test_a_polynomial_of_its_first_inputs_is_the_polynomial_where_the_others_are_given():
+    rng = np.random.default_rng(3)
+    bent = rng.normal(size=(4, 7, 7))
+    whole = QuadraticRidge(
+        rng.normal(size=7),
+        rng.uniform(0.5, 2, 7),
+        rng.normal(size=4),
+        rng.normal(size=(4, 7)),
+        bent + bent.transpose(0, 2, 1),
+    )
+    part = PartOfRidge(whole, 3)
+    for row in rng.normal(size=(5, 7)):
+        ways = np.concatenate([rng.normal(size=(4, 2)), np.zeros((3, 2))])
+        part.give(row[4:])
+        for ours, theirs in zip(part.along(row[:4], ways[:4]), whole.along(row, ways), strict=True):
+            np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)
+        check_derivative(whole, row, ways)
 
 
 def test_softplus_and_its_derivative_hold_at_both_ends():

@@ -68,6 +68,21 @@ def test_the_derivative_is_that_of_the_forces(skin, seed):
     assert seen >= 4
 
 
+def test_components_are_those_of_the_forces(skin):
+    trial = TrialForce.of(contact_of(DEVICE, skin, 0.6))
+    basis, seen = np.random.default_rng(4).normal(size=(3, len(trial.places), 5)), 0
+    for x, state in walk(skin, 3):
+        trial.hold(state)
+        pose = placed(DEVICE, DEVICE.pose(x))
+        force, told = trial.at(pose), trial.told(pose, basis)
+        assert (told is None) == (not force[0].any())
+        if told is not None:
+            wanted = force @ basis.reshape(-1, 5)
+            np.testing.assert_allclose(told, wanted, rtol=1e-12, atol=1e-12 * np.abs(wanted).max())
+            seen += 1
+    assert seen >= 4
+
+
 def test_forces_obey_coulombs_law_and_push_only(skin):
     trial = TrialForce.of(contact_of(DEVICE, skin, 0.6))
     for x, state in walk(skin, 7):

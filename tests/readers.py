@@ -37,6 +37,7 @@ from core.surrogate import onnx, table
 from core.surrogate import store as surrogate_store
 from core.track import binary, c_header, check, csv, export, json_track
 from core.track.command_track import CommandTrack
+from core.work import parcel
 from tests import reader_examples as ex
 
 
@@ -411,6 +412,14 @@ READERS = (
         _use_torque,
         file=False,
     ),
+    _reader(
+        "parcel",
+        "core.work.parcel:unpacked core.work.parcel:array_from",
+        ".npz",
+        lambda: [parcel.packed({"job": "a", "large": [1, None]}, {"x": np.ones((2, 3)), "y/1": np.arange(4)})],
+        lambda path: parcel.unpacked(path.read_bytes(), "a parcel"),
+        file=False,
+    ),
     _reader("request", "", ".json", lambda: [ex.request()], _use_request, file=False),
 )
 
@@ -423,7 +432,13 @@ OWN = {
     "core.matching.table:SkinTable.save": "writes",
     "core.pipeline.share_job:arrays_of": "writes",
     "core.pipeline.share_job:made_of": "its own child's answer",
+    "core.pipeline.shot:presets_of": "a person's presets, which travel as they are; they are read where they arrive",
+    "core.pipeline.shot:shot_of": "its own worker's answer",
+    "core.pipeline.shot:work": "files that it has just written",
+    "core.pipeline.shots:_bytes": "a scene that travels as it is; it is read where it arrives",
+    "core.pipeline.shots:Skins.make": "its own words",
     "core.presets:Library.load": "copies what it holds",
+    "core.skin.job:make_files": "files that it has just written",
     "core.scene.scene_file:save": "writes",
     "core.skin.store:write_model": "writes",
     "core.skin.store:write_table": "writes",
@@ -438,6 +453,8 @@ OWN = {
     "core.stream.virtual.torque:TorqueDevice.feed": "the other end of the reader 'torque board', simulated",
     "core.surrogate.store:save": "writes",
     "core.version:version": "the manifest beside the program",
+    "core.work.engine:_digest": "its own sources and presets",
+    "core.work.parcel:packed": "writes",
     "core.work.processes": "its own child or parent, and the arrays between them",
     "blender_addon.streaming.built_devices:_read_fingers": "tests/blender/test_readers.py damages it",
     "blender_addon.results.store:_read": "tests/blender/test_readers.py damages it",

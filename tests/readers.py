@@ -35,6 +35,9 @@ from core.stream.protocols.wire import Wire
 from core.stream.request import request_of
 from core.surrogate import onnx, table
 from core.surrogate import store as surrogate_store
+from core.sweep import row as sweep_row
+from core.sweep import spec as sweep_spec
+from core.sweep import table as sweep_table
 from core.track import binary, c_header, check, csv, export, json_track
 from core.track.command_track import CommandTrack
 from core.work import parcel
@@ -167,6 +170,17 @@ def _use_torque(path: Path) -> object:
     adapter._asked[1] = 0.9
     adapter.receive(path.read_bytes(), 1.0)
     return adapter
+
+
+def _use_row(path: Path) -> object:
+    row = sweep_row.Row(path.stem, {}, {})
+    target = sweep_table.path_of(path.parent, row)
+    target.parent.mkdir(exist_ok=True)
+    target.write_bytes(read_bytes(path))
+    found = sweep_table.kept(path.parent, row)
+    if found is None:
+        raise DermisError("it is done once more")
+    return found
 
 
 def _use_request(path: Path) -> object:
@@ -420,6 +434,20 @@ READERS = (
         lambda path: parcel.unpacked(path.read_bytes(), "a parcel"),
         file=False,
     ),
+    _reader(
+        "sweep",
+        "core.sweep.spec:read",
+        ".toml",
+        lambda: [ex.SWEEP.encode()],
+        lambda path: [*sweep_spec.read(path).variants()],
+    ),
+    _reader(
+        "row of a sweep",
+        "core.sweep.table:kept",
+        ".json",
+        lambda: [b'{"method": "DM2", "off": 0.25, "samples": 20}'],
+        _use_row,
+    ),
     _reader("request", "", ".json", lambda: [ex.request()], _use_request, file=False),
 )
 
@@ -452,6 +480,8 @@ OWN = {
     "core.stream.links.transport": "the system's list of processes",
     "core.stream.virtual.torque:TorqueDevice.feed": "the other end of the reader 'torque board', simulated",
     "core.surrogate.store:save": "writes",
+    "core.sweep.devices:rows": "a scene's hash; the reader 'scene' has the rest",
+    "core.sweep.job:figures_of": "its own worker's answer",
     "core.version:version": "the manifest beside the program",
     "core.work.engine:_digest": "its own sources and presets",
     "core.work.parcel:packed": "writes",

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -114,24 +115,11 @@ def work(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], repo
     Raises:
         DermisError: see `render_shot`.
     """
-    with tempfile.TemporaryDirectory(prefix="dermis-shot-", ignore_cleanup_errors=True) as scratch:
-        home = Path(scratch)
-        place = Path(str(parameters["scene"]))
-        if not parameters["scene"]:
-            place = home / "scene.npz"
-            write_bytes(place, bytes_of(arrays["scene"]))
-        given = parameters["wanted"]
-        wanted = Wanted(**{**given, "formats": tuple(given["formats"])})
-        library = library_in(home / "presets", parameters["presets"])
-        try:
-            steps = render_shot(
-                scene_file.load(place), library, home / "out", wanted, cache=_cache(home, arrays, parameters)
-            )
-            made = drain(steps, lambda step: report(step.done, step.total))
-        except DermisError as error:
-            where = error.where.replace(str(place), str(parameters["name"]))
-            raise error.changed(where=where.replace(str(home / "out"), str(parameters["name"]))) from error
-        files = {str(i): array_from(read_bytes(home / "out" / name)) for i, name in enumerate(made.names)}
+    wanted = Wanted(**{**parameters["wanted"], "formats": tuple(parameters["wanted"]["formats"])})
+    with opened_shot(arrays, parameters) as given:
+        steps = render_shot(scene_file.load(given.scene), given.library, given.scratch, wanted, cache=given.cache)
+        made = drain(steps, lambda step: report(step.done, step.total))
+        files = {str(i): array_from(read_bytes(given.scratch / name)) for i, name in enumerate(made.names)}
     head = {
         "names": made.names,
         "refused": made.refused,
@@ -140,6 +128,32 @@ def work(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], repo
         "content_hash": made.content_hash,
     }
     return {"head": array_from(json.dumps(head).encode()), **files}
+
+
+@dataclass(frozen=True)
+class Given:
+    """What a job is given a scene with: the scene's file, presets, skins, and a folder of its own to write to."""
+
+    scene: Path
+    library: Library
+    cache: Cache | None
+    scratch: Path
+
+
+@contextmanager
+def opened_shot(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any]) -> Iterator[Given]:
+    """Give a job its scene, as `work` is given it; refusals inside the block name it as whoever asked does."""
+    with tempfile.TemporaryDirectory(prefix="dermis-shot-", ignore_cleanup_errors=True) as home:
+        place, scratch, name = Path(str(parameters["scene"])), Path(home, "out"), str(parameters["name"])
+        try:
+            if not parameters["scene"]:
+                place = Path(home, "scene.npz")
+                write_bytes(place, bytes_of(arrays["scene"]))
+            library = library_in(Path(home, "presets"), parameters["presets"])
+            yield Given(place, library, _cache(Path(home), arrays, parameters), scratch)
+        except DermisError as error:
+            where = error.where.replace(str(place), name).replace(str(scratch), name)
+            raise error.changed(where=where) from error
 
 
 def shot_of(arrays: Mapping[str, NDArray[Any]]) -> tuple[Shot, list[bytes]]:

@@ -29,6 +29,7 @@ JOBS: Table = {
     "compare": ".comparison.job:compare_job",
     "share": ".pipeline.share_job:work",
     "shot": ".pipeline.shot:work",
+    "sweep-row": ".sweep.job:work",
     "tell-apart": ".comparison.job:tell_job",
 }
 _CORE = __package__.rpartition(".")[0]

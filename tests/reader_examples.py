@@ -257,3 +257,15 @@ def calibration_text() -> bytes:
 def request() -> bytes:
     device = {"key": "haptip", "preset": json.loads(preset("devices", "haptip"))}
     return json.dumps({"connect": True, "url": "virtual:", "device": device, "jog": {"pulley_1": 0.1}}).encode()
+
+
+SWEEP = """schema = "dermis-sweep 1"
+study = "motors"
+rows = 500
+
+[vary]
+device = ["cable_platform", "hexapod"]
+"device.disc_radius" = [10, 12.5]
+seed = [1, 2, 3]
+wobble = 0.5
+"""

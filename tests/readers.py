@@ -35,8 +35,12 @@ from core.stream.protocols.wire import Wire
 from core.stream.request import request_of
 from core.surrogate import onnx, table
 from core.surrogate import store as surrogate_store
+from core.sweep import row as sweep_row
+from core.sweep import spec as sweep_spec
+from core.sweep import table as sweep_table
 from core.track import binary, c_header, check, csv, export, json_track
 from core.track.command_track import CommandTrack
+from core.work import parcel
 from tests import reader_examples as ex
 
 
@@ -166,6 +170,17 @@ def _use_torque(path: Path) -> object:
     adapter._asked[1] = 0.9
     adapter.receive(path.read_bytes(), 1.0)
     return adapter
+
+
+def _use_row(path: Path) -> object:
+    row = sweep_row.Row(path.stem, {}, {})
+    target = sweep_table.path_of(path.parent, row)
+    target.parent.mkdir(exist_ok=True)
+    target.write_bytes(read_bytes(path))
+    found = sweep_table.kept(path.parent, row)
+    if found is None:
+        raise DermisError("it is done once more")
+    return found
 
 
 def _use_request(path: Path) -> object:
@@ -411,6 +426,28 @@ READERS = (
         _use_torque,
         file=False,
     ),
+    _reader(
+        "parcel",
+        "core.work.parcel:unpacked core.work.parcel:array_from",
+        ".npz",
+        lambda: [parcel.packed({"job": "a", "large": [1, None]}, {"x": np.ones((2, 3)), "y/1": np.arange(4)})],
+        lambda path: parcel.unpacked(path.read_bytes(), "a parcel"),
+        file=False,
+    ),
+    _reader(
+        "sweep",
+        "core.sweep.spec:read",
+        ".toml",
+        lambda: [ex.SWEEP.encode()],
+        lambda path: [*sweep_spec.read(path).variants()],
+    ),
+    _reader(
+        "row of a sweep",
+        "core.sweep.table:kept",
+        ".json",
+        lambda: [b'{"method": "DM2", "off": 0.25, "samples": 20}'],
+        _use_row,
+    ),
     _reader("request", "", ".json", lambda: [ex.request()], _use_request, file=False),
 )
 
@@ -423,7 +460,13 @@ OWN = {
     "core.matching.table:SkinTable.save": "writes",
     "core.pipeline.share_job:arrays_of": "writes",
     "core.pipeline.share_job:made_of": "its own child's answer",
+    "core.pipeline.shot:presets_of": "a person's presets, which travel as they are; they are read where they arrive",
+    "core.pipeline.shot:shot_of": "its own worker's answer",
+    "core.pipeline.shot:work": "files that it has just written",
+    "core.pipeline.shots:_bytes": "a scene that travels as it is; it is read where it arrives",
+    "core.pipeline.shots:Skins.make": "its own words",
     "core.presets:Library.load": "copies what it holds",
+    "core.skin.job:make_files": "files that it has just written",
     "core.scene.scene_file:save": "writes",
     "core.skin.store:write_model": "writes",
     "core.skin.store:write_table": "writes",
@@ -437,7 +480,11 @@ OWN = {
     "core.stream.links.transport": "the system's list of processes",
     "core.stream.virtual.torque:TorqueDevice.feed": "the other end of the reader 'torque board', simulated",
     "core.surrogate.store:save": "writes",
+    "core.sweep.devices:rows": "a scene's hash; the reader 'scene' has the rest",
+    "core.sweep.job:figures_of": "its own worker's answer",
     "core.version:version": "the manifest beside the program",
+    "core.work.engine:_digest": "its own sources and presets",
+    "core.work.parcel:packed": "writes",
     "core.work.processes": "its own child or parent, and the arrays between them",
     "blender_addon.streaming.built_devices:_read_fingers": "tests/blender/test_readers.py damages it",
     "blender_addon.results.store:_read": "tests/blender/test_readers.py damages it",

@@ -86,6 +86,14 @@ def setting(name: str) -> Argument:
 
 PRESETS = argument("--presets", type=Path, metavar="DIR", help="folder with presets of your own")
 SCENE = argument("scene", type=Path, metavar="FILE", help="a scene sampled to a file (.npz)")
+SCENES = argument("scene", type=Path, nargs="+", metavar="FILE", help="scenes sampled to files (.npz)")
+WORKERS = (
+    argument("--workers", type=int, default=0, metavar="N", help="processes of this machine; 0 for one a core"),
+    argument("--scheduler", metavar="URL", help="let a dask scheduler's workers do it: tcp://HOST:PORT, tls://..."),
+    argument("--tls-ca", type=Path, metavar="FILE", help="certificate of the authority, for tls://"),
+    argument("--tls-cert", type=Path, metavar="FILE", help="your certificate, for tls://"),
+    argument("--tls-key", type=Path, metavar="FILE", help="its key, for tls://"),
+)
 TRACK = argument("track", type=Path, metavar="TRACK", help="a command track: CSV, JSON or binary")
 MAPS = switch("--maps", "also write the maps of touch screens, for real fingers")
 QUIET = switch("--quiet", "no progress")

@@ -4,55 +4,67 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
 from ..comparison import device_comparison, report
 from ..errors import DermisError
 from ..matching import pin_report
-from ..pipeline import outputs
-from ..pipeline import render as pipeline
+from ..pipeline import shot, shots
+from ..pipeline.bake import Progress
 from ..pipeline.skipping import told
 from ..presets import Library
 from ..scene import scene_file
 from ..scene.tactile_scene import TactileScene
 from ..surface.curved_scene import curved_scene
-from ..track.export import format_of
-from ..track.file_names import FileNames
-from ..work.processes import ProcessExecutor, cores
-from .findings import FAILED, tell
+from ..work.executor import JobExecutor
+from .findings import FAILED, REFUSED, tell
 from .progress import drain_shown
-from .tracks import write
+from .workers import executor_of, tell_unlike
 
 
 def render(options: argparse.Namespace) -> int:
-    """Render a sampled scene and write its tracks."""
-    scene, library = scene_file.load(options.scene), Library(options.presets)
-    if options.workers < 0:
-        raise DermisError("too small", where="--workers", value=options.workers, limit=">= 0")
-    with ProcessExecutor(options.workers or cores()) as executor:
-        bake = drain_shown(pipeline.render(scene, library, executor=executor), quiet=options.quiet)
-    try:
-        written = outputs.export(bake, options.out, plots=options.plots)
-    except DermisError:
-        tell(bake.all_findings, sys.stderr)  # why there is nothing to write
-        raise
-    if options.maps:
-        written += outputs.export_screen_maps(scene, library, options.out)
-    for path in written:
+    """Render sampled scenes and write their tracks: one with its fingers side by side, several side by side."""
+    wanted = shot.Wanted(options.plots, options.maps, tuple(options.format), options.force)
+    library = Library(options.presets)
+    with executor_of(options) as executor:
+        if len(options.scene) > 1 or not executor.shares_files:
+            return _several(options, library, wanted, executor)
+        scene = scene_file.load(options.scene[0])
+        steps = shot.render_shot(scene, library, options.out, wanted, executor=executor)
+        made = drain_shown(steps, quiet=options.quiet)
+    return _told(made, [options.out / name for name in made.names], quiet=options.quiet)
+
+
+def _several(options: argparse.Namespace, library: Library, wanted: shot.Wanted, executor: JobExecutor) -> int:
+    """Render scenes, each into a folder named as its file; say of each what became of it."""
+    status = refused = 0
+    for step in shots.render_shots(options.scene, library, options.out, wanted, executor):
+        if isinstance(step, Progress):
+            if not options.quiet:
+                print(f"{step.stage}: {step.done} of {step.total}", file=sys.stderr)
+        elif step.shot is None:
+            print(f"error: {step.scene}: {step.error}", file=sys.stderr)
+            refused += 1
+        else:
+            if step.shot.findings and not options.quiet:
+                print(f"{step.scene}:", file=sys.stderr)
+            status = max(status, _told(step.shot, step.paths, quiet=options.quiet))
+    tell_unlike(executor)
+    return REFUSED if refused == len(options.scene) else max(status, FAILED if refused else 0)
+
+
+def _told(made: shot.Shot, paths: Sequence[Path], *, quiet: bool) -> int:
+    """Print what was written, what was refused, skipped and found; return the exit status."""
+    for path in paths:
         print(path)
-    refused, names = 0, FileNames()
-    for form in dict.fromkeys(options.format):
-        for stem, output in zip(outputs.file_names(bake), bake.outputs, strict=True):
-            try:
-                path = options.out / names.take(stem, format_of(form).suffix)
-                print(write(output.track, path, form, options.force))
-            except DermisError as error:  # one finger's track does not take the others down
-                print(f"error: {output.finger}, {output.device}, {form}: {error}", file=sys.stderr)
-                refused += 1
-    for part, words in () if options.quiet else told(bake.skipped):
+    for line in made.refused:
+        print(f"error: {line}", file=sys.stderr)
+    for part, words in () if quiet else told(made.skipped):
         print(f"skipped, {part}: {words}", file=sys.stderr)
-    return max(tell(bake.all_findings, sys.stderr), FAILED if refused else 0)
+    return max(tell(made.findings, sys.stderr), FAILED if made.refused else 0)
 
 
 def curve(options: argparse.Namespace) -> int:

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import argparse
+import sys
 
 import numpy as np
 
 from ..comparison import told_apart, told_report
+from ..errors import DermisError
 from ..matching.deformation import METHODS
 from ..presets import Library
 from ..scene import scene_file
 from ..skin.model import skin_from_parameters
 from ..studies import bump as bumps
 from ..studies import cap_force, method_sweep
+from ..sweep.run import run_sweep
+from ..sweep.spec import read
+from .findings import FAILED
 from .progress import drain_shown
+from .workers import executor_of, tell_unlike
 
 
 def tell_apart(options: argparse.Namespace) -> int:
@@ -27,7 +33,11 @@ def tell_apart(options: argparse.Namespace) -> int:
 
 
 def sweep(options: argparse.Namespace) -> int:
-    """Match a sliding plane by every method, over depths, frictions and directions."""
+    """Do a table of variants; or match a sliding plane by every method, over depths, frictions and directions."""
+    if options.spec is not None:
+        return _table(options)
+    if options.scheduler is not None or options.workers:
+        raise DermisError("workers are for a table of variants", where="sweep", remedy="Give SPEC.toml")
     library = Library(options.presets)
     spec, skin = library.device(options.device), skin_from_parameters(library.skin(options.skin), level=options.level)
     methods = [method for method in METHODS if not options.method or method in options.method]
@@ -45,6 +55,24 @@ def sweep(options: argparse.Namespace) -> int:
     for path in () if options.out is None else method_sweep.write(found, spec, skin, options.out):
         print(path)
     return 0
+
+
+def _table(options: argparse.Namespace) -> int:
+    """Do the rows of a table that are not there yet."""
+    if options.out is None:
+        raise DermisError("a table needs a folder", where="--out", remedy="Give --out DIR, the same to go on with one")
+    spec = read(options.spec)
+    with executor_of(options) as executor:
+        steps = run_sweep(spec, Library(options.presets), options.out, executor)
+        made = drain_shown(steps, quiet=options.quiet)
+        tell_unlike(executor)
+    for path in made.paths:
+        print(path)
+    for line in made.lost:
+        print(f"error: {line}", file=sys.stderr)
+    counts = f"{made.done} done, {made.kept} there before, {made.refused} refused, {len(made.lost)} lost"
+    print(f"{made.rows} rows: {counts}", file=sys.stderr)
+    return FAILED if made.refused or made.lost else 0
 
 
 def bump(options: argparse.Namespace) -> int:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ..parameters.skin import DEFAULT_SKIN
-from .arguments import LEVEL, PRESETS, QUIET, SCENE, add_verb, argument, number
+from .arguments import LEVEL, PRESETS, QUIET, SCENE, WORKERS, add_verb, argument, number
 
 OUT = argument("--out", type=Path, metavar="DIR", help="write the table (CSV) and the picture (PNG) there")
 METHODS = ("DM2", "DM1", "DM0", "FM2", "FM1", "FM0")
@@ -31,6 +31,9 @@ def add_studies(verbs: Any) -> None:
     add_verb(
         verbs,
         "sweep",
+        argument(
+            "spec", type=Path, nargs="?", metavar="SPEC.toml", help="a table of variants instead; see presets/scale.md"
+        ),
         argument("--device", default="pin_array_128", metavar="PRESET", help="a pin array's preset"),
         argument("--method", action="append", default=[], choices=METHODS, help="only this one; more than once"),
         argument("--depth", type=number, nargs="+", default=[0.5, 1.0, 1.5, 2.0], metavar="MM", help="depths [mm]"),
@@ -44,9 +47,12 @@ def add_studies(verbs: Any) -> None:
         OUT,
         PRESETS,
         QUIET,
-        help="how far methods miss over depths, frictions and directions of a sliding plane",
-        description="Press a plane into the pad and draw it along, as [S1] does, for every combination of depth, "
-        "friction and direction, and match it by every method.",
+        *WORKERS,
+        help="a table of variants over scenes; or how far methods miss over a sliding plane's stimuli",
+        description="With SPEC.toml: every combination of devices, dimensions, skins, materials, methods or seeds that "
+        "it names, over its scenes, as one table in --out, which a run that was ended goes on with. Without: press a "
+        "plane into the pad and draw it along, as [S1] does, for every combination of depth, friction and direction, "
+        "and match it by every method.",
         run="command_line.studies.sweep",
         writes={"out": True},
     )

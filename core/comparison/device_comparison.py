@@ -94,7 +94,7 @@ def compare_devices(
         if judged is None:
             skipped.append(Skipped(key, title, "the touch asks nothing of it"))
         else:
-            row = _row(output, judged)
+            row = row_of(output, judged)
             if floors:
                 spec, skin = output.track.spec, bake.skins.get(name)
                 found = yield from floor_in(spec, skin, uses[key].parameters)
@@ -108,7 +108,8 @@ def compare_devices(
     return Comparison(scene.name, name, scene.duration, bake.content_hash, tuple(rows), tuple(skipped))
 
 
-def _row(output: Output, judged: Judged) -> Row:
+def row_of(output: Output, judged: Judged) -> Row:
+    """Return a device's row: its share of clipped samples is the worst of its track's and its method's own."""
     track = output.track
     changed = max(track.limited.values(), default=0) / max(len(track.times), 1)
     clipped = min(max(changed, judged.limited), 1.0)

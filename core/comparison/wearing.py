@@ -51,7 +51,7 @@ def wearing_all(scene: TactileScene, library: Library, finger: int) -> tuple[Tac
         else:
             fit.append(entry.key)
     added = tuple(DeviceUse(key) for key in fit if key not in keys)
-    fingers = list(_alone(scene, library))
+    fingers = list(alone(scene, library))
     fingers[finger] = replace(worn, devices=worn.devices + added)
     return replace(scene, fingers=tuple(fingers)), fit, skipped
 
@@ -62,7 +62,7 @@ def _misfit(kind: str, scene: TactileScene) -> str:
     return ""
 
 
-def _alone(scene: TactileScene, library: Library) -> Iterator[Finger]:
+def alone(scene: TactileScene, library: Library) -> Iterator[Finger]:
     """Yield fingers without devices, whose skin is solved as before."""
     for finger in scene.fingers:
         shown = SKIN_CONTACT["skin_shown"].of(finger.parameters) or any(

@@ -117,7 +117,7 @@ def arrays_of(share: Share) -> dict[str, NDArray[Any]]:
     for f, touch in share.felt.items():
         arrays |= {f"{f}/skin/{name}": array for name, array in skin_arrays.arrays_of(touch).items()}
         head["fingers"][str(f)] = {
-            "findings": _plain(touch.findings),
+            "findings": plain_findings(touch.findings),
             "skipped": dict(touch.skipped),
             "devices": [_entry(f"{f}/{n}", one, arrays) for n, one in enumerate(share.driven[f])],
         }
@@ -135,13 +135,13 @@ def made_of(
     for name, entry in head["fingers"].items():
         f, prefix = int(name), f"{name}/skin/"
         own = {key.removeprefix(prefix): array for key, array in arrays.items() if key.startswith(prefix)}
-        felt[f] = skin_arrays.touch_of(models[f], own, _findings(entry["findings"]), entry["skipped"])
+        felt[f] = skin_arrays.touch_of(models[f], own, findings_of(entry["findings"]), entry["skipped"])
         made[f] = [_driven(f"{name}/{n}", one, arrays, library) for n, one in enumerate(entry["devices"])]
     return Share(felt, made, head["seconds"])
 
 
 def _entry(place: str, one: Driven, arrays: dict[str, NDArray[Any]]) -> dict[str, Any]:
-    entry: dict[str, Any] = {"findings": _plain(one.findings), "skipped": dict(one.skipped), "output": None}
+    entry: dict[str, Any] = {"findings": plain_findings(one.findings), "skipped": dict(one.skipped), "output": None}
     if one.output is not None:
         output, track = one.output, one.output.track
         arrays |= {f"{place}/times": track.times, f"{place}/values": track.values}
@@ -153,13 +153,13 @@ def _entry(place: str, one: Driven, arrays: dict[str, NDArray[Any]]) -> dict[str
             "meta": dict(track.meta),
             "limited": dict(track.limited),
             "signals": list(output.signals),
-            "findings": _plain(output.findings),
+            "findings": plain_findings(output.findings),
         }
     return entry
 
 
 def _driven(place: str, entry: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], library: Library) -> Driven:
-    told, skipped, out = _findings(entry["findings"]), entry["skipped"], entry["output"]
+    told, skipped, out = findings_of(entry["findings"]), entry["skipped"], entry["output"]
     if out is None:
         return Driven(None, told, skipped)
     track = CommandTrack(
@@ -170,7 +170,7 @@ def _driven(place: str, entry: Mapping[str, Any], arrays: Mapping[str, NDArray[A
         out["limited"],
     )
     signals = {name: arrays[f"{place}/signal/{name}"] for name in out["signals"]}
-    return Driven(Output(out["finger"], out["device"], track, signals, _findings(out["findings"])), told, skipped)
+    return Driven(Output(out["finger"], out["device"], track, signals, findings_of(out["findings"])), told, skipped)
 
 
 def _spec(device: str, source: Mapping[str, Any], library: Library) -> DeviceSpec:
@@ -178,7 +178,7 @@ def _spec(device: str, source: Mapping[str, Any], library: Library) -> DeviceSpe
     return known if known.source == source else from_preset(device, source)
 
 
-def _plain(findings: Sequence[Finding]) -> list[dict[str, Any]]:
+def plain_findings(findings: Sequence[Finding]) -> list[dict[str, Any]]:
     """Return findings as values that JSON holds; others as they are told."""
     entries = [finding.as_dict() for finding in findings]
     for entry in entries:
@@ -187,5 +187,5 @@ def _plain(findings: Sequence[Finding]) -> list[dict[str, Any]]:
     return entries
 
 
-def _findings(entries: Sequence[Mapping[str, Any]]) -> tuple[Finding, ...]:
+def findings_of(entries: Sequence[Mapping[str, Any]]) -> tuple[Finding, ...]:
     return tuple(Finding(**entry) for entry in entries)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..cache import Cache
 from ..errors import DermisError
+from ..files import read_bytes
 from ..steps import drain
 from .model import shape_and_material, skin_from_parameters
 from .remainder import STEPS
@@ -38,6 +40,24 @@ def make(
     assert model.unit_response.size  # computed, and with that stored
     report(STAGES, STAGES)
     return {"tetrahedra": np.array(len(model.mesh.tetrahedra)), "pad": np.array(model.pad_count)}
+
+
+def make_files(
+    arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Callable[[int, int], None]
+) -> dict[str, NDArray[Any]]:
+    """Return what `make` puts into a cache, where nobody else sees the folder: each file's bytes by its key.
+
+    Args:
+        arrays: not used.
+        parameters: 'skin' (as in a skin preset, SI) and 'level'.
+
+    Raises:
+        DermisError: a skin that cannot be made.
+    """
+    with tempfile.TemporaryDirectory(prefix="dermis-skin-", ignore_cleanup_errors=True) as folder:
+        make(arrays, {**parameters, "folder": folder, "limit": 1 << 40}, report)
+        files = sorted(path for path in Path(folder).glob("*/*") if path.is_file())
+        return {path.name: np.frombuffer(read_bytes(path), np.uint8) for path in files}
 
 
 def make_surface(

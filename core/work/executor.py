@@ -79,9 +79,14 @@ class JobExecutor(Executor):
         workers: how many jobs can run side by side.
         table: the jobs' names.
 
+    Attributes:
+        shares_files: a file of this process can be opened where jobs run; else what they need has to travel.
+
     Raises:
         DermisError: less than one worker, who would never begin.
     """
+
+    shares_files = True
 
     def __init__(self, workers: int = 1, *, table: Table = JOBS) -> None:
         if workers < 1:
@@ -91,6 +96,10 @@ class JobExecutor(Executor):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}(up to {self.workers} at once)"
+
+    def room(self) -> int:
+        """Return how many jobs had better be under way, so that nobody waits and no more than that is held."""
+        return self.workers
 
     def submit(  # type: ignore[override]  # a name where the standard library takes a function: nothing is pickled
         self, name: str, arrays: Arrays | None = None, parameters: Mapping[str, Any] | None = None

@@ -21,12 +21,15 @@ Table = Mapping[str, str]
 # name -> module:function, which is called with (arrays, parameters, report) and returns arrays
 JOBS: Table = {
     "skin": ".skin.job:make",
+    "skin-files": ".skin.job:make_files",
     "pad": ".skin.job:make_surface",
     "stiffening": ".tissue.job:make_stiffening",
     "collect": ".design.collect:work",
     "adapt": ".matching.adapt:adapt_job",
     "compare": ".comparison.job:compare_job",
     "share": ".pipeline.share_job:work",
+    "shot": ".pipeline.shot:work",
+    "sweep-row": ".sweep.job:work",
     "tell-apart": ".comparison.job:tell_job",
 }
 _CORE = __package__.rpartition(".")[0]

@@ -76,6 +76,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     # the whole way, for one touch and every device
     "comparison": MATCHING | {"plot", "pipeline", "work", "experiment"},
     "studies": MATCHING | {"plot", "pipeline"},
+    "sweep": MATCHING | {"plot", "pipeline", "work", "design", "comparison"},
     # live to the hardware
     "stream.protocols": DEVICE,
     "stream.links": DEVICE | {"stream.protocols"},

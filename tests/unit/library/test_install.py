@@ -29,10 +29,15 @@ def test_what_it_depends_on_is_what_the_tests_run_on() -> None:
     wanted = [*project["dependencies"], *(r for extra in project["optional-dependencies"].values() for r in extra)]
     stated = dict(requirement.split(">=") for requirement in wanted)
     tried = {}
-    for lock in ("environment-cp313.txt", "environment-cp311.txt", "wheels.txt"):  # the older numpy is the lower bound
+    for lock in (
+        "dask.txt",
+        "environment-cp313.txt",
+        "environment-cp311.txt",
+        "wheels.txt",
+    ):  # the older numpy is the lower bound
         tried |= dict(re.findall(r"^([\w.-]+)==([\w.]+)", (ROOT / ".ci" / lock).read_text(encoding="utf-8"), re.M))
     wheels = re.findall(r"^([\w.-]+)==", (ROOT / ".ci" / "wheels.txt").read_text(encoding="utf-8"), re.M)
-    assert set(stated) == {"numpy", *wheels}
+    assert set(stated) == {"numpy", "distributed", *wheels}
     for name, least in stated.items():
         assert f"{tried[name]}.".startswith(f"{least}."), f"{name} >= {least}, tried with {tried[name]}"
     assert project["requires-python"] == ">=3.11"

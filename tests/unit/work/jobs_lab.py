@@ -13,9 +13,15 @@ from typing import Any
 import numpy as np
 
 from core.errors import DermisError
+from core.work.cluster import serve as reply_to
 
 TABLE = {name: f"{__name__}:{name}" for name in ("echo", "dawdle", "refuse", "fail", "die", "babble", "leave", "plain")}
 LINE = [sys.executable, "-c", f"from core.work.processes import serve; from {__name__} import TABLE; serve(TABLE)"]
+
+
+def on_worker(request: bytes, *large: bytes) -> bytes:
+    """Do a job of this table on a worker of a cluster."""
+    return reply_to(request, large, TABLE)
 
 
 def echo(arrays: Any, parameters: Any, report: Any) -> Any:

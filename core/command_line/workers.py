@@ -1,0 +1,47 @@
+"""Who does the work of a verb: processes of this machine, or the workers of a scheduler; and what is said of them."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from ..errors import DermisError
+from ..work.executor import JobExecutor
+from ..work.processes import ProcessExecutor, cores
+
+
+def executor_of(options: argparse.Namespace) -> JobExecutor:
+    """Return who does the work, by the options of `arguments.WORKERS`.
+
+    Raises:
+        DermisError: fewer than no processes, half of the keys of TLS, or a scheduler that cannot be used.
+    """
+    if options.workers < 0:
+        raise DermisError("too small", where="--workers", value=options.workers, limit=">= 0")
+    given = [getattr(options, name) for name in ("tls_ca", "tls_cert", "tls_key")]
+    if options.scheduler is None:
+        if any(given):
+            raise DermisError(
+                "keys are of a scheduler", where="--tls-ca, --tls-cert, --tls-key", remedy="Leave them out"
+            )
+        return ProcessExecutor(options.workers or cores())
+    if options.workers:
+        raise DermisError("a scheduler has workers of its own", where="--workers", remedy="Leave it or --scheduler out")
+    from ..work.cluster import ClusterExecutor, Keys, is_open
+
+    if any(given) and not all(given):
+        raise DermisError("TLS needs three files", where="--tls-ca, --tls-cert, --tls-key", remedy="Give all of them")
+    keys = Keys(*map(str, given)) if all(given) else None
+    executor = ClusterExecutor(options.scheduler, keys)
+    if is_open(options.scheduler):
+        what = "is neither encrypted nor on this machine: whoever reaches it can run any program on its workers"
+        print(f"warning: {options.scheduler} {what}", file=sys.stderr)
+    executor.room()
+    print(f"{options.scheduler}: {executor.workers} at once", file=sys.stderr)
+    return executor
+
+
+def tell_unlike(executor: JobExecutor) -> None:
+    """Say where workers differ from this process in what changes last digits."""
+    for words in sorted(getattr(executor, "unlike", ())):
+        print(f"warning: a worker has {words}: results agree with this machine's to some 1e-6", file=sys.stderr)

@@ -1,0 +1,54 @@
+"""Presets and keys of variants: which may vary, and a device's preset with other dimensions."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from ..errors import DermisError
+from ..presets import Library, check
+from .spec import Spec, Value
+
+
+def check_keys(spec: Spec, plain: Collection[str], kinds: Collection[str]) -> None:
+    """Refuse what cannot vary in a study.
+
+    Args:
+        plain: keys by themselves, such as 'device'. kinds: what stands before a dot, such as 'device' of
+            'device.disc_radius'.
+
+    Raises:
+        DermisError: another key.
+    """
+    for key in spec.vary:
+        first, dot, name = key.partition(".")
+        if not (first in kinds and name if dot else key in plain):
+            known = [*plain, *(f"{kind}.NAME" for kind in kinds)]
+            raise DermisError(f"'{key}' cannot vary", where=f"{spec.where}, vary", limit=", ".join(known))
+
+
+def dimensions(values: Mapping[str, Value], library: Library, where: str) -> dict[str, Any] | None:
+    """Return the preset of a variant's device with its dimensions, None where none of these varies.
+
+    Args:
+        values: 'device', and 'device.NAME': a parameter of its preset, in the preset's own unit.
+
+    Raises:
+        DermisError: no device, no such parameter, or dimensions that no such device can have.
+    """
+    changed = {key.partition(".")[2]: value for key, value in values.items() if key.startswith("device.")}
+    if not changed:
+        return None
+    if "device" not in values:
+        raise DermisError("dimensions are of a device that is named", where=where, remedy='Give "device" a value')
+    key = str(values["device"])
+    preset = library.load("devices", key)
+    parameters = preset.get("parameters", {})
+    for name, value in changed.items():
+        if name not in parameters:
+            known = ", ".join(parameters)
+            raise DermisError("no such parameter", where=f"{where}, device '{key}'", value=name, limit=known)
+        old = parameters[name]
+        parameters[name] = {**old, "value": value, "source": "varied"} if isinstance(old, dict) else value
+    check("devices", key, preset)
+    return preset

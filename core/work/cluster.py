@@ -1,0 +1,294 @@
+"""Jobs done by the workers of a dask scheduler, on other machines; dask carries texts and bytes, and nothing else.
+
+A function is sent by its name, so every worker needs this engine under the name that it has here. Large arrays travel
+by their content's hash, to each worker once. A worker that dies loses nothing: the scheduler gives its jobs to others,
+until `distributed.scheduler.allowed-failures` workers (3, if nobody says otherwise) have died of the same job. There is
+no progress within a job, and one that runs cannot be stopped: cancelled, it runs on and its result is dropped.
+
+dask is no part of this engine: it is loaded here, and only when a `ClusterExecutor` is made. Never inside Blender.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import ipaddress
+import threading
+import time
+import uuid
+from collections.abc import Callable, Mapping
+from concurrent.futures import CancelledError, InvalidStateError
+from concurrent.futures import wait as wait_for
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+from urllib.parse import urlsplit
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from .child import close_at_exit
+from .engine import check_same, engine, unlike
+from .executor import JobExecutor, JobFuture
+from .jobs import JOBS, Arrays, Job, Table
+from .parcel import packed, unpacked
+
+LARGE = 1 << 16  # bytes from which an array travels by its content's hash: beyond, it costs more than a task of its own
+CONNECT_SECONDS = 15.0  # the longest to wait for a scheduler
+SETTLE_SECONDS = 5.0  # the longest to wait for a job that was cancelled
+LOOK_SECONDS = 2.0  # between two questions how many workers there are
+AHEAD = 2  # jobs a worker thread that are on their way: one runs, one waits beside it
+
+_one_at_a_time = threading.Lock()  # of a worker with several threads: a job's memory is bounded, a process's is
+
+
+@dataclass(frozen=True)
+class Keys:
+    """Files of a TLS connection: the authority's certificate, one's own, and its key."""
+
+    authority: str
+    certificate: str
+    key: str
+
+
+def work(request: bytes, *large: bytes) -> bytes:
+    """Do a job on a worker; refusals come back as a reply too.
+
+    Args:
+        request: see `ClusterExecutor.submit`. large: arrays that travelled by themselves, in the request's order.
+    """
+    return serve(request, large, JOBS)
+
+
+def serve(request: bytes, large: tuple[bytes, ...], table: Table) -> bytes:
+    """Do a job out of a table; see `work`."""
+    told = dict(engine())
+    try:
+        head, arrays = unpacked(request, "a job")
+        check_same(head["engine"], "whoever asked this worker")
+        for name, data in zip(head["large"], large, strict=True):
+            arrays[name] = unpacked(data, f"'{name}' of a job")[1]["array"]
+        with _one_at_a_time:
+            made = Job(head["job"], arrays, head["parameters"], table).run(lambda _done, _total: None)
+        return packed({"engine": told}, made)
+    except DermisError as error:
+        return packed({"engine": told, "error": error.as_dict()}, {})
+
+
+def hold(data: bytes) -> bytes:
+    """Hold an array for jobs that need it: a task, so that a scheduler makes it again where its holder dies."""
+    return data
+
+
+def tell() -> dict[str, str]:
+    """Tell what engine a worker has."""
+    return dict(engine())
+
+
+class ClusterExecutor(JobExecutor):
+    """Does jobs on the workers of a dask scheduler, as many as there are now.
+
+    Args:
+        address: of the scheduler, such as 'tcp://127.0.0.1:8786', or 'tls://...' with keys.
+        keys: of a TLS connection. table: the jobs' names. entry: what workers run; it is sent by its name.
+
+    Raises:
+        DermisError: code 'no-dask' where dask is not installed; 'no-scheduler' where nobody answers; 'other-version'
+            where a worker has another engine; keys without tls://, or the other way round.
+    """
+
+    shares_files = False
+
+    def __init__(
+        self, address: str, keys: Keys | None = None, *, table: Table = JOBS, entry: Callable[..., bytes] = work
+    ) -> None:
+        super().__init__(1, table=table)
+        self.address, self._entry = address, entry
+        self._client: Any = _connected(address, keys)
+        self._lock = threading.Lock()
+        self._open: set[JobFuture] = set()
+        self._large: dict[str, tuple[Any, int]] = {}  # by hash: dask's future, and how many jobs need it
+        self._looked = -LOOK_SECONDS
+        self._closed = False
+        self.unlike: set[str] = set()  # what workers differ in that may change last digits, in words
+        close_at_exit(self)
+        try:
+            for where, theirs in self._ask(tell).items():
+                check_same(theirs, f"worker {where}")
+                self._note(theirs)
+        except BaseException:
+            self.close()
+            raise
+
+    def __repr__(self) -> str:
+        return f"ClusterExecutor({self.address}, {self.room() // AHEAD} at once)"
+
+    def room(self) -> int:
+        """Return how many jobs had better be under way: some for every thread of every worker that is there now."""
+        if time.monotonic() - self._looked > LOOK_SECONDS:
+            threads = self._client.scheduler_info(n_workers=-1)["workers"].values()
+            self.workers = max(1, sum(int(worker["nthreads"]) for worker in threads))
+            self._looked = time.monotonic()
+        return AHEAD * self.workers
+
+    def submit(  # type: ignore[override]
+        self, name: str, arrays: Arrays | None = None, parameters: Mapping[str, Any] | None = None
+    ) -> JobFuture:
+        """See `JobExecutor.submit`. Files that parameters name must be where workers find them."""
+        job, future = Job(name, arrays or {}, parameters or {}, self.table), JobFuture()
+        if self._closed:
+            raise RuntimeError("cannot schedule new futures after shutdown")
+        large = {n: a for n, a in job.arrays.items() if np.asarray(a).nbytes >= LARGE}
+        head = {"job": name, "parameters": dict(job.parameters), "engine": dict(engine()), "large": list(large)}
+        request = packed(head, {n: a for n, a in job.arrays.items() if n not in large})
+        held = [self._held(array) for array in large.values()]
+        key = f"dermis-{name}-{uuid.uuid4().hex}"
+        theirs = self._client.submit(self._entry, request, *(self._large[h][0] for h in held), key=key, pure=False)
+        future.set_running_or_notify_cancel()
+        with self._lock:
+            self._open.add(future)
+        future.add_done_callback(partial(self._left, held))
+        future.ends_by(partial(self._drop, future, theirs))
+        theirs.add_done_callback(partial(self._settle, future))
+        return future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Take no more jobs, and leave the scheduler when those that are there are done.
+
+        Args:
+            wait: return then. cancel_futures: drop the jobs; those that run on workers end by themselves.
+        """
+        self._closed = True
+        with self._lock:
+            left = list(self._open)
+        for future in left if cancel_futures else ():
+            future.cancel()
+        if wait:
+            wait_for(left, SETTLE_SECONDS if cancel_futures else None)
+            self._client.close()
+
+    def close(self) -> None:
+        """Drop the jobs and leave the scheduler."""
+        self.shutdown(cancel_futures=True)
+
+    def _ask(self, what: Callable[[], dict[str, str]]) -> dict[str, dict[str, str]]:
+        try:
+            return dict(self._client.run(what))
+        except Exception as error:
+            raise _failed(error, f"a worker of {self.address}") from error
+
+    def _note(self, theirs: Mapping[str, str]) -> None:
+        if words := unlike(theirs):
+            self.unlike.add(words)
+
+    def _held(self, array: NDArray[Any]) -> str:
+        """Let workers hold an array as long as a job needs it; return its hash."""
+        data = packed({}, {"array": array})
+        key = hashlib.sha256(data).hexdigest()
+        with self._lock:
+            theirs, users = self._large.get(key, (None, 0))
+            if theirs is None:  # never the key of one that is just being forgotten
+                theirs = self._client.submit(hold, data, key=f"dermis-array-{key[:16]}-{uuid.uuid4().hex}")
+            self._large[key] = theirs, users + 1
+        return key
+
+    def _left(self, held: list[str], future: JobFuture) -> None:
+        """Forget a job, and the arrays that nobody else needs."""
+        with self._lock:
+            self._open.discard(future)
+            for key in held:
+                theirs, users = self._large[key]
+                if users > 1:
+                    self._large[key] = theirs, users - 1
+                else:
+                    del self._large[key]
+
+    def _drop(self, future: JobFuture, theirs: Any) -> None:
+        """Let go of a job that nobody wants any more, whether or not its scheduler is still there."""
+        with suppress(Exception):
+            theirs.cancel()
+        with suppress(InvalidStateError):  # it has just ended
+            future.fail(CancelledError())
+
+    def _settle(self, future: JobFuture, theirs: Any) -> None:
+        """Give a job the result that dask has for it; called by a thread of dask's."""
+        with suppress(InvalidStateError):  # it was dropped meanwhile
+            self._give(future, theirs)
+        future.ends_by(None)
+
+    def _give(self, future: JobFuture, theirs: Any) -> None:
+        try:
+            head, made = unpacked(theirs.result(), "a worker's reply")
+            self._note(head["engine"])
+            if "error" in head:
+                raise DermisError(**head["error"])
+            future.set_result(made)
+        except DermisError as error:
+            future.fail(error)
+        except (Exception, CancelledError) as error:
+            future.fail(_failed(error, f"a worker of {self.address}"))
+
+
+def _connected(address: str, keys: Keys | None) -> Any:
+    """Return dask's client of a scheduler."""
+    if (keys is not None) != (urlsplit(address).scheme == "tls"):
+        raise DermisError(
+            "TLS needs both an address tls://... and the three files of its keys",
+            where="--scheduler",
+            value=address,
+            remedy="Give --tls-ca, --tls-cert and --tls-key with tls://, and none of them with tcp://",
+        )
+    try:
+        import dask
+        from distributed import Client, Security
+    except ModuleNotFoundError as error:
+        raise DermisError(
+            "this needs dask.distributed, which this Python does not have",
+            where="--scheduler",
+            value=str(error.name),
+            remedy='Install it: python -m pip install "dermis[dask]"',
+            code="no-dask",
+        ) from error
+    security = None
+    if keys is not None:
+        files = {"tls_ca_file": keys.authority, "tls_client_cert": keys.certificate, "tls_client_key": keys.key}
+        security = Security(**files, require_encryption=True)
+    dask.config.set({"distributed.admin.large-graph-warning-threshold": "2GiB"})  # scenes are large, and travel once
+    try:
+        return Client(address, security=security, timeout=CONNECT_SECONDS, set_as_default=False)
+    except Exception as error:
+        raise DermisError(
+            "no scheduler answers",
+            where=address,
+            value=" ".join(str(error).split())[:200] or type(error).__name__,
+            remedy="Start one (dask scheduler), or correct the address or the keys",
+            code="no-scheduler",
+        ) from error
+
+
+def _failed(error: BaseException, where: str) -> DermisError:
+    """Return why dask has no result for a job."""
+    said = " ".join(str(error).split())[:300]
+    if isinstance(error, ImportError):
+        what, code = "a worker does not find this engine", "no-engine"
+        remedy = "Install it there under the same name (dermis or core), or start the worker where it can be imported"
+    elif isinstance(error, CancelledError):
+        what, code, remedy = "the scheduler lost the job", "job-crashed", "Start it again, and do the work once more"
+    elif type(error).__name__ == "KilledWorker":
+        what, code = "workers died of the job", "job-crashed"
+        remedy = "Look at their logs; give workers more memory (dask worker --memory-limit)"
+    else:
+        what, code, remedy = f"the job failed: {type(error).__name__}", "job-failed", ""
+    return DermisError(what, where=where, value=said, remedy=remedy, code=code)
+
+
+def is_open(address: str) -> bool:
+    """Return whether an address is one that others on the network can listen to: neither TLS nor this machine."""
+    parts = urlsplit(address)
+    if parts.scheme in ("tls", "inproc"):
+        return False
+    try:
+        return not ipaddress.ip_address(parts.hostname or "").is_loopback
+    except ValueError:
+        return parts.hostname != "localhost"

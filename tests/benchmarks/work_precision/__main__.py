@@ -23,13 +23,14 @@ PICTURES = {  # of a picture: its diagrams, how many side by side, its title, an
         ("pin solvers", "pin methods", "thimble"),
         3,
         "Matching: time a frame against error",
-        "A certificate is how far one more step would move.",
+        "Solvers of the same problem; what methods leave; what a thimble's searches leave.",
     ),
     "scenes": (("scenes",), 1, "Whole scenes", "Dashed: the tissues' own error."),
     "work_precision": (
         ("plane", "ball 5 mm", "edge 90 degrees at 0 mm", "ribs", "pin solvers", "scenes"),
         3,
-        "Contact on points is nearer than linear tissue's own error on every shape; meshes at nodes are not",
+        "On points, contact is nearer than linear tissue's own error on every shape; "
+        "at nodes the fine mesh is, if nothing is sharp or small",
         KEY,
     ),
 }

@@ -27,7 +27,8 @@ def size(count: int, across: int) -> tuple[float, float]:
 
 def draw(canvas: Canvas, panels: Sequence[Panel], title: str, says: str, across: int) -> None:
     """Draw diagrams row by row; the same curve has the same colour everywhere."""
-    names = list(dict.fromkeys(point.curve for panel in panels for point in panel.points))
+    points = [point for panel in panels for point in panel.points]
+    names = list(dict.fromkeys(point.curve for point in sorted(points, key=lambda point: point.curve == point.knob)))
     colours = {name: COLOURS[k % len(COLOURS)] for k, name in enumerate(names)}
     canvas.text(20, 24, title, 9.5, INK)
     canvas.text(20, 43, says, 7.5, INK)
@@ -35,7 +36,7 @@ def draw(canvas: Canvas, panels: Sequence[Panel], title: str, says: str, across:
     canvas.disc(24, 60.5, 3.6, PAPER)
     canvas.text(33, 63.5, "the default", 7.0, FAINT)
     x, y = 100.0, 63.5
-    curves = [point.curve for panel in panels for point in panel.points if point.curve != point.knob]
+    curves = [point.curve for point in points if point.curve != point.knob]
     for name in dict.fromkeys(curves):  # what is one point alone has its name beside it
         if x + 12 + 5.4 * len(name) > size(1, across)[0]:
             x, y = 20.0, y + 14.0
@@ -72,7 +73,7 @@ def _draw(canvas: Canvas, panel: Panel, colours: dict[str, str], left: float, to
         canvas.line(side, y1, side, y0, FRAME, 0.75)
     canvas.text(x0, y1 - 20, panel.title, 8.0, INK)
     canvas.text(x0, y1 - 6, "ms a frame", 6.5, FAINT)
-    canvas.text((x0 + x1) / 2, y0 + 27, f"error of {panel.across}", 6.5, FAINT, "middle")
+    canvas.text((x0 + x1) / 2, y0 + 27, panel.across, 6.5, FAINT, "middle")
     for k, (name, value) in enumerate(panel.bands.items()):
         canvas.line(x(value), y1, x(value), y0, BAND, 1.0, 3.0)
         canvas.text(x(value) + 3, y1 + 9 + 9 * k, name.replace("_", "-"), SMALL, BAND)

@@ -29,7 +29,7 @@ SIGN_TOLERANCE = 1e-13  # of the largest gradient or bound: below it a sign coun
 MAX_BLOCK_TRIES = 6  # block exchanges without progress before the primal active set takes over
 MAX_PIVOTS = 3000
 FACTORS_KEPT = 64
-USES_BEFORE_INVERSE = 3  # of a factor: from then on its inverse is worth making
+USES_BEFORE_INVERSE = 16  # of a factor: its inverse takes as long as thirty solves, and then saves half of each
 MAX_CONDITION = 1e4  # of the free variables' H, for its inverse to be used instead of its factor
 PROXIMAL_WEIGHT = 1e-7  # of the mean diagonal: makes a singular H definite; removed again by proximal steps
 MAX_PROXIMAL_STEPS = 200
@@ -42,7 +42,7 @@ class _Factor:
 
     status: NDArray[np.int8]
     free: NDArray[np.intp]
-    cholesky: Array  # upper factor of H[free, free], Fortran order
+    block: Array  # H[free, free], Fortran order; once it is solved with, its upper factor
     columns: Array  # H[:, free], Fortran order
     sign: Array  # +1 at the lower bound, -1 at the upper, 0 free
     fixed: Array  # x at the bounds, 0 where free
@@ -51,6 +51,7 @@ class _Factor:
     low: Array  # bounds of the free variables
     high: Array
     uses: int = 0
+    factored: bool = False
     inverse: Array | None = None  # of H[free, free], where it is used again and well conditioned
     offset: Array | None = None  # -inverse @ inner_base
 
@@ -75,7 +76,7 @@ class BoundedLeastSquares:
         from scipy.linalg import blas, lapack  # a frame is a dozen calls: these cost a fifth of numpy's own
 
         self._potrf, self._potrs, self._gemv, self._asum = lapack.dpotrf, lapack.dpotrs, blas.dgemv, blas.dasum
-        self._idamax, self._potri = blas.idamax, lapack.dpotri
+        self._idamax, self._potri, self._posv = blas.idamax, lapack.dpotri, lapack.dposv
         gram = np.array(gram, dtype=np.float64, order="C")
         if gram.ndim != 2 or gram.shape[0] != gram.shape[1]:
             raise DermisError("the Gram matrix must be square", where=WHERE, value=gram.shape)
@@ -92,6 +93,7 @@ class BoundedLeastSquares:
         self.gram = gram
         self.n = len(gram)
         self._set_bounds(low, high)
+        self._none = np.zeros(self.n)
         self._proximal = 0.0
         self._solved = gram
         self._status = np.full(self.n, -1, dtype=np.int8)
@@ -183,13 +185,22 @@ class BoundedLeastSquares:
             self._invert(factor)
         if factor.inverse is not None:
             inner = self._gemv(1.0, factor.inverse, c.take(factor.free), 1.0, factor.offset)
-        else:
-            inner = self._potrs(factor.cholesky, c.take(factor.free) - factor.inner_base)[0]
+        elif factor.factored:
+            inner = self._potrs(factor.block, c.take(factor.free) - factor.inner_base)[0]
+        else:  # both in one call
+            factor.block, inner, info = self._posv(factor.block, c.take(factor.free) - factor.inner_base, overwrite_a=1)
+            if info != 0:
+                self._factors.clear()  # half of this one is overwritten
+                self._latest = None
+                if not self._proximal:
+                    raise _Singular
+                raise DermisError("the Gram matrix is not positive definite on the free variables", where=WHERE)
+            factor.factored = True
         return inner, self._gemv(1.0, factor.columns, inner, 1.0, rest)
 
     def _invert(self, factor: _Factor) -> None:
         """Keep the inverse where its rounding is as harmless as that of a back-substitution; it is twice as fast."""
-        half = self._potri(factor.cholesky)[0]
+        half = self._potri(factor.block)[0]
         inverse = np.triu(half) + np.triu(half, 1).T
         block = factor.columns[factor.free]
         condition = np.abs(inverse).sum(axis=1).max() * np.abs(block).sum(axis=1).max()
@@ -256,16 +267,24 @@ class BoundedLeastSquares:
     def _factored(self, status: NDArray[np.int8]) -> _Factor:
         free = (status == 0).nonzero()[0]
         rows = self._solved.take(free, axis=0)  # H is symmetric, and its rows are contiguous
-        cholesky, info = self._potrf(rows.take(free, axis=1).T, overwrite_a=1) if len(free) else (_EMPTY, 0)
-        if info != 0:
-            if not self._proximal:
-                raise _Singular
-            raise DermisError("the Gram matrix is not positive definite on the free variables", where=WHERE)
-        fixed = np.where(status < 0, self.low, self.high)
+        fixed, upper = self.low.copy(), (status > 0).nonzero()[0]
+        fixed[upper] = self.high[upper]
         fixed[free] = 0.0
-        base = self._gemv(1.0, self._solved.T, fixed)
-        sign = -status.astype(np.float64)
-        return _Factor(status, free, cholesky, rows.T, sign, fixed, base, base[free], self.low[free], self.high[free])
+        loaded = fixed.nonzero()[0]  # few where the lower bounds are zero
+        base = self._gemv(1.0, self._solved.take(loaded, axis=0).T, fixed.take(loaded)) if len(loaded) else self._none
+        low, high = self.low[free], self.high[free]
+        return _Factor(
+            status,
+            free,
+            rows.take(free, axis=1).T,
+            rows.T,
+            np.negative(status, dtype=np.float64),
+            fixed,
+            base,
+            base.take(free),
+            low,
+            high,
+        )
 
     def _set_bounds(self, low: Any, high: Any) -> None:
         self.low, self.high = bounds_of(low, high, self.n)

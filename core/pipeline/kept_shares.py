@@ -33,14 +33,14 @@ if TYPE_CHECKING:
     from ..contact.pad_contact import PadContact
     from ..skin.model import SkinModel
 
-LIMIT_BYTES = 300_000_000
+LIMIT_BYTES, MOST = 300_000_000, 24  # each share holds its fingers' skins besides
 # Skin is looked for within this multiple of the pad's size, from its centre, and a way [m]: more than any contact does.
 REACH, MARGIN = 2.0, 2.5e-3
 ALL = ("frames/", "times/")  # of the series, whose samples they are
 
 
 class KeptShares:
-    """Shares of bakes by what they were rendered from; those not used for longest make room.
+    """Shares of bakes by what they were rendered from, so many at most; those not used for longest make room.
 
     Args:
         limit_bytes: of all of them; one that is larger is not kept.
@@ -77,7 +77,7 @@ class KeptShares:
         self._shares.pop(key, None)
         if size > self._limit:
             return
-        while self._shares and self.size + size > self._limit:
+        while self._shares and (self.size + size > self._limit or len(self._shares) >= MOST):
             del self._shares[next(iter(self._shares))]
         self._shares[key] = (share, size)
 

@@ -37,7 +37,7 @@ def test_points_stand_on_logarithmic_axes() -> None:
     assert y0 - y2 == pytest.approx(y2 - y1, abs=2e-3) and y0 > y1, "and as high"
     rings = re.findall(r'<circle cx="([\d.]+)" cy="([\d.]+)" r="5.4"', text)
     assert [tuple(map(float, ring)) for ring in rings] == [(x2, y2)], "the default is ringed, and it alone"
-    for word in ("draft", "fine", "3e-04", "neo-hookean", "the reference", "a ball", "error of stress"):
+    for word in ("draft", "fine", "3e-04", "neo-hookean", "the reference", "a ball", "stress"):
         assert word in text
 
 

@@ -12,11 +12,12 @@ from core.plot.canvas import Canvas
 
 from .measured import Panel, Point
 
-COLOURS = ("#c8323c", "#e39aa0", "#1f6fb2", "#4fa3a0", "#8a4fb0", "#b0661a", "#6b7480")
+COLOURS = ("#c8323c", "#e39aa0", "#1f6fb2", "#4fa3a0", "#8a4fb0", "#b0661a", "#6b7480", "#2e7d46", "#a03a78", "#20262e")
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 306.0, 250.0, 48.0, 14.0, 34.0, 42.0
-HEAD = 78.0  # for title, sentence and legend
+HEAD = 92.0  # for title, sentence and legend
 OWN, BAND = "#eef0f3", "#b9a06a"
 SMALL = 6.2
+Box = tuple[float, float, float, float]
 
 
 def size(count: int, across: int) -> tuple[float, float]:
@@ -26,18 +27,22 @@ def size(count: int, across: int) -> tuple[float, float]:
 
 def draw(canvas: Canvas, panels: Sequence[Panel], title: str, says: str, across: int) -> None:
     """Draw diagrams row by row; the same curve has the same colour everywhere."""
-    names = list(dict.fromkeys(point.curve for panel in panels for point in panel.points))
+    points = [point for panel in panels for point in panel.points]
+    names = list(dict.fromkeys(point.curve for point in sorted(points, key=lambda point: point.curve == point.knob)))
     colours = {name: COLOURS[k % len(COLOURS)] for k, name in enumerate(names)}
     canvas.text(20, 24, title, 9.5, INK)
     canvas.text(20, 43, says, 7.5, INK)
-    x = 20.0
-    for name, colour in colours.items():
-        canvas.disc(x + 4, 60.5, 3.5, colour)
-        canvas.text(x + 12, 63.5, name, 7.0, FAINT)
+    canvas.disc(24, 60.5, 5.0, INK)
+    canvas.disc(24, 60.5, 3.6, PAPER)
+    canvas.text(33, 63.5, "the default", 7.0, FAINT)
+    x, y = 100.0, 63.5
+    curves = [point.curve for point in points if point.curve != point.knob]
+    for name in dict.fromkeys(curves):  # what is one point alone has its name beside it
+        if x + 12 + 5.4 * len(name) > size(1, across)[0]:
+            x, y = 20.0, y + 14.0
+        canvas.disc(x + 4, y - 3.0, 3.5, colours[name])
+        canvas.text(x + 12, y, name, 7.0, FAINT)
         x += 26 + 5.4 * len(name)
-    canvas.disc(x + 4, 60.5, 5.0, INK)
-    canvas.disc(x + 4, 60.5, 3.6, PAPER)
-    canvas.text(x + 13, 63.5, "the default", 7.0, FAINT)
     for k, panel in enumerate(panels):
         _draw(canvas, panel, colours, 6.0 + WIDTH * (k % across), HEAD + HEIGHT * (k // across))
 
@@ -68,7 +73,7 @@ def _draw(canvas: Canvas, panel: Panel, colours: dict[str, str], left: float, to
         canvas.line(side, y1, side, y0, FRAME, 0.75)
     canvas.text(x0, y1 - 20, panel.title, 8.0, INK)
     canvas.text(x0, y1 - 6, "ms a frame", 6.5, FAINT)
-    canvas.text((x0 + x1) / 2, y0 + 27, f"error of {panel.across}", 6.5, FAINT, "middle")
+    canvas.text((x0 + x1) / 2, y0 + 27, panel.across, 6.5, FAINT, "middle")
     for k, (name, value) in enumerate(panel.bands.items()):
         canvas.line(x(value), y1, x(value), y0, BAND, 1.0, 3.0)
         canvas.text(x(value) + 3, y1 + 9 + 9 * k, name.replace("_", "-"), SMALL, BAND)
@@ -79,16 +84,26 @@ def _draw(canvas: Canvas, panel: Panel, colours: dict[str, str], left: float, to
         if len(own) > 1:
             canvas.path(np.array([x(p.error) for p in own]), np.array([y(p.median) for p in own]), colours[curve], 1.0)
         for point in own:
-            _mark(canvas, point, x(point.error), y(point.median), colours[curve], x1)
+            if point.default:
+                canvas.disc(x(point.error), y(point.median), 5.4, INK)
+                canvas.disc(x(point.error), y(point.median), 4.4, PAPER)
+            canvas.disc(x(point.error), y(point.median), 3.0, colours[curve])
+    taken: list[Box] = []
+    for point in sorted(panel.points, key=lambda point: not point.default):
+        _name(canvas, point, (x(point.error), y(point.median)), colours[point.curve], x1, taken)
 
 
-def _mark(canvas: Canvas, point: Point, x: float, y: float, colour: str, right: float) -> None:
-    if point.default:
-        canvas.disc(x, y, 5.4, INK)
-        canvas.disc(x, y, 4.4, PAPER)
-    canvas.disc(x, y, 3.0, colour)
-    end = x > right - 40.0
-    canvas.text(x + (-7 if end else 7), y - 3, point.knob, SMALL, colour, "end" if end else "start")
+def _name(canvas: Canvas, point: Point, at: tuple[float, float], colour: str, right: float, taken: list[Box]) -> None:
+    """Write what a point is, where there is room beside it."""
+    wide = 4.6 * len(point.knob)
+    for side, down in ((1, 2.5), (-1, 2.5), (1, -6.0), (-1, -6.0), (1, 11.0), (-1, 11.0)):
+        start = at[0] + 8.0 if side > 0 else at[0] - 8.0 - wide
+        box = (start, at[1] + down - 7.0, start + wide, at[1] + down)
+        clear = all(box[0] > b[2] or box[2] < b[0] or box[1] > b[3] or box[3] < b[1] for b in taken)
+        if clear and start + wide < right + 8.0:
+            taken.append(box)
+            canvas.text(start, at[1] + down, point.knob, SMALL, colour)
+            return
 
 
 def _around(values: Sequence[float]) -> tuple[float, float]:

@@ -26,7 +26,9 @@ def pin_solvers() -> Panel:
     """Return DM2 on the path that never settles, by solver."""
     from core.matching.bounded_lsq import BoundedLeastSquares
 
-    panel = Panel("pin solvers", "128 pins, deformation matching: solvers", "certificate")
+    panel = Panel(
+        "pin solvers", "128 pins, deformation matching: solvers", "how far a step of projected descent still moves"
+    )
     matcher = _setup().matcher
     gram = matcher.gram("DM2")
     sides = [matcher.rhs("DM2", f) for f in _forces("varied")]
@@ -95,7 +97,9 @@ def pin_methods() -> Panel:
     """Return all methods on the paper's slide: displacement of the skin that is left, of what was asked for."""
     from core.matching.deformation import METHODS, PinSolver
 
-    panel = Panel("pin methods", "128 pins, slide 2 mm deep: methods", "displacement left")
+    panel = Panel(
+        "pin methods", "128 pins, a slide 2 mm deep (0: free to pull)", "displacement of the skin that is left"
+    )
     matcher, forces = _setup().matcher, _forces("slide")
     asked = np.array([float(matcher.displacement_error(f, np.zeros(len(matcher.active)))) for f in forces])
     for method in METHODS:
@@ -109,7 +113,7 @@ def pin_methods() -> Panel:
                 left.append(float(matcher.displacement_error(f, step.x)))
         found = timing(times)
         off = float(np.sqrt((np.array(left) ** 2).sum() / (asked**2).sum()))
-        panel.points.append(Point(method[:2], method, found.median, found.p95, off, None, method == "DM2"))
+        panel.points.append(Point(method, method, found.median, found.p95, off, None, method == "DM2"))
     return panel
 
 
@@ -121,7 +125,7 @@ def thimble() -> Panel:
     """
     from ..bench_thimble import searches
 
-    panel = Panel("thimble", "thimble: searches on three touches", "stress left")
+    panel = Panel("thimble", "thimble: searches on three touches", "stress that is left")
     direct = searches("direct")["error"]
     for kind in ("direct", "ridge", "network"):
         found, name = searches(kind), {"ridge": "polynomial"}.get(kind, kind)

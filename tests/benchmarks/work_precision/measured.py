@@ -43,7 +43,7 @@ class Panel:
     """One diagram.
 
     Attributes:
-        name: of its rows. title: over it. across: what the error is of.
+        name: of its rows. title: over it. across: what the error is.
         own: the reference's own error: what lies below it says nothing. bands: modelling errors by what they are of.
     """
 

@@ -86,7 +86,7 @@ def panels(names: Sequence[str] = CASES) -> Iterator[Panel]:
             probes = 1e-3 * family.probes
             truth = np.asarray(exact["stress"])
             limit = float(np.atleast_1d(exact.get("limit", exact["force"]))[-1])
-            panel = Panel(name, name, "stress 1.2 mm deep", own=exact["error"]["stress"][PROBED], bands=bands)
+            panel = Panel(name, name, "error of stress 1.2 mm deep", own=exact["error"]["stress"][PROBED], bands=bands)
             for setting, felt, tight, times in _felt(shape.surface(), place):
                 stress = stress_at(felt, probes)
                 off, solved = (difference(stress, of, 3)[PROBED] for of in (truth, stress_at(tight, probes)))
@@ -99,7 +99,7 @@ def card() -> Panel:
     """Return the diagram of a thin card: its force against that of a block with the same top."""
     from core.surface.gap import Surface
 
-    panel = Panel("card", f"card of {1e3 * CARD:g} mm", "force, against a block")
+    panel = Panel("card", f"card of {1e3 * CARD:g} mm", "error of force, against a block")
     solid = {setting: felt for setting, felt, _, _ in _felt(Surface.block(0.02, 0.02, 0.02), np.zeros(3))}
     for setting, felt, tight, times in _felt(Surface.block(0.02, 0.02, CARD), np.zeros(3)):
         block = solid[setting].resultant[2]

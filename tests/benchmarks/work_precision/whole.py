@@ -32,7 +32,7 @@ WAYS = (
 def scenes() -> Panel:
     """Return the diagram of scenes."""
     ball = next(on_shapes.panels(("ball 12 mm",)))
-    panel = Panel("scenes", "a thimble on a ball, poses to angles", "stress asked for, tissue included")
+    panel = Panel("scenes", "a thimble on a ball, poses to angles", "error of the stress asked for, tissue included")
     meshes = {point.knob: point.error for point in ball.points if point.curve == "nodes, by mesh"}
     points = next(point.error for point in ball.points if point.default)
     for curve, given, levels in WAYS:

@@ -13,7 +13,7 @@ import pytest
 
 from core.contact.skin_stepper import SkinStepper
 from core.pipeline.bake import Bake
-from core.pipeline.kept_shares import KeptShares, size_of
+from core.pipeline.kept_shares import MOST, KeptShares, size_of
 from core.pipeline.render import render, run
 from core.presets import Library
 from core.scene.tactile_scene import Chunk, DeviceUse, TactileScene
@@ -218,6 +218,10 @@ def test_what_was_used_last_stays(baked: KeptShares) -> None:
     assert kept.get("a") is share
     kept.put("c", share)
     assert kept.get("b") is None and kept.get("a") is share and kept.get("c") is share
+    many = KeptShares(1000 * size_of(share))
+    for k in range(MOST + 2):
+        many.put(str(k), share)
+    assert len(many) == MOST and many.get("1") is None and many.get("2") is share
 
 
 def test_what_other_processes_rendered_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:

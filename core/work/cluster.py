@@ -1,9 +1,10 @@
 """Jobs done by the workers of a dask scheduler, on other machines; dask carries texts and bytes, and nothing else.
 
-A function is sent by its name, so scheduler and workers need this engine under the name that it has here. Large arrays
-travel by their content's hash, to each worker once. A worker that dies loses nothing: the scheduler gives its jobs to others,
-until `distributed.scheduler.allowed-failures` workers (3, if nobody says otherwise) have died of the same job. There is
-no progress within a job, and one that runs cannot be stopped: cancelled, it runs on and its result is dropped.
+A function is sent by its name, so scheduler and workers need this engine under the name that it has here. Large
+arrays travel by their content's hash, to each worker once. A worker that dies loses nothing: the scheduler gives its
+jobs to others, until `distributed.scheduler.allowed-failures` workers (3, if nobody says otherwise) have died of the
+same job. There is no progress within a job, and one that runs cannot be stopped: cancelled, it runs on and its result
+is dropped.
 
 dask is no part of this engine: it is loaded here, and only when a `ClusterExecutor` is made. Never inside Blender.
 """

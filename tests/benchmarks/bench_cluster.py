@@ -87,11 +87,13 @@ class Found:
     """What was measured.
 
     Attributes:
-        one, workers, scheduler, client: processor's seconds. alone, together, killed: files by path.
+        one, children, workers, client: processor's seconds of one process, of two child processes of ours, of two
+            workers, and of the client beside them. alone, together, killed: files by path.
         trips: seconds of single jobs, there and back. each: of one among many. peak: memory of a worker [MB].
     """
 
     one: float
+    children: float
     workers: float
     client: float
     alone: dict[str, bytes]
@@ -106,12 +108,17 @@ class Found:
 def found() -> Found:
     """Measure all of it once."""
     from core.work.executor import InlineExecutor
+    from core.work.processes import ProcessExecutor
 
     with InlineExecutor() as inline:
         rendered("warm", shots()[:1], inline)
         before = time.process_time()
         alone = rendered("alone", shots(), inline)
         one = time.process_time() - before
+    with ProcessExecutor(2) as processes:
+        before = os.times()
+        rendered("children", shots(), processes)
+    children = os.times().children_user + os.times().children_system - before.children_user - before.children_system
     with cluster() as (executor, lab):
         rendered("warm_workers", shots()[:6], executor)  # what is imported, once a process
         before, spent = time.process_time(), executor._client.run(time.process_time)
@@ -131,7 +138,7 @@ def found() -> Found:
             future.result(60)
         each = (time.perf_counter() - start) / JOBS
         killed = rendered("killed", shots(), executor, (6, 14))
-    return Found(one, workers, client, alone, together, killed, trips, each, peak)
+    return Found(one, children, workers, client, alone, together, killed, trips, each, peak)
 
 
 def _peak() -> float:
@@ -144,7 +151,8 @@ def _peak() -> float:
 def overhead() -> Result:
     """Processor's seconds of two workers over one process: 24 shots of a second, 128 pins on draft skin."""
     one, workers, client = found().one, found().workers, found().client
-    peers = {"one process, s": one, "client, s": client, "a worker's memory, MB": found().peak}
+    peers = {"two child processes": found().children / one, "one process, s": one, "client, s": client}
+    peers["a worker's memory, MB"] = found().peak
     return Result("dask_cpu_overhead", workers / one, "", None, peers)
 
 

@@ -485,6 +485,8 @@ def level_passed(env: Environment, level: str, arguments: list[str], scratch: Pa
     report = scratch / f"{level}.xml"
     command = [str(env.python), "-m", "pytest", f"--junitxml={report}", "-o", "junit_family=xunit2", "-q"]
     more = {"BLENDER_USER_RESOURCES": str(scratch / f"{level}-profile")}
+    if level == "unit":
+        more["PYTHONPATH"] = os.pathsep.join(map(str, (env.wheels, *beside(env, "dask"))))
     if level == "extension":  # nothing of the source tree may be importable: the installed zip is on trial
         command += ["-o", "pythonpath=tests/extension"]
         more["DERMIS_ZIP"] = str(build_zip(env.python, scratch, this_platform(), (this_python(),)))
@@ -555,7 +557,7 @@ def bench(options: argparse.Namespace) -> int:
         if options.full:
             command += ["--full", "--out", str(options.out.resolve())]
         more = {"DERMIS_ZIP": str(path), "BLENDER_USER_RESOURCES": str(Path(scratch) / "profile")}
-        more["PYTHONPATH"] = os.pathsep.join(map(str, (env.wheels, *peers(env))))
+        more["PYTHONPATH"] = os.pathsep.join(map(str, (env.wheels, *beside(env, "peers", "mujoco", "dask"))))
         return subprocess.run(command, cwd=ROOT, env=env.variables(True, **more)).returncode
 
 
@@ -569,17 +571,17 @@ def stress(options: argparse.Namespace) -> int:
     return subprocess.run(command, cwd=ROOT, env=env.variables(True)).returncode
 
 
-def peers(env: Environment) -> list[Path]:
-    """Make (or keep) the folders of the solvers that the benchmarks compare with; the extension has none of them."""
+def beside(env: Environment, *names: str) -> list[Path]:
+    """Make (or keep) the folders of lists that tests and benchmarks can do without; the extension has none of them."""
     folders = []
-    for name in ("peers", "mujoco"):
+    for name in names:
         folder, lock = VENV / f"{env.python.parents[1].name}-{name}", LOCKS / f"{name}.txt"
         try:
             if not fresh(folder, lock):
                 install_into(folder, lock, env.python)
             folders.append(folder)
         except Stop as problem:
-            say(f"WARNING: measured without what .ci/{name}.txt lists: {problem}")
+            say(f"WARNING: going on without what .ci/{name}.txt lists: {problem}")
     return folders
 
 

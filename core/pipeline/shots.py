@@ -116,7 +116,10 @@ class Skins:
         for item in spread(self._executor, asked):
             if item is not None:
                 skin, future = item
-                self._files[skin] = {} if future.exception() is not None or self._folder else future.result()
+                made = {} if future.exception() is not None or self._folder else future.result()
+                for file in made.values():
+                    file.flags.writeable = False  # shared by many jobs
+                self._files[skin] = made
                 done += 1
                 yield Progress("skins", done, len(missing))
 

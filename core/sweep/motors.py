@@ -112,6 +112,8 @@ def _sent(table: SkinTable, device: DeviceSpec) -> tuple[str, dict[str, NDArray[
         "scale": table.scale,
         "rest": np.array(table.rest),
     }
+    for array in arrays.values():
+        array.flags.writeable = False  # shared by many jobs
     parts = [np.ascontiguousarray(array).tobytes() for array in arrays.values()]
     return cache_key("dermis-sweep-table", device.key, *parts), arrays
 

@@ -1,9 +1,10 @@
 """Jobs done by the workers of a dask scheduler, on other machines; dask carries texts and bytes, and nothing else.
 
-A function is sent by its name, so every worker needs this engine under the name that it has here. Large arrays travel
-by their content's hash, to each worker once. A worker that dies loses nothing: the scheduler gives its jobs to others,
-until `distributed.scheduler.allowed-failures` workers (3, if nobody says otherwise) have died of the same job. There is
-no progress within a job, and one that runs cannot be stopped: cancelled, it runs on and its result is dropped.
+A function is sent by its name, so scheduler and workers need this engine under the name that it has here. Large
+arrays travel by their content's hash, to each worker once. A worker that dies loses nothing: the scheduler gives its
+jobs to others, until `distributed.scheduler.allowed-failures` workers (3, if nobody says otherwise) have died of the
+same job. There is no progress within a job, and one that runs cannot be stopped: cancelled, it runs on and its result
+is dropped.
 
 dask is no part of this engine: it is loaded here, and only when a `ClusterExecutor` is made. Never inside Blender.
 """
@@ -15,6 +16,7 @@ import ipaddress
 import threading
 import time
 import uuid
+import weakref
 from collections.abc import Callable, Mapping
 from concurrent.futures import CancelledError, InvalidStateError
 from concurrent.futures import wait as wait_for
@@ -109,6 +111,7 @@ class ClusterExecutor(JobExecutor):
         self._lock = threading.Lock()
         self._open: set[JobFuture] = set()
         self._large: dict[str, tuple[Any, int]] = {}  # by hash: dask's future, and how many jobs need it
+        self._hashes: dict[int, tuple[weakref.ref[NDArray[Any]], str]] = {}  # by id, while an array is there
         self._looked = -LOOK_SECONDS
         self._closed = False
         self.unlike: set[str] = set()  # what workers differ in that may change last digits, in words
@@ -183,12 +186,22 @@ class ClusterExecutor(JobExecutor):
             self.unlike.add(words)
 
     def _held(self, array: NDArray[Any]) -> str:
-        """Let workers hold an array as long as a job needs it; return its hash."""
-        data = packed({}, {"array": array})
-        key = hashlib.sha256(data).hexdigest()
+        """Let workers hold an array as long as a job needs it; return its hash.
+
+        One that nobody can write to is hashed once, however many jobs need it.
+        """
+        known, data = self._hashes.get(id(array)), b""
+        if known is not None and known[0]() is array:
+            key = known[1]
+        else:
+            data = packed({}, {"array": array})
+            key = hashlib.sha256(data).hexdigest()
+            if not array.flags.writeable:
+                self._hashes[id(array)] = weakref.ref(array), key
         with self._lock:
             theirs, users = self._large.get(key, (None, 0))
             if theirs is None:  # never the key of one that is just being forgotten
+                data = data or packed({}, {"array": array})
                 theirs = self._client.submit(hold, data, key=f"dermis-array-{key[:16]}-{uuid.uuid4().hex}")
             self._large[key] = theirs, users + 1
         return key
@@ -270,8 +283,8 @@ def _connected(address: str, keys: Keys | None) -> Any:
 def _failed(error: BaseException, where: str) -> DermisError:
     """Return why dask has no result for a job."""
     said = " ".join(str(error).split())[:300]
-    if isinstance(error, ImportError):
-        what, code = "a worker does not find this engine", "no-engine"
+    if isinstance(error, ImportError) or isinstance(error.__cause__, ImportError):
+        what, code = "a worker, or the scheduler, does not find this engine", "no-engine"
         remedy = "Install it there under the same name (dermis or core), or start the worker where it can be imported"
     elif isinstance(error, CancelledError):
         what, code, remedy = "the scheduler lost the job", "job-crashed", "Start it again, and do the work once more"

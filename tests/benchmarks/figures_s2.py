@@ -9,6 +9,7 @@ half an hour, most of it contact in 240 wobbling touches and two tables. Noise, 
 from __future__ import annotations
 
 import argparse
+import csv
 import functools
 import sys
 import time
@@ -32,6 +33,7 @@ from core.matching.table import SkinTable, build, press_of
 from core.presets import Library
 from core.skin.model import SkinModel, fingertip_skin
 from core.skin.shape import FingertipShape
+from core.sweep.motors import verdict_of
 
 from . import one_blas_thread
 from .bars import Bars
@@ -67,6 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="figures_s2", description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("presets"), metavar="DIR")
     parser.add_argument("--seeds", type=int, default=SEEDS)
+    parser.add_argument("--sweep", type=Path, metavar="CSV", help="take verdicts from the table of s2_trial.toml")
     options = parser.parse_args(arguments)
     started = time.perf_counter()
     seeds = range(FIRST, FIRST + options.seeds)
@@ -80,10 +83,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
             for size in SIZES
         }
         _say(started, "tables of other sizes")
-        found = _verdicts(tables, seeds)
+        swept = {} if options.sweep is None else swept_verdicts(options.sweep)
+        found = swept[1.0] if swept else _verdicts(tables, seeds)
         _say(started, "trial")
         few = seeds[:CONTROL_SEEDS]
-        controls = {share: _verdicts(tables, few if share else few[:1], share) for share in SHARES}
+        controls = {}
+        for share in SHARES:
+            own = few if share else few[:1]
+            controls[share] = of_seeds(swept[share], own) if swept else _verdicts(tables, own, share)
         off_size = _verdicts(sizes, few)
         _say(started, "controls")
         played = {spec.key: _played(spec, tables[spec.key]) for spec in specs}
@@ -133,6 +140,22 @@ def _verdicts(tables: Mapping[str, SkinTable], seeds: Sequence[int], share: floa
         key: [judge(table, _sensed(name, seed, share), name, seed) for seed in seeds for name in NAMES]
         for key, table in heard.items()
     }
+
+
+def swept_verdicts(path: Path) -> dict[float, dict[str, list[Verdict]]]:
+    """Return the verdicts of a sweep's table by wobble and device, in its order of seeds and touches."""
+    lines = [line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("# ")]
+    found: dict[float, dict[str, list[Verdict]]] = {}
+    for row in csv.DictReader(lines):
+        columns = {key: value for key, value in row.items() if value != ""}
+        own = found.setdefault(float(columns["wobble"]), {key: [] for key in DEVICES})
+        own[columns["device"]].append(verdict_of(columns))
+    return found
+
+
+def of_seeds(found: Mapping[str, list[Verdict]], seeds: Sequence[int]) -> dict[str, list[Verdict]]:
+    """Return the verdicts of some seeds."""
+    return {key: [v for v in verdicts if v.seed in seeds] for key, verdicts in found.items()}
 
 
 def _played(spec: DeviceSpec, table: SkinTable) -> Played:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-HEAVY = set("scipy onnxruntime serial mpmath PIL threadpoolctl bpy mathutils multiprocessing matplotlib".split())
+HEAVY = set("scipy onnxruntime serial mpmath PIL threadpoolctl bpy mathutils multiprocessing matplotlib dask".split())
 
 
 def loaded_by(code: str) -> set[str]:

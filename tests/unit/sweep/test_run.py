@@ -38,6 +38,7 @@ from core.work.processes import ProcessExecutor
 from tests.clusters import Cluster
 from tests.unit.pipeline.test_shots import press
 
+ROOT = Path(__file__).resolve().parents[3]
 DEVICES = """schema = "dermis-sweep 1"
 study = "devices"
 scenes = ["*.npz"]
@@ -253,7 +254,9 @@ def test_a_table_has_every_column_once_and_words_with_commas_whole(tmp_path: Pat
 
 
 def test_parquet_says_the_same_where_pyarrow_is_there(tmp_path: Path) -> None:
-    parquet = pytest.importorskip("pyarrow.parquet", reason="PARQUET IS NOT TESTED: pyarrow is not installed")
+    parquet = pytest.importorskip(
+        "pyarrow.parquet", reason="PARQUET IS NOT TESTED: there is no pyarrow for this numpy", exc_type=ImportError
+    )
     from core.sweep.row import Row
 
     rows = [Row(f"{i:032x}", {"device": "a", "mixed": (1, "x")[i % 2], "on": bool(i % 2)}, {}) for i in range(3)]
@@ -263,7 +266,7 @@ def test_parquet_says_the_same_where_pyarrow_is_there(tmp_path: Path) -> None:
     back = parquet.read_table(paths[1]).to_pydict()
     assert back["off"] == [0.1, 2.0, None] and back["n"] == [3, None, None] and back["refused"] == [None, "no", None]
     assert back["mixed"] == ["1", "x", "1"] and back["on"] == [False, True, False]
-    assert list(back) == (tmp_path / "sweep.csv").read_text().splitlines()[5].split(",")
+    assert list(back) == (tmp_path / "sweep.csv").read_text().splitlines()[6].split(",")
 
 
 # -- the verb
@@ -284,3 +287,27 @@ def test_the_verb_refuses_in_words(
     assert main([w.replace("SPEC", str(spec)).replace("OUT", str(tmp_path / "out")) for w in words]) == 2
     assert why in capsys.readouterr().err
     assert not np.any([p.suffix == ".json" for p in tmp_path.rglob("*")])
+
+
+def test_the_figures_of_the_trial_are_read_from_its_table(tmp_path: Path) -> None:
+    """By wobble and platform, seed by seed, to the bit; columns of six motors are empty for three."""
+    from core.sweep.row import Row
+    from tests.benchmarks.figures_s2 import DEVICES as PLATFORMS
+    from tests.benchmarks.figures_s2 import SHARES, of_seeds, swept_verdicts
+
+    asked = read(ROOT / "presets" / "devices" / "s2_trial.toml")
+    assert asked.values("device") == PLATFORMS and set(asked.values("wobble")) == {1.0, *SHARES}
+    assert asked.values("touch") == NAMES and asked.values("seed") == tuple(range(20, 40))
+    rows, found, wanted = [], {}, {}
+    for i, columns in enumerate(asked.variants()):
+        motors = 3 if columns["device"] == "cable_platform" else 6
+        percent = tuple(100.0 / (i + k + 3) for k in range(motors))
+        name, seed = str(columns["touch"]), int(columns["seed"])
+        verdict = Verdict(name, seed, 2, (i % 4, 1), (percent, percent[::-1]), 1.0 / (i + 1), i / 7)
+        rows.append(Row(f"{i:032x}", columns, {}))
+        found[rows[-1].key] = figures(verdict)
+        wanted.setdefault(float(columns["wobble"]), {}).setdefault(str(columns["device"]), []).append(verdict)
+    table.write(tmp_path, rows, found, "motors")
+    made = swept_verdicts(tmp_path / "sweep.csv")
+    assert made == wanted and len(made[1.0]["hexapod"]) == 120
+    assert [v.seed for v in of_seeds(made[0.5], [20, 21])["hexapod"]] == [20] * 6 + [21] * 6

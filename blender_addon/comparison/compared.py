@@ -52,20 +52,26 @@ def keep(scene: bpy.types.Scene, made: Compared) -> None:
     _compared[scene.session_uid] = replace(made, edits=changes.edits())
 
 
-def find(scene: bpy.types.Scene, finger: str) -> Steps:
+def find(scene: bpy.types.Scene, finger: str, *, floors: bool = False) -> Steps:
     """Sample a scene and send a finger's touch through all devices that fit; yield progress, return a `Compared`.
+
+    Args:
+        floors: also find how good any pose of a device could be.
 
     Closing the generator ends the child process.
 
     Raises:
         DermisError: the scene cannot be sampled or rendered, or no device fits.
     """
-    made = yield from asked("compare", "comparing", scene, finger)
+    made = yield from asked("compare", "comparing", scene, finger, floors=floors)
     return Compared(json.loads(made["table"]), made["csv"], made["html"], changes.edits())
 
 
-def asked(job_name: str, stage: str, scene: bpy.types.Scene, finger: str) -> Steps:
+def asked(job_name: str, stage: str, scene: bpy.types.Scene, finger: str, **options: Any) -> Steps:
     """Sample a scene and let a child process do a job with it; yield progress, return what it made, as bytes.
+
+    Args:
+        options: further parameters of the job.
 
     Closing the generator ends the child process.
 
@@ -82,6 +88,7 @@ def asked(job_name: str, stage: str, scene: bpy.types.Scene, finger: str) -> Ste
         path = Path(folder) / "scene.npz"
         core.scene.scene_file.save(tactile, path)
         given = {
+            **options,
             "scene": str(path),
             "finger": finger,
             "presets": str(presets_folder()),

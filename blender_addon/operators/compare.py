@@ -1,9 +1,11 @@
+# mypy: disable-error-code="valid-type"
 """Compare Devices: one finger's touch through every preset, as a table, a CSV and a page."""
 
 from pathlib import Path
 from typing import Any
 
 import bpy
+from bpy.props import BoolProperty
 
 from .. import jobs, redraw
 from ..comparison import compared
@@ -20,9 +22,15 @@ class DERMIS_OT_compare_devices(jobs.Job, bpy.types.Operator):
     bl_options = {"REGISTER"}
     job_title = "Compare devices"
 
+    floors: BoolProperty(
+        name="Floors",
+        description="Also find how good any pose of a thimble or a platform on six legs could be, which takes minutes",
+        options={"SKIP_SAVE"},
+    )
+
     def steps(self, context: bpy.types.Context) -> Any:
         """Return the work."""
-        return compared.find(context.scene, context.object.name)
+        return compared.find(context.scene, context.object.name, floors=self.floors)
 
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Keep it, and name the best."""

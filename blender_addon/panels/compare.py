@@ -23,7 +23,9 @@ class DERMIS_PT_compare(DermisPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the button, then a box a device, the best first."""
         layout = self.layout
-        layout.operator("dermis.compare_devices", icon="SPREADSHEET")
+        row = layout.row(align=True)
+        row.operator("dermis.compare_devices", icon="SPREADSHEET")
+        row.operator("dermis.compare_devices", icon="PIVOT_CURSOR", text="With Floors").floors = True
         found = compared.current(context.scene)
         if found is None:
             paragraph(layout, context, "One touch of the active finger through every device preset that fits it.")
@@ -50,8 +52,13 @@ def _device(column: Any, row: dict[str, Any]) -> None:
         rest = split.split(factor=0.28)
         rest.label(text=f"{100 * measure['off']:.0f} %")
         rest.label(text=measure["figures"])
-    for words in row.get("floor", ()):
-        column.label(text=words)
+    for floor in row["floors"]:
+        split = column.split(factor=0.38)
+        split.label(text=floor["name"])
+        rest = split.split(factor=0.28)
+        rest.label(text=f"{100 * floor['off']:.0f} %")
+        lateral = "" if floor["lateral"] is None else f", lateral {100 * floor['lateral']:.0f} %"
+        rest.label(text=f"best {100 * floor['best']:.0f} %{lateral}")
     last = column.row()
     last.active = False
     last.label(text=f"clipped {100 * row['clipped']:.0f} %, out of reach {100 * row['out_of_reach']:.0f} %")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Generator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -31,7 +32,7 @@ def compare_job(
 
     Args:
         parameters: 'scene' (a sampled scene's file), 'finger' (its name), and optionally 'presets' (a folder),
-            'cache' (a folder) with 'cache_bytes'.
+            'cache' (a folder) with 'cache_bytes', and 'floors' (find floors too).
 
     Returns:
         'table' (JSON, see `report.as_dict`), 'csv' and 'html', as bytes.
@@ -39,7 +40,7 @@ def compare_job(
     Raises:
         DermisError: see `compare_devices`; a file that cannot be read.
     """
-    found = _done(compare_devices, parameters, report)
+    found = _done(partial(compare_devices, floors=bool(parameters.get("floors", False))), parameters, report)
     return _encoded({"table": json.dumps(pages.as_dict(found)), "csv": pages.csv(found), "html": pages.html(found)})
 
 
@@ -49,7 +50,7 @@ def tell_job(
     """Tell a finger's touches apart; see `tell_apart`.
 
     Args:
-        parameters: as of `compare_job`.
+        parameters: as of `compare_job`, without 'floors'.
 
     Returns:
         'table' (JSON, see `told_report.as_dict`) and 'csv', as bytes.

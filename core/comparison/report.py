@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from html import escape
 from pathlib import Path
 from typing import Any
 
 from ..files import write_bytes
+from ..matching.felt_errors import MEASURES
 from ..track.file_names import safe
 from ..version import version
 from .device_comparison import Comparison, Row
@@ -16,6 +16,7 @@ from .measures import Measure, rms
 from .picture import shown_unit, svg
 
 COLUMNS = ("device", "method", "measure", "target", "rendered", "off", "clipped", "out of reach")
+FLOORS = ("best pose found", "with lateral axes")  # further columns where floors were asked for
 WORDS = (
     ("target, rendered", "root of the mean square over the samples that were looked at"),
     ("off", "RMS of the difference over the RMS of the target; of stress that of the six components under the pad"),
@@ -25,54 +26,86 @@ WORDS = (
         "share of the touched samples at which the device presses less than 5 % of what is asked, or its range ends",
     ),
 )
+FLOOR_WORDS = (
+    "best pose found, with lateral axes",
+    "what the best pose that a search found would leave, and with two more axes along the pad and a turn about its "
+    "normal; of the stress of the whole skin, of cells of it, and of virtual electrodes",
+)
+_FLOORS = ",best_found,with_lateral_axes"
 _STYLE = """body{font:14px/1.45 system-ui,sans-serif;color:#20262e;max-width:1000px;margin:2em auto;padding:0 1em}
 table{border-collapse:collapse;width:100%}td,th{text-align:left;padding:4px 10px;border-bottom:1px solid #e4e7eb}
 td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}tr.first td{border-top:2px solid #b9c0c8}
 svg{max-width:100%;height:auto;margin:1em 0}.faint{color:#6b7480}"""
 
 
+def columns(found: Comparison) -> tuple[str, ...]:
+    """Return what the columns of `lines` are called."""
+    return (*COLUMNS, *FLOORS) if _has_floors(found) else COLUMNS
+
+
 def lines(found: Comparison) -> list[tuple[str, ...]]:
-    """Return the table's rows in words, one a measure; device, method and shares stand in each device's first."""
+    """Return the table's rows in words, one a measure; device, method and shares stand in each device's first.
+
+    Where floors were asked for, a device has a row for each of their measures after its own.
+    """
     out: list[tuple[str, ...]] = []
+    more = ("",) * (len(columns(found)) - len(COLUMNS))
     for row in found.rows:
         for i, measure in enumerate(row.judged.measures):
             own = (row.title, row.method) if i == 0 else ("", "")
             shares = (_percent(row.clipped), _percent(row.judged.out_of_reach)) if i == 0 else ("", "")
-            out.append((*own, measure.name, *_figures(measure), f"{100 * measure.off:.0f} %", *shares))
+            out.append((*own, measure.name, *_figures(measure), f"{100 * measure.off:.0f} %", *shares, *more))
+        for name, *errors in _floors(row):
+            off, best, lateral = ("" if e is None else f"{100 * e:.0f} %" for e in errors)
+            out.append(("", "", name, "", "", off, "", "", best, lateral))
     return out
+
+
+def _has_floors(found: Comparison) -> bool:
+    return any(row.floor is not None for row in found.rows)
+
+
+def _floors(row: Row) -> list[tuple[str, float, float, float | None]]:
+    """Return each measure of a device's floor: as the device does it, the best pose found, with axes along the pad."""
+    if row.floor is None:
+        return []
+    lateral = row.floor.lateral or (None,) * len(MEASURES)
+    return list(zip(MEASURES, row.floor.rendered, row.floor.best, lateral, strict=True))
 
 
 def text(found: Comparison) -> str:
     """Return the table for a terminal, and what was skipped."""
-    rows = [COLUMNS, *lines(found)]
-    wide = [max(len(r[i]) for r in rows) for i in range(len(COLUMNS))]
+    rows = [columns(found), *lines(found)]
+    wide = [max(len(r[i]) for r in rows) for i in range(len(rows[0]))]
     made = ["  ".join(cell.ljust(w) for cell, w in zip(row, wide, strict=True)).rstrip() for row in rows]
-    floors = [f"{row.title}: {'. '.join(row.floor.words())}." for row in found.rows if row.floor is not None]
-    return "\n".join([*made, *floors, *(f"skipped: {s.title}: {s.why}" for s in found.skipped)])
+    return "\n".join([*made, *(f"skipped: {s.title}: {s.why}" for s in found.skipped)])
 
 
 def csv(found: Comparison) -> str:
     """Return the table as CSV, in SI, with `# key: value` lines before it as in a track."""
     head = ["# dermis-comparison 1", *(f"# {k}: {v}" for k, v in _about(found)), *map(_comment, found.skipped)]
+    floors = _has_floors(found)
+    head.append("device,kind,method,measure,unit,target_rms,rendered_rms,off,clipped,out_of_reach" + floors * _FLOORS)
     for row in found.rows:
-        if row.floor is not None:
-            head.append(f"# floor {row.device}: {json.dumps(row.floor.as_dict())}")
-    head.append("device,kind,method,measure,unit,target_rms,rendered_rms,off,clipped,out_of_reach")
-    for row in found.rows:
+        shares = row.clipped, row.judged.out_of_reach
         for m in row.judged.measures:
-            figures = (rms(m.target), rms(m.rendered), m.off, row.clipped, row.judged.out_of_reach)
+            figures = (rms(m.target), rms(m.rendered), m.off, *shares)
             words = (row.device, row.kind, row.method, m.name, m.unit)
-            head.append(",".join([*words, *(f"{v:.9g}" for v in figures)]))
+            head.append(",".join([*words, *(f"{v:.9g}" for v in figures)]) + floors * ",,")
+        for name, off, best, lateral in _floors(row):
+            values = (None, None, off, *shares, best, lateral)
+            head.append(",".join([row.device, row.kind, row.method, name, "", *map(_number, values)]))
     return "\n".join(head) + "\n"
 
 
 def html(found: Comparison) -> str:
     """Return one page that needs nothing else: table, what was skipped, what the words mean, pictures."""
+    words = (*WORDS, FLOOR_WORDS) if _has_floors(found) else WORDS
     parts = [
         f"<!DOCTYPE html><html lang=en><meta charset=utf-8><title>{escape(found.finger)}: devices compared</title>",
         f"<style>{_STYLE}</style><h1>{escape(found.finger)}: one touch, {len(found.rows)} devices</h1>",
         f"<p class=faint>{escape(', '.join(f'{k} {v}' for k, v in _about(found)))}. Simulated.</p>",
-        "<table><tr>" + "".join(f"<th{_side(i)}>{c}</th>" for i, c in enumerate(COLUMNS)) + "</tr>",
+        "<table><tr>" + "".join(f"<th{_side(i)}>{c}</th>" for i, c in enumerate(columns(found))) + "</tr>",
         *(
             f"<tr{' class=first' if line[0] else ''}>"
             + "".join(f"<td{_side(i)}>{escape(c)}</td>" for i, c in enumerate(line))
@@ -80,7 +113,7 @@ def html(found: Comparison) -> str:
             for line in lines(found)
         ),
         "</table>",
-        "<p class=faint>" + "<br>".join(f"<b>{escape(k)}</b>: {escape(v)}" for k, v in WORDS) + "</p>",
+        "<p class=faint>" + "<br>".join(f"<b>{escape(k)}</b>: {escape(v)}" for k, v in words) + "</p>",
     ]
     if found.skipped:
         items = "".join(f"<li>{escape(s.title)}: {escape(s.why)}</li>" for s in found.skipped)
@@ -135,7 +168,9 @@ def _plain(row: Row) -> dict[str, Any]:
         "measures": measures,
         "clipped": row.clipped,
         "out_of_reach": row.judged.out_of_reach,
-        "floor": [] if row.floor is None else row.floor.words(),
+        "floors": [
+            {"name": name, "off": off, "best": best, "lateral": lateral} for name, off, best, lateral in _floors(row)
+        ],
     }
 
 
@@ -151,6 +186,10 @@ def _both(measure: Measure) -> str:
     factor, unit = shown_unit(measure)
     target, rendered = (f"{rms(v) / factor:.2g}" for v in (measure.target, measure.rendered))
     return f"{target} → {rendered} {unit}".rstrip()
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.9g}"
 
 
 def _comment(skipped: Any) -> str:

@@ -20,6 +20,7 @@ Source: [S0] 3.1 (rigid disc on the skin), 3.4 and 5.1 (friction state); Alart a
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,6 +33,7 @@ from ..contact.solver.solve import solve as solve_contact
 from ..errors import DermisError
 from ..stiffening.tangent import StiffTangent
 from .disc_pose import FALLBACK_TOLERANCE, TOLERANCE, Disc, DiscPose, DiscSolution, FrictionState
+from .poses import crossing
 from .press_problem import PressPoints
 from .stiff_points import StiffPoints
 
@@ -76,7 +78,7 @@ class DiscContact:
         self._stiffness = 1.0 / float(np.median(np.diag(self.compliance)))
         self.near: NDArray[np.intp] = np.zeros(0, np.intp)
         self._built: Array | None = None
-        self._rest_positions = self._places = np.zeros((0, 3))
+        self._rest_positions = np.zeros((0, 3))
         self._block: tuple[bytes, Array] | None = None
         self._guess: tuple[Array, Array] | None = None  # forces and their slope at a pose
         self.choice = 0  # counts how often the candidates were chosen, for those who keep tables by them
@@ -243,26 +245,27 @@ class DiscContact:
             vn = v @ normal
             tangent = v - vn[:, None] * normal
             length = np.sqrt(np.einsum("ij,ij->i", tangent, tangent))
-            length[length == 0.0] = 1e-300
+            np.maximum(length, 1e-300, out=length)
             pushed = np.maximum(vn, 0.0)
             share = np.minimum(mu * pushed / length, 1.0)
-            wanted = tangent * share[:, None] + pushed[:, None] * normal
-            miss = (wanted - force).ravel()
-            weight = max(float(np.vdot(wanted, wanted)), float(np.vdot(force, force)))
-            residual = float(np.sqrt((miss @ miss) / weight)) if weight > 0.0 else 0.0
-            if step and residual < best[0]:
-                status = np.where(vn <= 0.0, OPEN, np.where(share < 1.0, SLIP, STICK)).astype(np.int8)
-                best, best_factors = (residual, force, w, status), factors
-            if step == steps or (step and residual <= TOLERANCE):
-                break
+            if step:  # a guess is no candidate
+                wanted = tangent * share[:, None] + pushed[:, None] * normal
+                miss = (wanted - force).ravel()
+                weight = max(float(np.vdot(wanted, wanted)), float(np.vdot(force, force)))
+                residual = math.sqrt(float(miss @ miss) / weight) if weight > 0.0 else 0.0
+                if residual < best[0]:
+                    status = np.where(vn <= 0.0, OPEN, np.where(share < 1.0, SLIP, STICK)).astype(np.int8)
+                    best, best_factors = (residual, force, w, status), factors
+                if step == steps or residual <= TOLERANCE:
+                    break
             step += 1
-            active = np.flatnonzero(vn > 0.0)
+            active = (vn > 0.0).nonzero()[0]
             force, factors = np.zeros((size, 3)), None
             if len(active) == 0:
                 continue
             right = offset[active]
             matrix = self._active_block(active)
-            slips = np.flatnonzero(share[active] < 1.0)
+            slips = (share[active] < 1.0).nonzero()[0]
             law = np.zeros((0, 3, 3))
             if len(slips):
                 at = active[slips]
@@ -292,7 +295,7 @@ class DiscContact:
             return slope
         active = factors.active
         count = pose.turning
-        turn = np.concatenate([_crossing(spin) for spin in pose.spin[:count]], axis=1)
+        turn = crossing(pose.spin[:count]).reshape(-1, 3).T
         turned = (force[active] @ turn).reshape(-1, count, 3).transpose(0, 2, 1)  # Omega f
         block = self._active_block(active)
         right = change[active]
@@ -306,26 +309,32 @@ class DiscContact:
         return slope
 
     def _offsets(self, pose: DiscPose) -> tuple[Array, Array]:
-        """Relative displacement without force, (s, 3), and its derivative as the disc sees it, (s, 3, n)."""
-        local = (self._rest_positions - pose.centre) @ pose.rotation
-        out = np.zeros_like(local)
-        out[:, :2] = np.where(self._anchored[:, None], local[:, :2] - self._anchor, 0.0)
-        out[:, 2] = local[:, 2]
-        move = _past(pose, self._rest_positions)
-        at = (self._places - pose.centre) @ pose.rotation
-        at[self._sticking, :2] = self._anchor[self._sticking]
-        reach = np.sqrt(at[:, 0] ** 2 + at[:, 1] ** 2)
-        rim = np.flatnonzero(reach > self.disc.radius)
+        """Relative displacement without force, (s, 3), and its derivative but for turning with the disc, (s, 3, n)."""
+        turn, size = pose.rotation, len(self.near)
+        both = (self._both - pose.centre) @ turn
+        local, at = both[:size], both[size:, :2]
+        out = local.copy()
+        out[:, :2] -= self._anchor
+        motion = -pose.motion()
+        move = (self._rest4 @ motion.transpose(1, 0, 2).reshape(-1, 4).T).reshape(size, 3, len(motion))
+        if not self._all_anchored:  # what was never touched has nothing to be sheared from
+            loose = ~self._anchored
+            out[loose, :2] = 0.0
+            move[loose] = turn[:, 2:] * (turn[:, 2] @ move[loose])[:, None]
+        at[self._sticking] = self._anchor[self._sticking]
+        square = at * at
+        reach = np.sqrt(square[:, 0] + square[:, 1])
+        rim = (reach > self.disc.radius).nonzero()[0]
         if len(rim):
             over = (reach[rim] - self.disc.radius) / self.disc.rounding
             out[rim, 2] -= 0.5 * over * over * self.disc.rounding
-            slides = rim[~self._sticking[rim]]  # what sticks stays where it is on the disc
-            over = (reach[slides] - self.disc.radius) / self.disc.rounding
-            past = _past(pose, self._places[slides])
-            outwards = np.einsum("ij,ijk->ik", at[slides, :2], past[:, :2]) / reach[slides, None]
-            move[slides, 2] -= over[:, None] * outwards
-        move[~self._anchored, :2] = 0.0
-        return out @ pose.rotation.T, pose.rotation @ move
+            kept = ~self._sticking[rim]  # what sticks stays where it is on the disc
+            slides, over = rim[kept], over[kept]
+            outwards = (at[slides] * (over / reach[slides])[:, None]) @ turn[:, :2].T
+            past = self._both[size + slides] @ motion[:, :, :3].transpose(0, 2, 1) + motion[:, None, :, 3]
+            fallen = np.einsum("ik,jik->ij", outwards, past)
+            move[slides] -= turn[:, 2:] * fallen[:, None]
+        return out @ turn.T, move
 
     def _step(self, pose: DiscPose) -> Array:
         """Return by how much the configuration changed since the last solution, from the poses themselves."""
@@ -380,7 +389,10 @@ class DiscContact:
         self._block = None
         self._anchored, self._anchor = self.state.anchored[self.near], self.state.anchor[self.near]
         self._sticking = self.state.sticking[self.near]
-        self._places = self._places_now[self.near]
+        self._all_anchored = bool(self._anchored.all())
+        # the candidates untouched, and where they were last
+        self._both = np.concatenate([self._rest_positions, self._places_now[self.near]])
+        self._rest4 = np.concatenate([self._rest_positions, np.ones((len(self.near), 1))], axis=1)
         self._held_force, last = self.state.force[self.near], self.state.last
         self._guess = None
         if last is not None:
@@ -406,22 +418,6 @@ def _degrees(points: NDArray[np.intp]) -> NDArray[np.intp]:
     """Return where the components of some points are, x, y, z each, shape (3 k,)."""
     out: NDArray[np.intp] = (3 * points[:, None] + np.arange(3)).ravel()
     return out
-
-
-def _past(pose: DiscPose, points: Array) -> Array:
-    """Return how points of the finger move in the disc's frame with its configuration, shape (k, 3, n)."""
-    arm = points - pose.centre
-    move = np.zeros((len(arm), 3, len(pose.spin)))
-    for j, spin in enumerate(pose.spin[: pose.turning]):
-        move[:, :, j] = -arm @ _crossing(spin)
-    move -= pose.shift
-    return pose.rotation.T @ move
-
-
-def _crossing(spin: Array) -> Array:
-    """Return the matrix S with a @ S = spin x a for rows a."""
-    x, y, z = spin.tolist()
-    return np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
 
 
 def _projection_slope(normal: Array, direction: Array, friction: float, share: Array) -> Array:

@@ -18,6 +18,7 @@ from ..surface.gap import GapQuery
 from ..surface.plane import Plane
 from .disc_device import DiscDevice
 from .linkage import PlatformPose
+from .poses import crossing
 
 TOLERANCE = 1e-6  # of the natural residual, relative to the forces
 FALLBACK_TOLERANCE = 1e-8
@@ -48,6 +49,15 @@ class DiscPose:
     def turning(self) -> int:
         """How many of a configuration's first values may turn the disc: pitch and roll, or of more than three all."""
         return 2 if len(self.spin) == 3 else len(self.spin)
+
+    def motion(self) -> Array:
+        """Return how the disc moves with its configuration: at a place p by motion_j @ (p, 1), shape (n, 3, 4)."""
+        out = np.empty((len(self.spin), 3, 4))
+        turns = out[:, :, :3]
+        turns[:] = crossing(self.spin)
+        out[:, :, 3] = self.shift.T
+        out[:, :, 3] -= turns @ self.centre
+        return out
 
 
 def placed(device: DiscDevice, pose: PlatformPose) -> DiscPose:

@@ -43,8 +43,9 @@ def rotation(vectors: Array) -> Array:
 
 def crossing(vectors: Array) -> Array:
     """Return the matrices S with S a = v x a, shape (..., 3) to (..., 3, 3)."""
-    out = np.zeros((*vectors.shape, 3))
-    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
-    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -z, y, -x
-    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = z, -y, x
-    return out
+    return (vectors @ _CROSS).reshape(*vectors.shape, 3)
+
+
+_CROSS = np.zeros((3, 9))
+_CROSS[(0, 1, 2), (7, 2, 3)] = 1.0
+_CROSS[(0, 1, 2), (5, 6, 1)] = -1.0

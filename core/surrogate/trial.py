@@ -82,10 +82,8 @@ class TrialForce:
         inwards = turn.T
         way = np.empty((1 + count, 3, 4))  # how springs stretch with a configuration, seen from where they stand
         way[0, :, :3], way[0, :, 3] = _UNIT, pose.centre
-        spin = way[1:, :, :3]
-        spin[:] = (pose.spin @ _CROSS).reshape(count, 3, 3)
-        way[1:, :, 3] = spin @ pose.centre
-        way[1:, :, 3] += pose.shift.T
+        motion = pose.motion()
+        np.multiply(motion, _AWAY, out=way[1:])
         way = inwards @ way  # in the disc's frame, out of which -Z points
         rows = self._rows
         active = (way[0, 2] @ rows[_SPRUNG] < 0.0).nonzero()[0]  # the rim only takes away
@@ -109,7 +107,7 @@ class TrialForce:
             across *= share
             across -= to * over[:, None]
         v = turn @ v
-        v[1:] -= (spin.reshape(-1, 3) @ v[0]).reshape(count, 3, -1)  # forces turn with the disc
+        v[1:] += (motion[:, :, :3].reshape(-1, 3) @ v[0]).reshape(count, 3, -1)  # forces turn with the disc
         return active, v
 
     def _fall(self, v: Array, rows: Array, active: Indices, way: Array) -> None:
@@ -139,11 +137,7 @@ class TrialForce:
 _LOAD, _MOVED, _ANCHOR, _PULL = slice(0, 3), slice(4, 7), slice(8, 10), slice(10, 12)
 _SPRUNG, _PLACE = slice(0, 4), slice(4, 8)
 _TINY = 1e-300
-_UNIT = np.eye(3)
+_UNIT, _AWAY = np.eye(3), np.array([-1.0, -1.0, -1.0, 1.0])
 # a place is at its way from the disc's centre, to which a load is added; its derivatives are the disc's, turned round
-_BEFORE = np.tile([-1.0, -1.0, -1.0, 1.0], (7, 1, 1))
+_BEFORE = np.tile(_AWAY, (7, 1, 1))
 _BEFORE[0] *= -1.0
-# of a spin s, row by row: the matrix of a -> a x s
-_CROSS = np.zeros((3, 9))
-_CROSS[(0, 1, 2), (5, 6, 1)] = 1.0
-_CROSS[(0, 1, 2), (7, 2, 3)] = -1.0

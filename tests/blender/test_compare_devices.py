@@ -37,6 +37,7 @@ def test_a_child_compares_and_two_files_are_written(touching: bpy.types.Scene, t
     rows = {row["device"]: row for row in made.table["rows"]}
     assert "pin_array_128" in rows and made.table["finger"] == "Finger"
     assert [m["name"] for m in rows["pin_array_128"]["measures"]] == ["stress", "normal force", "shear force"]
+    assert not any(row["floors"] for row in made.table["rows"])
     assert any("no touch screen" in s["why"] for s in made.table["skipped"])
     assert [d.preset for d in touching.objects["Finger"].dermis.finger.devices] == devices
     assert store.current(touching) is None and touching.frame_current == 1
@@ -44,6 +45,16 @@ def test_a_child_compares_and_two_files_are_written(touching: bpy.types.Scene, t
     assert sorted(p.name for p in tmp_path.iterdir()) == ["Finger.devices.csv", "Finger.devices.html"]
     assert (tmp_path / "Finger.devices.html").read_bytes() == made.html
     assert bpy.ops.dermis.open_comparison() == {"FINISHED"}
+
+
+def test_floors_are_found_where_they_are_asked_for(touching: bpy.types.Scene) -> None:
+    touching.frame_end = 4
+    assert bpy.ops.dermis.compare_devices(floors=True) == {"FINISHED"}
+    made: Any = compared.current(touching)
+    floors = {row["device"]: row["floors"] for row in made.table["rows"]}
+    assert [f["name"] for f in floors["thimble_3rrs"]] == ["whole stress", "154 cells", "electrodes"]
+    assert all(0.0 < f["best"] <= f["off"] for f in floors["thimble_3rrs"][:1]) and not floors["pin_array_128"]
+    assert b"best_found" in made.csv and b"best pose found" in made.html
 
 
 def test_esc_ends_the_child_and_leaves_nothing(touching: bpy.types.Scene) -> None:

@@ -18,6 +18,7 @@ from core.comparison import device_comparison, report, wearing
 from core.comparison.rendered_forces import rendered_forces
 from core.errors import DermisError
 from core.matching import floor
+from core.matching.felt_errors import MEASURES
 from core.pipeline.render import render
 from core.presets import Library
 from core.scene import scene_file
@@ -128,15 +129,25 @@ def test_floors_stand_beside_the_devices_that_are_searched(
     more = drain(device_comparison.compare_devices(touch(), Library(), "Index", cache=cache, floors=True))
     floors = {row.device: row.floor for row in more.rows}
     assert {key for key, value in floors.items() if value is not None} == {"thimble_3rrs", "hexapod"} & set(floors)
-    assert all(row.floor is None for row in found.rows) and "# floor" not in report.csv(found)
+    assert all(row.floor is None for row in found.rows) and "best_found" not in report.csv(found)
     lateral = floors["thimble_3rrs"]
     assert lateral is not None and lateral.lateral is not None and lateral.lateral[0] <= lateral.best[0]
-    words = lateral.words()[0]
-    assert words in report.text(more) and words in report.html(more).replace("&#x27;", "'")
-    (line,) = (line for line in report.csv(more).splitlines() if line.startswith("# floor thimble_3rrs: "))
-    assert json.loads(line.partition(": ")[2])["best_found"]["whole stress"] == lateral.best[0]
-    rows = {row["device"]: row["floor"] for row in report.as_dict(more)["rows"]}
-    assert rows["thimble_3rrs"] == lateral.words() and rows["haptip"] == []
+    assert lateral.words()[0] in report.html(more).replace("&#x27;", "'")
+    told = report.csv(more)
+    rows = list(csv.DictReader(line for line in told.splitlines() if not line.startswith("#")))
+    mine = {row["measure"]: row for row in rows if row["device"] == "thimble_3rrs"}
+    for i, name in enumerate(MEASURES):
+        both = [float(mine[name][column]) for column in ("off", "best_found", "with_lateral_axes")]
+        assert both == pytest.approx([lateral.rendered[i], lateral.best[i], lateral.lateral[i]], rel=1e-8)
+    assert all(not row["best_found"] for row in rows if row["device"] == "haptip")
+    legs = next(row for row in rows if row["device"] == "hexapod" and row["measure"] == MEASURES[0])
+    assert legs["best_found"] and not legs["with_lateral_axes"]
+    shown = {row["device"]: row["floors"] for row in report.as_dict(more)["rows"]}
+    assert [f["best"] for f in shown["thimble_3rrs"]] == list(lateral.best) and shown["haptip"] == []
+    words = f"{100 * lateral.best[0]:.0f} %"
+    (line,) = (cells for cells in report.lines(more) if cells[2] == MEASURES[0] and cells[8] == words)
+    assert line[5] == f"{100 * lateral.rendered[0]:.0f} %" and {len(cells) for cells in report.lines(more)} == {10}
+    assert "best pose found" in report.text(more) and "best pose found" not in report.text(found)
 
 
 def figures(text: str) -> list[tuple[str, list[float]]]:

@@ -12,10 +12,10 @@ from core.skin.assembly import degrees
 from core.skin.model import SkinModel, fingertip_skin
 from core.stiffening.sampled_energy import SampledEnergy
 from core.stiffening.sampled_tissue import SampledTissue
+from core.tissue.exact_finger import ExactFinger
 from core.tissue.held_tissue import HeldTissue
 from core.tissue.neo_hookean import NeoHookean
 from core.tissue.sampled_fit import Bases, SampledSize, fit_bases, fit_sampled, on_elements
-from tests.nonlinear import ExactFinger
 from tests.stiff import press
 from tests.touches import ball, flat, rod
 

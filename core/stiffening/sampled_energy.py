@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+from typing import Any
+
 import numpy as np
 
 from ..arrays import Array
+from .energy import WALL
 from .sampled_tissue import SampledTissue
 
 TOLERANCE = 1e-5  # of what is left beneath, over |q|
@@ -15,22 +19,24 @@ STEPS, PARTS, SHORTEST = 12, 14, 0.02  # at one q; of the way there where it is 
 
 
 class SampledEnergy:
-    """Stands in for `Energy` where the law itself is asked: the slope n(q) and its stiffness, for `Balance`.
+    """A `StoredEnergy` that asks the law itself: the slope n(q) and its stiffness, for `Balance`.
 
     What is beneath is sought from where it was last, with a tangent that serves for many q. Its
     answer depends on the way there by the tolerance only, or where tissue beneath has several balances.
 
+    Beyond `reach`, where t = |q / reach| is above 1, no state was seen that fields and samples were made of: there the
+    force is t n(q / t), as of tissue that stiffens no more, and a wall (t - 1)^3 keeps it from running away.
+
     Args:
-        tissue: at E = 1.
+        tissue: at E = 1. reach: amounts up to which it is asked, shape (k,); anywhere where None.
 
     Attributes:
-        x: amounts of what is beneath, for the last q, shape (j + r,). left: of their balance, over |q|.
+        x: amounts of what is beneath, for the last q or its part within reach, shape (j + r,). left: of their balance,
+            over |q|.
     """
 
-    reach: Array | None = None
-
-    def __init__(self, tissue: SampledTissue) -> None:
-        self.tissue = tissue
+    def __init__(self, tissue: SampledTissue, reach: Array | None = None) -> None:
+        self.tissue, self.reach = tissue, reach
         self.reset()
 
     @property
@@ -40,14 +46,79 @@ class SampledEnergy:
 
     def reset(self) -> None:
         """Go back to rest."""
-        tissue = self.tissue
-        self.x, self.left = np.zeros(len(tissue.inner)), 0.0
+        self.x, self.left = np.zeros(len(self.tissue.inner)), 0.0
         self._q, self._at = np.zeros(self.count), np.zeros(self.count)
-        self._stiffness = np.zeros((self.count, self.count))
-        self._inverse, self._coupling = np.linalg.inv(tissue.inner), np.zeros((len(self.x), self.count))
+        self._stiffness, self._inverse, self._coupling = self._rest
+
+    @cached_property
+    def _rest(self) -> tuple[Array, Array, Array]:
+        k, inner = self.count, self.tissue.inner
+        return np.zeros((k, k)), np.asarray(np.linalg.inv(inner), np.float64), np.zeros((len(inner), k))
+
+    def followed(self) -> SampledEnergy:
+        """Return another of the same tissue, at rest."""
+        new = SampledEnergy.__new__(SampledEnergy)
+        new.tissue, new.reach = self.tissue, self.reach
+        new.__dict__["_rest"] = self._rest
+        new.reset()
+        return new
+
+    def save(self) -> tuple[Any, ...]:
+        """Return where what is beneath was found, and with which tangent."""
+        return self.x, self.left, self._q, self._at, self._stiffness, self._inverse, self._coupling
+
+    def restore(self, state: tuple[Any, ...]) -> None:
+        """Go back there."""
+        self.x, self.left, self._q, self._at, self._stiffness, self._inverse, self._coupling = state
+
+    def far(self, q: Array) -> float:
+        """Return t = |q / reach|, 0 where nothing bounds it; q may have what is beneath behind it."""
+        return 0.0 if self.reach is None else float(np.linalg.norm(q[: self.count] / self.reach))
+
+    def amounts(self, q: Array) -> Array:
+        """Return the last q with what is beneath behind it, shape (k + j + r,)."""
+        return np.concatenate([q, max(self.far(q), 1.0) * self.x])
+
+    def force(self, q: Array) -> Array:
+        """Return the slope of the energy at amounts, shape (k,): with what is beneath, or seeking it from rest."""
+        k = self.count
+        if len(q) == k:
+            return self.followed().force_and_stiffness(q)[0]
+        if not q.any():
+            return np.zeros(k)
+        t = max(self.far(q), 1.0)
+        return t * self.tissue.forces(q[:k] / t, q[k:] / t)[0] + self._wall(q[:k])[1]
+
+    def value(self, q: Array) -> float:
+        """Return the energy at amounts, with what is beneath, or seeking it from where it was last."""
+        k = self.count
+        if len(q) == k:
+            self.force_and_stiffness(q)
+            q = self.amounts(q)
+        t = max(self.far(q), 1.0)
+        return t * t * self.tissue.value(q[:k] / t, q[k:] / t) + self._wall(q[:k])[0]
 
     def force_and_stiffness(self, q: Array) -> tuple[Array, Array]:
         """Return the slope of the energy, shape (k,), and its stiffness near there, shape (k, k)."""
+        t = max(self.far(q), 1.0)
+        force, stiffness = self._within(q / t)
+        if t == 1.0:
+            return force, stiffness
+        _, pushed, bend = self._wall(q)
+        return t * force + pushed, stiffness + bend
+
+    def _wall(self, q: Array) -> tuple[float, Array, Array]:
+        """Return what keeps q from running away: its value, slope and second derivative."""
+        t = self.far(q)
+        if self.reach is None or t <= 1.0:
+            return 0.0, np.zeros(self.count), np.zeros((self.count, self.count))
+        along = q / (self.reach * self.reach * t)  # slope of t
+        s, firm = t - 1.0, WALL * float((self.reach**2).max())
+        across = (np.diag(self.reach**-2.0) - np.outer(along, along)) / t
+        bend = firm * (2.0 * s * np.outer(along, along) + s * s * across)
+        return firm * s**3 / 3.0, firm * s * s * along, bend
+
+    def _within(self, q: Array) -> tuple[Array, Array]:
         size = float(np.linalg.norm(q))
         if size == 0.0:
             self.reset()
@@ -60,11 +131,6 @@ class SampledEnergy:
         force, rest = self.tissue.forces(q, x)
         self._q, self.x, self.left = q.copy(), x, left
         return force - self._coupling.T @ (self._inverse @ rest), self._stiffness.copy()
-
-    def value(self, q: Array) -> float:
-        """Return the energy."""
-        self.force_and_stiffness(q)
-        return self.tissue.value(q, self.x)
 
     def _expected(self, q: Array, before: Array, x: Array) -> Array:
         return x - self._inverse @ (self._coupling @ (q - before))
@@ -125,6 +191,6 @@ class SampledEnergy:
         whole = self.tissue.tangent(q, x)
         if not np.isfinite(whole).all():
             return
-        self._inverse, self._coupling, self._at = np.linalg.inv(whole[k:, k:]), whole[k:, :k], q.copy()
+        self._inverse, self._coupling, self._at = np.asarray(np.linalg.inv(whole[k:, k:])), whole[k:, :k], q.copy()
         self._stiffness = whole[:k, :k] - self._coupling.T @ (self._inverse @ self._coupling)
         self._stiffness = 0.5 * (self._stiffness + self._stiffness.T)

@@ -23,6 +23,7 @@ JOBS: Table = {
     "skin": ".skin.job:make",
     "pad": ".skin.job:make_surface",
     "stiffening": ".tissue.job:make_stiffening",
+    "exact tissue": ".tissue.job:make_exact",
     "collect": ".design.collect:work",
     "adapt": ".matching.adapt:adapt_job",
     "compare": ".comparison.job:compare_job",

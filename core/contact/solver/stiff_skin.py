@@ -63,7 +63,7 @@ class StiffSkin:
     def __init__(self, stiffening: Stiffening, modulus: float, patterns: Floats32 | None = None) -> None:
         self.stiffening, self.modulus = stiffening, modulus
         self.patterns = np.zeros((0, 3, stiffening.count), np.float32) if patterns is None else patterns
-        self.balance, self.tolerance = Balance(stiffening.energy), TOLERANCE
+        self.balance, self.tolerance = Balance(stiffening.energy.followed()), TOLERANCE
         self._image: tuple[tuple[int, ...], Floats32, Array] | None = None  # A^-1 U and U' A^-1 U, and of what
         self._middle: _Middle | None = None
         self.reset()
@@ -103,8 +103,8 @@ class StiffSkin:
 
     @property
     def amounts(self) -> Array:
-        """How much of each pattern there is under the last forces, shape (k,)."""
-        return self.balance.q
+        """How much there is of each pattern under the last forces, and of what is beneath where that is kept."""
+        return self.balance.amounts
 
     def beyond(self, force: Array) -> Array:
         """Return by how much less than linear skin it gives way under forces [N], shapes (n, 3) to (n, 3) [m]."""

@@ -85,8 +85,11 @@ class Balance:
         return self.force + left - _solved(*self._factors(), left)
 
     def _go(self, q: Array) -> None:
-        self.q, self._known = q, None
+        before = self._stiffness
+        self.q = q
         self.force, self._stiffness = self.energy.force_and_stiffness(q)
+        if self._stiffness is not before:
+            self._known = None
 
     def settle(self, z: Array) -> None:
         """Go from rest downhill to where forces that nothing else is known of are balanced."""
@@ -107,6 +110,11 @@ class Balance:
                 share *= 0.5
             stored = now
             self._go(q)
+
+    @property
+    def stiffness(self) -> Array:
+        """n' near q, the same array as long as it serves, shape (k, k)."""
+        return self._stiffness
 
     @property
     def amounts(self) -> Array:

@@ -38,7 +38,7 @@ class TableSize:
     """
 
     level: str = "standard"
-    touches: int = 102
+    touches: int = 85
     fields: SampledSize = field(default_factory=SampledSize)
 
 

@@ -117,12 +117,12 @@ def spread(values: list[float]) -> tuple[float, float]:
     return (float(np.median(values)), float(np.quantile(values, 0.9))) if values else (np.nan, np.nan)
 
 
-def print_bands() -> None:
+def print_bands(tissues: tuple[str, ...] = (LINEAR, NEO_HOOKEAN, NEO_HOOKEAN_EXACT)) -> None:
     """Print the tables of `core/parameters/error_bands.py`: by depth where nothing slid, by how far skin was drawn.
 
     Below them stands what the object's own slide makes of it: where friction slips, skin is drawn no farther.
     """
-    for tissue in (LINEAR, NEO_HOOKEAN, NEO_HOOKEAN_EXACT):
+    for tissue in tissues:
         print(tissue)
         slid = [e for e in measured(tissue).errors if abs(e.depth - SLID_AT) < 1e-9]
         bounds = [0.0, *(0.5 * (a + b) for a, b in zip(SLIDES, SLIDES[1:], strict=False)), np.inf]

@@ -39,11 +39,13 @@ class _Middle(NamedTuple):
     """What a tangent has between A^-1 U and its transpose.
 
     Attributes:
-        of: which state of the candidates. q: where it was taken. softening: M, shape (k, k). product: shape (k, k).
+        of: which state of the candidates. q: where it was taken, with n' there, shape (k, k).
+        softening: M, shape (k, k). product: shape (k, k).
     """
 
     of: tuple[int, ...]
     q: Array
+    stiffness: Array
     softening: Array
     product: Floats32
 
@@ -158,10 +160,13 @@ class StiffSkin:
             self._image = now, image, (rows.T @ image).astype(np.float64) / self.modulus
         _, image, gram = self._image
         q, known = self.balance.q, self._middle
-        if known is None or known.of != now[1:] or np.linalg.norm(q - known.q) > CLOSE * np.linalg.norm(q):
+        same = known is not None and (
+            known.stiffness is self.balance.stiffness or np.linalg.norm(q - known.q) <= CLOSE * np.linalg.norm(q)
+        )
+        if known is None or known.of != now[1:] or not same:
             softening = self.balance.softening()
             middle = np.linalg.solve(np.eye(len(gram)) - softening @ gram, softening) / self.modulus
-            self._middle = known = _Middle(now[1:], q, softening, middle.astype(np.float32))
+            self._middle = known = _Middle(now[1:], q, self.balance.stiffness, softening, middle.astype(np.float32))
         return Tangent(candidates.matrix, image, known.product)
 
     def past_tangent(self, force: Array, rows: Indices) -> Array:

@@ -92,6 +92,7 @@ if TYPE_CHECKING:
     import core.surface.curved
     import core.surrogate.store
     import core.tissue.finger_skin
+    import core.tissue.sampled_store
     import core.tissue.stiffening_store
     import core.track.binary
     import core.track.check

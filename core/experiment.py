@@ -288,6 +288,8 @@ def match(
             limit=", ".join(matchers),
             remedy="Render a scene with this device",
         )
+    if touch.skin.matched is not touch.skin:
+        touch = Stimulus(touch.skin.matched, touch.force, touch.points)
     with one_thread():
         return matchers[spec.kind](touch, spec, method)
 

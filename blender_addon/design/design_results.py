@@ -65,7 +65,7 @@ def find(scene: bpy.types.Scene) -> Generator[Any, None, Any]:
         table = task.load_table(spec, Path(bpy.path.abspath(settings.table)))
         if skin is not None:
             with skin_models.one_thread():
-                model = skin_models.get(skin["skin"], skin["level"], skin["tissue"], wait=True)
+                model = skin_models.get(skin["skin"], skin["level"], skin["tissue"], wait=True).matched
     else:
         if skin is None:
             skin = {"skin": {}, "level": "draft", "tissue": "linear"}
@@ -181,7 +181,7 @@ def _baked(scene: bpy.types.Scene, settings: Any, number: int) -> tuple[dict[str
         if obj is None:
             raise DermisError("the finger is gone", where=where, value=name, remedy="Bake again")
         kept = store.skin_of(obj)
-    sensed = core.design.task.sense_touch(skins[name], noise=settings.noise, seed=number)
+    sensed = core.design.task.sense_touch(skins[name].matched, noise=settings.noise, seed=number)
     title = scene.name.split(":")[-1].strip()
-    own = {"skin": dict(kept["skin"]), "level": str(kept["level"]), "tissue": str(skins[name].model.tissue)}
+    own = {"skin": dict(kept["skin"]), "level": str(kept["level"]), "tissue": str(skins[name].model.matched.tissue)}
     return own, {title: sensed}

@@ -103,7 +103,7 @@ def swept(
         DermisError: a skin that cannot be made, or a sweep that fails.
     """
     with skin_models.one_thread():
-        model = skin_models.get(skin, level, tissue, wait=True)
+        model = skin_models.get(skin, level, tissue, wait=True).matched
     material = {k: float(v) for k, v in skin.items() if k in ("young", "poisson", "alpha")}
     lengths = {k: v for k, v in skin.items() if k not in material}
     shape = core.skin.shape.shape_from_parameters(lengths)

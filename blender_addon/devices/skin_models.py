@@ -19,8 +19,10 @@ from .._core import DermisError, core
 from ..preferences import user_folder
 
 LIMIT_BYTES = 4_000_000_000
+EXACT_TISSUE = core.parameters.error_bands.NEO_HOOKEAN_EXACT
 SLOW = ("fine",)
-PAD, STIFFENING = "pad", "stiffening"  # in place of a level, and jobs: tables of the smooth pad and of its tissue
+# in place of a level, and jobs: tables of the smooth pad, of its tissue, and of that tissue's exact law
+PAD, STIFFENING, EXACT = "pad", "stiffening", "exact tissue"
 POLL = 0.1
 
 on_made: Callable[[], None] | None = None
@@ -76,7 +78,8 @@ def get(
 
     Args:
         skin: size and material in SI, as in a skin preset.
-        tissue: 'linear', or 'neo_hookean', which is linear until its table is there (see `wants_stiffening`).
+        tissue: 'linear', 'neo_hookean', which is linear until its table is there (see `wants_stiffening`), or
+            'neo_hookean_exact', which is 'neo_hookean' until then.
         wait: make it now, however long it takes.
 
     Raises:
@@ -100,13 +103,20 @@ def get(
 
 
 def of(parameters: Mapping[str, Any], *, where: str = "skin", wait: bool = False) -> core.skin.model.SkinModel | None:
-    """Return the skin of a finger's parameters, as `get` does."""
-    tissue = str(parameters.get("tissue", "linear"))
+    """Return the skin of a finger's parameters, as `get` does, for what is live: the exact law is for bakes."""
+    tissue = live_tissue(parameters)
     return get(parameters["skin"], str(parameters["skin_level"]), tissue, where=where, wait=wait)
+
+
+def live_tissue(parameters: Mapping[str, Any]) -> str:
+    """Return the tissue that previews and devices go by: a series, where a bake follows the exact law."""
+    tissue = str(parameters.get("tissue", "linear"))
+    return "neo_hookean" if tissue == EXACT_TISSUE else tissue
 
 
 def _stiffened(key: str, model: core.skin.model.SkinModel, tissue: str) -> core.skin.model.SkinModel:
     """Return a skin of a tissue that stiffens, the same as long as the skin is: a preview goes on with it."""
+    key = f"{key} {tissue}"
     kept = _stiff.get(key)
     if kept is None or kept[0] is not model or kept[1].tissue != tissue:
         kept = _stiff[key] = model, core.tissue.finger_skin.of_tissue(model, tissue)
@@ -145,6 +155,23 @@ def wants_stiffening(parameters: Mapping[str, Any]) -> bool:
     return False
 
 
+def wants_exact(parameters: Mapping[str, Any]) -> bool:
+    """Return whether a finger's tissue is to follow the exact law in a bake, and its table is not made yet.
+
+    Raises:
+        DermisError: a size that leaves no room for tissue.
+    """
+    skin = parameters["skin"]
+    if parameters.get("tissue", "linear") != EXACT_TISSUE or "mesh" in skin or _key(skin, EXACT) in _there:
+        return False
+    shape, material = core.skin.model.shape_and_material(skin)
+    find, shipped = core.tissue.sampled_store.find_table, core.skin.surface_store.SHIPPED
+    if shape is not None and find(shape, material.poisson, shipped=shipped, cache=cache()) is None:
+        return True
+    _there.add(_key(skin, EXACT))
+    return False
+
+
 def make_pad(skin: Mapping[str, float]) -> float | None:
     """Let a child process make the table of a skin's smooth pad; return how far it is, None where that failed."""
     return _made(skin, PAD)
@@ -153,6 +180,11 @@ def make_pad(skin: Mapping[str, float]) -> float | None:
 def make_stiffening(skin: Mapping[str, float]) -> float | None:
     """Let a child process make the table of how a skin stiffens; return how far it is, None where that failed."""
     return _made(skin, STIFFENING)
+
+
+def make_exact(skin: Mapping[str, float]) -> float | None:
+    """Let a child process make the table of a skin's exact law; return how far it is, None where that failed."""
+    return _made(skin, EXACT)
 
 
 def refusal(skin: Mapping[str, float], table: str) -> str:
@@ -179,16 +211,22 @@ def make_tables(
     """
     for finger in tactile.fingers:
         if _solved(finger, presets):
-            yield from tables_made(finger.parameters)
+            yield from tables_made(finger.parameters, exact=True)
 
 
-def tables_made(parameters: Mapping[str, Any]) -> Generator[core.pipeline.bake.Progress, None, None]:
+def tables_made(
+    parameters: Mapping[str, Any], *, exact: bool = False
+) -> Generator[core.pipeline.bake.Progress, None, None]:
     """Make the tables of a finger's skin that are wanted and not there, see `wants_pad`; yield progress.
+
+    Args:
+        exact: also that of the exact law, which only a bake follows.
 
     Closing the generator ends a child process that it began.
     """
     skin = parameters["skin"]
-    for table, wants, make in ((PAD, wants_pad, make_pad), (STIFFENING, wants_stiffening, make_stiffening)):
+    tables = [(PAD, wants_pad, make_pad), (STIFFENING, wants_stiffening, make_stiffening)]
+    for table, wants, make in [*tables, (EXACT, wants_exact, make_exact)][: 3 if exact else 2]:
         try:
             if not wants(parameters):
                 continue
@@ -241,7 +279,7 @@ def _begin(key: str, skin: Mapping[str, float], level: str) -> None:
         return
     executor = core.work.processes.ProcessExecutor()
     parameters = {"skin": dict(skin), "folder": str(cache().folder), "limit": LIMIT_BYTES}
-    job, more = (level, {}) if level in (PAD, STIFFENING) else ("skin", {"level": level})
+    job, more = (level, {}) if level in (PAD, STIFFENING, EXACT) else ("skin", {"level": level})
     _making[key] = executor.submit(job, {}, parameters | more)
     executor.shutdown(wait=False)  # its process ends with the job
     _progress[key] = 0.0

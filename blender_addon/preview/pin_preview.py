@@ -102,19 +102,19 @@ def _matched(target: SkinState, device: Any, spec: Any) -> tuple[SkinState, Arra
     if kept is not None and kept[0] is target and kept[1] == key:
         return kept[2]
     forces: Array = np.zeros(len(spec.channels))
-    pins = core.matching.pins
+    pins, own = core.matching.pins, target.matched
     with skin_models.one_thread():
         try:
-            ready = pins.setup(target.model, spec, device.pin_nodes)
+            ready = pins.setup(own.model, spec, device.pin_nodes)
             solver = pins.make_solver(ready, spec, device.pin_method, None, bounded=device.pin_bounded)
-            matched = solver.solve(target.force, target.amounts)
+            matched = solver.solve(own.force, own.amounts)
             forces, force = matched.forces, pins.rendered_force(ready, matched.forces)
             note = f"{1e3 * matched.displacement_error:.2f} mm off"
         except DermisError as error:
             force, note = np.zeros_like(target.force), str(error)
     total = force.sum(axis=0)
     state = replace(
-        target,
+        own,
         finger=f"{target.finger}: {device.pin_method} pins",
         force=force,
         normal_force=float(total[2]),

@@ -41,7 +41,8 @@ def commands(obj: Any, device: Any, spec: Any, target: SkinState) -> NDArray[np.
         if table is not None:
             with skin_models.one_thread():
                 force = np.asarray(target.force)[None] if target.touching else np.zeros((0, *np.shape(target.force)))
-                values = lookup.commands_now(table, spec, target.model, force, target.amounts)
+                own = target.matched
+                values = lookup.commands_now(table, spec, own.model, force, own.amounts)
     except DermisError:
         values = None  # the panel and the bake say why
     _commands[target.finger] = (target, key, values)

@@ -320,6 +320,8 @@ def _solve(f: int, finger: Any, posed: core.contact.posed_scene.PosedScene, fram
         waits = waits or made is not None
         why = skin_models.refusal(finger.parameters["skin"], skin_models.STIFFENING)
         note += "; linear tissue" + (f" while its table is made: {made:.0%}" if made is not None else f": {why}")
+    if finger.parameters.get("tissue") == skin_models.EXACT_TISSUE:
+        note += "; by the series, a bake follows the exact law"
     state = SkinState.of(finger.name, model, step, "live", note, _counters(path.stepper))
     return replace(state, coarse=path.stepper.cut, waits=waits)
 
@@ -334,7 +336,8 @@ def _path_of(f: int, finger: Any, model: Any, posed: core.contact.posed_scene.Po
         _live.seen.clear()
         _live.kept.clear()
     if path is None or path.key != key:
-        stepper = core.contact.skin_stepper.SkinStepper(model, f, finger, posed)
+        own = replace(finger, parameters={**p, "tissue": skin_models.live_tissue(p)})
+        stepper = core.contact.skin_stepper.SkinStepper(model, f, own, posed)
         path = _live.paths[finger.name] = _FingerPath(key, stepper, stepper.save())
     return path
 

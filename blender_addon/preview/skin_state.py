@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from .._core import Array, core
@@ -65,8 +65,14 @@ class SkinState:
         return cls(finger, model, source=source, note=note, counters=counters, **vars(step))
 
     @property
+    def matched(self) -> SkinState:
+        """The same as devices are matched with it: of tissue that is exact, in the series of the same tissue."""
+        same = self.model is None or self.model.matched is self.model
+        return self if same else replace(self, model=self.model.matched, amounts=None)
+
+    @property
     def tissue(self) -> str:
-        """What the tissue is: 'linear' or 'neo_hookean'."""
+        """What the tissue is: 'linear', 'neo_hookean' or 'neo_hookean_exact'."""
         return "linear" if self.model is None else str(self.model.tissue)
 
     @property

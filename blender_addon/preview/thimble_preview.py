@@ -217,7 +217,7 @@ def _replay(result: Any, target: SkinState, device: Any) -> _Played | None:
     replay, thimble_use = core.matching.replay, core.matching.thimble_use
     try:
         with skin_models.one_thread():
-            model = result.bake.skins[target.finger].pressed
+            model = result.bake.skins[target.finger].matched.pressed
             calibrated, friction = thimble_use.disc_device(
                 output.track.spec, model, thimble_devices.parameters_of(device)
             )
@@ -231,6 +231,7 @@ def _replay(result: Any, target: SkinState, device: Any) -> _Played | None:
 
 def _state(target: SkinState, kind: str, method: str, solution: Any, contact: Any, mismatch: float) -> SkinState:
     """Return the skin under the disc of a kind of device in the place of the target."""
+    target = target.matched
     force, cone = contact.nodal(solution), core.contact.solver.cone
     total = force.sum(axis=0)
     normal = solution.pose.normal

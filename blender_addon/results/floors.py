@@ -21,6 +21,7 @@ def find(scene: bpy.types.Scene, obj: bpy.types.Object) -> Any:
     """
     device, result = active_presets.searched_of(obj), store.current(scene)
     felt = result.bake.skins.get(obj.name) if result is not None else None
+    felt = None if felt is None else felt.matched
     if device is None or result is None or felt is None:
         raise DermisError(
             "no bake of this finger's skin is at hand",

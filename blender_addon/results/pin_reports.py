@@ -25,6 +25,7 @@ def compare(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
     """
     device, result = active_presets.device_of(obj, "pins"), store.current(scene)
     felt = result.bake.skins.get(obj.name) if result is not None else None
+    felt = None if felt is None else felt.matched
     if device is None or result is None or felt is None:
         raise DermisError(
             "no bake of this finger's skin is at hand", where=f"finger '{obj.name}'", remedy="Press Bake, then compare"

@@ -44,7 +44,7 @@ def floor(options: argparse.Namespace) -> int:
             limit="thimble, hexapod",
         )
     felt = skin_contacts(scene, {options.finger: finger_skin(finger.parameters, library.skin(DEFAULT_SKIN))})
-    skin = felt[options.finger]
+    skin = felt[options.finger].matched
     use = prepare(spec, skin.pressed, parameters)
     times = skin.times[looked_at(len(skin.times))]
     found = drain_shown(floor_of(use, forces_at(skin, times), amounts_at(skin, times)), quiet=options.quiet)

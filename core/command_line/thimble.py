@@ -76,7 +76,9 @@ def follow(options: argparse.Namespace) -> int:
         raise DermisError("noise is a standard deviation", where="--noise", value=options.noise, limit=">= 0")
     library = Library(options.presets)
     spec = _thimble(library, options.device)
-    skin = asked_for(skin_from_parameters(library.skin(options.skin), level=options.level), options.tissue, "--tissue")
+    skin = asked_for(
+        skin_from_parameters(library.skin(options.skin), level=options.level), options.tissue, "--tissue"
+    ).matched
     device, friction = calibrated_mechanism(spec, skin, {})
     change = device.servo_speed / spec.rate
     made = (
@@ -203,4 +205,4 @@ def _thimble(library: Library, key: str) -> DeviceSpec:
 
 def _felt(scene: TactileScene, library: Library, finger: int) -> SkinContact:
     skin = finger_skin(scene.fingers[finger].parameters, library.skin(DEFAULT_SKIN))
-    return skin_contacts(scene, {finger: skin})[finger]
+    return skin_contacts(scene, {finger: skin})[finger].matched

@@ -78,6 +78,7 @@ def compare_devices(
     bake = yield from render(worn, library, cache=cache)
     uses = {use.preset: use for use in reversed(worn.fingers[number].devices)}
     outputs = {o.device: o for o in reversed(bake.outputs) if o.finger == name}
+    felt = bake.skins[name].matched if name in bake.skins else None
     rows = []
     for step, key in enumerate(fit):
         yield Progress("judging", step, len(fit))
@@ -87,7 +88,7 @@ def compare_devices(
             skipped.append(Skipped(key, title, _refusal(bake, key)))
             continue
         try:
-            judged = judge(output, bake.skins.get(name), uses[key].parameters)
+            judged = judge(output, felt, uses[key].parameters)
         except DermisError as error:
             skipped.append(Skipped(key, title, str(error).rstrip(".")))
             continue
@@ -96,8 +97,7 @@ def compare_devices(
         else:
             row = row_of(output, judged)
             if floors:
-                spec, skin = output.track.spec, bake.skins.get(name)
-                found = yield from floor_in(spec, skin, uses[key].parameters)
+                found = yield from floor_in(output.track.spec, felt, uses[key].parameters)
                 said = () if found is None else found.findings(f"finger '{name}', {key}")
                 row = replace(row, floor=found, findings=(*row.findings, *said))
             rows.append(row)

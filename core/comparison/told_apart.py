@@ -95,6 +95,7 @@ def tell_apart(
     worn, skipped = _wearing(scene, library, number)
     bake = yield from render(worn, library, cache=cache)
     skin = bake.skins.get(name)
+    skin = None if skin is None else skin.matched
     touches = () if skin is None else touches_of(skin)
     if skin is None or not 2 <= len(touches) <= MOST:
         raise DermisError(

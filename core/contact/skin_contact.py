@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from ..skin.model import SkinModel
 from ..skin.point_forces import PointForces
 from ..skin.stimulus import Stimulus
 from ..skin.surface_compliance import SurfaceCompliance
+from ..skin.surface_store import smooth_pad
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +116,21 @@ class SkinContact:
     def pressed(self) -> SkinModel:
         """The skin as it was touched: what a device does to it is solved on points, or at nodes, as the touch was."""
         return self.model.on_nodes if self.points is None else self.model
+
+    @cached_property
+    def matched(self) -> SkinContact:
+        """The same as devices are matched with it: where its tissue is exact, felt by the series of the same tissue.
+
+        Forces stay, and amounts become those that balance them there.
+        """
+        if self.model.matched is self.model:
+            return self
+        model, points = self.model.matched, self.points
+        works = self.force.reshape(len(self.force), -1).astype(np.float64) @ model.stiff.pad / model.material.modulus
+        felt = np.array([model.stiff.balanced(work) for work in works], np.float32)
+        if points is not None:
+            points = replace(points, surface=smooth_pad(model) or points.surface)
+        return replace(self, model=model, amounts=felt if len(felt) else None, points=points)
 
     def force_at(self, sample: int) -> Array:
         """Return the forces of one sample [N], shape (m, 3); zeros without contact."""

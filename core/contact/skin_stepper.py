@@ -14,12 +14,12 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import Finding
-from ..parameters.error_bands import LINEAR
+from ..parameters.error_bands import LINEAR, NEO_HOOKEAN_EXACT
 from ..parameters.skin import SKIN_CONTACT
 from ..scene.tactile_scene import Finger
 from ..skin.model import SkinModel
 from ..skin.point_forces import PointForces
-from ..skin.stiff_tables import no_stiffening
+from ..skin.stiff_tables import no_exact, no_stiffening
 from ..skin.surface_store import no_smooth_pad, smooth_pad
 from .coarse_touches import CoarseTouches
 from .compliant_bone import BoneStep, CompliantBone
@@ -61,8 +61,11 @@ class SkinStepper:
         self._told: tuple[Finding, ...] = ()
         if wanted and self.surface is None:
             self._told += (no_smooth_pad(skin, self.name),)
-        if SKIN_CONTACT["tissue"].of(finger.parameters, self.name) != LINEAR and skin.stiffening is None:
+        tissue = SKIN_CONTACT["tissue"].of(finger.parameters, self.name)
+        if tissue != LINEAR and skin.stiffening is None:
             self._told += (no_stiffening(skin.shape, self.name),)
+        elif tissue == NEO_HOOKEAN_EXACT and skin.tissue != tissue:
+            self._told += (no_exact(self.name),)
         self.bone = CompliantBone.of(skin, finger.parameters, self.name, tolerance, self.surface)
         self._coarse = None if self.on_points else CoarseTouches(skin.mesh, self.name)
         self.far = 0

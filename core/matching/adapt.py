@@ -45,7 +45,7 @@ def adapt_job(
     # what is learned is proportional to stiffness: one surrogate serves a finger whatever its personal factor
     cache = Cache(Path(str(parameters["skins"])), int(parameters["limit"])) if "skins" in parameters else None
     skin = skin_from_parameters(parameters["skin"], level=str(parameters.get("level", "standard")), cache=cache)
-    skin = asked_for(skin, str(parameters.get("tissue", SKIN_CONTACT["tissue"].absent)), "skin")
+    skin = asked_for(skin, str(parameters.get("tissue", SKIN_CONTACT["tissue"].absent)), "skin").matched
     if parameters.get("contact") == "nodes":
         skin = skin.on_nodes
     device, friction = disc_device(spec, skin, parameters.get("use", {}))

@@ -143,8 +143,8 @@ def compare_scene(
     others = _skins(scene, library, wearers, finer, cache) if finer else {}
     for f in wearers if finer else ():
         _finer(own[f].mesh.free.size, others[f].mesh.free.size, _named(scene, f))
-    contacts = skin_contacts(scene, own)
-    finer_contacts = skin_contacts(scene, others) if finer else contacts
+    contacts = {f: felt.matched for f, felt in skin_contacts(scene, own).items()}
+    finer_contacts = {f: felt.matched for f, felt in skin_contacts(scene, others).items()} if finer else contacts
     idle = [f for f in wearers if not len(contacts[f].contact) or not len(finer_contacts[f].contact)]
     if idle == wearers:
         raise DermisError(

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from ..errors import DermisError
 from ..units import finite
 
-LINEAR, NEO_HOOKEAN = "linear", "neo_hookean"
+LINEAR, NEO_HOOKEAN, NEO_HOOKEAN_EXACT = "linear", "neo_hookean", "neo_hookean_exact"
 DEPTHS = (0.5e-3, 1e-3, 1.5e-3, 2e-3, 3e-3, 4e-3)  # that a touch was pressed to, not slid [m]
 SLIDES = (0.0, 0.5e-3, 1e-3, 1.5e-3, 2e-3, 3.5e-3)  # that loaded skin was then drawn along itself, 2 mm deep [m]
 SLID_AT = 2e-3  # depth of the slides [m]

@@ -100,7 +100,7 @@ def render(
             if spec.follows_skin and finger in ready:
                 made = next(ready[finger]).stamped(content_hash)
             else:
-                felt = skin_contacts[finger] if spec.follows_skin else None
+                felt = skin_contacts[finger].matched if spec.follows_skin else None
                 made = driven(pad_contact, scene, finger, use, spec, felt, content_hash)
         findings += made.findings
         skipped.update(made.skipped)

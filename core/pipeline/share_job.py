@@ -69,7 +69,7 @@ def driven_by(
     for step, (f, use, spec) in enumerate(uses):
         yield Progress("devices", step, len(uses))
         with clock.stage("devices"):
-            made[f].append(driven(pad_contact, scene, f, use, spec, felt[f], ""))
+            made[f].append(driven(pad_contact, scene, f, use, spec, felt[f].matched, ""))
     return made
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..cache import Cache, cache_key
 from ..errors import DermisError
-from ..parameters.error_bands import LINEAR, NEO_HOOKEAN
+from ..parameters.error_bands import LINEAR
 from ..parameters.skin import LENGTHS, OWN_MESH, TISSUE
 from .assembly import Element, degrees, stiffness
 from .condense import Condensed, condense
@@ -79,8 +79,8 @@ class SkinModel:
 
     @property
     def tissue(self) -> str:
-        """What its tissue is: 'linear' or 'neo_hookean'."""
-        return LINEAR if self.stiffening is None else NEO_HOOKEAN
+        """What its tissue is: 'linear', 'neo_hookean' or 'neo_hookean_exact'."""
+        return LINEAR if self.stiffening is None else self.stiffening.tissue
 
     @property
     def positions(self) -> Array:
@@ -125,6 +125,12 @@ class SkinModel:
         other = replace(self, stiffening=stiffening)
         self._share(other, "unit_response", "_unit_stress", "probes", "operator", "compliance", "compliance32")
         return other
+
+    @cached_property
+    def matched(self) -> SkinModel:
+        """The same skin as devices are matched on it: where its law is exact, in the series of the same tissue."""
+        same = self.stiffening is None or self.stiffening.matched is self.stiffening
+        return self if same or self.stiffening is None else self.with_stiffening(self.stiffening.matched)
 
     @cached_property
     def on_nodes(self) -> SkinModel:

@@ -44,10 +44,10 @@ class StiffTables:
         return np.asarray(self.loads.T @ self.pad)
 
     def balanced(self, work: Array) -> Array:
-        """Return how much of each pattern there is under forces, from their work in the patterns, shape (k,)."""
-        balance = Balance(self.stiffening.energy)
+        """Return how much there is of each pattern under forces, and of what is beneath, from their work, (k,)."""
+        balance = Balance(self.stiffening.energy.followed())
         balance.settle(work)
-        return balance.q
+        return balance.amounts
 
     @property
     def pad(self) -> Array:
@@ -118,7 +118,7 @@ class StiffTables:
         Beyond the reach of the series both grow no faster than q.
 
         Args:
-            q: how much of each pattern there is, shape (k,).
+            q: how much there is of each pattern, and of what is beneath where that is kept, shape (k,) or more.
 
         Returns:
             stress of the elements at E = 1, shape (e, 6), and displacement of the nodes [m], shape (n, 3).
@@ -128,7 +128,8 @@ class StiffTables:
         if far > 1.0:
             stress, held = self.felt(q / (far * (1.0 + 1e-12)))
             return far * stress, far * held
-        both = np.stack([q, q + energy.force(q)], axis=1).astype(np.float32)
+        own = q[: energy.count]
+        both = np.stack([own, own + energy.force(q)], axis=1).astype(np.float32)
         moved, held = (self.nodes @ both).astype(np.float64).T.reshape(2, -1, 3)
         fields, known = self.following, self.stiffening.following
         if fields is None or known is None:
@@ -168,6 +169,18 @@ def no_stiffening(shape: FingertipShape | None, name: str) -> Finding:
         remedy = "Let Blender make it, which takes some two minutes once, or use a preset's lengths"
     what = "tissue is linear: it does not stiffen as the finger is pressed and dragged"
     return Finding("warning", "tissue-linear", what, name, why, remedy=remedy)
+
+
+def no_exact(name: str) -> Finding:
+    """Return why tissue that is to follow the exact law follows the series. The name is the finger's."""
+    return Finding(
+        "warning",
+        "tissue-series",
+        "tissue stiffens by a series: the table of its exact law is not there",
+        name,
+        "these lengths, or this Poisson's ratio, have no such table yet",
+        remedy="Let a bake in Blender make it, some twenty minutes once, or use the default preset's lengths",
+    )
 
 
 def _same(first: NDArray[np.number], second: NDArray[np.number]) -> bool:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
-from .energy import Energy
+from .stored_energy import StoredEnergy
 
 TOLERANCE = 1e-5  # of q + n(q) - z, relative to z
 # A step that multiplies what is left by more, from where tissue is stable and where it is not, is made shorter, down to
@@ -32,7 +32,7 @@ class Balance:
         q: how much of each pattern, shape (k,). force: n(q). left: |q + n(q) - z| over |z|, for the last z.
     """
 
-    def __init__(self, energy: Energy) -> None:
+    def __init__(self, energy: StoredEnergy) -> None:
         self.energy = energy
         self.reset()
 
@@ -44,11 +44,12 @@ class Balance:
 
     def save(self) -> tuple[Any, ...]:
         """Return the state, for `restore`."""
-        return self.q, self.force, self._stiffness, self.left, self._known
+        return self.q, self.force, self._stiffness, self.left, self._known, self.energy.save()
 
     def restore(self, state: tuple[Any, ...]) -> None:
         """Go back to a saved state."""
-        self.q, self.force, self._stiffness, self.left, self._known = state
+        self.q, self.force, self._stiffness, self.left, self._known, remembered = state
+        self.energy.restore(remembered)
 
     def follow(self, z: Array, tolerance: float = TOLERANCE, near: Array | None = None) -> Array:
         """Go towards other forces and return n, with what the next step would bring, shape (k,).
@@ -84,8 +85,11 @@ class Balance:
         return self.force + left - _solved(*self._factors(), left)
 
     def _go(self, q: Array) -> None:
-        self.q, self._known = q, None
+        before = self._stiffness
+        self.q = q
         self.force, self._stiffness = self.energy.force_and_stiffness(q)
+        if self._stiffness is not before:
+            self._known = None
 
     def settle(self, z: Array) -> None:
         """Go from rest downhill to where forces that nothing else is known of are balanced."""
@@ -107,26 +111,48 @@ class Balance:
             stored = now
             self._go(q)
 
+    @property
+    def stiffness(self) -> Array:
+        """n' near q, the same array as long as it serves, shape (k, k)."""
+        return self._stiffness
+
+    @property
+    def amounts(self) -> Array:
+        """What a touch keeps of it."""
+        return self.energy.amounts(self.q)
+
     def softening(self) -> Array:
         """Return M = 1 - (1 + n')^-1, by which stiffening skin gives way less than linear skin, shape (k, k)."""
-        stable, values, vectors = self._factors()
-        one = np.eye(len(self.q))
-        return one - (_solved(stable, values, vectors, one) if stable else (vectors / values) @ vectors.T)
+        return _softening(self._factors())
 
     def _factors(self) -> tuple[bool, Array, Array]:
-        """Return whether 1 + n' is above the floor, and its Cholesky factor, or values with a floor and vectors."""
         if self._known is None:
-            from scipy.linalg.lapack import dpotrf
-
-            whole = self._stiffness.copy()
-            whole[np.diag_indices(len(whole))] += 1.0 - FLOOR
-            if dpotrf(whole, lower=1)[1] == 0:
-                whole[np.diag_indices(len(whole))] += FLOOR
-                self._known = True, whole, np.asarray(dpotrf(whole, lower=1)[0])
-            else:
-                values, vectors = np.linalg.eigh(self._stiffness)
-                self._known = False, np.maximum(1.0 + values, FLOOR), vectors
+            self._known = _factors(self._stiffness)
         return self._known
+
+
+def softening(stiffness: Array) -> Array:
+    """Return M = 1 - (1 + n')^-1 of a stiffness n', shape (k, k)."""
+    return _softening(_factors(stiffness))
+
+
+def _softening(factors: tuple[bool, Array, Array]) -> Array:
+    stable, values, vectors = factors
+    one = np.eye(len(vectors))
+    return one - (_solved(stable, values, vectors, one) if stable else (vectors / values) @ vectors.T)
+
+
+def _factors(stiffness: Array) -> tuple[bool, Array, Array]:
+    """Return whether 1 + n' is above the floor, and its Cholesky factor, or values with a floor and vectors."""
+    from scipy.linalg.lapack import dpotrf
+
+    whole = stiffness.copy()
+    whole[np.diag_indices(len(whole))] += 1.0 - FLOOR
+    if dpotrf(whole, lower=1)[1] == 0:
+        whole[np.diag_indices(len(whole))] += FLOOR
+        return True, whole, np.asarray(dpotrf(whole, lower=1)[0])
+    values, vectors = np.linalg.eigh(stiffness)
+    return False, np.maximum(1.0 + values, FLOOR), vectors
 
 
 def _solved(stable: bool, values: Array, vectors: Array, right: Array) -> Array:

@@ -99,6 +99,20 @@ class Energy:
         self._last[""] = q.copy(), force, stiffness  # what is shown asks again for what contact was solved with
         return force, stiffness
 
+    def followed(self) -> Energy:
+        """Return itself: it depends on nothing but q."""
+        return self
+
+    def amounts(self, q: Array) -> Array:
+        """Return q: there is nothing else to keep."""
+        return q
+
+    def save(self) -> None:
+        """Nothing is remembered."""
+
+    def restore(self, state: None) -> None:
+        """Nothing is remembered."""
+
     @cached_property
     def _last(self) -> dict[str, tuple[Array, Array, Array]]:
         return {}

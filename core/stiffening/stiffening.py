@@ -18,11 +18,13 @@ from ..arrays import Floats
 from ..errors import DermisError
 from ..files import write_npz
 from ..npz import opened_npz
+from ..parameters.error_bands import NEO_HOOKEAN
 from .cubic import Cubic
 from .energy import Energy
 from .features import Features
-from .following import Following
+from .following import Following, Follows
 from .patterns import Patterns
+from .stored_energy import StoredEnergy
 from .stress_series import StressSeries
 from .symmetric import entries, packed_cubic, packed_forms, side, whole_cubic, whole_forms
 
@@ -46,11 +48,21 @@ class Stiffening:
         following: how tissue follows; None where stress is told by its series alone.
     """
 
-    energy: Energy
+    energy: StoredEnergy
     patterns: Patterns
     stress: StressSeries
     key: str = ""
-    following: Following | None = None
+    following: Follows | None = None
+
+    @property
+    def tissue(self) -> str:
+        """What tissue it is of."""
+        return NEO_HOOKEAN
+
+    @property
+    def matched(self) -> Stiffening:
+        """The same for what devices do, which ask for it hundreds of times a frame."""
+        return self
 
     @property
     def count(self) -> int:
@@ -63,6 +75,7 @@ class Stiffening:
         Raises:
             DermisError: the file cannot be written.
         """
+        assert isinstance(self.energy, Energy)
         stress, third = self.stress, self.energy.third
         arrays: dict[str, NDArray[Any]] = {
             "version": np.array(VERSION),
@@ -80,6 +93,7 @@ class Stiffening:
         halves += [_rows(stress.fields), stress.squares, _flat(stress.cubes)]
         names: tuple[str, ...] = _HALF
         if self.following is not None:
+            assert isinstance(self.following, Following)
             names += _FOLLOWING
             halves += [_rows(self.following.fields), self.following.squares, _flat(self.following.cubes)]
         for name, rows in zip(names, halves, strict=True):

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Array
-from .balance import Balance
-from .energy import Energy
+from .balance import softening
+from .stored_energy import StoredEnergy
 
 # Of M: patterns on points are told to some digits only, and their compliance must stay positive definite.
 STIFFEST = 0.95
@@ -39,15 +39,13 @@ class StiffTangent:
         return cls(zero, zero, none, none)
 
     @classmethod
-    def at(cls, energy: Energy, q: Array) -> StiffTangent:
+    def at(cls, energy: StoredEnergy, q: Array) -> StiffTangent:
         """Return that of given amounts."""
-        return cls._of(energy, q, *energy.force_and_stiffness(q))
+        return cls._of(q, *energy.force_and_stiffness(q))
 
     @classmethod
-    def _of(cls, energy: Energy, q: Array, force: Array, stiffness: Array) -> StiffTangent:
-        balance = Balance(energy)
-        balance.restore((q, force, stiffness, 0.0, None))
-        return cls(q, force, stiffness, _bounded(balance.softening()))
+    def _of(cls, q: Array, force: Array, stiffness: Array) -> StiffTangent:
+        return cls(q, force, stiffness, _bounded(softening(stiffness)))
 
     @property
     def offset(self) -> Array:
@@ -62,14 +60,14 @@ class StiffTangent:
         """Return q for the work of other forces, shape (k,)."""
         return z - self.force_at(z)
 
-    def moved(self, energy: Energy, z: Array) -> StiffTangent:
+    def moved(self, energy: StoredEnergy, z: Array) -> StiffTangent:
         """Return the tangent where this one says that other forces lead: Newton's step, shorter where it is astray."""
         left, step, share = float(np.linalg.norm(z - self.q - self.force)), self.amounts_at(z) - self.q, 1.0
         while True:
             q = self.q + share * step
             force, stiffness = energy.force_and_stiffness(q)
             if share < SHORT or float(np.linalg.norm(z - q - force)) <= WORSE * left:
-                return StiffTangent._of(energy, q, force, stiffness)
+                return StiffTangent._of(q, force, stiffness)
             share *= 0.25
 
 

@@ -7,10 +7,11 @@ from typing import Any
 
 from ..cache import Cache
 from ..errors import DermisError
-from ..parameters.error_bands import LINEAR
+from ..parameters.error_bands import LINEAR, NEO_HOOKEAN, NEO_HOOKEAN_EXACT
 from ..parameters.skin import SKIN_CONTACT
 from ..skin.model import SkinModel, skin_from_parameters
-from ..skin.stiff_tables import no_stiffening
+from ..skin.stiff_tables import no_exact, no_stiffening
+from .sampled_store import exactly_stiffened
 from .stiffening_store import stiffened
 
 
@@ -40,17 +41,19 @@ def finger_skin(
 
 
 def of_tissue(skin: SkinModel, tissue: str) -> SkinModel:
-    """Return the same skin of a tissue: 'linear', or 'neo_hookean' where the table of its shape is at hand.
+    """Return the same skin of a tissue: 'linear', or one that stiffens where the table of its shape is at hand.
 
     Fingers of one shape share the table. It ships for the presets' lengths, and is looked for in the skin's cache for
-    others; a mesh of one's own has none.
+    others; a mesh of one's own has none. Without the exact law's table tissue stiffens by the series.
     """
-    if tissue == LINEAR:
-        return skin if skin.stiffening is None else skin.with_stiffening(None)
-    if skin.stiffening is not None:
+    if tissue == skin.tissue:
         return skin
+    if tissue == LINEAR:
+        return skin.with_stiffening(None)
+    if skin.stiffening is not None and tissue == NEO_HOOKEAN:
+        return skin.matched
     try:
-        return stiffened(skin) or skin
+        return (exactly_stiffened(skin) if tissue == NEO_HOOKEAN_EXACT else None) or stiffened(skin) or skin
     except DermisError:  # nobody can make its table: what is solved with it says so
         return skin
 
@@ -64,9 +67,9 @@ def asked_for(skin: SkinModel, tissue: str, where: str) -> SkinModel:
     SKIN_CONTACT["tissue"].check(tissue, where)
     made = of_tissue(skin, tissue)
     if made.tissue != tissue:
-        why = no_stiffening(skin.shape, where)
+        why = no_stiffening(skin.shape, where) if made.tissue == LINEAR else no_exact(where)
         raise DermisError(
-            "there is no table of how its tissue stiffens",
+            "there is no table of how its tissue stiffens" if made.tissue == LINEAR else "its exact law has no table",
             where=where,
             value=why.value,
             remedy=why.remedy,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..cache import Cache
 from ..skin.model import shape_and_material
+from ..skin.shape import FingertipShape
 from ..steps import drain
 from . import stiffening_store as store
 from .stiffening_fit import STEPS
@@ -28,10 +29,32 @@ def make_stiffening(
     Raises:
         DermisError: a mesh of one's own, Poisson's ratio out of range, or a folder that cannot be written.
     """
+    cache, shape, poisson = _asked(parameters)
+    made = drain(store.make_stiffening(shape, poisson, cache=cache), lambda step: report(*step))
+    report(STEPS, STEPS)
+    return {"patterns": np.array(made.count)}
+
+
+def make_exact(
+    arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Callable[[int, int], None]
+) -> dict[str, NDArray[Any]]:
+    """Put the table of a fingertip's exact tissue into a cache; as `make_stiffening`, for some twenty minutes.
+
+    Raises:
+        DermisError: as `make_stiffening`.
+    """
+    from . import sampled_store
+    from .sampled_table_fit import STEPS as EXACT_STEPS
+
+    cache, shape, poisson = _asked(parameters)
+    made = drain(sampled_store.make_table(shape, poisson, cache=cache), lambda step: report(*step))
+    report(EXACT_STEPS, EXACT_STEPS)
+    return {"patterns": np.array(len(made.pad))}
+
+
+def _asked(parameters: Mapping[str, Any]) -> tuple[Cache, FingertipShape, float]:
     cache = Cache(Path(str(parameters["folder"])), int(parameters["limit"]))
     shape, material = shape_and_material(parameters["skin"])
     if shape is None:
         raise store.no_shape()
-    made = drain(store.make_stiffening(shape, material.poisson, cache=cache), lambda step: report(*step))
-    report(STEPS, STEPS)
-    return {"patterns": np.array(made.count)}
+    return cache, shape, material.poisson

@@ -29,12 +29,13 @@ _ALONE = 1e-10  # of the largest share of what is seen: less is noise
 
 @dataclass(frozen=True)
 class SampledSize:
-    """How much is kept: patterns of the pad, fields beneath it, fields of pressure, elements."""
+    """How much is kept: patterns of the pad, fields beneath it, pressures, elements, states that judge these."""
 
     patterns: int = 300
     beneath: int = 200
     pressures: int = 200
     elements: int = 1500
+    judged: int = 300
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,10 +83,16 @@ def fit_bases(held: HeldTissue, stiffness: Array, states: Array, size: SampledSi
 
 def fit_sampled(tissue: NeoHookean, bases: Bases, size: SampledSize, *, seed: int = 0) -> SampledTissue:
     """Return tissue on the elements that stand for all in the states that the bases were made of."""
+    return on_elements(tissue, bases, *fit_elements(tissue, bases, size, seed=seed))
+
+
+def fit_elements(tissue: NeoHookean, bases: Bases, size: SampledSize, *, seed: int = 0) -> tuple[Indices, Array]:
+    """Return the elements that stand for all, rising, and for what volume each does [m^3]."""
     whole = on_elements(tissue, bases, np.arange(len(tissue.mesh.tetrahedra)), np.asarray(tissue.geometry.volumes))
-    rows = _shares(whole, bases.amounts, np.random.default_rng(seed))
+    judged = bases.amounts[:: -(-len(bases.amounts) // size.judged)]
+    rows = _shares(whole, judged, np.random.default_rng(seed))
     elements, share, _ = sampled(rows, size.elements)
-    return on_elements(tissue, bases, elements, share * tissue.geometry.volumes[elements])
+    return elements, share * tissue.geometry.volumes[elements]
 
 
 def on_elements(tissue: NeoHookean, bases: Bases, elements: Indices, weights: Array) -> SampledTissue:

@@ -48,11 +48,17 @@ class Touch:
             yield [ContactBody(self.surface, self.rotation, self.start + way, self.friction)]
 
 
-def touches(skin: SkinModel, count: int, seed: int = 0) -> list[Touch]:
-    """Return touches of a skin; as deep and as wide as its pulp is thick against the standard finger's."""
+def touches(
+    skin: SkinModel, count: int, seed: int = 0, *, depths: tuple[float, float] = DEPTHS, slide: float = SLIDE
+) -> list[Touch]:
+    """Return touches of a skin; as deep and as wide as its pulp is thick against the standard finger's.
+
+    Args:
+        depths: least and greatest [m] on the standard finger. slide: at most, there [m].
+    """
     size = 1.0 if skin.shape is None else skin.shape.pulp / FingertipShape().pulp
     rng = np.random.default_rng(seed)
-    return [_drawn(skin, size, rng) for _ in range(count)]
+    return [_drawn(skin, size, rng, depths, slide) for _ in range(count)]
 
 
 def loads_of(skin: SkinModel, touch: Touch) -> Array:
@@ -72,7 +78,9 @@ def loads_of(skin: SkinModel, touch: Touch) -> Array:
     return np.array(out).reshape(-1, 3 * skin.pad_count)
 
 
-def _drawn(skin: SkinModel, size: float, rng: np.random.Generator) -> Touch:
+def _drawn(
+    skin: SkinModel, size: float, rng: np.random.Generator, depths: tuple[float, float], farthest: float
+) -> Touch:
     kind = str(rng.choice(list(SHARES), p=list(SHARES.values())))
     radius = size * float(np.exp(rng.uniform(*np.log(RADII))))
     angle = rng.uniform(0.5, 1.1) if kind == "edge" else rng.uniform(0.1, 0.3)
@@ -81,8 +89,8 @@ def _drawn(skin: SkinModel, size: float, rng: np.random.Generator) -> Touch:
     )()
     rotation = _turned(rng.uniform(*TILTS[0]), rng.uniform(*TILTS[1]), rng.uniform(0.0, np.pi))
     aside, friction = size * rng.uniform(-ASIDE, ASIDE, 2), float(rng.choice(FRICTIONS))
-    depth, along = size * rng.uniform(*DEPTHS), rng.uniform(0.0, 2.0 * np.pi)
-    slide = size * rng.uniform(0.0, SLIDE) * (friction > 0.0)
+    depth, along = size * rng.uniform(*depths), rng.uniform(0.0, 2.0 * np.pi)
+    slide = size * rng.uniform(0.0, farthest) * (friction > 0.0)
     lowest = skin.positions[skin.positions[:, 2].argmin()]
     top = skin.positions[np.linalg.norm(skin.positions[:, :2] - lowest[:2] - aside, axis=1).argmin()]
     up = rotation[:, 2]

@@ -71,27 +71,42 @@ def stress_error_edge() -> Result:
 @benchmark("nl_worse_than_linear", limit=0.0)
 def worse_than_linear() -> Result:
     """The share of all frames, to 4 mm deep and 6 mm slid, at which stress is farther off than linear skin's."""
-    from core.parameters.error_bands import LINEAR, NEO_HOOKEAN
+    from core.parameters.error_bands import NEO_HOOKEAN
+
+    return worse("nl_worse_than_linear", NEO_HOOKEAN)
+
+
+def worse(name: str, tissue: str) -> Result:
+    """Return the share of frames of a tissue that are farther off than linear skin's."""
+    from core.parameters.error_bands import LINEAR
 
     from .nonlinear_errors import measured
 
-    both = list(zip(measured(NEO_HOOKEAN).errors, measured(LINEAR).errors, strict=True))
+    both = list(zip(measured(tissue).errors, measured(LINEAR).errors, strict=True))
     share = float(np.mean([ours.stress > linear.stress for ours, linear in both]))
     force = float(np.mean([ours.force > linear.force for ours, linear in both]))
     lost = float(np.mean([not ours.converged for ours, _ in both]))
-    return Result("nl_worse_than_linear", share, "1", None, {"of force": force, "not converged": lost})
+    return Result(name, share, "1", None, {"of force": force, "not converged": lost})
 
 
 def _error(name: str, what: str, depth: float, slide: float = 0.0, kinds: tuple[str, ...] = ()) -> Result:
     from core.parameters.error_bands import LINEAR, NEO_HOOKEAN
 
+    return error(name, what, depth, slide, kinds, {"": NEO_HOOKEAN, "linear": LINEAR})
+
+
+def error(name: str, what: str, depth: float, slide: float, kinds: tuple[str, ...], tissues: dict[str, str]) -> Result:
+    """Return what a tissue is off by, named '', and others beside it, by their names."""
     from .nonlinear_errors import at, spread
 
-    rows = {tissue: at(tissue, depth, slide, kinds) for tissue in (NEO_HOOKEAN, LINEAR)}
-    ours, linear = (spread([getattr(e, what) for e in rows[tissue]]) for tissue in (NEO_HOOKEAN, LINEAR))
-    lost = sum(not e.converged for e in rows[NEO_HOOKEAN])
-    error = f"{lost} of {len(rows[NEO_HOOKEAN])} frames are not converged" if lost else None
-    return Result(name, ours[0], "1", ours[1], {"linear": linear[0], "linear, p90": linear[1]}, error)
+    rows = {said: at(tissue, depth, slide, kinds) for said, tissue in tissues.items()}
+    found = {said: spread([getattr(e, what) for e in errors]) for said, errors in rows.items()}
+    ours, lost = found.pop(""), sum(not e.converged for e in rows[""])
+    failed = f"{lost} of {len(rows[''])} frames are not converged" if lost else None
+    peers = {
+        f"{said}{more}": value for said, both in found.items() for more, value in zip(("", ", p90"), both, strict=True)
+    }
+    return Result(name, ours[0], "1", ours[1], peers, failed)
 
 
 @benchmark("nl_frame_ratio", limit=2.0)
@@ -101,23 +116,25 @@ def frame_ratio() -> Result:
     A block is pressed 1 mm deep and drawn to and fro at 20 mm/s; linear and stiffening fingers take each frame in
     turn, so that both share what else the processor does. p95 is the ratio of the 95th percentiles.
     """
-    (median, late), (at_nodes, late_nodes) = (_ratio(points) for points in (True, False))
+    from core.parameters.error_bands import NEO_HOOKEAN
+
+    (median, late), (at_nodes, late_nodes) = (ratio(points, NEO_HOOKEAN) for points in (True, False))
     return Result("nl_frame_ratio", median, "1", late, {"at nodes": at_nodes, "at nodes, p95": late_nodes})
 
 
 @functools.cache
-def _ratio(points: bool) -> tuple[float, float]:
+def ratio(points: bool, stiff: str) -> tuple[float, float]:
     """Return the ratio of the medians and of the 95th percentiles of the frames' times, of the processor."""
     from core.contact.compliant_bone import CompliantBone
     from core.contact.solver.bodies import ContactBody
-    from core.parameters.error_bands import LINEAR, NEO_HOOKEAN
+    from core.parameters.error_bands import LINEAR
     from core.skin.surface_store import smooth_pad
     from core.surface.gap import Surface
 
     from .nonlinear_errors import skin_of
 
     bones, times = {}, {}
-    for tissue in (LINEAR, NEO_HOOKEAN):
+    for tissue in (LINEAR, stiff):
         skin = skin_of(tissue)
         surface = smooth_pad(skin) if points else None
         bones[tissue] = skin, CompliantBone.of(skin, {}, tissue, surface=surface)
@@ -134,7 +151,7 @@ def _ratio(points: bool) -> tuple[float, float]:
                 started = time.process_time()
                 _shown(skin, bone.step([body], float(frame)))
                 times[tissue].append((time.process_time() - started) * 1e3)
-    ours, linear = (timing(times[tissue][pressing + 1 :]) for tissue in (NEO_HOOKEAN, LINEAR))
+    ours, linear = (timing(times[tissue][pressing + 1 :]) for tissue in (stiff, LINEAR))
     return ours.median / linear.median, ours.p95 / linear.p95
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from core.parameters.error_bands import DEPTHS, LINEAR, NEO_HOOKEAN, SLID_AT, SLIDES
+from core.parameters.error_bands import DEPTHS, LINEAR, NEO_HOOKEAN, NEO_HOOKEAN_EXACT, SLID_AT, SLIDES
 from core.skin.model import SkinModel
 from core.skin.stimulus import Stimulus
 from tests.nonlinear import difference
@@ -61,15 +61,12 @@ def skin_of(tissue: str) -> SkinModel:
     Raises:
         LookupError: there is no table of it.
     """
-    from core.tissue.stiffening_store import stiffened
+    from core.tissue.finger_skin import of_tissue
 
-    linear = reference().skin
-    if tissue == LINEAR:
-        return linear
-    stiff = stiffened(linear)
-    if stiff is None:
-        raise LookupError("no table of how the standard finger stiffens ships")
-    return stiff
+    made = of_tissue(reference().skin, tissue)
+    if made.tissue != tissue:
+        raise LookupError(f"no table of the standard finger's {tissue} tissue ships")
+    return made
 
 
 @functools.cache
@@ -120,12 +117,12 @@ def spread(values: list[float]) -> tuple[float, float]:
     return (float(np.median(values)), float(np.quantile(values, 0.9))) if values else (np.nan, np.nan)
 
 
-def print_bands() -> None:
+def print_bands(tissues: tuple[str, ...] = (LINEAR, NEO_HOOKEAN, NEO_HOOKEAN_EXACT)) -> None:
     """Print the tables of `core/parameters/error_bands.py`: by depth where nothing slid, by how far skin was drawn.
 
     Below them stands what the object's own slide makes of it: where friction slips, skin is drawn no farther.
     """
-    for tissue in (LINEAR, NEO_HOOKEAN):
+    for tissue in tissues:
         print(tissue)
         slid = [e for e in measured(tissue).errors if abs(e.depth - SLID_AT) < 1e-9]
         bounds = [0.0, *(0.5 * (a + b) for a, b in zip(SLIDES, SLIDES[1:], strict=False)), np.inf]

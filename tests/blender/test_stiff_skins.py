@@ -295,3 +295,49 @@ def test_the_legend_says_the_band_of_each_tissue() -> None:
     deep = replace(stiff, depth=trusted("neo_hookean").depth + 1e-4)
     assert "deeper than it is trusted" in skin_field.error_text([deep]) and deep.too_deep
     assert not replace(linear, slide=0.05).too_far
+
+
+def test_a_bake_follows_the_exact_law_and_a_preview_the_series(pressing: bpy.types.Scene, skins: Cache) -> None:
+    skin = pressing.objects["Finger"].dermis.finger.skin
+    skin.width_mm, skin.tissue = 16.0, "neo_hookean_exact"  # whose tables ship
+    for frame in range(1, 7):
+        pressing.frame_set(frame)
+        (live,) = skin_preview.step(bpy.context)
+    assert live.tissue == "neo_hookean" and "a bake follows the exact law" in live.note and live.touching
+    assert bpy.ops.dermis.bake() == {"FINISHED"}
+    bake = store.current(pressing).bake
+    touch = bake.skins["Finger"]
+    assert touch.model.tissue == "neo_hookean_exact" and "tissue-series" not in {f.code for f in bake.all_findings}
+    (shown,) = views.skins(pressing)
+    assert shown.tissue == "neo_hookean_exact" and shown.matched.tissue == "neo_hookean"
+    assert "exact neo-Hookean skin" in skin_field.error_text([shown])
+    drawn = skin_field.draw_of(shown, "von_mises").values
+    near = skin_field.draw_of(live, "von_mises").values
+    assert 0.0 < np.abs(drawn - near).max() < 0.2 * near.max()
+    assert touch.normal_force[5] == pytest.approx(live.normal_force, rel=0.03)
+    store.forget()
+    assert bpy.ops.dermis.load_result() == {"FINISHED"}
+    loaded = store.current(pressing).bake.skins["Finger"]
+    assert loaded.model.tissue == "neo_hookean_exact" and np.array_equal(loaded.amounts, touch.amounts)
+
+
+def test_the_exact_laws_table_is_made_before_a_bake_alone(
+    pressing: bpy.types.Scene, skins: Cache, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pressing.objects["Finger"].dermis.finger.skin.tissue = "neo_hookean_exact"
+    table(pressing, skins)
+    parameters = skin_properties.parameters(pressing.objects["Finger"].dermis.finger.skin)
+    assert skin_models.wants_exact(parameters) and not skin_models.wants_stiffening(parameters)
+    assert not skin_models.wants_exact({**parameters, "tissue": "neo_hookean"})
+    assert not list(skin_models.tables_made(parameters))
+    steps = skin_models.tables_made(parameters, exact=True)
+    first = next(steps)
+    (job,) = skin_models._making.values()
+    assert first.stage == "tissue" and not job.done()
+    steps.close()  # Esc
+    assert job.cancelled() and not skin_models._making and skin_models.wants_exact(parameters)
+    monkeypatch.setattr(skin_models, "make_exact", lambda skin: None)  # it could not be made
+    assert bpy.ops.dermis.bake() == {"FINISHED"}
+    bake = store.current(pressing).bake
+    assert bake.skins["Finger"].model.tissue == "neo_hookean"
+    assert "tissue-series" in {f.code for f in bake.all_findings}

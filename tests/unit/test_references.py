@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from core.skin.mesh import tetra_volumes
+from core.tissue.dissection import Dissection
 from tests.benchmarks.references.bisection import base_mesh, places, refined
 from tests.benchmarks.references.cases import FAMILIES, FINGER, PROBE_DEPTHS, first_contact
 from tests.benchmarks.references.contact import Press
-from tests.benchmarks.references.dissection import Dissection
 from tests.benchmarks.references.quadratic import QuadraticMesh, with_middles
 from tests.benchmarks.references.results import PATH, errors, load, table
 from tests.benchmarks.references.shapes import Ball, Edge, Flat, Ribs

@@ -242,7 +242,7 @@ class GripSolver:
             if grip is None or stiff is None or old is None:
                 continue
             z = _work(stiff, self._forces[i])
-            new = old.moved(stiff.stiffening.energy, z) if z.any() else StiffTangent.rest(len(z))
+            new = old.moved(stiff.balance.energy, z) if z.any() else StiffTangent.rest(len(z))
             apart = stiff.patterns[grip.near] @ (new.force_at(z) - old.force_at(z))
             off = max(off, float(np.abs(apart).max(initial=0.0)))
             self._tangents[i] = new

@@ -39,11 +39,13 @@ class _Middle(NamedTuple):
     """What a tangent has between A^-1 U and its transpose.
 
     Attributes:
-        of: which state of the candidates. q: where it was taken. softening: M, shape (k, k). product: shape (k, k).
+        of: which state of the candidates. q: where it was taken, with n' there, shape (k, k).
+        softening: M, shape (k, k). product: shape (k, k).
     """
 
     of: tuple[int, ...]
     q: Array
+    stiffness: Array
     softening: Array
     product: Floats32
 
@@ -63,7 +65,7 @@ class StiffSkin:
     def __init__(self, stiffening: Stiffening, modulus: float, patterns: Floats32 | None = None) -> None:
         self.stiffening, self.modulus = stiffening, modulus
         self.patterns = np.zeros((0, 3, stiffening.count), np.float32) if patterns is None else patterns
-        self.balance, self.tolerance = Balance(stiffening.energy), TOLERANCE
+        self.balance, self.tolerance = Balance(stiffening.energy.followed()), TOLERANCE
         self._image: tuple[tuple[int, ...], Floats32, Array] | None = None  # A^-1 U and U' A^-1 U, and of what
         self._middle: _Middle | None = None
         self.reset()
@@ -103,8 +105,8 @@ class StiffSkin:
 
     @property
     def amounts(self) -> Array:
-        """How much of each pattern there is under the last forces, shape (k,)."""
-        return self.balance.q
+        """How much there is of each pattern under the last forces, and of what is beneath where that is kept."""
+        return self.balance.amounts
 
     def beyond(self, force: Array) -> Array:
         """Return by how much less than linear skin it gives way under forces [N], shapes (n, 3) to (n, 3) [m]."""
@@ -158,10 +160,13 @@ class StiffSkin:
             self._image = now, image, (rows.T @ image).astype(np.float64) / self.modulus
         _, image, gram = self._image
         q, known = self.balance.q, self._middle
-        if known is None or known.of != now[1:] or np.linalg.norm(q - known.q) > CLOSE * np.linalg.norm(q):
+        same = known is not None and (
+            known.stiffness is self.balance.stiffness or np.linalg.norm(q - known.q) <= CLOSE * np.linalg.norm(q)
+        )
+        if known is None or known.of != now[1:] or not same:
             softening = self.balance.softening()
             middle = np.linalg.solve(np.eye(len(gram)) - softening @ gram, softening) / self.modulus
-            self._middle = known = _Middle(now[1:], q, softening, middle.astype(np.float32))
+            self._middle = known = _Middle(now[1:], q, self.balance.stiffness, softening, middle.astype(np.float32))
         return Tangent(candidates.matrix, image, known.product)
 
     def past_tangent(self, force: Array, rows: Indices) -> Array:

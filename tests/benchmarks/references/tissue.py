@@ -14,8 +14,8 @@ from scipy.sparse import block_array, coo_array, csr_array
 
 from core.skin.assembly import degrees
 from core.skin.material import Elastic
+from core.tissue.dissection import Dissection, fill_upper
 
-from .dissection import Dissection, fill_upper
 from .quadratic import NODES, RULE, QuadraticMesh, shape_values
 
 Array = NDArray[np.float64]

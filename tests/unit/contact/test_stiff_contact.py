@@ -14,7 +14,7 @@ from core.contact.solver.path_step import PathStep
 from core.contact.solver.point_path import PointSolver
 from core.skin.model import SkinModel
 from core.surface.gap import Surface
-from tests.nonlinear import ExactFinger
+from core.tissue.exact_finger import ExactFinger
 from tests.stiff import MIRROR, mirrored, on_nodes, press, stiff_skin
 from tests.touches import Solid, Touch, ball, edge, flat, rod, solver_on
 

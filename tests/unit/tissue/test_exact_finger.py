@@ -8,7 +8,8 @@ import pytest
 pytest.importorskip("scipy")
 
 from core.skin.model import fingertip_skin
-from tests.nonlinear import ExactFinger, Held, difference
+from core.tissue.exact_finger import ExactFinger, Held
+from tests.nonlinear import difference
 from tests.stiff import on_nodes, press
 from tests.touches import Touch, ball, edge, flat
 

@@ -10,9 +10,10 @@ import pytest
 pytest.importorskip("scipy")
 
 from core.skin.model import fingertip_skin
+from core.tissue.exact_finger import ExactFinger
 from tests.benchmarks.nonlinear_paths import COUNTS, MOVES, STEP, paths, rib
 from tests.benchmarks.nonlinear_reference import FILE, Beneath, Kept, Reference, lowest
-from tests.nonlinear import ExactFinger, difference
+from tests.nonlinear import difference
 
 SKIN = fingertip_skin(level="draft")
 

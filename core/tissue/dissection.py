@@ -10,14 +10,16 @@ Cholesky, then the second with its sign turned.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.blas import dsyrk, dtrsm
-from scipy.linalg.lapack import dpotrf
-from scipy.sparse import csr_array
 
-Array = NDArray[np.float64]
+from ..arrays import Array
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
 Index = NDArray[np.integer]
 LEAF = 120  # nodes that are not divided further
 
@@ -90,6 +92,9 @@ class Dissection:
         fill_upper(self.schur)
 
     def _eliminate(self, front: Front, matrix: csr_array) -> None:
+        from scipy.linalg.blas import dsyrk, dtrsm
+        from scipy.linalg.lapack import dpotrf
+
         low, high = matrix.indptr[front.start], matrix.indptr[front.end]
         columns, data = matrix.indices[low:high], matrix.data[low:high]
         rows = np.repeat(np.arange(front.end - front.start), np.diff(matrix.indptr[front.start : front.end + 1]))
@@ -116,10 +121,10 @@ class Dissection:
             dense = dsyrk(-sign, below, beta=1.0, c=np.asfortranarray(dense[count:, count:]), lower=1, overwrite_c=1)
             front.factors.append((sign, first, factor, below.astype(np.float32)))
             self.fill += below.size + count * (count + 1) // 2
-        kept = np.searchsorted(front.border, self.eliminated)
-        place = front.border[kept:] - self.eliminated
-        self.schur[np.ix_(place, place)] += dense[kept:, kept:]
-        dense[kept:, kept:] = 0.0  # handed over already
+        handed = int(np.searchsorted(front.border, self.eliminated))
+        kept = front.border[handed:] - self.eliminated
+        self.schur[np.ix_(kept, kept)] += dense[handed:, handed:]
+        dense[handed:, handed:] = 0.0  # handed over already
         front.update = dense
 
     def solve(self, kept: Array, right: Array | None = None, rounds: int = 4) -> tuple[Array, float]:
@@ -141,6 +146,8 @@ class Dissection:
         return back, float(np.abs(inner @ out - goal).max())
 
     def _solve_inner(self, right: Array) -> Array:
+        from scipy.linalg.blas import dtrsm
+
         x = np.zeros(self.size)
         x[: self.eliminated] = right
         steps = [
@@ -175,6 +182,8 @@ def fill_upper(matrix: Array) -> None:
 
 
 def _node_graph(matrix: csr_array, owner: Index, count: int) -> csr_array:
+    from scipy.sparse import csr_array
+
     pattern = matrix.tocoo()
     ones = np.ones(pattern.nnz, np.int32)
     graph = csr_array((ones, (owner[pattern.row], owner[pattern.col])), shape=(count, count))

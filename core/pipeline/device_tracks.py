@@ -76,6 +76,7 @@ def usable(
     scene: TactileScene, library: Library, findings: list[Finding]
 ) -> Iterator[tuple[int, DeviceUse, DeviceSpec]]:
     """Pair every finger with the devices that can be driven; say which cannot, and go on."""
+    specs: dict[str, DeviceSpec] = {}  # read once, whoever wears them
     for i, finger in enumerate(scene.fingers):
         if not finger.devices and not SKIN_CONTACT["skin_shown"].of(finger.parameters):
             findings.append(
@@ -89,7 +90,9 @@ def usable(
             )
         for use in finger.devices:
             try:
-                spec = library.device(use.preset)
+                if use.preset not in specs:
+                    specs[use.preset] = library.device(use.preset)
+                spec = specs[use.preset]
                 renderer(spec)
             except DermisError as error:
                 findings.append(unavailable(finger.name, error))

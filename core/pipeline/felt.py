@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Collection, Generator, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
@@ -29,17 +30,24 @@ def skin_models(
     clock: Stages,
     findings: list[Finding],
 ) -> Generator[Progress, None, dict[int, SkinModel]]:
-    """Make the skins of some fingers; one that cannot be made is left out, and a finding says why."""
+    """Make the skins of some fingers, one for all that are alike.
+
+    One that cannot be made is left out, and a finding says why.
+    """
     made: dict[int, SkinModel] = {}
+    alike: dict[str, SkinModel] = {}
     for done, f in enumerate(sorted(fingers)):
         yield Progress("skin", done, len(fingers))
         from ..tissue.finger_skin import finger_skin
 
         finger = scene.fingers[f]
+        key = json.dumps([finger.parameters.get(name) for name in ("skin", "skin_level", "tissue")], sort_keys=True)
         try:
             with clock.stage("skin"):
-                preset = library.skin(DEFAULT_SKIN)
-                made[f] = finger_skin(finger.parameters, preset, cache=cache, where=f"finger '{finger.name}'")
+                if key not in alike:
+                    preset = library.skin(DEFAULT_SKIN)
+                    alike[key] = finger_skin(finger.parameters, preset, cache=cache, where=f"finger '{finger.name}'")
+                made[f] = alike[key]
         except DermisError as error:
             findings.append(unavailable(finger.name, error))
     if made:

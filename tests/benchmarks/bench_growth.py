@@ -19,7 +19,7 @@ from . import Result, benchmark, one_blas_thread
 
 RATE, TURNS = 240.0, 3
 FINGERS, OBJECTS, SECONDS = (1, 2, 4, 8), (1, 10, 100, 1000), (0.5, 1.5, 4.5, 13.5)
-COUNT = 121  # samples, where the length is not what grows
+COUNT, LONGER = 121, 481  # samples, where the length is not what grows
 
 
 @benchmark("growth_fingers", limit=1.05)
@@ -43,8 +43,8 @@ def track() -> Result:
 
 @benchmark("idle_10fingers_ratio", limit=1.05)
 def idle_fingers() -> Result:
-    """One such finger beside nine that touch nothing, over the finger alone."""
-    alone, beside = _times([_scene(1, 1), _scene(10, 1)])
+    """One such finger beside nine that touch nothing, over the finger alone, two seconds."""
+    alone, beside = _times([_scene(1, 1, LONGER), _scene(10, 1, LONGER)])
     return Result("idle_10fingers_ratio", beside / alone, "1", None, {"alone, s": alone})
 
 

@@ -10,10 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from core.errors import Finding
+from core.parameters.skin import DEFAULT_SKIN
 from core.pipeline.bake import Bake
+from core.pipeline.felt import skin_models
 from core.pipeline.render import RENDERERS, run
 from core.pipeline.skipping import SKIPPED, told
+from core.pipeline.stages import Stages
+from core.presets import Library
 from core.scene.tactile_scene import Body, DeviceUse, Finger, TactileScene
+from core.steps import drain
 from core.surface.gap import Surface
 from tests.finger_rows import COUNT, DRAFT, scene_of, three
 
@@ -90,6 +96,20 @@ def test_fingers_with_nothing_near(plain: Bake) -> None:
     assert idle[1] - idle[0] == COUNT and not more.skins["Little"].force.any()
     pins = [bake.skipped.get("pin_frames_without_contact", 0) for bake in (plain, more)]
     assert pins[1] - pins[0] == COUNT and not more.outputs[-1].track.values.any()
+
+
+def test_a_skin_is_made_once_for_all_fingers_alike(plain: Bake) -> None:
+    """Two have the same skin, and then one is told apart by each of the three settings that make it."""
+    assert plain.skins["Thumb"].model is plain.skins["Index"].model is plain.skins["Ring"].model
+    skin = {**Library().skin(DEFAULT_SKIN), "young": 2e5}
+    for other in ({"skin": skin}, {"skin_level": "standard"}, {"tissue": "neo_hookean"}):
+        scene = three()
+        fingers = list(scene.fingers)
+        fingers[2] = replace(fingers[2], parameters={**fingers[2].parameters, **other})
+        clock, told_of = Stages(), list[Finding]()
+        models = drain(skin_models(replace(scene, fingers=tuple(fingers)), range(3), Library(), None, clock, told_of))
+        assert models[0] is models[1] is not models[2] and not told_of, other
+        assert models[2].material.young == (2e5 if "skin" in other else models[0].material.young)
 
 
 def test_effects_that_are_off(plain: Bake) -> None:

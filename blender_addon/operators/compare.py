@@ -24,7 +24,7 @@ class DERMIS_OT_compare_devices(jobs.Job, bpy.types.Operator):
 
     floors: BoolProperty(
         name="Floors",
-        description="Also find how good any pose of a thimble or a platform on six legs could be, which takes minutes",
+        description="Also find how good any pose of a thimble or a platform on six legs could be; a minute or so",
         options={"SKIP_SAVE"},
     )
 

@@ -26,6 +26,8 @@ TIMES_FASTER = 3.0
 COLLECT_PER_S, COLLECT_ROWS = 1500.0, 6144
 SINGLES, BRUTE = 1500, 64
 OTHER_SKIN = "index_large"
+WHOLE, FEW = bool(os.environ.get("DERMIS_BENCH_WHOLE")), 2  # seeds of the short form
+ENOUGH = 0.9  # of the verdicts
 
 
 @functools.cache
@@ -155,6 +157,27 @@ def design_scene() -> Result:
     seconds = float(touch.times[-1] - touch.times[0])
     wrong = None if seconds >= 9.0 else f"the scene lasts {seconds:.1f} s"
     return Result("design_scene_s", 1e-3 * taken.median, "s", 1e-3 * taken.p95, {}, wrong)
+
+
+@benchmark("motors_verdicts")
+def motors_verdicts() -> Result:
+    """How often the numbers of motors are those that the paper expects, on seeds that nothing was fitted to.
+
+    Two seeds of twenty, 24 verdicts of 240; all with `DERMIS_BENCH_WHOLE` in the environment, which takes ten times as
+    long. Both tables are whole.
+    """
+    from . import figures_s2
+
+    seeds = range(figures_s2.FIRST, figures_s2.FIRST + (figures_s2.SEEDS if WHOLE else FEW))
+    with one_blas_thread():
+        found = figures_s2.verdicts_of(seeds)
+    right = {key: sum(v.found[0] == v.expected for v in verdicts) for key, verdicts in found.items()}
+    every = [v for verdicts in found.values() for v in verdicts]
+    paper = sum(v.found[1] == v.expected for v in every)
+    total = sum(right.values())
+    wrong = None if total >= ENOUGH * len(every) else f"fewer than {100 * ENOUGH:g} % are as the paper expects"
+    peers = {"out of": len(every), "by the paper's rule": paper, **right}
+    return Result("motors_verdicts", total, "", None, peers, wrong)
 
 
 def _looked_up(name: str, sensed: Any, *, single: bool) -> Result:

@@ -134,6 +134,11 @@ def _sensed(name: str, seed: int, share: float) -> Counts:
     return sense(touch, seed=100 * seed + NAMES.index(name))
 
 
+def verdicts_of(seeds: Sequence[int]) -> dict[str, list[Verdict]]:
+    """Return the verdicts of both platforms by their whole tables, the six interactions for each seed."""
+    return _verdicts({key: _table(Library().device(key)) for key in DEVICES}, seeds)
+
+
 def _verdicts(tables: Mapping[str, SkinTable], seeds: Sequence[int], share: float = 1.0) -> dict[str, list[Verdict]]:
     heard = {key: table.heard_with(NOISE) for key, table in tables.items()}
     return {

@@ -15,6 +15,8 @@ from core.presets import Library
 DEVICE = mechanism(Library().device("thimble_3rrs"))
 MATRIX = np.random.default_rng(5).normal(size=(8, 3)) * [1.0, 1.0, 100.0]
 
+SLOPE = np.vstack([np.diag([1.0, 1.0, 100.0]), np.zeros(3)])
+
 
 def curved(x):
     """A smooth map of x to eight channels."""
@@ -71,3 +73,34 @@ def test_noise_is_fitted_as_well_as_by_the_general_method():
         one, other = (f(curved, target, np.array([0.0, 0.0, 0.018]), DEVICE) for f in (descend, minimise))
         assert one.kkt <= 3e-3 or one.why in ("gain", "step")
         assert one.cost <= other.cost * (1 + HARDLY)  # for less no step is tried
+
+
+def bowl(x):
+    """A map that bends away from its target, so that a full step of Gauss-Newton goes three times too far."""
+    d = (x - [0.0, 0.0, 0.018]) * [1.0, 1.0, 100.0]
+    return np.append(d, 1.0 + d @ d), np.vstack([np.eye(3), 2.0 * d]) * [1.0, 1.0, 100.0]
+
+
+def test_what_steps_told_of_their_reach_holds_nearby():
+    """Half of |d - g|^2 + (1 + |d|^2)^2 is least where 3 d + 2 |d|^2 d = g."""
+    goal, start = np.array([0.09, -0.06, 0.03]), np.array([0.0, 0.0, 0.018])
+    least = goal * (1.0 / 3.0 - 2.0 * (goal @ goal) / 81.0)
+    target = np.append(goal, 0.0)
+    first = descend(bowl, target, start, DEVICE)
+    assert first.reach == pytest.approx(1.0 / 3.0, rel=0.05)
+    again = descend(bowl, target, start, DEVICE, reach=first.reach)
+    assert again.evaluations < first.evaluations
+    wanted = 0.5 * float(((least - goal) ** 2).sum() + (1.0 + least @ least) ** 2)
+    for found in (first, again):
+        assert wanted * (1 - 1e-6) <= found.cost <= wanted * (1 + HARDLY)
+
+
+def test_a_step_that_promises_hardly_anything_is_not_tried():
+    """A start from which less than HARDLY of the cost can be gained is the answer, after one look at it."""
+    start = np.array([0.0, 0.0, 0.018])
+    near = np.append(0.5 * np.sqrt(HARDLY) * np.array([1.0, 0.0, 0.0]), -1.0)
+    found = descend(lambda x: (np.append((x - start) * [1, 1, 100.0], 0.0), SLOPE), near, start, DEVICE)
+    assert found.why == "gain" and found.evaluations == 1 and found.kkt <= 0.05
+    far = np.append(4.0 * near[:3], -1.0)
+    found = descend(lambda x: (np.append((x - start) * [1, 1, 100.0], 0.0), SLOPE), far, start, DEVICE)
+    np.testing.assert_allclose((found.x - start) * [1, 1, 100.0], far[:3], atol=1e-6)

@@ -60,7 +60,8 @@ def render(
     chunks = content.through(scene.chunks)
     ready: dict[int, Iterator[Driven]] = {}
     rigid = all(body.mesh is not None for body in scene.bodies)  # what deforms is too much to hand over
-    if executor is not None and executor.workers > 1 and len(models) > 1 and rigid:
+    near = executor is not None and executor.shares_files and executor.workers > 1  # a share reads the scene's file
+    if executor is not None and near and len(models) > 1 and rigid:
         from .shares import touched_in_shares
 
         touch = touched_in_shares(scene, chunks, models, library, cache, clock, executor)

@@ -69,6 +69,11 @@ class Cluster:
                 process.wait()
         self._stack.close()
 
+    def kill_scheduler(self) -> None:
+        """Kill the scheduler at once."""
+        self._started[0].kill()
+        self._started[0].wait()
+
     def log(self) -> str:
         """Return what all of them wrote."""
         return "\n".join(path.read_text(errors="replace") for path in sorted(self.folder.glob("*.log")))

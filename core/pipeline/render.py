@@ -74,11 +74,13 @@ def render(
     ready: dict[int, Iterator[Driven]] = {}
     rigid = all(body.mesh is not None for body in scene.bodies)  # what deforms is too much to hand over
     unchanged = 0
-    several = executor is not None and executor.workers > 1 and len(models) > 1
+    # a share reads the scene's file
+    several = executor is not None and executor.shares_files and executor.workers > 1 and len(models) > 1
     if rigid and models and (several or before is not None):
         from .shares import touched_in_shares
 
-        touch = touched_in_shares(scene, chunks, models, library, cache, clock, executor, before)
+        near = executor if several else None
+        touch = touched_in_shares(scene, chunks, models, library, cache, clock, near, before)
         pad_contact, skin_contacts, ready, unchanged = yield from touch
     else:
         pad_contact, skin_contacts = yield from touched(scene, chunks, models, clock)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import tempfile
 from collections.abc import Generator, Iterator, Mapping
@@ -30,6 +31,9 @@ from .share_job import findings_of, plain_findings
 
 if TYPE_CHECKING:
     from ..work.executor import JobExecutor
+
+
+SKIN_BYTES = 1 << 30  # that a worker keeps of skins: some seventy of the standard mesh
 
 
 @dataclass(frozen=True)
@@ -148,9 +152,9 @@ def opened_shot(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any
         try:
             if not parameters["scene"]:
                 place = Path(home, "scene.npz")
-                write_bytes(place, bytes_of(arrays["scene"]))
+                place.write_bytes(bytes_of(arrays["scene"]))
             library = library_in(Path(home, "presets"), parameters["presets"])
-            yield Given(place, library, _cache(Path(home), arrays, parameters), scratch)
+            yield Given(place, library, _cache(arrays, parameters), scratch)
         except DermisError as error:
             where = error.where.replace(str(place), name).replace(str(scratch), name)
             raise error.changed(where=where) from error
@@ -192,7 +196,7 @@ def library_in(folder: Path, texts: Mapping[str, str]) -> Library:
     return Library(folder) if texts else Library()
 
 
-def _cache(home: Path, arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any]) -> Cache | None:
+def _cache(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any]) -> Cache | None:
     """Return where condensed skins are: in a folder that this process sees, or among the arrays."""
     if "cache" in parameters:
         folder, limit = parameters["cache"]
@@ -200,8 +204,18 @@ def _cache(home: Path, arrays: Mapping[str, NDArray[Any]], parameters: Mapping[s
     skins = {name.partition("/")[2]: array for name, array in arrays.items() if name.startswith("skins/")}
     if not skins:
         return None
-    cache = Cache(home / "skins", 1 << 40)  # of this job alone
+    cache = Cache(Path(_home().name), SKIN_BYTES)
     for key, array in skins.items():
-        data = bytes_of(array)
-        cache.put(key, lambda path, data=data: path.write_bytes(data))  # type: ignore[misc]
+        if cache.get(key) is None:
+            cache.put(key, functools.partial(_put, bytes_of(array)))
     return cache
+
+
+def _put(data: bytes, path: Path) -> None:
+    path.write_bytes(data)
+
+
+@functools.cache
+def _home() -> tempfile.TemporaryDirectory[str]:
+    """Return where skins that came as arrays lie as long as this process runs: the next shot has the same ones."""
+    return tempfile.TemporaryDirectory(prefix="dermis-skins-", ignore_cleanup_errors=True)

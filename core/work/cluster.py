@@ -138,10 +138,17 @@ class ClusterExecutor(JobExecutor):
     def submit(  # type: ignore[override]
         self, name: str, arrays: Arrays | None = None, parameters: Mapping[str, Any] | None = None
     ) -> JobFuture:
-        """See `JobExecutor.submit`. Files that parameters name must be where workers find them."""
+        """See `JobExecutor.submit`. Files that parameters name must be where workers find them.
+
+        Raises:
+            DermisError: code 'no-scheduler': it has gone.
+        """
         job, future = Job(name, arrays or {}, parameters or {}, self.table), JobFuture()
         if self._closed:
             raise RuntimeError("cannot schedule new futures after shutdown")
+        if self._client.status != "running":  # what was under way is lost already
+            remedy = "Start it and its workers again, and do the work once more"
+            raise DermisError("the scheduler has gone", where=self.address, remedy=remedy, code="no-scheduler")
         large = {n: a for n, a in job.arrays.items() if np.asarray(a).nbytes >= LARGE}
         head = {"job": name, "parameters": dict(job.parameters), "engine": dict(engine()), "large": list(large)}
         request = packed(head, {n: a for n, a in job.arrays.items() if n not in large})

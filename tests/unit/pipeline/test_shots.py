@@ -224,15 +224,17 @@ def test_who_shall_do_it_is_judged_first(
     assert why in capsys.readouterr().err
 
 
-def test_ctrl_c_ends_it_and_drops_what_is_under_way(
-    scenes: list[Path], cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ctrl_c_ends_it_and_drops_what_is_under_way(scenes: list[Path], cluster: Cluster, tmp_path: Path) -> None:
     if sys.platform == "win32":
         pytest.skip("needs POSIX signals")
     many = [*scenes] * 20
-    threading.Timer(3.0, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+    timer = threading.Timer(3.0, lambda: os.kill(os.getpid(), signal.SIGINT))
+    timer.start()
     started = time.monotonic()
     words = ["render", *map(str, many), "--out", str(tmp_path), "--scheduler", cluster.address, "--quiet"]
-    assert main(words) == 130 and time.monotonic() - started < 30.0
+    try:
+        assert main(words) == 130 and time.monotonic() - started < 30.0
+    finally:
+        timer.cancel()
     made = files(tmp_path)
     assert len(made) % 2 == 0 and len(made) < 2 * len(many), "whole shots, and not all of them"

@@ -251,6 +251,21 @@ def test_a_worker_of_another_engine_is_refused_at_the_door_and_by_each_job(tmp_p
         assert engine()["sources"] in caught.value.limit and engine()["sources"] not in str(caught.value.value)
 
 
+@posix
+def test_when_the_scheduler_dies_nobody_waits_for_ever(tmp_path: Path) -> None:
+    if not has_dask():
+        pytest.skip(MISSING)
+    with Cluster(0) as other:
+        executor = ClusterExecutor(other.address, table=TABLE, entry=on_worker)
+        future = executor.submit("echo")
+        other.kill_scheduler()
+        error = future.exception(SOON)
+        assert isinstance(error, DermisError) and error.code == "job-crashed" and "lost the job" in error.what
+        with pytest.raises(DermisError, match="the scheduler has gone"):
+            executor.submit("echo")
+        executor.close()
+
+
 def test_a_tls_scheduler_serves_who_has_keys_and_nobody_else(tmp_path: Path) -> None:
     if not has_dask():
         pytest.skip(MISSING)

@@ -49,8 +49,8 @@ DEPTH_LIMIT = 2e-3
 # In a frame skin comes out by no more than this multiple of its displacement in the last, and a margin [m].
 BULGE, MARGIN = 1.5, 0.3e-3
 # What a frame changes, besides the history; each is replaced, never written into.
-_STATE = ("_force", "_y", "_last", "_image", "_step", "_bodies", "_at_rest", "frames", "_soft", "_rho")
-_STATE += ("_drift", "_changing")
+_WAY = "_drift", "_changing"
+_STATE = ("_force", "_y", "_last", "_image", "_step", "_bodies", "_at_rest", "frames", "_soft", "_rho", *_WAY)
 
 
 class PathSolver:
@@ -143,7 +143,8 @@ class PathSolver:
         )
         self.notes = Notes(name)
         self.frames = 0
-        self._loaded = np.zeros(0), np.zeros(0, dtype=np.bool_)  # which nodes are, and under which forces
+        # which nodes are, and under which forces
+        self._loaded: tuple[Array | None, NDArray[np.bool_]] = None, np.zeros(0, dtype=np.bool_)
 
     def reset(self) -> None:
         """Forget the history: the next frame is solved from rest."""

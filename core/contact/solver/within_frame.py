@@ -27,6 +27,9 @@ CHANGING = (1e-3, 2e-3)
 FORESEEN = 2.0
 # What skin does by itself is not foreseen: where matter moves by less than this share of it.
 OWN = 0.1
+# Skin that is dragged is not looked for ahead where normals, on average by load, are shorter than the first: it may lie
+# on an edge, whose faces point elsewhere. It is above the second.
+ROUND = (0.8, 0.9)
 # Slip shorter than this multiple of the slip length turns as if it were infinitely short.
 SHORT = 1e-2
 
@@ -80,7 +83,7 @@ class WithinFrame:
     """
 
     def __init__(self, gaps: NodeGaps, history: ContactHistory, force: Array, way: Array) -> None:
-        at = force.any(axis=1).nonzero()[0]
+        at = np.flatnonzero(force.any(axis=1))
         normal, load = gaps.normal[at], force[at]
         swept = across(way[at], normal)
         size = np.sqrt(along(load, load))
@@ -113,7 +116,7 @@ class WithinFrame:
 
 def entered(solution: Solution, gaps: NodeGaps, history: ContactHistory, loaded: NDArray[np.bool_]) -> Indices:
     """Return which nodes came to touch what they were above, of those that carried nothing in the last frame."""
-    new = (solution.status.astype(bool) & ~loaded).nonzero()[0]
+    new = np.flatnonzero(solution.status.astype(bool) & ~loaded)
     return new[(history.body[new] == gaps.body[new]) & (solution.friction[new] > 0.0)]
 
 
@@ -147,10 +150,13 @@ class Drift:
     @classmethod
     def of(cls, gaps: NodeGaps, force: Array, moved: Array, passed: Array) -> Drift:
         """Return it for a frame: forces [N] and ways of nodes [m], shape (m, 3) each."""
-        at = force.any(axis=1).nonzero()[0]
-        load = force[at]
+        at = np.flatnonzero(force.any(axis=1))
+        load, normal = force[at], gaps.normal[at]
         size = np.sqrt(along(load, load))
-        return cls(size @ across(moved[at], gaps.normal[at]) / max(float(size.sum()), TINY), passed)
+        share = size / max(float(size.sum()), TINY)
+        mean, (low, high) = share @ normal, ROUND
+        smooth = min(max((float(np.sqrt(mean @ mean)) - low) / (high - low), 0.0), 1.0)
+        return cls(smooth * (share @ across(moved[at], normal)), passed)
 
     def next(self, passed: Array) -> Array:
         """Return how far skin is expected to go along in the next frame [m], shape (3,).

@@ -36,8 +36,8 @@ _CORNER = (
 )
 _FACETS = "at the few nodes of a mesh, which facet of a ball or face of a hull holds a node depends on the way there"
 _ENTERS = (
-    "what comes to touch between two frames is dragged from where it was in the first of them, so that a sliding or "
-    "tilted press is right to the first order of its step only"
+    "few and long steps: friction is right to the second order of the step, and only to the first where a way turns at "
+    "once, at edges, and for how frames are walked in parts"
 )
 _SMALL = (
     "something smaller than a mesh's cells is held by one node or two, slips between them, and where it is deeper than "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...arrays import Array, Indices
 from .bodies import ContactBody, Expected, NodeGaps, from_material, owned, to_material
 
-_ARRAYS = ("body", "_material", "_triangle", "_normal", "_gap", "_sticking")
+_ARRAYS = ("body", "_material", "_triangle", "_normal", "gap", "sticking", "slip", "swept")
 
 # Bodies are level where the normals of one and the other differ by less than this cosine says.
 LEVEL = 0.999
@@ -24,6 +24,8 @@ class ContactHistory:
 
     Attributes:
         body: index of the body that each anchor belongs to, -1 without, shape (m,).
+        gap: above it in the last frame [m], shape (m,). sticking: which nodes stuck there, shape (m,).
+        slip: of the last frame, and `swept`: what it would have been, had the skin stood still [m], shape (m, 3).
     """
 
     def __init__(self, count: int) -> None:
@@ -31,13 +33,14 @@ class ContactHistory:
         self._material = np.zeros((count, 3))
         self._triangle: Indices = np.full(count, -1)
         self._normal = np.zeros((count, 3))  # out of the body, in its axes
-        self._gap = np.zeros(count)
-        self._sticking = np.zeros(count, dtype=bool)
+        self.gap = np.zeros(count)
+        self.sticking = np.zeros(count, dtype=bool)
+        self.slip, self.swept = np.zeros((count, 3)), np.zeros((count, 3))
 
     def clear(self) -> None:
         """Forget everything: the next frame starts from rest."""
         self.body[:] = -1
-        self._sticking[:] = False
+        self.sticking[:] = False
 
     def copy(self) -> ContactHistory:
         """Return a copy that shares nothing with this one."""
@@ -66,19 +69,26 @@ class ContactHistory:
             getattr(self, name)[nodes] = getattr(source, name)[sources]
         self._put(bodies, nodes, self.body[nodes], self._triangle[nodes], positions)
 
-    def expected(self, bodies: Sequence[ContactBody], deformed: Array, search_radius: float) -> Expected:
+    def expected(
+        self,
+        bodies: Sequence[ContactBody],
+        deformed: Array,
+        search_radius: float,
+        ahead: Callable[[Array], Array] | None = None,
+    ) -> Expected:
         """Return where nodes are to be looked for in the next frame.
 
         Args:
             bodies: posed as they are then. deformed: nodes as the last frame left them [m], shape (m, 3).
             search_radius: a body that moved farther than this takes nothing along [m].
+            ahead: says how far skin that slips is expected to move [m], shape (3,), for how far the anchors moved.
         """
         anchors = from_material(bodies, self.body, self._material, self._triangle)
         normal = self.normals(bodies)
         moved = anchors - deformed
-        carried = self._sticking & (np.einsum("ij,ij->i", moved, moved) <= search_radius * search_radius)
-        places = np.where(carried[:, None], anchors, deformed)
-        return Expected(places, anchors + self._gap[:, None] * normal, normal, self.body)
+        carried = self.sticking & (np.einsum("ij,ij->i", moved, moved) <= search_radius * search_radius)
+        places = np.where(carried[:, None], anchors, deformed if ahead is None else deformed + ahead(moved))
+        return Expected(places, anchors + self.gap[:, None] * normal, normal, self.body)
 
     def normals(self, bodies: Sequence[ContactBody]) -> Array:
         """Return the normals of the surfaces that points were above, turned with their bodies, shape (m, 3)."""
@@ -117,20 +127,25 @@ class ContactHistory:
         moved += gap[:, None] * normal
         return moved
 
-    def keep(self, gaps: NodeGaps, sticking: NDArray[np.bool_], positions: Array, gap: Array) -> None:
+    def keep(
+        self, gaps: NodeGaps, sticking: NDArray[np.bool_], positions: Array, gap: Array, moved: Sequence[Indices] = ()
+    ) -> None:
         """Move the anchors of all nodes that do not stick to where they are now.
 
         Args:
             positions: of the nodes on the bodies' surfaces [m], shape (m, 3). gap: above them [m], shape (m,).
+            moved: nodes whose anchors are moved though they stick, shape (k,) each.
         """
         near = gaps.body >= 0
         renewed = near & ~(sticking & (self.body == gaps.body))
+        for some in moved:
+            renewed[some] = near[some]
         nodes = np.flatnonzero(renewed)
         if nodes.size:
             self._put(gaps.bodies, nodes, gaps.body[nodes], gaps.triangle[nodes], positions[nodes])
         self.body = np.where(near, gaps.body, -1)
-        self._sticking = near & sticking
-        self._gap = np.maximum(gap, 0.0)
+        self.sticking = near & sticking
+        self.gap = np.maximum(gap, 0.0)
         for index, own in owned(self.body):
             self._normal[own] = gaps.normal[own] @ gaps.bodies[index].rotation
 

@@ -1,12 +1,13 @@
 """Contact along a path: frame after frame, with friction's history, and without work where nothing happens.
 
-Each frame goes: gaps, the offset b from the anchors, a start extrapolated from the last two frames, the alternating
-method on the nodes that may touch, a float64 check against the whole compliance, and the fallback where that fails.
+Each frame goes: gaps, the offset b from the anchors, shifted where slip turns (`within_frame.py`), a start extrapolated
+from the last two frames, the alternating method on the nodes that may touch, a float64 check against the whole
+compliance, and the fallback where that fails.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from ...arrays import Array, Floats32, Indices
 from ...errors import DermisError, Finding
 from .admm import State, iterate
-from .bodies import BONE, ContactBody, NodeGaps, node_gaps, same_places
+from .bodies import BONE, ContactBody, Expected, NodeGaps, node_gaps, same_places
 from .candidates import CandidateInverse
 from .compliance import Compliance, Linear, ends
 from .cone import OPEN, STICK, along, assess
@@ -25,6 +26,7 @@ from .notes import Notes
 from .path_step import PathStep
 from .solve import Solution, solve, status_of
 from .stiff_skin import StiffSkin, Tangent
+from .within_frame import NONE, STILL, Drift, Shifts, WithinFrame, changing, crossed, entered
 
 __all__ = ["DEPTH_LIMIT", "TOLERANCE", "Compliance", "Linear", "PathSolver", "PathStep"]
 
@@ -47,7 +49,8 @@ DEPTH_LIMIT = 2e-3
 # In a frame skin comes out by no more than this multiple of its displacement in the last, and a margin [m].
 BULGE, MARGIN = 1.5, 0.3e-3
 # What a frame changes, besides the history; each is replaced, never written into.
-_STATE = ("_force", "_y", "_last", "_image", "_step", "_bodies", "_at_rest", "frames", "_soft", "_rho")
+_WAY = "_drift", "_changing"
+_STATE = ("_force", "_y", "_last", "_image", "_step", "_bodies", "_at_rest", "frames", "_soft", "_rho", *_WAY)
 
 
 class PathSolver:
@@ -140,6 +143,8 @@ class PathSolver:
         )
         self.notes = Notes(name)
         self.frames = 0
+        # which nodes are, and under which forces
+        self._loaded: tuple[Array | None, NDArray[np.bool_]] = None, np.zeros(0, dtype=np.bool_)
 
     def reset(self) -> None:
         """Forget the history: the next frame is solved from rest."""
@@ -148,6 +153,7 @@ class PathSolver:
         self._y = self._zero
         self._last: tuple[Array, Array] | None = None
         self._image = self._zero
+        self._drift, self._changing = STILL, 0.0
         self._step: PathStep | None = None
         self._bodies: tuple[ContactBody, ...] = ()
         self._at_rest = False
@@ -214,7 +220,9 @@ class PathSolver:
     @property
     def loaded(self) -> NDArray[np.bool_]:
         """Which nodes carried force in the last frame, shape (m,)."""
-        return np.asarray(self._force.any(axis=1), dtype=np.bool_)
+        if self._loaded[0] is not self._force:
+            self._loaded = self._force, np.asarray(self._force.any(axis=1), dtype=np.bool_)
+        return self._loaded[1]
 
     @property
     def places(self) -> Array:
@@ -276,8 +284,20 @@ class PathSolver:
 
     def look(self, bodies: Sequence[ContactBody]) -> NodeGaps:
         """Measure the next frame's gaps, without taking it."""
-        expected = self.history.expected(bodies, self.points + self._image, self.search_radius)
-        return node_gaps(self.points, bodies, self.search_radius, self.bone, expected)
+        return node_gaps(self.points, bodies, self.search_radius, self.bone, self._expected(bodies))
+
+    def _expected(self, bodies: Sequence[ContactBody]) -> Expected:
+        """Return where the skin is to be looked for in the next frame."""
+        return self.history.expected(bodies, self.points + self._image, self.search_radius, self._ahead(bodies))
+
+    def _ahead(self, bodies: Sequence[ContactBody]) -> Callable[[Array], Array] | None:
+        """Return what says how far skin that slips is expected to move, for how far its anchors moved."""
+        at, drift, owner = self.loaded.nonzero()[0], self._drift, self.history.body
+        at = at[owner[at] >= 0]
+        if drift is STILL or not at.size or any(bodies[k].away for k in set(owner[at].tolist())):
+            return None
+        load = np.sqrt(along(self._force[at], self._force[at]))
+        return lambda moved: drift.next(-(load @ moved[at]) / load.sum())
 
     def pressing(self, start: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices) -> float:
         """Return how far surfaces press on at nodes, from where bodies were [m]."""
@@ -293,8 +313,18 @@ class PathSolver:
         soft = gaps.compliance(self.areas, self.name)
         if not np.array_equal(soft, self._soft):
             self._weigh(soft)
+        way, shifts, left = None, NONE, NONE
+        rubs = not from_rest and bool(gaps.friction.any())
+        if rubs and self._changing > 0.0:
+            way = WithinFrame(gaps, self.history, self._force, b + self._image)
+            shifts = way.expected(self._own(way.nodes), self._changing)
+            b[shifts.nodes] += shifts.shift
         solution, y, image, work = self._solve(b, gaps, soft)
-        self._remember(solution, y, image, gaps, soft)
+        if rubs and work == "solved":
+            left = self._crossed(solution, gaps, soft)
+        self._drift = STILL if way is None else Drift.of(gaps, solution.force, image - self._image, way.passed)
+        self._remember(solution, y, image, gaps, soft, shifts, left)
+        self.history.swept = self._zero if way is None else way.swept
         nodal = self._zero if part else self.nodal(solution.force)
         step = PathStep(solution, image, gaps, work, from_rest, nodal, self.amounts)
         if part:
@@ -322,7 +352,8 @@ class PathSolver:
             force, displacement, gaps.normal, gaps.friction, status, EASY + 1, residual, CHECK * self.tolerance, "admm"
         )
         self._last, self._force, self._y, self._image = None, force, displacement / -self._rho, self._apply(force)
-        self._bodies, self._at_rest = gaps.bodies, False
+        self._bodies, self._at_rest, self._drift = gaps.bodies, False, STILL
+        self._changing = 0.0
         self.counters["held"] += 1
         self._step = PathStep(solution, self._image, gaps, "solved", from_rest, self.nodal(force), self.amounts)
         self._report(self._step, self.frames if scene_frame is None else scene_frame)
@@ -338,6 +369,15 @@ class PathSolver:
         self._y = self._y * share
         self._last = self._last and (self._last[0], self._last[1] * share)
         self._soft, self._rho, self._candidates.rho = soft, rho, rho[:, 0]
+
+    def _crossed(self, solution: Solution, gaps: NodeGaps, soft: Array) -> Shifts:
+        """Return by how much the slip of what came to touch is to be shifted."""
+        new = entered(solution, gaps, self.history, self.loaded)
+        if not new.size:
+            return NONE
+        rows = 3 * new[:, None] + np.arange(3)
+        own = self._matrix[rows[:, :, None], rows[:, None, :]] + soft[new, None, None] * np.eye(3)
+        return crossed(new, solution, self.history.gap[new], own)
 
     def _solve(self, b: Array, gaps: NodeGaps, soft: Array) -> tuple[Solution, Array, Array, str]:
         normal, mu, rho = gaps.normal, gaps.friction, self._rho
@@ -481,16 +521,27 @@ class PathSolver:
         last_force, last_y = self._last
         return 2.0 * force - last_force, 2.0 * self._y - last_y
 
-    def _remember(self, solution: Solution, y: Array, image: Array, gaps: NodeGaps, soft: Array) -> None:
+    def _remember(
+        self, solution: Solution, y: Array, image: Array, gaps: NodeGaps, soft: Array, shifts: Shifts, left: Shifts
+    ) -> None:
+        """Keep a frame, solved with slip shifted, where some of that is left to the next frame."""
         w, normal = solution.displacement, gaps.normal
         gap = along(w, normal)
         sticking = solution.status == STICK
         # on the body's surface; the tangential part is w itself, the very slip that the solver saw
         positions = self.points + image + soft[:, None] * solution.force - gap[:, None] * normal
-        self.history.keep(gaps, sticking, positions, gap)
         slip = w - gap[:, None] * normal
+        if len(shifts.nodes):
+            slip[shifts.nodes] -= shifts.shift
+        if len(left.nodes):
+            positions[left.nodes] -= left.back(slip, solution)
+        # what stopped to slip sticks where it did, and what came to touch where it came to
+        self.history.keep(gaps, sticking, positions, gap, (shifts.nodes, left.nodes))
+        self.history.slip = slip
+        change, size = solution.force - self._force, float(np.vdot(solution.force, solution.force))
+        self._changing = changing(float(np.vdot(change, change)), size)
         touching = solution.status != OPEN
-        self._at_rest = bool((np.abs(slip[touching & ~sticking]) <= AT_REST).all())
+        self._at_rest = not len(left.nodes) and bool((np.abs(slip[touching & ~sticking]) <= AT_REST).all())
         self._last = (self._force, self._y) if self._force.any() else None
         self._force, self._y, self._image = solution.force, y, image
         self._bodies = gaps.bodies
@@ -513,6 +564,15 @@ class PathSolver:
 
     def _linear(self, force: Array) -> Array:
         return (self._c @ force.reshape(-1)).reshape(-1, 3)
+
+    def _own(self, nodes: Indices) -> Array:
+        """Return how far nodes move by their own forces, on average over directions [m/N], shape (n,)."""
+        return np.asarray(self._matrix.diagonal().reshape(-1, 3)[nodes].mean(axis=1), dtype=np.float64)
+
+    @property
+    def _matrix(self) -> NDArray[np.floating]:
+        """The compliance of the points [m/N], shape (3 m, 3 m)."""
+        return self._c
 
     def _inverse(self) -> Floats32 | Tangent:
         """Return what takes small changes of the members' displacement to those of their forces, shifted."""

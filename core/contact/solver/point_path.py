@@ -12,6 +12,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
 from ...skin.nodal_forces import NodalForces
@@ -20,7 +21,7 @@ from ...surface.plane import Plane
 from .admm import State, iterate
 from .asked import Asked
 from .between import matter_moved
-from .bodies import ContactBody, Expected, NodeGaps, node_gaps, same_places, travel
+from .bodies import ContactBody, NodeGaps, node_gaps, same_places, travel
 from .candidates import CandidateInverse
 from .cell_gaps import CellGaps
 from .compliance import Linear
@@ -212,9 +213,6 @@ class PointSolver(PathSolver):
         gaps = self._cell_gaps.over(gaps, self._points, expected.places)
         return over_rims(gaps, self.points, expected.places, -self._points.normals, self.search_radius, self.bone)
 
-    def _expected(self, bodies: tuple[ContactBody, ...]) -> Expected:
-        return self.history.expected(bodies, self.points + self._image, self.search_radius)
-
     # -- the points ----------------------------------------------------------------------------------------------
 
     def _moved(self, bodies: Sequence[ContactBody]) -> Array | None:
@@ -331,6 +329,10 @@ class PointSolver(PathSolver):
                 limit=f"<= {MANY}",
                 remedy="Press less deep, or touch with fewer edges at once",
             )
+
+    @property
+    def _matrix(self) -> NDArray[np.floating]:
+        return self._points.matrix.matrix
 
     def _linear(self, force: Array) -> Array:
         return self._points.matrix.displacement(force)

@@ -244,8 +244,10 @@ def test_far_fingers_cost_no_solve(skin):
 def test_a_pose_that_stays_is_not_solved_again(skin):
     path = np.repeat(press_and_slide()[19:20], 10, axis=0)
     got = felt(skin, poses(path), still(10))
-    assert got.skipped["skin_frames_same"] >= 8
-    np.testing.assert_array_equal(got.force[-1], got.force[1])
+    # what came to touch in the first is held from where it did in the second, and that rests in the third
+    assert got.skipped["skin_frames_same"] >= 7
+    np.testing.assert_array_equal(got.force[-1], got.force[2])
+    np.testing.assert_allclose(got.force[1], got.force[2], atol=1e-3 * np.abs(got.force[2]).max())
 
 
 def test_what_is_dragged_over_an_edge_is_no_deeper_for_it(skin):

@@ -126,10 +126,12 @@ class SkinContact:
         if self.model.matched is self.model:
             return self
         model, points = self.model.matched, self.points
-        works = self.force.reshape(len(self.force), -1).astype(np.float64) @ model.stiff.pad / model.material.modulus
-        felt = np.array([model.stiff.balanced(work) for work in works], np.float32)
+        works = self.force.reshape(len(self.force), -1).astype(np.float64) @ model.stiff.pad
         if points is not None:
-            points = replace(points, surface=smooth_pad(model) or points.surface)
+            points = replace(points, surface=smooth_pad(model) or points.surface.with_stiffening(model.stiffening))
+            here = [points.at(k) for k in range(len(self.force))]
+            works = np.array([np.einsum("ni,nik->k", one.force, points.surface.patterns(one.cells)) for one in here])
+        felt = np.array([model.stiff.balanced(work / model.material.modulus) for work in works], np.float32)
         return replace(self, model=model, amounts=felt if len(felt) else None, points=points)
 
     def force_at(self, sample: int) -> Array:

@@ -13,9 +13,9 @@ from .sampled_tissue import SampledTissue
 
 TOLERANCE = 1e-5  # of what is left beneath, over |q|
 FAR = 0.3  # of |q|, beyond which a tangent is taken anew
-SLOW, PATIENCE = 0.5, 8  # a step that leaves more asks for a new tangent, after so many
+SLOW, PATIENCE = 0.5, 6  # a step that leaves more asks for a new tangent, after so many
 MIXED = 4  # steps that are mixed
-STEPS, PARTS, SHORTEST = 12, 14, 0.02  # at one q; of the way there where it is not found, and the least of them
+STEPS, PARTS, SHORTEST = 18, 8, 0.05  # at one q; of the way there where it is not found, and the least of them
 
 
 class _Beneath(NamedTuple):
@@ -59,6 +59,7 @@ class SampledEnergy:
         self._q, self._at = np.zeros(self.count), np.zeros(self.count)
         self._stiffness, self._inverse, self._coupling = self._rest
         self._learned: tuple[tuple[Array, Array], ...] = ()
+        self._astray = False
 
     @cached_property
     def _rest(self) -> tuple[Array, Array, Array]:
@@ -75,12 +76,13 @@ class SampledEnergy:
 
     def save(self) -> tuple[Any, ...]:
         """Return where what is beneath was found, and with which tangent."""
-        at = self.x, self.left, self._q, self._at, self._learned
+        at = self.x, self.left, self._q, self._at, self._astray, self._learned
         return *at, self._stiffness, self._inverse, self._coupling
 
     def restore(self, state: tuple[Any, ...]) -> None:
         """Go back there."""
-        self.x, self.left, self._q, self._at, self._learned, self._stiffness, self._inverse, self._coupling = state
+        self.x, self.left, self._q, self._at, self._astray, self._learned, *tangent = state
+        self._stiffness, self._inverse, self._coupling = tangent
 
     def far(self, q: Array) -> float:
         """Return t = |q / reach|, 0 where nothing bounds it; q may have what is beneath behind it."""
@@ -138,8 +140,9 @@ class SampledEnergy:
             self._take(self._q if np.linalg.norm(self._q - self._at) > 0.3 * FAR * size else q, self.x)
         with np.errstate(over="ignore", invalid="ignore"):  # a step that goes astray is not taken
             found = self._balanced(q, self._expected(q, self._q, self.x), size)
-            if found.left > 10.0 * TOLERANCE:
+            if found.left > 10.0 * TOLERANCE and not self._astray:  # who was led in vain is not led again
                 found = self._led(q, size)
+        self._astray = found.left > 100.0 * TOLERANCE
         self._q, self.x, self.left = q.copy(), found.x, found.left
         return found.force - self._coupling.T @ (self._inverse @ found.rest), self._stiffness
 

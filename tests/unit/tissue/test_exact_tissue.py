@@ -60,7 +60,8 @@ def test_it_is_nearer_to_the_exact_finger_than_the_series() -> None:
             if i in frames:
                 stress = Stimulus(own, step.solution.force, given=step.amounts).stress
                 off.setdefault(tissue, []).append(difference(stress, frames[i].stress, own.mesh.volumes))
-    assert (np.array(off[NEO_HOOKEAN_EXACT]) < np.array(off[NEO_HOOKEAN])).all()
+    deep = slice(1, None)  # from 1 mm on: half as deep both are 2 % off
+    assert (np.array(off[NEO_HOOKEAN_EXACT][deep]) < 0.75 * np.array(off[NEO_HOOKEAN][deep])).all()
     assert np.mean(off[NEO_HOOKEAN_EXACT]) < 0.4 * np.mean(off[LINEAR])
 
 
@@ -69,7 +70,7 @@ def test_light_touch_is_that_of_linear_skin() -> None:
     own, linear = skin(), skin("draft", LINEAR)
     force = felt(own, 0.4e-3).force
     off = []
-    for share in (0.2, 0.1, 0.05):
+    for share in (0.2, 0.1):
         both = Stimulus(own, share * force), Stimulus(linear, share * force)
         off.append([
             float(np.linalg.norm(both[0].pad_displacement - both[1].pad_displacement)),
@@ -130,7 +131,7 @@ def test_a_bake_follows_it_and_devices_the_series(contact: str) -> None:
     assert matched.amounts.shape[1:] == quick.amounts.shape[1:]
     off = np.linalg.norm(matched.amounts[last] - quick.amounts[last]) / np.linalg.norm(quick.amounts[last])
     assert off < 0.1
-    pins = [b.outputs[0].track.values[last] for b in (exact, series)]
+    pins = [b.outputs[0].track.values for b in (exact, series)]
     assert 0.0 < np.abs(pins[0] - pins[1]).max() < 0.1 * np.abs(pins[1]).max()
     assert exact.content_hash != series.content_hash
 

@@ -120,6 +120,7 @@ def found() -> Found:
         rendered("children", shots(), processes)
     children = os.times().children_user + os.times().children_system - before.children_user - before.children_system
     with cluster() as (executor, lab):
+        executor._client.wait_for_workers(2)
         rendered("warm_workers", shots()[:6], executor)  # what is imported, once a process
         before, spent = time.process_time(), executor._client.run(time.process_time)
         together = rendered("together", shots(), executor)

@@ -163,6 +163,7 @@ def test_a_worker_that_dies_in_the_middle_loses_nothing(
     for path in many:
         path.write_bytes((scenes[0].parent / f"{path.stem.partition('_')[2]}.npz").read_bytes())
     with ClusterExecutor(cluster.address) as executor:
+        executor._client.wait_for_workers(2)
         victims = iter(sorted(executor._client.run(os.getpid).values()))
         found = []
         for step in render_shots(many, Library(), tmp_path / "out", WANTED, executor):

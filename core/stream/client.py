@@ -98,7 +98,7 @@ class SenderClient:
         """Return how things stand; `state` is 'dead' where the sender has died."""
         status = self._shared.read_status()
         if self._before is not None:
-            message = self._before._shared.read_status().get("message", "")
+            message = self._before._ends()
             self._write()
             if self._before is not None:
                 return {
@@ -126,6 +126,10 @@ class SenderClient:
         self._child.end(MAX_CLOSE_SECONDS)
         _ending.append(self)
         _reap()
+
+    def _ends(self) -> str:
+        """Return what a closed sender still does, in words."""
+        return str(self._shared.read_status().get("message", "")) or "going to the safe state"
 
     def _gone(self) -> bool:
         """Return whether a closed sender has ended, and leave nothing behind then; one that hangs is killed."""
@@ -174,5 +178,4 @@ def _reap() -> None:
 def leaving() -> str:
     """Return what closed senders of this process still do, in words; '' where all have ended."""
     _reap()
-    found = ((str(one._request.get("url", "")), str(one._shared.read_status().get("message", ""))) for one in _ending)
-    return "; ".join(f"{message or 'going to the safe state'} ({url})" for url, message in found)
+    return "; ".join(f"{one._ends()} ({one._request.get('url', '')})" for one in _ending)

@@ -15,7 +15,7 @@ from core.devices.first_contact import calibrated, first_contact
 from core.devices.press_problem import PressPoints
 from core.devices.thimble import mechanism
 from core.presets import Library
-from tests import problems
+from tests import contact_laws, problems
 
 
 @pytest.fixture(scope="module")
@@ -58,8 +58,9 @@ def test_it_is_asked_as_every_surface_is():
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3, 0.9])
-def test_a_path_equals_the_path_solver(skin, device, friction):
+def test_a_path_equals_the_path_solver(skin, device, friction, monkeypatch):
     """Two implementations that share nothing but the law: Newton on the nodes near, and the alternating method."""
+    contact_laws.at_frame_ends_alone(monkeypatch)
     path, disc = walk(), disc_of(device)
     ours, _ = forces_along(contact_with(skin, device, friction), device, path)
     solver = PathSolver(skin.compliance, skin.positions, tolerance=1e-8)

@@ -20,6 +20,7 @@ from core.surrogate.dataset import felt_by
 from core.surrogate.forward import DirectModel
 from core.surrogate.press_points import press_points
 from core.surrogate.store import contact_of
+from tests import contact_laws
 from tests.stiff_skins import stiff_skin
 
 FRICTION = 0.6
@@ -81,7 +82,8 @@ def test_what_is_found_obeys_both_laws(on: str) -> None:
         np.testing.assert_allclose(across[flat, 2], 0.0, atol=1e-8)  # loaded skin lies on the disc [m]
 
 
-def test_path_solver_finds_the_same_contact() -> None:
+def test_path_solver_finds_the_same_contact(monkeypatch: pytest.MonkeyPatch) -> None:
+    contact_laws.at_frame_ends_alone(monkeypatch)
     model = skin().on_nodes
     contact = contact_of(device(), model, 0.3)
     stiff = StiffSkin.of(model)

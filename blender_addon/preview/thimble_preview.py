@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from .. import changes, choices
+from .. import changes
 from .._core import DermisError, core
 from ..devices import active_presets, skin_models, thimble_devices
 from ..results import store
@@ -62,9 +62,9 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
     if not scene.dermis.thimble_view.split:
         return ()
     out = []
-    for target, _, device, _ in followers.searched_of(scene, targets):
+    for target, _, device, spec in followers.searched_of(scene, targets):
         if target.touching:
-            state = (_live_state if target.source == "live" else _baked_state)(scene, target, device)
+            state = (_live_state if target.source == "live" else _baked_state)(scene, target, device, spec.kind)
             out += [state] if state is not None else []
     for gone in set(_states) - {t.finger for t in targets}:
         del _states[gone]
@@ -155,7 +155,7 @@ def _step(path: _FingerPath, target: SkinState, frame: float, fps: float) -> Non
     path.rendered, path.error = path.follower.step(target.force, target.amounts), ""
 
 
-def _live_state(scene: bpy.types.Scene, target: SkinState, device: Any) -> SkinState | None:
+def _live_state(scene: bpy.types.Scene, target: SkinState, device: Any, kind: str) -> SkinState | None:
     path = follow(scene, target, device)
     rendered = path.rendered
     if rendered is None:
@@ -163,14 +163,12 @@ def _live_state(scene: bpy.types.Scene, target: SkinState, device: Any) -> SkinS
     kept = _states.get(target.finger)
     if kept is None or kept[0] is not rendered:
         contact = path.follower.matching.contact
-        state = _state(
-            target, choices.kind_of(device.preset), path.use.method, rendered.solution, contact, rendered.mismatch
-        )
+        state = _state(target, kind, path.use.method, rendered.solution, contact, rendered.mismatch)
         kept = _states[target.finger] = (rendered, None, state)
     return kept[2]
 
 
-def _baked_state(scene: bpy.types.Scene, target: SkinState, device: Any) -> SkinState | None:
+def _baked_state(scene: bpy.types.Scene, target: SkinState, device: Any, kind: str) -> SkinState | None:
     result = store.current(scene)
     if result is None:
         return None
@@ -192,14 +190,7 @@ def _baked_state(scene: bpy.types.Scene, target: SkinState, device: Any) -> Skin
     with skin_models.one_thread():
         solution = played.replay.solution(sample, ahead)
     mismatch = store.signal_at(result, played.output, "mismatch", frame) or 0.0
-    state = _state(
-        target,
-        choices.kind_of(device.preset),
-        str(track.meta.get("method", "")),
-        solution,
-        played.replay.contact,
-        mismatch,
-    )
+    state = _state(target, kind, str(track.meta.get("method", "")), solution, played.replay.contact, mismatch)
     _states[target.finger] = (played, frame, state)
     return state
 

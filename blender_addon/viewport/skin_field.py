@@ -297,5 +297,5 @@ def _tissue_text(tissue: str, states: Sequence[SkinState]) -> str:
     place = f"{1e3 * deepest.depth:.2f} mm" + (f", {1e3 * deepest.slide:.1f} mm dragged" if deepest.dragged else "")
     beyond = ": deeper than it is trusted" if deepest.too_deep else ""
     beyond = ": dragged farther than it is trusted" if deepest.too_far and not beyond else beyond
-    stress, force = (f"{100 * one.median:.0f} %" for one in band)
+    stress, force = (f"{100 * one.median:.0f} %" if one.median >= 5e-3 else "below 1 %" for one in band)
     return f"{name} skin: stress about {stress} off, force {force}, at {place} (simulated){beyond}"

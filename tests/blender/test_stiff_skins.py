@@ -287,7 +287,8 @@ def test_the_legend_says_the_band_of_each_tissue() -> None:
         assert (
             text.startswith(f"{word} skin: stress about {100 * band.stress.median:.0f} % off") and "simulated" in text
         )
-        assert f"force {100 * band.force.median:.0f} %" in text and "0.90 mm" in text
+        force = f"{100 * band.force.median:.0f} %" if band.force.median >= 5e-3 else "below 1 %"  # never none at all
+        assert f"force {force}" in text and "0.90 mm" in text
     both = skin_field.error_text([stiff, linear])
     assert "neo-Hookean skin" in both and "linear skin" in both
     far = replace(stiff, slide=trusted("neo_hookean").slide + 1e-3)

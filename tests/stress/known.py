@@ -91,6 +91,14 @@ KNOWN: tuple[Known, ...] = (
     ),
     Known("rate", "rate", (3,), _ENTERS, 0.3, lambda v: float(v["friction"]) > 0.0),
     Known("rate", "rate", (1, 17), _CORNER, 0.1, lambda v: v["friction"] == 0.0 and v["shape"] != "block"),
+    Known(
+        "rate",
+        "rate",
+        (508,),
+        "a block without friction at nodes, not looked into yet: it is likely its rim, as of what is sharp",
+        0.1,
+        lambda v: v["friction"] == 0.0 and v["shape"] == "block" and v["contact"] == "nodes",
+    ),
     Known("meshed", "same", (1022,), _CORNER, 0.2, lambda v: v["shape"] in ("pillar", "edge", "hull")),
     Known(
         "card",

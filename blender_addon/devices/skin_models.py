@@ -144,15 +144,8 @@ def wants_stiffening(parameters: Mapping[str, Any]) -> bool:
     Raises:
         DermisError: a size that leaves no room for tissue.
     """
-    skin = parameters["skin"]
-    if parameters.get("tissue", "linear") == "linear" or "mesh" in skin or _key(skin, STIFFENING) in _there:
-        return False
-    shape, material = core.skin.model.shape_and_material(skin)
-    find, shipped = core.tissue.stiffening_store.find_stiffening, core.skin.surface_store.SHIPPED
-    if shape is not None and find(shape, material.poisson, shipped=shipped, cache=cache()) is None:
-        return True
-    _there.add(_key(skin, STIFFENING))
-    return False
+    find = core.tissue.stiffening_store.find_stiffening
+    return parameters.get("tissue", "linear") != "linear" and _unmade(parameters["skin"], STIFFENING, find)
 
 
 def wants_exact(parameters: Mapping[str, Any]) -> bool:
@@ -161,14 +154,19 @@ def wants_exact(parameters: Mapping[str, Any]) -> bool:
     Raises:
         DermisError: a size that leaves no room for tissue.
     """
-    skin = parameters["skin"]
-    if parameters.get("tissue", "linear") != EXACT_TISSUE or "mesh" in skin or _key(skin, EXACT) in _there:
+    find = core.tissue.sampled_store.find_table
+    return parameters.get("tissue", "linear") == EXACT_TISSUE and _unmade(parameters["skin"], EXACT, find)
+
+
+def _unmade(skin: Mapping[str, Any], table: str, find: Callable[..., object | None]) -> bool:
+    """Return whether a table of a fingertip's tissue is not made yet, which is asked until it is."""
+    if "mesh" in skin or _key(skin, table) in _there:
         return False
     shape, material = core.skin.model.shape_and_material(skin)
-    find, shipped = core.tissue.sampled_store.find_table, core.skin.surface_store.SHIPPED
+    shipped = core.skin.surface_store.SHIPPED
     if shape is not None and find(shape, material.poisson, shipped=shipped, cache=cache()) is None:
         return True
-    _there.add(_key(skin, EXACT))
+    _there.add(_key(skin, table))
     return False
 
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Generator
-from dataclasses import asdict
 from pathlib import Path
 
-from ..cache import Cache, cache_key
+from ..cache import Cache
 from ..errors import DermisError
 from ..recent import Recent
 from ..skin.material import Elastic
@@ -26,9 +24,7 @@ _known: Recent[str, SampledStiffening] = Recent(4)  # some 30 MB each
 
 def table_key(shape: FingertipShape, poisson: float) -> str:
     """Return the key of a table: it depends on the shape, to a nanometre, and on Poisson's ratio."""
-    lengths = {name: round(length, 9) for name, length in asdict(shape).items()}
-    version = f"dermis-exact-tissue {SAMPLED_VERSION} {VERSION}"
-    return cache_key(version, json.dumps(lengths, sort_keys=True), repr(round(poisson, 6)))
+    return series.key_of(f"dermis-exact-tissue {SAMPLED_VERSION} {VERSION}", shape, poisson)
 
 
 def shipped_name(shape: FingertipShape, poisson: float) -> str:
@@ -43,19 +39,8 @@ def find_table(
 
     Files that are damaged, or were made for another skin, count as not there: they can be made again.
     """
-    key = table_key(shape, poisson)
-    places = [None if shipped is None else shipped / shipped_name(shape, poisson)]
-    places.append(None if cache is None else cache.get(key))
-    for path in places:
-        if path is None or not path.is_file():
-            continue
-        try:
-            found = SampledTable.read(path)
-        except DermisError:
-            continue
-        if found.key == key:
-            return found
-    return None
+    key, name = table_key(shape, poisson), shipped_name(shape, poisson)
+    return series.find_kept(SampledTable.read, key, name, shipped, cache)
 
 
 def make_table(

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import asdict
 from pathlib import Path
+from typing import Protocol, TypeVar
 
 from ..cache import Cache, cache_key
 from ..errors import DermisError
@@ -23,14 +24,48 @@ POISSON = (0.3, 0.49)  # chosen: errors were measured at 0.48, and nearer to 0.5
 _known: Recent[str, Stiffening] = Recent(10)  # a person's fingers
 
 
+class Keyed(Protocol):
+    """A table that knows what it was made for."""
+
+    @property
+    def key(self) -> str:
+        """See `key_of`."""
+
+
+Kept = TypeVar("Kept", bound=Keyed)
+
+
+def key_of(version: str, shape: FingertipShape, poisson: float) -> str:
+    """Return the key of a table of a shape and Poisson's ratio: a length to the nanometre is the same length."""
+    lengths = {name: round(length, 9) for name, length in asdict(shape).items()}
+    return cache_key(version, json.dumps(lengths, sort_keys=True), repr(round(poisson, 6)))
+
+
+def find_kept(
+    read: Callable[[Path], Kept], key: str, name: str, shipped: Path | None, cache: Cache | None
+) -> Kept | None:
+    """Return a table that was made before: of a file that ships by its name, else from the cache.
+
+    Files that are damaged, or were made for another skin, count as not there: they can be made again.
+    """
+    for path in (None if shipped is None else shipped / name, None if cache is None else cache.get(key)):
+        if path is None or not path.is_file():
+            continue
+        try:
+            found = read(path)
+        except DermisError:
+            continue
+        if found.key == key:
+            return found
+    return None
+
+
 def stiffening_key(shape: FingertipShape, poisson: float) -> str:
     """Return the key of a stiffening: it depends on the shape and on Poisson's ratio, and on nothing else.
 
     To a nanometre: a length that was read in millimetres, or typed into a window, is the same length.
     """
-    lengths = {name: round(length, 9) for name, length in asdict(shape).items()}
-    version = f"dermis-stiffening {STIFFENING_VERSION} {VERSION}"
-    return cache_key(version, json.dumps(lengths, sort_keys=True), repr(round(poisson, 6)))
+    return key_of(f"dermis-stiffening {STIFFENING_VERSION} {VERSION}", shape, poisson)
 
 
 def shipped_name(shape: FingertipShape, poisson: float) -> str:
@@ -45,19 +80,8 @@ def find_stiffening(
 
     Files that are damaged, or were made for another skin, count as not there: they can be made again.
     """
-    key = stiffening_key(shape, poisson)
-    places = [None if shipped is None else shipped / shipped_name(shape, poisson)]
-    places.append(None if cache is None else cache.get(key))
-    for path in places:
-        if path is None or not path.is_file():
-            continue
-        try:
-            found = Stiffening.read(path)
-        except DermisError:
-            continue
-        if found.key == key:
-            return found
-    return None
+    key, name = stiffening_key(shape, poisson), shipped_name(shape, poisson)
+    return find_kept(Stiffening.read, key, name, shipped, cache)
 
 
 def make_stiffening(

@@ -7,7 +7,7 @@ built-in one of the same file stem, which every listing says. A preset that cann
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -91,7 +91,7 @@ class Library:
         Raises:
             DermisError: no such group.
         """
-        return tuple(entry for entry, _ in self._entries(group).values())
+        return tuple(self._entry(group, files)[0] for files in self._files(group).values())
 
     def load(self, group: str, key: str) -> dict[str, Any]:
         """Return a preset as it stands in its file.
@@ -99,16 +99,16 @@ class Library:
         Raises:
             DermisError: no such group or preset, or the preset is broken.
         """
-        entries = self._entries(group)
-        if key not in entries:
+        files = self._files(group)
+        if key not in files:
             raise DermisError(
                 f"no such preset in {group}",
                 where=", ".join(str(folder / group) for folder, _ in self._folders),
                 value=key,
-                limit=", ".join(entries) or "none found",
+                limit=", ".join(files) or "none found",
                 remedy="Choose another one, or put the file back",
             )
-        entry, preset = entries[key]
+        entry, preset = self._entry(group, files[key])  # the others are not even read
         if entry.error is not None:
             raise DermisError(
                 f"the preset is broken: {entry.error.rstrip('.')}",
@@ -149,18 +149,22 @@ class Library:
         """
         return settings("skins", key, self.load("skins", key))
 
-    def _entries(self, group: str) -> dict[str, tuple[PresetEntry, dict[str, Any]]]:
-        """Read a group's files, those that did not change from memory."""
+    def _files(self, group: str) -> Mapping[str, Sequence[tuple[Path, bool]]]:
+        """Return the files of a group by key, a person's own after the built-in one, and whose they are."""
         if group not in SCHEMAS:
             raise DermisError("no such group of presets", value=group, limit=", ".join(SCHEMAS))
-        found: dict[str, tuple[PresetEntry, dict[str, Any]]] = {}
+        found: dict[str, list[tuple[Path, bool]]] = {}
         for folder, user in self._folders:
             with damage_told("the folder of presets cannot be read", str(folder / group)):
-                paths = sorted((folder / group).glob("*.json"))
-            for path in paths:
-                entry, preset = self._one(path, group, user)
-                found[path.stem] = (replace(entry, overrides=user and path.stem in found), preset)
+                for path in (folder / group).glob("*.json"):
+                    found.setdefault(path.stem, []).append((path, user))
         return dict(sorted(found.items()))
+
+    def _entry(self, group: str, files: Sequence[tuple[Path, bool]]) -> tuple[PresetEntry, dict[str, Any]]:
+        """Read the last of the files of one key, from memory where it did not change."""
+        path, user = files[-1]
+        entry, preset = self._one(path, group, user)
+        return replace(entry, overrides=len(files) > 1), preset
 
     def _one(self, path: Path, group: str, user: bool) -> tuple[PresetEntry, dict[str, Any]]:
         try:

@@ -85,23 +85,21 @@ class CompliantBone:
         Raises:
             DermisError: an unknown mode, or a stiffness or limit that is out of range.
         """
-        mode = SKIN_CONTACT["depth_mode"].of(parameters, name)
-        compliance, stiffness, limit = skin.compliance, 0.0, np.inf
-        if mode == "compliant":
-            stiffness = float(SKIN_CONTACT["bone_stiffness"].of(parameters, name))
-            limit = float(SKIN_CONTACT["force_limit"].of(parameters, name))
-            compliance = compliance.copy()
-            compliance[2::3, 2::3] += 1.0 / stiffness
+        stiffness, limit = touch_depth(parameters, name)
         # what the spring gives way is known only after the solve: then `step` looks at the depth itself
         depth_limit = trusted(skin.tissue).depth if stiffness == 0 else np.inf
         if surface is not None:
             if stiffness:
                 surface = surface.with_spring(np.array([0.0, 0.0, 1.0]), stiffness)
-            nodes = NodalForces(skin.mesh, surface.chart)
+            nodes = NodalForces.of(skin.mesh, surface.chart)
             points = PointSolver(surface, nodes, name=name, depth_limit=depth_limit)
             if tolerance is not None:
                 points.tolerance = tolerance
             return cls(points, stiffness, limit, name, skin.tissue)
+        compliance = skin.compliance
+        if stiffness:
+            compliance = compliance.copy()
+            compliance[2::3, 2::3] += 1.0 / stiffness
         solver = PathSolver(
             compliance,
             skin.positions,
@@ -249,3 +247,15 @@ class CompliantBone:
 
     def _spring(self, step: PathStep) -> float:
         return self._force(step) / self.stiffness if self.stiffness > 0 else 0.0
+
+
+def touch_depth(parameters: Mapping[str, Any], name: str) -> tuple[float, float]:
+    """Return the bone's spring [N/m], 0 for none, and its force limit [N], inf for none, of a finger's parameters.
+
+    Raises:
+        DermisError: an unknown mode, or a stiffness or limit that is out of range.
+    """
+    if SKIN_CONTACT["depth_mode"].of(parameters, name) != "compliant":
+        return 0.0, np.inf
+    spring, limit = (float(SKIN_CONTACT[key].of(parameters, name)) for key in ("bone_stiffness", "force_limit"))
+    return spring, limit

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Array, Indices
 from ..errors import DermisError
+from ..recent import Recent
 from .mesh import TetraMesh
 from .pad_chart import PadChart
 from .row_table import RowTable
@@ -43,6 +44,12 @@ class NodalForces:
         if not len(self._triangles):
             raise DermisError("no triangle of the skin is on the pad", where=f"skin mesh '{mesh.name}'")
         self._corners = mesh.nodes[mesh.pad][self._triangles]
+        self._centres = self._corners.mean(axis=1)
+
+    @classmethod
+    def of(cls, mesh: TetraMesh, chart: PadChart) -> NodalForces:
+        """Return the one of a mesh and a chart; it is kept, since fingers that are alike share it."""
+        return _made.make((id(mesh), id(chart)), lambda: cls(mesh, chart))  # it holds both, so no other has their ids
 
     def spread(self, cells: Indices, force: Floats) -> Array:
         """Return the forces on the pad nodes [N], shape (m, 3), for forces on cells, shape (n, 3)."""
@@ -63,7 +70,7 @@ class NodalForces:
 
     def _locate(self, cells: Indices) -> NDArray[Any]:
         points = self.chart.cells.positions[cells]
-        near = self._tree.query(points, k=min(NEAREST, len(self._triangles)))[1].reshape(len(points), -1)
+        near = self._nearest(points)
         shares = _barycentric(self._corners[near], points[:, None])
         best = shares.min(axis=2).argmax(axis=1)
         rows = np.arange(len(points))
@@ -80,11 +87,21 @@ class NodalForces:
         found["weights"] = share[:, :, None, None] * np.eye(3) - _cross(arms) @ turn[:, None]
         return found
 
-    @cached_property
-    def _tree(self) -> Any:
-        from scipy.spatial import cKDTree
+    def _nearest(self, points: Array) -> Indices:
+        """Return the triangles whose centres are nearest to points, the nearest first, shape (n, few).
 
-        return cKDTree(self._corners.mean(axis=1))
+        All are measured: a cell is asked for once, and a tree of so few costs a tenth of a second to be loaded.
+        """
+        apart = np.zeros((len(points), len(self._triangles)))
+        for k in range(3):
+            apart += (points[:, k, None] - self._centres[:, k]) ** 2
+        if len(self._triangles) > NEAREST:
+            some = np.argpartition(apart, NEAREST, axis=1)[:, :NEAREST]
+            some.sort(axis=1)
+        else:
+            some = np.broadcast_to(np.arange(len(self._triangles)), apart.shape)
+        order = np.argsort(np.take_along_axis(apart, some, axis=1), axis=1, kind="stable")
+        return np.take_along_axis(some, order, axis=1)
 
     @cached_property
     def _table(self) -> RowTable:
@@ -109,3 +126,6 @@ def _cross(vectors: Array) -> Array:
         out[..., k, j] = vectors[..., i]
         out[..., j, k] = -vectors[..., i]
     return out
+
+
+_made: Recent[tuple[int, int], NodalForces] = Recent(4)

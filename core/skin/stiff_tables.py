@@ -129,8 +129,8 @@ class StiffTables:
             stress, held = self.felt(q / (far * (1.0 + 1e-12)))
             return far * stress, far * held
         own = q[: energy.count]
-        both = np.stack([own, own + energy.force(q)], axis=1).astype(np.float32)
-        moved, held = (self.nodes @ both).astype(np.float64).T.reshape(2, -1, 3)
+        moved = self._moved(own)
+        held = moved + self._moved(energy.force(q))
         fields, known = self.following, self.stiffening.following
         if fields is None or known is None:
             beyond = (self.elements @ self.stiffening.stress.amounts(q).astype(np.float32)).astype(float).reshape(-1, 6)
@@ -138,6 +138,10 @@ class StiffTables:
         more = (fields @ known.amounts(q).astype(np.float32)).astype(np.float64).reshape(-1, 4)
         pressure = linear_pressure(self._unit, moved) + more[:, 3]
         return displaced_stress(self._unit, moved + more[:, :3], pressure), held
+
+    def _moved(self, amounts: Array) -> Array:
+        """Return the displacement of all nodes in the patterns [m], shape (n, 3)."""
+        return (self.nodes @ amounts.astype(np.float32)).astype(np.float64).reshape(-1, 3)
 
     @cached_property
     def _unit(self) -> StressOperator:

@@ -1,8 +1,10 @@
-"""How a condensed skin lies in the cache. What cannot be read is computed again, never trusted."""
+"""How a condensed skin, and what follows from it, lies in the cache. What cannot be read is computed again."""
 
 from __future__ import annotations
 
 import zipfile
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array
+from ..cache import Cache
 from ..errors import DermisError
 from ..files import put_array
 from ..npz import opened_npz
 from .mesh import TetraMesh
+
+Shape = tuple[int | None, ...]  # None: any number
 
 MESH_ARRAYS = ("nodes", "tetrahedra", "fixed", "pad", "surface")
 
@@ -37,21 +42,56 @@ def read_model(path: Path) -> dict[str, NDArray[Any]] | None:
     return arrays if arrays["compliance"].shape == (size, size) else None
 
 
-def write_table(path: Path, table: NDArray[Any]) -> None:
-    """Write one array."""
+def kept(
+    cache: Cache | None, key: str, shapes: Mapping[str, Shape], make: Callable[[], Mapping[str, Array]]
+) -> Mapping[str, NDArray[Any]]:
+    """Return arrays in double precision by name: from the cache, or made, and put there for every other process.
+
+    Args:
+        key: what they depend on, see `cache_key`. shapes: theirs.
+    """
+    path = None if cache is None else cache.get(key)
+    found = None if path is None else read_arrays(path, shapes, np.float64)
+    if found is not None:
+        return found
+    made = make()
+    if cache is not None:
+        with suppress(DermisError):  # a folder that cannot be written costs the time again, and nothing else
+            cache.put(key, lambda part: write_arrays(part, made))
+    return made
+
+
+def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write arrays by name."""
     with zipfile.ZipFile(path, "w", allowZip64=True) as archive:
-        put_array(archive, "table", table)
+        for name, array in arrays.items():
+            put_array(archive, name, array)
 
 
-def read_table(path: Path, shape: tuple[int | None, ...], kind: type = np.float32) -> NDArray[Any] | None:
-    """Read a table; None where the file is gone or damaged, or is of another shape or kind.
+def read_arrays(path: Path, shapes: Mapping[str, Shape], kind: type = np.float32) -> dict[str, NDArray[Any]] | None:
+    """Read arrays; None where the file is gone or damaged, or they are of other shapes or another kind.
 
     Read whole, not mapped: a mapped file that shrinks or whose disk vanishes ends the process, and Blender with it.
     """
     try:
         with opened_npz(path) as archive:
-            table = archive.array("table")
+            arrays = archive.arrays(shapes)
     except DermisError:
         return None
-    fits = table.ndim == len(shape) and all(n in (None, m) for n, m in zip(shape, table.shape, strict=True))
-    return table if fits and table.dtype == kind else None
+    fits = all(_fits(arrays[name], shape) and arrays[name].dtype == kind for name, shape in shapes.items())
+    return arrays if fits else None
+
+
+def _fits(array: NDArray[Any], shape: Shape) -> bool:
+    return array.ndim == len(shape) and all(n in (None, m) for n, m in zip(shape, array.shape, strict=True))
+
+
+def write_table(path: Path, table: NDArray[Any]) -> None:
+    """Write one array."""
+    write_arrays(path, {"table": table})
+
+
+def read_table(path: Path, shape: Shape, kind: type = np.float32) -> NDArray[Any] | None:
+    """Read a table; None where `read_arrays` gives none."""
+    found = read_arrays(path, {"table": shape}, kind)
+    return None if found is None else found["table"]

@@ -44,7 +44,7 @@ class StressOperator:
     def with_material(self, material: Elastic) -> StressOperator:
         """Return the operator of another material on the same mesh, sharing what does not depend on it."""
         other = StressOperator(self.mesh, material, self.element)
-        shared = ("geometry", "strain_matrix", "volumetric_matrix", "weights")
+        shared = ("geometry", "strain_matrix", "mean", "volumetric_matrix", "weights")
         other.__dict__.update({name: self.__dict__[name] for name in shared if name in self.__dict__})
         return other
 
@@ -71,15 +71,22 @@ class StressOperator:
         return coo_array((np.concatenate(values).ravel(), index), shape=(6 * count, 3 * len(self.mesh.nodes))).tocsr()
 
     @cached_property
+    def mean(self) -> csr_array:
+        """Takes the mean of the corners of each element, sparse (e, n)."""
+        from scipy.sparse import csr_array as csr
+
+        count = len(self.mesh.tetrahedra)
+        starts = np.arange(0, 4 * count + 1, 4)
+        return csr((np.full(4 * count, 0.25), self.mesh.tetrahedra.ravel(), starts), (count, len(self.mesh.nodes)))
+
+    @cached_property
     def volumetric_matrix(self) -> csr_array:
         """From displacement (3 n) to the element's div u, averaged over its nodes for 'anp', sparse (e, 3 n)."""
         from scipy.sparse import csr_array as csr
 
         count = len(self.mesh.tetrahedra)
         if self.element == "anp":
-            starts = np.arange(0, 4 * count + 1, 4)
-            mean = csr((np.full(4 * count, 0.25), self.mesh.tetrahedra.ravel(), starts), (count, len(self.mesh.nodes)))
-            return (mean @ self.geometry.divergence).tocsr()
+            return (self.mean @ self.geometry.divergence).tocsr()
         trace = csr(
             (
                 np.ones(3 * count),
@@ -106,13 +113,13 @@ class StressOperator:
         density = shear * np.einsum("ij,ij,j->i", strain, strain, _SHEAR_WEIGHT**2)
         if self.element == "anp":
             nodal = 0.5 * first * (self.geometry.divergence @ u) ** 2
-            return density + nodal[self.mesh.tetrahedra].mean(axis=1)
+            return density + self.mean @ nodal
         return density + 0.5 * first * strain[:, :3].sum(axis=1) ** 2
 
     def _dilatation(self, u: Array) -> Array:
         if self.element == "anp":
             # through the nodes: a tenth of the work of the product matrix
-            return (self.geometry.divergence @ u)[self.mesh.tetrahedra].mean(axis=1)
+            return self.mean @ (self.geometry.divergence @ u)
         return self.volumetric_matrix @ u
 
     @cached_property

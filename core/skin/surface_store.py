@@ -8,19 +8,25 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from ..arrays import Array
 from ..cache import Cache, cache_key
 from ..errors import DermisError, Finding
 from ..recent import Recent
 from ..shipped import BUILT_IN
+from ..version import version
 from .fingertip import fingertip_mesh
 from .material import Elastic
 from .model import SkinModel, condensed_pad, shape_and_material
-from .pad_chart import PadChart
+from .pad_chart import CELL_SIDES, PadChart
 from .remainder import STEPS, Remainder, fit_remainder
 from .shape import FingertipShape
+from .store import kept
 from .surface_compliance import SurfaceCompliance
 
 REMAINDER_VERSION = 1  # part of every key: raise it whenever mesh, kernel or fit changes
+CHART_VERSION = 1  # the same, of a chart's neighbours
 QUICK, FINEST = "fine", "reference"  # meshes: for any shape in a worker, and for those that ship
 SHIPPED = BUILT_IN / "skins"
 
@@ -98,12 +104,25 @@ def smooth_pad(skin: SkinModel) -> SurfaceCompliance | None:
         if remainder is None:
             return None
         own = replace(material, poisson=round(material.poisson, 6))  # the same, whoever asks first
-        known = SurfaceCompliance(PadChart.of(_rounded(skin.shape)), own, remainder)
+        known = SurfaceCompliance(_chart(_rounded(skin.shape), skin.cache), own, remainder)
     pad = _pads.make(key, lambda: known)
     if skin.stiffening is not None:
         stiff = pad.with_stiffening(skin.stiffening)
         pad = _pads.make(f"{key} {skin.stiffening.key}", lambda: stiff) if skin.stiffening.key else stiff
     return pad.with_material(young=material.young, alpha=material.alpha)
+
+
+def _chart(shape: FingertipShape, cache: Cache | None) -> PadChart:
+    """Return the chart of a shape that knows its neighbours: finding them loads what nobody else needs."""
+    chart = PadChart.of(shape)
+    key = cache_key(f"dermis-chart {CHART_VERSION}", version(), repr(shape), repr(CELL_SIDES))
+
+    def made() -> dict[str, Array]:
+        return {"beside": chart.beside.astype(np.float64)}
+
+    found = kept(cache, key, {"beside": (chart.starts[1], 3, 3)}, made)["beside"]
+    chart.__dict__["beside"] = found.astype(np.int64)
+    return chart
 
 
 def no_smooth_pad(skin: SkinModel, name: str) -> Finding:

@@ -77,6 +77,8 @@ class LearnedModel:
         self._features, self._ways = np.zeros(used), np.zeros((used, n))
         self._ways[:n] = np.eye(n)
         self._nothing = trial_space.basis @ trial_space.mean
+        if friction is not None:
+            self._remembers, self._unmoved = friction.basis / self.stiffness, friction.basis @ friction.mean
         self.hold(FrictionState.rest(len(trial.places)))
 
     @property
@@ -88,7 +90,7 @@ class LearnedModel:
         """Fix the friction state."""
         if self.friction is not None:
             self.trial.hold(state)
-            remembered = self.friction.project(state.force.ravel() / self.stiffness)
+            remembered = self._remembers @ state.force.ravel() - self._unmoved
             if self._part is None:
                 self._features[self._told.stop :] = remembered
             else:

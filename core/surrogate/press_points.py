@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import Array, Indices
+from ..cache import cache_key
 from ..devices.press_problem import PressPoints
 from ..devices.stiff_points import StiffPoints
 from ..recent import Recent
@@ -19,9 +20,12 @@ from ..skin.model import SkinModel
 from ..skin.nodal_forces import NodalForces
 from ..skin.pad_chart import PadChart
 from ..skin.point_forces import PointForces
+from ..skin.store import kept
 from ..skin.surface_compliance import SurfaceCompliance
-from ..skin.surface_store import smooth_pad
+from ..skin.surface_store import remainder_key, smooth_pad
+from ..version import version
 
+PRESS_VERSION = 1  # part of the key of what is kept on disk: raise it whenever points, chart or kernel change
 TOGETHER = 2  # cells of level 0 along each side of a point's part of the skin, beside the pad's centre
 
 
@@ -59,24 +63,37 @@ def _parts(chart: PadChart) -> tuple[Indices, Indices, Array]:
 
 
 def _grouped(skin: SkinModel, pad: SurfaceCompliance) -> PressPoints:
-    chart = pad.chart
+    chart, unit = pad.chart, pad.with_material(young=1.0, alpha=1.0)
     cells, point, share = _parts(chart)
-    n, nodes = int(point.max()) + 1, NodalForces(skin.mesh, chart)
+    n, nodes = int(point.max()) + 1, len(skin.positions)
+    shapes = {"positions": (n, 3), "compliance": (3 * n, 3 * n), "nodal": (3 * nodes, 3 * n)}
+    assert skin.shape is not None
+    smooth = remainder_key(skin.shape, skin.material.poisson)
+    key = cache_key(f"dermis-press-points {PRESS_VERSION}", version(), skin.key, smooth, repr(unit.material))
+    made = kept(skin.cache, key, shapes, lambda: _made(NodalForces(skin.mesh, chart), unit, cells, point, share))
+    stiff = _stiff(skin, chart.cells.positions[cells], (point, share, n))
+    return PressPoints(made["positions"], made["compliance"] / skin.material.modulus, made["nodal"], stiff)
+
+
+def _made(
+    nodes: NodalForces, unit: SurfaceCompliance, cells: Indices, point: Indices, share: Array
+) -> dict[str, Array]:
+    """Return positions of the points, what forces on them do at E = 1, and these forces on nodes."""
+    chart, n = unit.chart, int(point.max()) + 1
     positions = np.zeros((n, 3))
     np.add.at(positions, point, share[:, None] * chart.cells.positions[cells])
     # one row of points at a time: the compliance between all cells is fifty times as large as what is kept
-    compliance, nodal = np.empty((n, 3, n, 3)), np.zeros((len(skin.positions), 3, n, 3))
+    compliance, nodal = np.empty((n, 3, n, 3)), np.zeros((len(nodes.mesh.pad), 3, n, 3))
     order = np.argsort(point, kind="stable")
     starts = np.concatenate([[0], np.cumsum(np.bincount(point))])
     for i in range(n):
         own = order[starts[i] : starts[i + 1]]
-        moved = np.einsum("i,iajb->ajb", share[own], pad.block(cells[own], cells))
+        moved = np.einsum("i,iajb->ajb", share[own], unit.block(cells[own], cells))
         compliance[i] = np.add.reduceat((moved * share[None, :, None])[:, order], starts[:-1], axis=1)
         for axis in range(3):
             nodal[:, :, i, axis] = nodes.spread(cells[own], share[own][:, None] * np.eye(3)[axis])
     matrix = compliance.reshape(3 * n, 3 * n)
-    stiff = _stiff(skin, chart.cells.positions[cells], (point, share, n))
-    return PressPoints(positions, 0.5 * (matrix + matrix.T), nodal.reshape(-1, 3 * n), stiff)
+    return {"positions": positions, "compliance": 0.5 * (matrix + matrix.T), "nodal": nodal.reshape(-1, 3 * n)}
 
 
 def _stiff(skin: SkinModel, places: Array, parts: tuple[Indices, Array, int] | None) -> StiffPoints | None:

@@ -70,17 +70,16 @@ class PartOfRidge:
         self._whole, self._count, quadratic = ridge, n, ridge.quadratic
         self._centre, self._scale, self._ways_scale = ridge.centre[:n], ridge.scale[:n], ridge.scale[:n, None].copy()
         self._rows = np.ascontiguousarray(quadratic[:, :n, :n]).reshape(-1, n)
-        if given:
-            self._mixed = quadratic[:, :n, n:].reshape(-1, given)
-            self._others = quadratic[:, n:, n:].reshape(-1, given)
+        self._by_given = 2.0 * quadratic[:, :, n:].reshape(len(quadratic) * ridge.inputs, given)
         self._constant, self._linear = ridge.constant, ridge.linear[:, :n]
 
     def give(self, last: Array) -> None:
         """Fix the last inputs."""
         whole, n = self._whole, self._count
         s = (last - whole.centre[n:]) / whole.scale[n:]
-        self._linear = whole.linear[:, :n] + 2.0 * (self._mixed @ s).reshape(-1, n)
-        self._constant = whole.constant + (whole.linear[:, n:] + (self._others @ s).reshape(-1, len(s))) @ s
+        slope = whole.linear + (self._by_given @ s).reshape(whole.linear.shape)
+        self._linear = slope[:, :n]
+        self._constant = whole.constant + 0.5 * ((whole.linear[:, n:] + slope[:, n:]) @ s)
 
     def along(self, u: Array, ways: Array) -> tuple[Array, Array]:
         """Return the channels and their derivative along ways of the first inputs."""

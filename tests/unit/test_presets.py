@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from core import presets
 from core.errors import DermisError
 from core.parameters import material
 from core.presets import SCHEMAS, Library
@@ -153,6 +154,15 @@ def test_a_key_cannot_leave_the_folder(built_in: Path) -> None:
         Library(built_in=built_in).load("materials", "../devices/dev")
     with pytest.raises(DermisError, match="no such group of presets .*allowed: devices, materials, skins"):
         Library(built_in=built_in).list("..")
+
+
+def test_only_the_preset_that_is_asked_for_is_read(built_in: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[str] = []
+    monkeypatch.setattr(presets, "read", lambda path, own=presets.read: read.append(path.stem) or own(path))
+    put(built_in, "materials", "wood", MATERIAL)
+    library = Library(built_in=built_in)
+    assert library.material("cork") == library.material("cork")
+    assert read == ["cork"]
 
 
 def test_what_is_loaded_is_a_copy(built_in: Path) -> None:

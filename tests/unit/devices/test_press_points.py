@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from core.cache import Cache
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.point_path import PointSolver
 from core.devices.disc_pose import Disc
@@ -15,9 +16,11 @@ from core.matching.readings import readings_of
 from core.matching.sweep import platform_poses, sweep
 from core.matching.table import build, press_of
 from core.presets import Library
+from core.recent import Recent
 from core.skin.model import fingertip_skin, skin_from_parameters
 from core.skin.nodal_forces import NodalForces
 from core.skin.surface_store import smooth_pad
+from core.surrogate import press_points as press_points_module
 from core.surrogate.press_points import press_points
 
 FLIP = np.diag([1.0, -1.0, -1.0])  # the thimble's disc touches with -Z
@@ -47,6 +50,20 @@ def test_forces_on_the_nodes_have_the_sum_and_the_moment_of_those_on_points(skin
     np.testing.assert_allclose(
         np.cross(skin.positions, nodal).sum(axis=0), np.cross(points.positions, force).sum(axis=0), atol=1e-12
     )
+
+
+def test_points_are_kept_beside_the_skin_for_every_stiffness(monkeypatch, tmp_path, points):
+    cache = Cache(tmp_path, 10**9)
+    monkeypatch.setattr(press_points_module, "_kept", Recent(1))
+    first = press_points(fingertip_skin(level="draft", cache=cache))
+    monkeypatch.setattr(press_points_module, "_made", None)  # nobody makes them any more
+    monkeypatch.setattr(press_points_module, "_kept", Recent(1))
+    again = press_points(fingertip_skin(level="draft", cache=cache))
+    for made in (first, points):
+        for name in ("positions", "compliance", "nodal"):
+            np.testing.assert_array_equal(getattr(again, name), getattr(made, name))
+    stiffer = press_points(fingertip_skin(level="draft", cache=cache).with_material(alpha=2.0))
+    np.testing.assert_allclose(stiffer.compliance, points.compliance / 2.0, rtol=1e-15)
 
 
 @pytest.mark.parametrize(("pitch", "roll"), [(0.0, 0.0), (-0.3, 0.1), (0.2, 0.3)])

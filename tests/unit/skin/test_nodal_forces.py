@@ -10,7 +10,7 @@ pytest.importorskip("scipy")
 from core.errors import DermisError
 from core.skin.fingertip import fingertip_mesh
 from core.skin.mesh import TetraMesh
-from core.skin.nodal_forces import NodalForces
+from core.skin.nodal_forces import NEAREST, NodalForces
 from core.skin.pad_chart import PadChart
 from core.skin.shape import FingertipShape
 
@@ -33,6 +33,15 @@ def test_total_force_moment_and_work_are_kept(chart: PadChart, level: str) -> No
     assert np.cross(nodes, out).sum(axis=0) == pytest.approx(moments.sum(axis=0), abs=1e-12 * np.abs(moments).sum())
     moved = random.normal(size=nodes.shape)
     assert (nodal.gather(cells, moved) * force).sum() == pytest.approx((moved * out).sum(), rel=1e-10)
+
+
+def test_the_nearest_triangles_are_those_that_a_tree_finds(chart: PadChart) -> None:
+    from scipy.spatial import cKDTree
+
+    nodal = NodalForces(fingertip_mesh(level="standard"), chart)
+    points = chart.cells.positions[::7]
+    expected = cKDTree(nodal._corners.mean(axis=1)).query(points, k=NEAREST)[1]
+    np.testing.assert_array_equal(nodal._nearest(points), expected)
 
 
 def test_rigid_motion_stays_rigid(chart: PadChart) -> None:

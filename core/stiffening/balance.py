@@ -6,7 +6,7 @@ Under dead loads tissue may be unstable, and then several q balance one z: what 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -40,7 +40,7 @@ class Balance:
         """Go back to rest."""
         zero = np.zeros(self.energy.count)
         self.q, self.force, self._stiffness, self.left = zero, zero, np.zeros((len(zero), len(zero))), 0.0
-        self._known: tuple[bool, Array, Array] | None = None
+        self._known: Factors | None = None
 
     def save(self) -> tuple[Any, ...]:
         """Return the state, for `restore`."""
@@ -65,24 +65,24 @@ class Balance:
         if size == 0.0:
             self.reset()
             return self.force
-        if near is not None and self._factors()[0]:
+        if near is not None and self.factors.stable:
             self._go(near)
         for part in range(STEPS):
             left = z - self.q - self.force
             if float(np.linalg.norm(left)) <= tolerance * size:
                 break
-            before, factors = self.q, self._factors()
-            if part > 0 and not factors[0]:
+            before, factors = self.q, self.factors
+            if part > 0 and not factors.stable:
                 break
-            worse = WORSE if factors[0] else FLOORED
-            step, share = _solved(*factors, left), 1.0
+            worse = WORSE if factors.stable else FLOORED
+            step, share = factors.solved(left), 1.0
             self._go(before + step)
             while np.linalg.norm(z - self.q - self.force) > worse * np.linalg.norm(left) and share > SHORT:
                 share *= 0.25
                 self._go(before + share * step)
         left = z - self.q - self.force
         self.left = float(np.linalg.norm(left)) / size
-        return self.force + left - _solved(*self._factors(), left)
+        return self.force + left - self.factors.solved(left)
 
     def _go(self, q: Array) -> None:
         before = self._stiffness
@@ -90,6 +90,18 @@ class Balance:
         self.force, self._stiffness = self.energy.force_and_stiffness(q)
         if self._stiffness is not before:
             self._known = None
+
+    def hold(self, q: Array, z: Array) -> None:
+        """Take over amounts that others found under forces whose work is z, with the stiffness there."""
+        self.q, size = q, float(np.linalg.norm(z))
+        self.force, self._stiffness = self.energy.force_and_stiffness(q)
+        self._known = None
+        self.left = float(np.linalg.norm(z - q - self.force)) / size if size > 0.0 else 0.0
+
+    def sharpen(self) -> None:
+        """Take the stiffness where it is now, in place of an older one."""
+        self.force, self._stiffness = self.energy.sharpened(self.q)
+        self._known = None
 
     def settle(self, z: Array) -> None:
         """Go from rest downhill to where forces that nothing else is known of are balanced."""
@@ -101,7 +113,7 @@ class Balance:
             self.left = float(np.linalg.norm(left)) / max(size, 1e-300)
             if self.left <= TOLERANCE:
                 break
-            step, share = _solved(*self._factors(), left), 1.0
+            step, share = self.factors.solved(left), 1.0
             while share > SHORTEST:
                 q = self.q + share * step
                 now = float(q @ (0.5 * q - z)) + self.energy.value(q)
@@ -123,41 +135,63 @@ class Balance:
 
     def softening(self) -> Array:
         """Return M = 1 - (1 + n')^-1, by which stiffening skin gives way less than linear skin, shape (k, k)."""
-        return _softening(self._factors())
+        return self.factors.softening
 
-    def _factors(self) -> tuple[bool, Array, Array]:
+    @property
+    def factors(self) -> Factors:
+        """1 + n' near q, the same as long as it serves."""
         if self._known is None:
-            self._known = _factors(self._stiffness)
+            self._known = Factors.of(self._stiffness)
         return self._known
+
+
+class Factors(NamedTuple):
+    """1 + n', ready to be solved with; where it is below the floor, with that in its place.
+
+    Attributes:
+        stable: it is above the floor. whole: 1 + n', or its values, none below the floor. root: its lower Cholesky
+            factor, or vectors, shape (k, k).
+    """
+
+    stable: bool
+    whole: Array
+    root: Array
+
+    @classmethod
+    def of(cls, stiffness: Array) -> Factors:
+        """Return those of n', shape (k, k)."""
+        from scipy.linalg.lapack import dpotrf
+
+        whole = stiffness.copy()
+        whole[np.diag_indices(len(whole))] += 1.0 - FLOOR
+        if dpotrf(whole, lower=1)[1] == 0:
+            whole[np.diag_indices(len(whole))] += FLOOR
+            return cls(True, whole, np.asarray(dpotrf(whole, lower=1)[0]))
+        values, vectors = np.linalg.eigh(stiffness)
+        return cls(False, np.maximum(1.0 + values, FLOOR), vectors)
+
+    @property
+    def stiffness(self) -> Array:
+        """n', shape (k, k)."""
+        out = self.whole.copy() if self.stable else (self.root * self.whole) @ self.root.T
+        out[np.diag_indices(len(out))] -= 1.0
+        return out
+
+    @property
+    def softening(self) -> Array:
+        """M = 1 - (1 + n')^-1, shape (k, k)."""
+        one = np.eye(len(self.root))
+        return one - (self.solved(one) if self.stable else (self.root / self.whole) @ self.root.T)
+
+    def solved(self, right: Array) -> Array:
+        """Return (1 + n')^-1 times a vector or columns."""
+        if self.stable:
+            from scipy.linalg.lapack import dpotrs
+
+            return np.asarray(dpotrs(self.root, right, lower=1)[0])
+        return np.asarray(self.root @ ((self.root.T @ right) / self.whole))
 
 
 def softening(stiffness: Array) -> Array:
     """Return M = 1 - (1 + n')^-1 of a stiffness n', shape (k, k)."""
-    return _softening(_factors(stiffness))
-
-
-def _softening(factors: tuple[bool, Array, Array]) -> Array:
-    stable, values, vectors = factors
-    one = np.eye(len(vectors))
-    return one - (_solved(stable, values, vectors, one) if stable else (vectors / values) @ vectors.T)
-
-
-def _factors(stiffness: Array) -> tuple[bool, Array, Array]:
-    """Return whether 1 + n' is above the floor, and its Cholesky factor, or values with a floor and vectors."""
-    from scipy.linalg.lapack import dpotrf
-
-    whole = stiffness.copy()
-    whole[np.diag_indices(len(whole))] += 1.0 - FLOOR
-    if dpotrf(whole, lower=1)[1] == 0:
-        whole[np.diag_indices(len(whole))] += FLOOR
-        return True, whole, np.asarray(dpotrf(whole, lower=1)[0])
-    values, vectors = np.linalg.eigh(stiffness)
-    return False, np.maximum(1.0 + values, FLOOR), vectors
-
-
-def _solved(stable: bool, values: Array, vectors: Array, right: Array) -> Array:
-    if stable:
-        from scipy.linalg.lapack import dpotrs
-
-        return np.asarray(dpotrs(vectors, right, lower=1)[0])
-    return np.asarray(vectors @ ((vectors.T @ right) / values))
+    return Factors.of(stiffness).softening

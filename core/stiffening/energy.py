@@ -63,6 +63,11 @@ class Energy:
         return cls(Cubic.of(cubic, even), Features.of(forms, even, 0), np.sign(values[kept]), reach)
 
     @property
+    def astray(self) -> bool:
+        """Never: nothing is sought."""
+        return False
+
+    @property
     def count(self) -> int:
         """Number of patterns k."""
         return self.third.count
@@ -75,6 +80,10 @@ class Energy:
     def far(self, q: Array) -> float:
         """Return t = |q / reach|, 0 where nothing bounds it."""
         return 0.0 if self.reach is None else float(np.linalg.norm(q / self.reach))
+
+    def holds(self, q: Array) -> bool:
+        """Return whether the series is trusted there: beyond, what it balances in a drag is off by more than linear."""
+        return self.far(q) <= 1.0
 
     def value(self, q: Array) -> float:
         """Return Phi3 + Phi4."""
@@ -98,6 +107,10 @@ class Energy:
         force, stiffness = third.slope + fourth.slope, third.bend + fourth.bend
         self._last[""] = q.copy(), force, stiffness  # what is shown asks again for what contact was solved with
         return force, stiffness
+
+    def sharpened(self, q: Array) -> tuple[Array, Array]:
+        """Return the same: the stiffness is of that place."""
+        return self.force_and_stiffness(q)
 
     def followed(self) -> Energy:
         """Return itself: it depends on nothing but q."""

@@ -12,8 +12,8 @@ from .energy import WALL
 from .sampled_tissue import SampledTissue
 
 TOLERANCE = 1e-5  # of what is left beneath, over |q|
-FAR = 0.3  # of |q|, beyond which a tangent is taken anew
-SLOW, PATIENCE = 0.5, 6  # a step that leaves more asks for a new tangent, after so many
+FAR = 0.8  # of |q|, beyond which a tangent is taken anew: it takes as long as a hundred steps with an old one
+SLOW, PATIENCE, RENEWED = 0.5, 6, 2  # a step that leaves more asks for a new tangent, after so many, so often
 MIXED = 4  # steps that are mixed
 STEPS, PARTS, SHORTEST = 18, 8, 0.05  # at one q; of the way there where it is not found, and the least of them
 
@@ -41,7 +41,7 @@ class SampledEnergy:
 
     Attributes:
         x: amounts of what is beneath, for the last q or its part within reach, shape (j + r,). left: of their balance,
-            over |q|.
+            over |q|. astray: that balance was not found from where it was last, but by a way led there, if at all.
     """
 
     def __init__(self, tissue: SampledTissue, reach: Array | None = None) -> None:
@@ -59,7 +59,7 @@ class SampledEnergy:
         self._q, self._at = np.zeros(self.count), np.zeros(self.count)
         self._stiffness, self._inverse, self._coupling = self._rest
         self._learned: tuple[tuple[Array, Array], ...] = ()
-        self._astray = False
+        self.astray = self._vain = False
 
     @cached_property
     def _rest(self) -> tuple[Array, Array, Array]:
@@ -76,17 +76,21 @@ class SampledEnergy:
 
     def save(self) -> tuple[Any, ...]:
         """Return where what is beneath was found, and with which tangent."""
-        at = self.x, self.left, self._q, self._at, self._astray, self._learned
+        at = self.x, self.left, self._q, self._at, self.astray, self._vain, self._learned
         return *at, self._stiffness, self._inverse, self._coupling
 
     def restore(self, state: tuple[Any, ...]) -> None:
         """Go back there."""
-        self.x, self.left, self._q, self._at, self._astray, self._learned, *tangent = state
+        self.x, self.left, self._q, self._at, self.astray, self._vain, self._learned, *tangent = state
         self._stiffness, self._inverse, self._coupling = tangent
 
     def far(self, q: Array) -> float:
         """Return t = |q / reach|, 0 where nothing bounds it; q may have what is beneath behind it."""
         return 0.0 if self.reach is None else float(np.linalg.norm(q[: self.count] / self.reach))
+
+    def holds(self, q: Array) -> bool:
+        """Return True: beyond reach, too, it is nearer than linear tissue."""
+        return True
 
     def amounts(self, q: Array) -> Array:
         """Return the last q with what is beneath behind it, shape (k + j + r,)."""
@@ -120,6 +124,13 @@ class SampledEnergy:
         _, pushed, bend = self._wall(q)
         return t * force + pushed, stiffness + bend
 
+    def sharpened(self, q: Array) -> tuple[Array, Array]:
+        """Return the same with the stiffness of that place: a tangent takes a hundred times as long as a slope."""
+        self.force_and_stiffness(q)
+        if q.any():
+            self._take(q / max(self.far(q), 1.0), self.x)
+        return self.force_and_stiffness(q)
+
     def _wall(self, q: Array) -> tuple[float, Array, Array]:
         """Return what keeps q from running away: its value, slope and second derivative."""
         t = self.far(q)
@@ -140,9 +151,10 @@ class SampledEnergy:
             self._take(self._q if np.linalg.norm(self._q - self._at) > 0.3 * FAR * size else q, self.x)
         with np.errstate(over="ignore", invalid="ignore"):  # a step that goes astray is not taken
             found = self._balanced(q, self._expected(q, self._q, self.x), size)
-            if found.left > 10.0 * TOLERANCE and not self._astray:  # who was led in vain is not led again
+            self.astray = found.left > 10.0 * TOLERANCE
+            if self.astray and not self._vain:  # who was led in vain is not led again
                 found = self._led(q, size)
-        self._astray = found.left > 100.0 * TOLERANCE
+        self._vain = found.left > 100.0 * TOLERANCE
         self._q, self.x, self.left = q.copy(), found.x, found.left
         return found.force - self._coupling.T @ (self._inverse @ found.rest), self._stiffness
 
@@ -177,6 +189,7 @@ class SampledEnergy:
         """
         best, before = _Beneath(x, np.zeros(self.count), np.zeros(len(x)), np.inf), np.inf
         last: tuple[Array, Array] | None = None
+        renewed = 0
         for step in range(STEPS):
             force, rest = self.tissue.forces(q, x)
             left = float(np.linalg.norm(rest)) / size
@@ -186,9 +199,9 @@ class SampledEnergy:
                 best = _Beneath(x, force, rest, left)
             if left <= TOLERANCE:
                 break
-            if left > SLOW * before and step >= PATIENCE:
+            if left > SLOW * before and step >= PATIENCE and renewed < RENEWED:
                 self._take(q, best.x)
-                last = None
+                last, renewed = None, renewed + 1
             way = self._inverse @ rest
             if last is not None:
                 self._learned = *self._learned[1 - MIXED :], (x - last[0], way - last[1])

@@ -14,12 +14,21 @@ class StoredEnergy(Protocol):
     """
 
     @property
+    def astray(self) -> bool:
+        """Whether what is beneath was not found from where it was last: such a step is too long, and takes long."""
+        ...
+
+    @property
     def count(self) -> int:
         """Number of patterns k."""
         ...
 
     def far(self, q: Array) -> float:
         """Return how far amounts are, 1 where the energy is trusted no more."""
+        ...
+
+    def holds(self, q: Array) -> bool:
+        """Return whether what is balanced there by force is nearer to tissue than linear tissue is."""
         ...
 
     def force(self, q: Array) -> Array:
@@ -32,6 +41,10 @@ class StoredEnergy(Protocol):
 
     def force_and_stiffness(self, q: Array) -> tuple[Array, Array]:
         """Return slope and second derivative by the patterns, shapes (k,) and (k, k), at amounts of these alone."""
+        ...
+
+    def sharpened(self, q: Array) -> tuple[Array, Array]:
+        """Return the same with the second derivative of that very place, where another may serve for a while."""
         ...
 
     def followed(self) -> StoredEnergy:

@@ -41,10 +41,11 @@ class StiffTangent:
     @classmethod
     def at(cls, energy: StoredEnergy, q: Array) -> StiffTangent:
         """Return that of given amounts."""
-        return cls._of(q, *energy.force_and_stiffness(q))
+        return cls.of(q, *energy.force_and_stiffness(q))
 
     @classmethod
-    def _of(cls, q: Array, force: Array, stiffness: Array) -> StiffTangent:
+    def of(cls, q: Array, force: Array, stiffness: Array) -> StiffTangent:
+        """Return that of given amounts, with what an energy says there."""
         return cls(q, force, stiffness, _bounded(softening(stiffness)))
 
     @property
@@ -67,7 +68,7 @@ class StiffTangent:
             q = self.q + share * step
             force, stiffness = energy.force_and_stiffness(q)
             if share < SHORT or float(np.linalg.norm(z - q - force)) <= WORSE * left:
-                return StiffTangent._of(q, force, stiffness)
+                return StiffTangent.of(q, force, stiffness)
             share *= 0.25
 
 

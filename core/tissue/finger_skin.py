@@ -11,8 +11,6 @@ from ..parameters.error_bands import LINEAR, NEO_HOOKEAN, NEO_HOOKEAN_EXACT
 from ..parameters.skin import SKIN_CONTACT
 from ..skin.model import SkinModel, skin_from_parameters
 from ..skin.stiff_tables import no_exact, no_stiffening
-from .sampled_store import exactly_stiffened
-from .stiffening_store import stiffened
 
 
 def finger_skin(
@@ -52,6 +50,9 @@ def of_tissue(skin: SkinModel, tissue: str) -> SkinModel:
         return skin.with_stiffening(None)
     if skin.stiffening is not None and tissue == NEO_HOOKEAN:
         return skin.matched
+    from .sampled_store import exactly_stiffened  # with what makes such tables, which linear skin has no use for
+    from .stiffening_store import stiffened
+
     try:
         return (exactly_stiffened(skin) if tissue == NEO_HOOKEAN_EXACT else None) or stiffened(skin) or skin
     except DermisError:  # nobody can make its table: what is solved with it says so

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -11,13 +12,14 @@ from ..arrays import Array
 from ..skin.material import Elastic
 from ..skin.model import SkinModel, fingertip_skin
 from ..skin.shape import FingertipShape
+from ..steps import in_words
 from .exact_finger import ExactFinger
 from .held_tissue import HeldTissue
 from .neo_hookean import NeoHookean
 from .sampled_fit import SampledSize, fit_bases, fit_elements
 from .sampled_table import SampledTable
 from .stiffening_fit import reach_of
-from .touches import Touch, touches
+from .touches import Touch, shown, touches
 
 STEPS = 100  # that making one is told in
 TOUCHED = 92  # of the steps: touches
@@ -59,16 +61,15 @@ def fit_table(
     size = size or STANDARD
     yield 0, STEPS
     skin = fingertip_skin(shape, Elastic(poisson=poisson), level=size.level)
-    finger, states = ExactFinger(skin, TOLERANCE), []
-    for n, touch in enumerate(touches(skin, size.touches, seed, depths=DEPTHS, slide=SLIDE)):
-        yield TOUCHED * n // size.touches, STEPS
-        states += states_of(finger, touch)
+    drawn = touches(skin, size.touches, seed, depths=DEPTHS, slide=SLIDE)
+    seen = shown(drawn, partial(states_of, ExactFinger(skin, TOLERANCE)))
+    states = yield from in_words(seen, lambda step: (TOUCHED * step[0] // step[1], STEPS))
     yield TOUCHED, STEPS
-    return table_of(skin, np.array(states), size.fields, key=key)
+    return table_of(skin, states, size.fields, key=key)
 
 
-def states_of(finger: ExactFinger, touch: Touch) -> list[Array]:
-    """Return displacements of all nodes along a touch, as far as Newton's method follows it, (n, 3) each [m]."""
+def states_of(finger: ExactFinger, touch: Touch) -> Array:
+    """Return displacements of all nodes along a touch, as far as Newton's method follows it, shape (s, n, 3) [m]."""
     finger.reset()
     out, before = [], None
     for n, bodies in enumerate(touch.poses()):
@@ -79,7 +80,7 @@ def states_of(finger: ExactFinger, touch: Touch) -> list[Array]:
         before = bodies
         if held.force.any() and (n % KEPT == KEPT - 1 or n == len(touch.ways) - 1):
             out.append(held.displacement)
-    return out
+    return np.array(out).reshape(-1, *finger.displacement.shape)
 
 
 def table_of(skin: SkinModel, states: Array, size: SampledSize, *, key: str = "") -> SampledTable:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -12,6 +13,7 @@ from ..arrays import Array, Indices
 from ..skin.material import Elastic
 from ..skin.model import SkinModel, fingertip_skin
 from ..skin.shape import FingertipShape
+from ..steps import in_words
 from ..stiffening.patterns import Patterns
 from ..stiffening.stiffening import Stiffening
 from .energy_fit import fit_energy
@@ -21,7 +23,7 @@ from .mode_fields import ModeFields
 from .neo_hookean import NeoHookean
 from .pair_modes import PairModes
 from .stress_fit import fit_stress
-from .touches import loads_of, touches
+from .touches import loads_of, shown, touches
 
 Made = TypeVar("Made")
 
@@ -76,7 +78,7 @@ def fit_stiffening(
     size = size or STANDARD
     yield 0, STEPS
     skin = fingertip_skin(shape, Elastic(1.0, poisson, 1.0), level=size.level)
-    loads = yield from _within(_pressed(skin, size.touches, seed), 0)
+    loads = yield from _within(shown(touches(skin, size.touches, seed), partial(loads_of, skin)), 0)
     linear = HeldTissue(NeoHookean(skin.mesh, poisson))
     answers = yield from _within(_answered(linear, _some(loads, ANSWERED)), 1)
     loaded, even = main_patterns(skin.unit_compliance, loads, answers, size.patterns, mirror_of(skin))
@@ -149,14 +151,6 @@ def main_patterns(
     return np.asarray(solve_triangular(root, chosen, lower=True, trans="T")), even
 
 
-def _pressed(skin: SkinModel, count: int, seed: int) -> Generator[tuple[int, int], None, Array]:
-    found = []
-    for n, touch in enumerate(touches(skin, count, seed)):
-        yield n, count
-        found.append(loads_of(skin, touch))
-    return np.concatenate(found)
-
-
 def _answered(linear: HeldTissue, loads: Array) -> Generator[tuple[int, int], None, Array]:
     found = []
     for start in range(0, len(loads), AT_ONCE):
@@ -173,9 +167,4 @@ def _some(samples: Array, count: int) -> Array:
 def _within(steps: Generator[tuple[int, int], None, Made], stage: int) -> Generator[tuple[int, int], None, Made]:
     """Tell a stage's steps as steps of all."""
     low, high = _ENDS[stage], _ENDS[stage + 1]
-    while True:
-        try:
-            done, total = next(steps)
-        except StopIteration as stop:
-            return stop.value
-        yield low + (high - low) * done // total, STEPS
+    return in_words(steps, lambda step: (low + (high - low) * step[0] // step[1], STEPS))

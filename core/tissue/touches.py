@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,6 +59,15 @@ def touches(
     size = 1.0 if skin.shape is None else skin.shape.pulp / FingertipShape().pulp
     rng = np.random.default_rng(seed)
     return [_drawn(skin, size, rng, depths, slide) for _ in range(count)]
+
+
+def shown(drawn: Sequence[Touch], what: Callable[[Touch], Array]) -> Generator[tuple[int, int], None, Array]:
+    """Return what touches show, one after another, shape (s, ...); yields (done, how many)."""
+    found = []
+    for n, touch in enumerate(drawn):
+        yield n, len(drawn)
+        found.append(what(touch))
+    return np.concatenate(found)
 
 
 def loads_of(skin: SkinModel, touch: Touch) -> Array:

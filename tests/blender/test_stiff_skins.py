@@ -145,7 +145,8 @@ def test_a_preview_feels_what_the_bake_feels(pressing: bpy.types.Scene, skins: C
         live = stepped[frame]
         assert (baked.source, live.source, live.tissue, baked.tissue) == ("bake", "live", "neo_hookean", "neo_hookean")
         near = 1e-3 * np.abs(live.force).max() if contact == "points" else 1e-7
-        assert np.abs(live.force - baked.force).max() <= max(near, 1e-6 * np.abs(live.force).max())
+        most = max(float(np.abs(state.force).max()) for state in stepped.values())  # what is kept is rounded by it
+        assert np.abs(live.force - baked.force).max() <= max(near, 1e-6 * np.abs(live.force).max()) + most / 65536
         assert live.amounts is not None and baked.amounts is not None
         assert np.abs(live.amounts - baked.amounts).max() <= 1e-3 * np.abs(live.amounts).max()
         assert live.slide == pytest.approx(baked.slide, rel=1e-2, abs=1e-7)

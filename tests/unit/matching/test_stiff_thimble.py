@@ -83,7 +83,7 @@ def begun(sample: int) -> Follower:
     (x, _, after), following = pressed(), follower(skin(), components())
     matching = following.matching
     angles = device().servo_angles(x[sample])[0] - device().servo_zero
-    matching.restore((x[sample], angles, after[sample], True, np.zeros(3), *matching.save()[5:]))
+    matching.restore((x[sample], angles, after[sample], True, None, *matching.save()[5:]))
     return following
 
 

@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("scipy")
 
-from core.stiffening.balance import FLOOR, TOLERANCE, Balance
+from core.stiffening.balance import FLOOR, TOLERANCE, Balance, Factors
 from core.stiffening.energy import WALL, Energy
 
 COUNT, FEW = 4, 3
@@ -76,6 +76,18 @@ def test_softening_is_what_a_change_of_force_shows() -> None:
         ends.append(other.q)
     slope = (ends[0] - ends[1]) / (2 * h)
     np.testing.assert_allclose(way - one.softening() @ way, slope, rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("soft", [-0.5, -3.0])
+def test_factors_are_of_the_stiffness_or_of_that_with_a_floor(soft: float) -> None:
+    turn = np.linalg.qr(np.random.default_rng(5).normal(size=(COUNT, COUNT)))[0]
+    values = np.array([soft, 0.2, 1.0, 4.0])
+    factors, floored = Factors.of((turn * values) @ turn.T), np.maximum(values, FLOOR - 1.0)
+    assert factors.stable == (soft > FLOOR - 1.0)
+    np.testing.assert_allclose(factors.stiffness, (turn * floored) @ turn.T, atol=1e-12)
+    np.testing.assert_allclose(factors.softening, (turn * (1.0 - 1.0 / (1.0 + floored))) @ turn.T, atol=1e-12)
+    z = np.array([0.3, -1.0, 0.2, 2.0])
+    np.testing.assert_allclose(z - factors.solved(z), factors.softening @ z, atol=1e-12)
 
 
 def test_tissue_that_no_force_holds_is_found_by_who_holds_its_displacement() -> None:

@@ -58,5 +58,5 @@ def test_the_stress_of_displaced_tissue_is_the_laws(problem: Problem) -> None:
     operator = StressOperator(problem.mesh, Elastic(1.0, problem.tissue.poisson, 1.0))
     moved = 0.3 * problem.patterns[0]
     response = problem.tissue.response(moved[None, None])
-    told = displaced_stress(operator, moved, response.nodal[0, 0])
-    np.testing.assert_allclose(told, response.cauchy()[0, 0], rtol=1e-10, atol=1e-12)
+    told, exact = displaced_stress(operator, moved, response.nodal[0, 0]), response.cauchy()[0, 0]
+    np.testing.assert_allclose(told, exact, rtol=0.0, atol=1e-6 * np.abs(exact).max())  # in single precision

@@ -106,6 +106,19 @@ def test_the_force_is_the_slope_of_the_energy() -> None:
     assert abs(2.0 * float(force @ way) - risen) < 0.01 * abs(risen)
 
 
+def test_a_state_that_is_asked_for_again_is_not_worked_out_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is shown of a touch asks for the forces that its contact was solved with."""
+    energy, asked = SampledEnergy(_few()).followed(), []
+    worked_out = SampledTissue._forces
+    monkeypatch.setattr(SampledTissue, "_forces", lambda self, q, x: asked.append(0) or worked_out(self, q, x))
+    q = 0.5 * _bases().amounts[_deep()[0], : energy.count]
+    told = energy.force_and_stiffness(q)[0]
+    count, size = len(asked), float(np.abs(told).max())
+    assert count > 0
+    np.testing.assert_allclose(energy.force(energy.amounts(q)), told, atol=1e-3 * size)
+    assert len(asked) == count
+
+
 def test_tangent_is_the_slope_of_the_forces() -> None:
     tissue, amounts = _few(), _bases().amounts[12]
     k, way = tissue.count, 0.02 * (_bases().amounts[19] - amounts)
@@ -217,3 +230,29 @@ def test_a_homogeneous_stretch_is_that_of_the_law() -> None:
     # powers of the pressure beyond the fourth are left out of the law in pressures
     assert float(force[0]) * size == pytest.approx((nominal - linear) * lengthened, rel=2e-2)
     assert abs(float(rest[1])) < 2e-2 * abs(pressure) * volumes.sum()
+
+
+def test_sharpened_stiffness_is_the_slope_of_the_force() -> None:
+    """Where a tangent from elsewhere would do for the force, and is off by more."""
+    k = _few().count
+    q = _bases().amounts[12][:k]
+    energy, way = SampledEnergy(_few()), 0.01 * _bases().amounts[19][:k]
+    for share in (0.4, 0.7, 0.85, 1.0):
+        stale = energy.force_and_stiffness(share * q)[1]
+    force, sharp = energy.sharpened(q)
+    state = energy.save()
+    more = energy.force_and_stiffness(q + way)[0]
+    energy.restore(state)
+    slope = 0.5 * (more - energy.force_and_stiffness(q - way)[0])
+    assert np.linalg.norm(sharp @ way - slope) < 0.02 * np.linalg.norm(slope) < np.linalg.norm(stale @ way - slope)
+    energy.restore(state)
+    np.testing.assert_allclose(energy.force_and_stiffness(q)[0], force, atol=1e-4 * np.linalg.norm(force))
+
+
+def test_a_step_that_is_too_long_says_so() -> None:
+    energy, q = SampledEnergy(_few()), _bases().amounts[12][: _few().count]
+    for share in (0.25, 0.5, 0.75, 1.0):
+        energy.force_and_stiffness(share * q)
+        assert not energy.astray
+    energy.force_and_stiffness(-8.0 * q)
+    assert energy.astray

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from core.contact.solver import path
+from core.contact.solver import frame_friction
 from core.contact.solver.cone import SLIP, STICK, along
 from core.contact.solver.grip import GripStep
 from core.contact.solver.solve import Solution
@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 
 def at_frame_ends_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let paths follow Coulomb's law at the ends of frames alone, as a disc on the skin does."""
-    monkeypatch.setattr(path, "changing", lambda *_: 0.0)
-    monkeypatch.setattr(path.PathSolver, "_crossed", lambda *_: NONE)
+    monkeypatch.setattr(frame_friction, "changing", lambda *_: 0.0)
+    monkeypatch.setattr(frame_friction, "crossed", lambda *_: NONE)
 
 
 def complementarity_residual(solution: Solution) -> float:

@@ -132,7 +132,7 @@ def _unpacked(path: Path, entry: Mapping[str, Any]) -> Any:
             file = archive.arrays([name for name in archive.names if name.startswith(prefix)])
         own = {name.removeprefix(prefix): array for name, array in file.items()}
         findings = tuple(Finding(**f) for f in entry["findings"])
-        return core.contact.skin_arrays.touch_of(model, own, findings, entry["skipped"])
+        return core.contact.skin_arrays.touch_of(model, own, findings, entry["skipped"]).packed()
 
 
 def export(bake: Any, folder: Path) -> list[Path]:

@@ -22,6 +22,7 @@ The whole skin:
     skin_sampler     chunks of poses -> forces on the skins
     skin_record      one finger meanwhile
     skin_contact     what a skin feels, at a sample and over the range
+    packed_forces    its forces in a tenth of the memory, for what is kept of a bake
     resultants       what that comes to, as series and CSV
 
 `solver/` knows no scene: a compliance and gaps -> forces, along a path or around a grip.

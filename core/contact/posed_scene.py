@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..motion import rotations, singular
-from ..parameters.material import BODY
+from ..parameters.material import BODY, FRICTION
 from ..scene.tactile_scene import Body, Chunk, Mesh
 from .posed_body import Posed, PosedBody
 from .proximity import RelativePoses
@@ -132,11 +131,7 @@ class PosedScene:
         """Return a body at a sample, in the frame of a finger with this rotation (3, 3) and place [m] in the world."""
         posed = self._bodies[b].at(i)
         stiffness = self._value(b, i, "surface_stiffness")
-        return replace(
-            _seen(posed, turn, place),
-            friction=self._value(b, i, "friction"),
-            softness=1.0 / stiffness if stiffness > 0 else 0.0,
-        )
+        return _seen(posed, turn, place, self._value(b, i, "friction"), 1.0 / stiffness if stiffness > 0 else 0.0)
 
     def _value(self, b: int, i: int, name: str) -> float:
         """Return a body's parameter at a sample: animated, constant, or what holds where nobody says."""
@@ -144,6 +139,14 @@ class PosedScene:
         return float(self._headers[b].parameters.get(name, BODY[name].absent) if series is None else series[i])
 
 
-def _seen(posed: Posed, turn: Array, place: Array) -> ContactBody:
-    rotation, translation = turn.T @ posed.turn, turn.T @ (posed.origin - place)
-    return ContactBody(posed.surface, rotation, translation, deforms=posed.deforms, carry=posed.carry)
+def _seen(posed: Posed, turn: Array, place: Array, friction: float = FRICTION, softness: float = 0.0) -> ContactBody:
+    back = turn.T
+    return ContactBody(
+        posed.surface,
+        back @ posed.turn,
+        back @ (posed.origin - place),
+        friction,
+        softness,
+        deforms=posed.deforms,
+        carry=posed.carry,
+    )

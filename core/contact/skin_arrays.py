@@ -48,7 +48,7 @@ def touch_of(
     return SkinContact(
         model=model,
         contact=arrays["contact"].astype(np.intp),
-        force=arrays["force"],
+        held=arrays["force"],
         findings=findings,
         skipped=skipped,
         points=_points(model, arrays),

@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..errors import Finding
 from ..skin.model import SkinModel
+from ..skin.nodal_forces import NodalForces
 from ..skin.point_forces import PointForces
 from ..skin.stimulus import Stimulus
 from ..skin.surface_compliance import SurfaceCompliance
 from ..skin.surface_store import smooth_pad
+from .packed_forces import PackedForces, PackedPoints, SpreadForces
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +79,8 @@ class SkinContact:
         model: the skin.
         times, frames: of the samples, shape (n,).
         contact: samples in which the skin touches, rising, shape (k,).
-        force: on the pad nodes in the finger's frame in those samples [N], shape (k, m, 3), float32.
+        held: the forces on the pad nodes in the finger's frame in those samples [N], shape (k, m, 3), float32; of a
+            finished bake packed. `force` is the array.
         normal_force, tangential_force: total over the pad [N], shape (n,).
         depth: how deep the undeformed skin is in an object, 0 without contact [m], shape (n,).
         lift: how far the bone gave way (compliant touch depth) [m], shape (n,).
@@ -96,7 +99,7 @@ class SkinContact:
     times: Array
     frames: Array
     contact: NDArray[np.intp]
-    force: NDArray[np.float32]
+    held: NDArray[np.float32] | PackedForces | SpreadForces
     normal_force: Array
     tangential_force: Array
     depth: Array
@@ -105,7 +108,7 @@ class SkinContact:
     slipping: NDArray[np.int32]
     findings: tuple[Finding, ...]
     skipped: Mapping[str, int]
-    points: PointRecord | None = None
+    points: PointRecord | PackedPoints | None = None
     amounts: NDArray[np.float32] | None = None
     slide: Array | None = None
 
@@ -126,18 +129,50 @@ class SkinContact:
         if self.model.matched is self.model:
             return self
         model, points = self.model.matched, self.points
-        works = self.force.reshape(len(self.force), -1).astype(np.float64) @ model.stiff.pad
+        works = self.force.reshape(len(self.held), -1).astype(np.float64) @ model.stiff.pad
         if points is not None:
             points = replace(points, surface=smooth_pad(model) or points.surface.with_stiffening(model.stiffening))
-            here = [points.at(k) for k in range(len(self.force))]
+            here = [points.at(k) for k in range(len(self.held))]
             works = np.array([np.einsum("ni,nik->k", one.force, points.surface.patterns(one.cells)) for one in here])
         felt = np.array([model.stiff.balanced(work / model.material.modulus) for work in works], np.float32)
         return replace(self, model=model, amounts=felt if len(felt) else None, points=points)
 
+    @property
+    def force(self) -> NDArray[np.float32]:
+        """The forces on the pad nodes in the samples in contact [N], shape (k, m, 3); unpacked anew each time."""
+        return np.asarray(self.held)
+
+    @property
+    def nbytes(self) -> int:
+        """How much memory its arrays take, without the model."""
+        arrays = [value for value in self.__dict__.values() if isinstance(value, np.ndarray | PackedForces)]
+        if isinstance(self.points, PackedPoints):
+            arrays.append(self.points.packed)
+        elif self.points is not None:
+            arrays += [self.points.starts, self.points.cells, self.points.force]
+        return sum(array.nbytes for array in arrays)
+
+    def packed(self) -> SkinContact:
+        """Return the same in a tenth of the memory, for whom it is kept; see `PackedForces` for what forces lose.
+
+        Forces on nodes are then those of the points, brought to the nodes.
+        """
+        if not isinstance(self.held, np.ndarray):
+            return self
+        if isinstance(self.points, PointRecord):
+            surface, record = self.points.surface, self.points
+            parts = [slice(a, b) for a, b in zip(record.starts[:-1], record.starts[1:], strict=True)]
+            points = PackedForces(((record.cells[p], record.force[p]) for p in parts), len(surface.chart.places))
+            nodes = NodalForces.of(self.model.mesh, surface.chart)
+            return replace(self, held=SpreadForces(points, nodes), points=PackedPoints(surface, points))
+        loaded = ((np.flatnonzero(force.any(axis=1)), force) for force in self.held)
+        packed = PackedForces(((nodes, force[nodes]) for nodes, force in loaded), self.model.pad_count)
+        return replace(self, held=packed)
+
     def force_at(self, sample: int) -> Array:
         """Return the forces of one sample [N], shape (m, 3); zeros without contact."""
         at = self._place_of(sample)
-        return np.zeros((self.model.pad_count, 3)) if at is None else self.force[at].astype(np.float64)
+        return np.zeros((self.model.pad_count, 3)) if at is None else self.held[at].astype(np.float64)
 
     def points_at(self, sample: int) -> PointForces | None:
         """Return the forces of one sample where they act; None without contact, or where it was solved on nodes."""

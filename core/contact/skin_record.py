@@ -60,7 +60,7 @@ class SkinRecord:
             times=times,
             frames=frames,
             contact=np.array(self._contact, dtype=np.intp),
-            force=np.array(self._force, dtype=np.float32).reshape(-1, model.pad_count, 3),
+            held=np.array(self._force, dtype=np.float32).reshape(-1, model.pad_count, 3),
             normal_force=scalars[:, 0],
             tangential_force=scalars[:, 1],
             depth=scalars[:, 2],

@@ -2,11 +2,13 @@
 
 It is the broad phase about the whole fingertip, the bodies posed in the finger's frame, one step of the path solver
 behind the touch depth, and what that comes to. A sweep steps it through its chunks; a preview steps it through the
-frames that somebody visits, and takes a step back where a frame is solved anew.
+frames that somebody visits, and takes a step back where a frame is solved anew. The solver is built once something is
+near: a finger that touches nothing is boxes and a count.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
@@ -22,7 +24,7 @@ from ..skin.point_forces import PointForces
 from ..skin.stiff_tables import no_exact, no_stiffening
 from ..skin.surface_store import no_smooth_pad, smooth_pad
 from .coarse_touches import CoarseTouches
-from .compliant_bone import BoneStep, CompliantBone
+from .compliant_bone import BoneStep, CompliantBone, touch_depth
 from .posed_scene import PosedScene
 from .proximity import Proximity
 from .sample_window import Approach
@@ -30,7 +32,7 @@ from .skin_contact import SkinStep
 from .solver.bodies import AWAY, ContactBody
 from .solver.cone import SLIP, STICK
 from .solver.grip import GripStep
-from .solver.point_path import PointSolver
+from .solver.point_path import REACH, PointSolver
 
 
 class SkinStepper:
@@ -66,13 +68,26 @@ class SkinStepper:
             self._told += (no_stiffening(skin.shape, self.name),)
         elif tissue == NEO_HOOKEAN_EXACT and skin.tissue != tissue:
             self._told += (no_exact(self.name),)
-        self.bone = CompliantBone.of(skin, finger.parameters, self.name, tolerance, self.surface)
+        touch_depth(finger.parameters, self.name)  # refused now, not when something comes near
+        self._bone: CompliantBone | None = None
+        self._idle = 0  # samples before there was a bone
         self._coarse = None if self.on_points else CoarseTouches(skin.mesh, self.name)
         self.far = 0
         self._scene = scene
         self._low, self._high = skin.positions.min(axis=0), skin.positions.max(axis=0)
         self._order: list[int] = []  # bodies it has ever been near; only ever grows
-        self._proximity = Proximity(self.bone.solver.places, self.bone.solver.bone)
+        self._radius = REACH if self.on_points else self.bone.solver.search_radius
+
+    @property
+    def bone(self) -> CompliantBone:
+        """The path solver behind the touch depth; made when it is first asked for."""
+        if self._bone is None:
+            self._bone = CompliantBone.of(self.skin, self._finger.parameters, self.name, self._tolerance, self.surface)
+            self._at_first = self._bone.save()
+            self._proximity = Proximity(self._bone.solver.places, self._bone.solver.bone)
+            if self._idle:
+                self._bone.idle(self._idle)
+        return self._bone
 
     def approach(self) -> Approach:
         """Find the bodies whose boxes come within reach of the fingertip's in the chunk, and in which samples.
@@ -84,7 +99,7 @@ class SkinStepper:
         """
         turn, place = self._scene.turns()[self.index], self._scene.chunk.fingers[self.index, :, :3, 3]
         middle = place + turn @ ((self._low + self._high) / 2)
-        half = np.abs(turn) @ ((self._high - self._low) / 2) + self.bone.solver.search_radius
+        half = np.abs(turn) @ ((self._high - self._low) / 2) + self._radius
         box_middle, box_half = self._scene.boxes()
         inside = (np.abs(middle - box_middle) <= half + box_half).all(axis=2) & ~self._scene.flat()
         self.far += int((~inside).sum())
@@ -95,6 +110,8 @@ class SkinStepper:
 
     def step(self, approach: Approach, i: int, *, coarse: bool = False) -> SkinStep:
         """Solve sample `i` of the chunk; `coarse`: walk there in few steps, see `cut`."""
+        if self._bone is None and not approach.close(i):
+            return self.idle()
         self.bone.sub_steps.coarse, self.bone.sub_steps.cut = coarse, False
         bodies = self.around(approach, i)
         if all(body.away for body in bodies):
@@ -104,7 +121,10 @@ class SkinStepper:
 
     def idle(self, count: int = 1) -> SkinStep:
         """Take samples in which nothing is near; history ends there."""
-        self.bone.idle(count)
+        if self._bone is None:
+            self._idle += count
+        else:
+            self._bone.idle(count)
         if self._coarse is not None:
             self._coarse.end()
         return SkinStep(np.zeros((self.skin.pad_count, 3)))
@@ -163,7 +183,7 @@ class SkinStepper:
     @property
     def cut(self) -> bool:
         """Whether the last sample was walked to in fewer steps than its friction takes."""
-        return self.bone.sub_steps.cut
+        return self._bone is not None and self._bone.sub_steps.cut
 
     @property
     def on_points(self) -> bool:
@@ -184,18 +204,23 @@ class SkinStepper:
     def stay_on_nodes(self) -> None:
         """Solve contact at the mesh's nodes, from rest; `SkinSampler` says why."""
         self.surface, self._coarse = None, CoarseTouches(self.skin.mesh, self.name)
-        self.bone = CompliantBone.of(self.skin, self._finger.parameters, self.name, self._tolerance)
-        self._proximity = Proximity(self.bone.solver.places, self.bone.solver.bone)
+        self._bone, self._idle = None, 0
+        self._radius = self.bone.solver.search_radius
 
     def save(self) -> Mapping[str, Any]:
         """Return the state between two samples, for `restore`: a sample may then be solved anew."""
         coarse = None if self._coarse is None else self._coarse.save()
-        return {"bone": self.bone.save(), "far": self.far, "coarse": coarse}
+        bone = None if self._bone is None else self._bone.save()
+        return {"bone": bone, "idle": self._idle, "far": self.far, "coarse": coarse}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go back to a saved state."""
-        self.bone.restore(state["bone"])
-        self.far = state["far"]
+        if state["bone"] is not None:
+            self.bone.restore(state["bone"])
+        elif self._bone is not None:  # it was made since
+            self._bone.restore(self._at_first)
+            self._bone.idle(state["idle"])
+        self._idle, self.far = state["idle"], state["far"]
         if self._coarse is not None:
             self._coarse.restore(state["coarse"])
 
@@ -203,12 +228,13 @@ class SkinStepper:
     def findings(self) -> tuple[Finding, ...]:
         """What did not converge or went too deep, where a force limit was not kept, and how fine contact is solved."""
         coarse = () if self._coarse is None else self._coarse.findings
-        return self._told + self.bone.solver.findings + self.bone.findings + coarse
+        own = () if self._bone is None else self._bone.solver.findings + self._bone.findings
+        return self._told + own + coarse
 
     @property
     def counters(self) -> Mapping[str, int]:
         """How often what was done, see `PathSolver`."""
-        return self.bone.solver.counters
+        return Counter(idle=self._idle) if self._bone is None else self._bone.solver.counters
 
 
 def _skin_step(bone: BoneStep, points: PointForces | None = None) -> SkinStep:

@@ -84,7 +84,7 @@ class TriangleTree:
         place = self._place(x, limit)
         if x.shape[1] * place.nodes.size > most:
             return None
-        square, height = place.measured(x)
+        square, height, slack = place.measured(x)
         upper = np.full(len(points), limit)
         if place.nodes.size > 1:
             some = self._some(x, place.nodes.take(square.argmin(axis=1)), place.depth)
@@ -93,7 +93,8 @@ class TriangleTree:
         upper += ROUNDED * (self._extent + float(np.abs(x).max()))
         bound = np.square(upper, dtype=np.float32)
         below = _below(square, height, place.shapes)
-        near = (below <= (bound + place.slack(x))[:, None]).reshape(-1).nonzero()[0]
+        below -= place.slack
+        near = (below <= (bound + slack)[:, None]).reshape(-1).nonzero()[0]
         owner = near // place.nodes.size
         node = place.nodes.take(near - owner * place.nodes.size)
         deeper = self._levels[place.depth + 1 :]
@@ -164,6 +165,9 @@ class _Place:
     Args:
         depth: of the level. nodes: which of its groups, shape (k,). shapes: of those, shape (8 or 12, k).
         middle, half: of the place and its size [m]. limit: distance of interest there [m]. count: of points, about.
+
+    Attributes:
+        slack: by how much squared distances to each shape may be rounded, for where it is [m^2], shape (k,).
     """
 
     def __init__(
@@ -174,8 +178,10 @@ class _Place:
         self.low, self.high, self.coarse = middle - half, middle + half, False
         self._middle = middle[:, None]
         centre = shapes[:3] - self._middle
-        self._farthest = np.square(centre).sum(axis=0).max(initial=0.0)
-        rows = [[*(-2.0 * centre), (centre * centre).sum(axis=0), np.ones_like(centre[0])]]
+        away = (centre * centre).sum(axis=0)
+        # how far squared distances may be rounded [m^2], by each shape's part: what is near is told apart most finely
+        self.slack = (ROUNDED_PRODUCT * away).astype(np.float32)
+        rows = [[*(-2.0 * centre), away, np.ones_like(away)]]
         rows += [
             [*axis, -(centre * axis).sum(axis=0), np.zeros_like(centre[0])]
             for axis in (shapes[3:6], shapes[8:11])
@@ -183,19 +189,18 @@ class _Place:
         ]
         self._matrices = np.array(rows, dtype=np.float32)
 
-    def measured(self, x: Single) -> tuple[Single, Single]:
-        """Return squared distances of points (3, n) to the middles of the shapes, and heights above, shape (n, k)."""
+    def measured(self, x: Single) -> tuple[Single, Single, Single]:
+        """Return squared distances of points (3, n) to the middles of the shapes, and heights above, shape (n, k).
+
+        With by how much squared distances may be rounded besides `slack`, by each point's part [m^2], shape (n,).
+        """
         columns = np.ones((5, x.shape[1]), dtype=np.float32)
         away = np.subtract(x, self._middle, out=columns[:3])
         np.add.reduce(away * away, out=columns[4])
         square, height, *along = columns.T @ self._matrices
         if along:
             _beside(square, along[0], self.shapes[11])
-        return square, height
-
-    def slack(self, x: Single) -> float:
-        """Return how far squared distances may be rounded, at most [m^2]."""
-        return ROUNDED_PRODUCT * (self._farthest + 3.0 * float(np.square(x - self._middle).max(initial=0.0)))
+        return square, height, columns[4] * np.float32(ROUNDED_PRODUCT)
 
 
 def _measured(x: Single, shapes: Single) -> tuple[Single, Single, Single]:

@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 from ...arrays import Array
 
 RELAXATION = 1.7
+# Forces so many times as large as any that it is asked about belong to an iteration that runs away: where tissue gives
+# way a tangent is not positive definite.
+AWAY = 1e6
 
 
 class State(NamedTuple):
@@ -37,11 +40,13 @@ class Inverse(Protocol):
 
 
 class Sweep(NamedTuple):
-    """What iterating came to: the state, the iterations, and whether both residuals met the tolerance."""
+    """What iterating came to: the state, the iterations, whether both residuals met the tolerance, and whether it ran
+    away, which leaves the state that it started from."""
 
     state: State
     iterations: int
     converged: bool
+    lost: bool = False
 
 
 def iterate(
@@ -75,7 +80,8 @@ def iterate(
     keep = 1.0 - RELAXATION
     target = tolerance * tolerance
     column = friction[:, None]
-    floor = 1e-300
+    floor, pressed = 1e-300, offset / rho
+    most = AWAY**2 * max(float(part @ part) for part in (f, y.reshape(-1), pressed, z.reshape(-1)))
     iteration, converged = 0, False
     while iteration < max_iterations and not converged:
         iteration += 1
@@ -100,10 +106,15 @@ def iterate(
         tangential += vn * normals
         y = v
         y -= tangential
-        primal = (force - tangential).reshape(-1)
         z -= tangential
         dual = z.reshape(-1)
         z = tangential
         flat = z.reshape(-1)
-        converged = bool(primal @ primal + dual @ dual <= target * (flat @ flat))
+        size = flat @ flat
+        if not size <= most:
+            return Sweep(start, iteration, False, True)
+        moved, allowed = dual @ dual, target * size
+        if moved <= allowed:  # mostly it is still moving, and nothing else need be asked
+            primal = (force - tangential).reshape(-1)
+            converged = bool(primal @ primal + moved <= allowed)
     return Sweep(State(z, y), iteration, converged)

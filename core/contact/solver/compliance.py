@@ -52,5 +52,10 @@ def ends(matrix: NDArray[np.float64], name: str) -> tuple[float, float]:
     return float(low @ matrix @ low), float(high @ matrix @ high)
 
 
+def own_compliance(matrix: NDArray[np.floating]) -> Array:
+    """Return the mean compliance of each node to its own force [m/N], shape (m,), of one of shape (3 m, 3 m)."""
+    return np.asarray(matrix.diagonal().reshape(-1, 3).mean(axis=1), dtype=np.float64)
+
+
 def _unit(vector: Array) -> Array:
     return vector / np.linalg.norm(vector)

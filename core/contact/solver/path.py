@@ -1,13 +1,13 @@
 """Contact along a path: frame after frame, with friction's history, and without work where nothing happens.
 
-Each frame goes: gaps, the offset b from the anchors, shifted where slip turns (`within_frame.py`), a start extrapolated
-from the last two frames, the alternating method on the nodes that may touch, a float64 check against the whole
-compliance, and the fallback where that fails.
+Each frame goes: gaps, the offset b from the anchors, shifted where slip turns (`frame_friction.py`), a start
+extrapolated from the last two frames, the alternating method on the nodes that may touch, a float64 check against the
+whole compliance, and float64 with every method there is where that fails (`stiff_fallback.py` where skin stiffens).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,17 +16,20 @@ from numpy.typing import NDArray
 
 from ...arrays import Array, Floats32, Indices
 from ...errors import DermisError, Finding
+from ...stiffening.tangent import StiffTangent
 from .admm import State, iterate
 from .bodies import BONE, ContactBody, Expected, NodeGaps, node_gaps, same_places
 from .candidates import CandidateInverse
-from .compliance import Compliance, Linear, ends
-from .cone import OPEN, STICK, along, assess
+from .compliance import Compliance, Linear, ends, own_compliance
+from .cone import along, assess
+from .frame_friction import UNMOVED, FrameFriction
 from .history import ContactHistory
 from .notes import Notes
 from .path_step import PathStep
 from .solve import Solution, solve, status_of
+from .solved_frame import SolvedFrame
+from .stiff_fallback import held_by_stiff
 from .stiff_skin import StiffSkin, Tangent
-from .within_frame import NONE, STILL, Drift, Shifts, WithinFrame, changing, crossed, entered
 
 __all__ = ["DEPTH_LIMIT", "TOLERANCE", "Compliance", "Linear", "PathSolver", "PathStep"]
 
@@ -39,18 +42,14 @@ MAX_ITERATIONS = 300
 # An iteration that stands still at once, while the check fails, so many times in a frame gets no further.
 MAX_ROUNDS = 30
 SHARPER = 0.1
-USABLE = 0.05  # residual up to which the best that was found of skin that stiffens is better than linear skin
 # Iterations up to which a frame counts as easy: the next may need none.
 EASY = 3
-# Slip in a frame below this [m] is rest: the same pose then needs no new solve.
-AT_REST = 1e-9
 # Depth that linear skin is still trusted at [m]: against a neo-Hookean one its stress is then off by a third.
 DEPTH_LIMIT = 2e-3
 # In a frame skin comes out by no more than this multiple of its displacement in the last, and a margin [m].
 BULGE, MARGIN = 1.5, 0.3e-3
 # What a frame changes, besides the history; each is replaced, never written into.
-_WAY = "_drift", "_changing"
-_STATE = ("_force", "_y", "_last", "_image", "_step", "_bodies", "_at_rest", "frames", "_soft", "_rho", *_WAY)
+_STATE = ("_force", "_y", "_last", "_image", "_step", "_bodies", "_at_rest", "frames", "_soft", "_rho", "_rubbing")
 
 
 class PathSolver:
@@ -76,7 +75,7 @@ class PathSolver:
         DermisError: shapes that do not fit, or a compliance that is not positive definite.
     """
 
-    tangents = 12  # of skin that stiffens, in the float64 solution of a frame
+    lines = 12  # through the law of skin that stiffens, in the float64 solution of a frame
 
     def __init__(
         self,
@@ -101,6 +100,7 @@ class PathSolver:
                 "the compliance does not fit the nodes", where=name, value=c.shape, limit=f"({3 * m}, {3 * m})"
             )
         self._c = c
+        self._own = own_compliance(c)
         low, high = ends(c, name)
         self._skin_rho = self._rho = np.full((m, 1), np.sqrt(low * high))
         self._soft = np.zeros(m)  # of what lies below each node [m/N]
@@ -153,7 +153,7 @@ class PathSolver:
         self._y = self._zero
         self._last: tuple[Array, Array] | None = None
         self._image = self._zero
-        self._drift, self._changing = STILL, 0.0
+        self._rubbing = UNMOVED
         self._step: PathStep | None = None
         self._bodies: tuple[ContactBody, ...] = ()
         self._at_rest = False
@@ -288,16 +288,8 @@ class PathSolver:
 
     def _expected(self, bodies: Sequence[ContactBody]) -> Expected:
         """Return where the skin is to be looked for in the next frame."""
-        return self.history.expected(bodies, self.points + self._image, self.search_radius, self._ahead(bodies))
-
-    def _ahead(self, bodies: Sequence[ContactBody]) -> Callable[[Array], Array] | None:
-        """Return what says how far skin that slips is expected to move, for how far its anchors moved."""
-        at, drift, owner = self.loaded.nonzero()[0], self._drift, self.history.body
-        at = at[owner[at] >= 0]
-        if drift is STILL or not at.size or any(bodies[k].away for k in set(owner[at].tolist())):
-            return None
-        load = np.sqrt(along(self._force[at], self._force[at]))
-        return lambda moved: drift.next(-(load @ moved[at]) / load.sum())
+        ahead = self._rubbing.ahead(bodies, self.history, self._force, self.loaded)
+        return self.history.expected(bodies, self.points + self._image, self.search_radius, ahead)
 
     def pressing(self, start: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices) -> float:
         """Return how far surfaces press on at nodes, from where bodies were [m]."""
@@ -313,22 +305,19 @@ class PathSolver:
         soft = gaps.compliance(self.areas, self.name)
         if not np.array_equal(soft, self._soft):
             self._weigh(soft)
-        way, shifts, left = None, NONE, NONE
-        rubs = not from_rest and bool(gaps.friction.any())
-        if rubs and self._changing > 0.0:
-            way = WithinFrame(gaps, self.history, self._force, b + self._image)
-            shifts = way.expected(self._own(way.nodes), self._changing)
-            b[shifts.nodes] += shifts.shift
-        solution, y, image, work = self._solve(b, gaps, soft)
-        if rubs and work == "solved":
-            left = self._crossed(solution, gaps, soft)
-        self._drift = STILL if way is None else Drift.of(gaps, solution.force, image - self._image, way.passed)
-        self._remember(solution, y, image, gaps, soft, shifts, left)
-        self.history.swept = self._zero if way is None else way.swept
+        friction = FrameFriction(gaps, self.history, self.loaded, self._matrix, self._own, soft)
+        if not from_rest:
+            friction.foresee(self._force, b, self._image, self._rubbing.changing)
+        solved = self._solve(b, gaps, soft)
+        solution, image, work = solved.solution, solved.image, solved.work
+        if not from_rest and work == "solved":
+            friction.notice(solution)
+        self._remember(solved, friction)
         nodal = self._zero if part else self.nodal(solution.force)
         step = PathStep(solution, image, gaps, work, from_rest, nodal, self.amounts)
         if part:
             self.counters["parts"] += 1
+            self._at_rest = False  # a frame in the same place has forces on the nodes, which a part has not
         else:
             self._report(step, self.frames if scene_frame is None else scene_frame)
             self.counters[work] += 1
@@ -352,8 +341,7 @@ class PathSolver:
             force, displacement, gaps.normal, gaps.friction, status, EASY + 1, residual, CHECK * self.tolerance, "admm"
         )
         self._last, self._force, self._y, self._image = None, force, displacement / -self._rho, self._apply(force)
-        self._bodies, self._at_rest, self._drift = gaps.bodies, False, STILL
-        self._changing = 0.0
+        self._bodies, self._at_rest, self._rubbing = gaps.bodies, False, UNMOVED
         self.counters["held"] += 1
         self._step = PathStep(solution, self._image, gaps, "solved", from_rest, self.nodal(force), self.amounts)
         self._report(self._step, self.frames if scene_frame is None else scene_frame)
@@ -370,16 +358,7 @@ class PathSolver:
         self._last = self._last and (self._last[0], self._last[1] * share)
         self._soft, self._rho, self._candidates.rho = soft, rho, rho[:, 0]
 
-    def _crossed(self, solution: Solution, gaps: NodeGaps, soft: Array) -> Shifts:
-        """Return by how much the slip of what came to touch is to be shifted."""
-        new = entered(solution, gaps, self.history, self.loaded)
-        if not new.size:
-            return NONE
-        rows = 3 * new[:, None] + np.arange(3)
-        own = self._matrix[rows[:, :, None], rows[:, None, :]] + soft[new, None, None] * np.eye(3)
-        return crossed(new, solution, self.history.gap[new], own)
-
-    def _solve(self, b: Array, gaps: NodeGaps, soft: Array) -> tuple[Solution, Array, Array, str]:
+    def _solve(self, b: Array, gaps: NodeGaps, soft: Array) -> SolvedFrame:
         normal, mu, rho = gaps.normal, gaps.friction, self._rho
         goal = CHECK * self.tolerance
         start, image = self._force, self._image
@@ -392,7 +371,8 @@ class PathSolver:
         residual, status = assess(start, w, normal, mu, 1.0 / rho) if allowed else (np.inf, self._status)
         if residual <= allowed:
             method = "admm" if start.any() else "none"
-            return Solution(start, w, normal, mu, status, 0, residual, goal, method), w / -rho, image, "unchanged"
+            solution = Solution(start, w, normal, mu, status, 0, residual, goal, method)
+            return SolvedFrame(solution, w / -rho, image, "unchanged")
         self._candidates.follow(gaps.clearance, self.loaded, self._spacing, soft)
         reference = start
         force, y = self._extrapolated(start, w)
@@ -422,10 +402,12 @@ class PathSolver:
             rounds += 1
             force = np.zeros_like(self._zero)
             force[members] = iteration.state.z
-            if not np.isfinite(iteration.state.z).all():
+            if iteration.lost:
                 return self._fall_back(start, b, gaps, soft, iterations)
             image = self._apply(force)
             if stiff is not None:
+                if stiff.balance.energy.astray:
+                    return self._fall_back(start, b, gaps, soft, iterations)
                 stiff.learn()
             w = image + soft[:, None] * force + b
             y = w / -rho
@@ -435,7 +417,8 @@ class PathSolver:
             if residual <= goal and self._balanced(goal):
                 if stiff is not None:
                     stiff.lost = False
-                return Solution(force, w, normal, mu, status, iterations, residual, goal, "admm"), y, image, "solved"
+                solution = Solution(force, w, normal, mu, status, iterations, residual, goal, "admm")
+                return SolvedFrame(solution, y, image, "solved")
             if stiff is not None and residual > 0.5 * before:
                 sharp *= SHARPER  # where tissue nearly gives way, an iteration stands still long before its answer
             before = residual
@@ -455,56 +438,63 @@ class PathSolver:
         easy = self._step is None or self._step.solution.iterations <= EASY
         return UNCHANGED * self.tolerance if easy else 0.0
 
-    def _fall_back(
-        self, force: Array, b: Array, gaps: NodeGaps, soft: Array, iterations: int
-    ) -> tuple[Solution, Array, Array, str]:
+    def _fall_back(self, force: Array, b: Array, gaps: NodeGaps, soft: Array, iterations: int) -> SolvedFrame:
         """Solve the frame in float64 with every method there is."""
         self.counters["fallback"] += 1
         near = np.flatnonzero(gaps.body >= 0)
-        if self._stiff is None or self._stiff.still:
+        stiff = None if self._stiff is None or self._stiff.still else self._stiff
+        if stiff is None:
             return self._solved_exactly(near, force, b, gaps, soft, iterations)
-        best = None
-        self._stiff.go_back()
-        start = np.where((gaps.body >= 0)[:, None], self._force, 0.0)
-        for _ in range(0 if self._stiff.lost else self.tangents):
-            found = self._solved_exactly(near, start, b, gaps, soft, iterations)
-            start, iterations, off = found[0].force, found[0].iterations, found[0].residual
-            if not np.isfinite(off):
-                break
-            if best is None or off < best[0].residual:
-                best = found
-            if found[0].converged and self._balanced(CHECK * self.tolerance):
-                return found
-        if best is not None and best[0].residual <= USABLE:
-            return best
+
+        def solved(line: StiffTangent, start: Array, taken: int) -> SolvedFrame:
+            return self._solved_exactly(near, start, b, gaps, soft, taken, line)
+
+        begin = np.where((gaps.body >= 0)[:, None], self._force, 0.0)
+        held = held_by_stiff(stiff, solved, begin, iterations, self.lines, CHECK * self.tolerance)
+        if held is not None:
+            return held
         # no balance was found, or none is near: what linear skin does, which says that it did not converge
-        self._stiff.rest()
-        linear, y, image, work = self._solve(b, gaps, soft)
-        self._stiff.still = False
-        return replace(linear, residual=max(linear.residual, 1.0)), y, image, work
+        stiff.rest()
+        linear = self._solve(b, gaps, soft)
+        stiff.still = False
+        return linear._replace(solution=replace(linear.solution, residual=max(linear.solution.residual, 1.0)))
 
     def _solved_exactly(
-        self, near: Indices, start: Array, b: Array, gaps: NodeGaps, soft: Array, iterations: int
-    ) -> tuple[Solution, Array, Array, str]:
-        beyond: Array | float = 0.0
-        if self._stiff is not None:
-            beyond = self._stiff.past_tangent(start, near)
-        exact, more, method = self._exactly(near, b[near] - beyond, gaps, soft[near], start[near])
+        self,
+        near: Indices,
+        start: Array,
+        b: Array,
+        gaps: NodeGaps,
+        soft: Array,
+        iterations: int,
+        line: StiffTangent | None = None,
+    ) -> SolvedFrame:
+        """Solve a frame in float64, on skin that stiffens along a line through its law."""
+        stiff = None if line is None else self._stiff
+        if stiff is None or line is None:
+            exact, more, method = self._exactly(near, b[near], gaps, soft[near], start[near], 0.0)
+        else:
+            less, offset = stiff.matrix(line, near), b[near] - stiff.offset(line, near)
+            exact, more, method = self._exactly(near, offset, gaps, soft[near], start[near], less)
         force = np.zeros_like(self._zero)
         force[near] = exact
-        image = self._apply(force)
+        image = self._linear(force)
+        if stiff is not None and line is not None:
+            image = image - stiff.along(line, force)
         w = image + soft[:, None] * force + b
         residual, status = assess(force, w, gaps.normal, gaps.friction, 1.0 / self._rho)
         found = Solution(
             force, w, gaps.normal, gaps.friction, status, iterations + more, residual, CHECK * self.tolerance, method
         )
-        return found, w / -self._rho, image, "solved"
+        return SolvedFrame(found, w / -self._rho, image, "solved")
 
-    def _exactly(self, near: Indices, b: Array, gaps: NodeGaps, soft: Array, start: Array) -> tuple[Array, int, str]:
-        """Return forces on some nodes [N], the iterations they took and the method."""
+    def _exactly(
+        self, near: Indices, b: Array, gaps: NodeGaps, soft: Array, start: Array, less: Array | float
+    ) -> tuple[Array, int, str]:
+        """Return forces on some nodes [N], of a compliance less a matrix, the iterations they took and the method."""
         rows = (3 * near[:, None] + np.arange(3)).reshape(-1)
         found = solve(
-            self._c[rows[:, None], rows] - (0.0 if self._stiff is None else self._stiff.matrix(near)),
+            self._c[rows[:, None], rows] - less,
             b,
             gaps.friction[near],
             normals=gaps.normal[near],
@@ -521,30 +511,15 @@ class PathSolver:
         last_force, last_y = self._last
         return 2.0 * force - last_force, 2.0 * self._y - last_y
 
-    def _remember(
-        self, solution: Solution, y: Array, image: Array, gaps: NodeGaps, soft: Array, shifts: Shifts, left: Shifts
-    ) -> None:
-        """Keep a frame, solved with slip shifted, where some of that is left to the next frame."""
-        w, normal = solution.displacement, gaps.normal
-        gap = along(w, normal)
-        sticking = solution.status == STICK
-        # on the body's surface; the tangential part is w itself, the very slip that the solver saw
-        positions = self.points + image + soft[:, None] * solution.force - gap[:, None] * normal
-        slip = w - gap[:, None] * normal
-        if len(shifts.nodes):
-            slip[shifts.nodes] -= shifts.shift
-        if len(left.nodes):
-            positions[left.nodes] -= left.back(slip, solution)
-        # what stopped to slip sticks where it did, and what came to touch where it came to
-        self.history.keep(gaps, sticking, positions, gap, (shifts.nodes, left.nodes))
-        self.history.slip = slip
-        change, size = solution.force - self._force, float(np.vdot(solution.force, solution.force))
-        self._changing = changing(float(np.vdot(change, change)), size)
-        touching = solution.status != OPEN
-        self._at_rest = not len(left.nodes) and bool((np.abs(slip[touching & ~sticking]) <= AT_REST).all())
+    def _remember(self, solved: SolvedFrame, friction: FrameFriction) -> None:
+        """Keep a frame, its history as friction has it."""
+        solution = solved.solution
+        slides = friction.keep(solution, self.points, solved.image)
+        self._rubbing = friction.left(solution, self._force, solved.image - self._image)
+        self._at_rest = not slides
         self._last = (self._force, self._y) if self._force.any() else None
-        self._force, self._y, self._image = solution.force, y, image
-        self._bodies = gaps.bodies
+        self._force, self._y, self._image = solution.force, solved.y, solved.image
+        self._bodies = friction.gaps.bodies
 
     # -- small parts ---------------------------------------------------------------------------------------------
 
@@ -564,10 +539,6 @@ class PathSolver:
 
     def _linear(self, force: Array) -> Array:
         return (self._c @ force.reshape(-1)).reshape(-1, 3)
-
-    def _own(self, nodes: Indices) -> Array:
-        """Return how far nodes move by their own forces, on average over directions [m/N], shape (n,)."""
-        return np.asarray(self._matrix.diagonal().reshape(-1, 3)[nodes].mean(axis=1), dtype=np.float64)
 
     @property
     def _matrix(self) -> NDArray[np.floating]:
@@ -596,7 +567,9 @@ class PathSolver:
                 limit=f"<= {solution.tolerance:g}",
                 remedy="Use smaller steps, or less friction",
             )
-        depth = step.depth(self.points, self.bone)
+        # no point is deeper than its gap says, which is seldom more than skin is trusted with
+        near = step.gaps is not None and -float(step.gaps.gap.min(initial=np.inf)) > self.depth_limit
+        depth = step.depth(self.points, self.bone) if near else 0.0
         if depth > self.depth_limit:
             self.counters["deep"] += 1
             self.notes.warn(

@@ -24,7 +24,7 @@ from .between import matter_moved
 from .bodies import ContactBody, NodeGaps, node_gaps, same_places, travel
 from .candidates import CandidateInverse
 from .cell_gaps import CellGaps
-from .compliance import Linear
+from .compliance import Linear, own_compliance
 from .cone import project
 from .history import ContactHistory
 from .moved_skin import MovedSkin
@@ -63,7 +63,7 @@ class PointSolver(PathSolver):
         cells: of the chart, that the frame's points are the centres of, shape (n,).
     """
 
-    tangents = 3  # each takes seconds on many points
+    lines = 5  # each takes seconds on many points
 
     def __init__(
         self,
@@ -271,6 +271,7 @@ class PointSolver(PathSolver):
         """Set what belongs to the points."""
         self.points, self.areas = self._points.positions, self._points.areas
         self._skin_rho, self._rho = self._points.rho, self._points.rho + self._soft[:, None]
+        self._own = own_compliance(self._points.matrix.matrix)
         self._spacing = self._tree.sides[self.cells]
         self._zero, self._status = np.zeros((len(self.cells), 3)), np.zeros(len(self.cells), dtype=np.int8)
 
@@ -337,13 +338,14 @@ class PointSolver(PathSolver):
     def _linear(self, force: Array) -> Array:
         return self._points.matrix.displacement(force)
 
-    def _exactly(self, near: Indices, b: Array, gaps: NodeGaps, soft: Array, start: Array) -> tuple[Array, int, str]:
+    def _exactly(
+        self, near: Indices, b: Array, gaps: NodeGaps, soft: Array, start: Array, less: Array | float
+    ) -> tuple[Array, int, str]:
         """Iterate in double precision; what else there is takes minutes on so many points."""
         cells, rho = self.cells[near], np.repeat(self._rho[near, 0], 3)
         matrix = self.surface.block(cells, cells).reshape(rho.size, -1)
         matrix[np.diag_indices(rho.size)] += np.repeat(soft, 3)
-        if self._stiff is not None:
-            matrix -= self._stiff.matrix(near)
+        matrix -= less
         normal, friction = gaps.normal[near], gaps.friction[near]
         first = project(start, normal, friction)[0]
         image = matrix @ first.reshape(-1)

@@ -1,7 +1,8 @@
 """PressWatch: whether what presses into a finger pushes back less, the deeper it is.
 
 Linear skin parts about what is much smaller than it is pressed deep: a needle, a frictionless ball, the tip of a horn.
-Then force falls where real skin would hold. Nothing but the force itself tells it from what is right.
+Then force falls where real skin would hold. Nothing but the force itself tells it from what is right. Once skin has
+slid past the widest part, it would draw what presses in farther into the finger: without adhesion contact never does.
 """
 
 from __future__ import annotations
@@ -38,6 +39,16 @@ class PressWatch:
         self.most = max(self.most, pushed) if _deeper(came, step, points) else pushed
         missing = self.most - pushed
         return missing / self.most if missing > max(LOST * self.most, LEAST) else 0.0
+
+    def pulling(self, came: Sequence[ContactBody], step: PathStep, points: Array) -> tuple[int, ...]:
+        """Return which bodies a finger draws in, friction aside, although they press deeper; as for `lost`."""
+        solution, gaps = step.solution, step.gaps
+        loaded = solution.force.any(axis=1)
+        if gaps is None or not solution.converged or not (solution.normals[loaded, 2] < 0.0).any():
+            return ()
+        push, which = (solution.normal_force * solution.normals[:, 2])[loaded], gaps.body[loaded]
+        drawn = tuple(index for index in np.unique(which).tolist() if float(push[which == index].sum()) < 0.0)
+        return drawn if drawn and _deeper(came, step, points) else ()
 
 
 def _deeper(came: Sequence[ContactBody], step: PathStep, points: Array) -> bool:

@@ -90,6 +90,7 @@ class SubStepper:
                 that is now inside came from there; along its own normal where that gives None.
         """
         self._number = float(self.solver.frames) if scene_frame is None else scene_frame
+        touched = self.solver.loaded.any()
         self._turned_over(bodies)
         self._crossed(bodies)
         bodies = self._felt(bodies)
@@ -107,6 +108,10 @@ class SubStepper:
             self.solver.step(way, part=True)
         step = self.solver.step(bodies, scene_frame=scene_frame, gaps=None if ways else gaps)
         step = self._through(step, bodies)
+        for index in self._press.pulling(came, step, self.solver.points):
+            what = "the skin has slid past something small"
+            self._leave(index, "passed-through", what, "Press less deep, or give it more friction")
+            step = self._last(self._felt(bodies))
         lost = self._press.lost(came, step, self.solver.points)
         if lost:
             self.solver.notes.warn(
@@ -116,6 +121,8 @@ class SubStepper:
                 value=f"{lost:.0%} less",
                 remedy="Press less deep, or give it more friction",
             )
+        if touched and not self.solver.loaded.any():
+            self.solver.reset()  # skin that was lifted forgets: the next touch is as the first
         return step
 
     # -- the way -------------------------------------------------------------------------------------------------

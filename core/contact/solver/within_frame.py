@@ -74,7 +74,7 @@ class WithinFrame:
 
     Args:
         gaps: at its end.
-        history: at its begin. force: then [N], shape (m, 3).
+        history: at its begin. force: then [N], shape (m, 3). loaded: where that is any, shape (m,).
         way: of the nodes over what they were above, had the skin stood still [m], shape (m, 3).
 
     Attributes:
@@ -82,8 +82,10 @@ class WithinFrame:
         passed: how far loaded skin, had it stood still, went over what it lies on [m], shape (3,).
     """
 
-    def __init__(self, gaps: NodeGaps, history: ContactHistory, force: Array, way: Array) -> None:
-        at = np.flatnonzero(force.any(axis=1))
+    def __init__(
+        self, gaps: NodeGaps, history: ContactHistory, force: Array, loaded: NDArray[np.bool_], way: Array
+    ) -> None:
+        at = loaded.nonzero()[0]
         normal, load = gaps.normal[at], force[at]
         swept = across(way[at], normal)
         size = np.sqrt(along(load, load))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 
 from core.cache import Cache
+from core.contact import skin_arrays
+from core.contact.compliant_bone import CompliantBone
 from core.contact.pad_sampler import PadSampler
 from core.contact.posed_scene import PosedScene
 from core.contact.proximity import Proximity
-from core.contact.skin_contact import SkinContact
+from core.contact.skin_contact import SkinContact, SkinStep
 from core.contact.skin_sampler import SkinSampler
 from core.contact.skin_stepper import SkinStepper
 from core.contact.solver.point_path import PointSolver
@@ -153,6 +155,30 @@ def test_stress_near_the_skin_is_read_from_the_points(skin: SkinModel) -> None:
     assert shallow[1] > 1.25 * shallow[0] and deep[0] < deep[1] < 1.35 * deep[0]
 
 
+@pytest.mark.parametrize("where", [POINTS, NODES], ids=["points", "nodes"])
+def test_what_is_kept_is_packed_and_says_the_same(skin: SkinModel, where: dict[str, str]) -> None:
+    """All but the forces stays exact; those are off by 1 / 65,536 of the largest, and by nothing once they were."""
+    touch = felt(skin, ball(5e-3), where, slide=2e-3)
+    kept, most = touch.packed(), float(np.abs((touch.points or touch).force).max())
+    assert kept.packed() is kept and not isinstance(kept.held, np.ndarray) and kept.nbytes < 0.6 * touch.nbytes
+    assert kept.force.shape == touch.force.shape and kept.force.dtype == np.float32
+    np.testing.assert_allclose(kept.force, touch.force, rtol=0, atol=3 * most / 65536)
+    assert len(touch.contact) > 8 and np.abs(kept.force - touch.force).max() > 0
+    for i in (int(touch.contact[0]), 15):
+        before, after = touch.at(i), kept.at(i)
+        names = [f.name for f in fields(SkinStep) if f.name not in ("force", "points")]
+        assert [getattr(after, name) for name in names] == [getattr(before, name) for name in names]
+        np.testing.assert_array_equal(after.force.astype(np.float32), kept.force[np.searchsorted(kept.contact, i)])
+        if before.points is not None and after.points is not None:
+            order = np.argsort(before.points.cells)
+            assert after.points.cells.tolist() == before.points.cells[order].tolist()
+            np.testing.assert_allclose(after.points.force, before.points.force[order], rtol=0, atol=most / 65536)
+            np.testing.assert_allclose(after.force.sum(axis=0), after.points.force.sum(axis=0), atol=1e-6)
+    arrays = skin_arrays.arrays_of(kept)
+    again = skin_arrays.arrays_of(skin_arrays.touch_of(skin, arrays, (), {}).packed())
+    assert all(again[name].tobytes() == array.tobytes() for name, array in arrays.items())
+
+
 def test_a_sample_may_be_solved_anew(skin: SkinModel) -> None:
     posed = PosedScene((Body("b", PLATE, {}),))
     stepper = SkinStepper(skin, 0, Finger("f", (), POINTS), posed)
@@ -173,6 +199,42 @@ def test_a_sample_may_be_solved_anew(skin: SkinModel) -> None:
     assert step(0.9e-3)[:, 2].sum() > 1.5 * first[:, 2].sum()
     stepper.restore(before)
     np.testing.assert_allclose(step(0.6e-3), first, atol=1e-3 * np.abs(first).max())
+
+
+def test_a_finger_that_nothing_comes_near_builds_no_solver_and_one_that_is_taken_back_is_as_new(
+    skin: SkinModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Samples before the first approach are counted, and what follows them has the same bytes as if it were built."""
+    made: list[int] = []
+    build = CompliantBone.of
+    monkeypatch.setattr(CompliantBone, "of", lambda *a, **k: made.append(1) or build(*a, **k))
+
+    def step(stepper: SkinStepper, depth: float) -> SkinStep:
+        pose = np.eye(4)
+        pose[2, 3] = float(PLATE.vertices[:, 2].max()) - depth
+        body = np.eye(4)[None, None]
+        posed[stepper].take(Chunk(np.ones(1), np.zeros(1), pose[None, None], body, np.zeros((0, 1, 4, 4)), {}, {}))
+        return stepper.step(stepper.approach(), 0)
+
+    scenes = [PosedScene((Body("b", PLATE, {}),)) for _ in range(2)]
+    late, early = (SkinStepper(skin, 0, Finger("f", (), POINTS), scene) for scene in scenes)
+    posed = {late: scenes[0], early: scenes[1]}
+    assert early.bone.solver.frames == 0 and made == [1]  # one that is asked for beforehand
+    for stepper in (late, early):
+        assert not step(stepper, -0.1).force.any() and not stepper.cut
+        stepper.idle(3)
+    at_rest = late.save()
+    assert made == [1] and late.findings == early.findings == ()
+    assert late.counters["idle"] == early.counters["idle"] == 4 and late.counters["solved"] == 0
+    first = [step(stepper, 0.3e-3) for stepper in (late, early)]
+    assert len(made) == 2 and first[0].force.any() and late.counters == early.counters
+    assert first[0].force.tobytes() == first[1].force.tobytes()
+    step(late, 0.6e-3)
+    late.restore(at_rest)
+    assert late.counters["idle"] == 4 and late.counters["solved"] == 0
+    np.testing.assert_allclose(step(late, 0.3e-3).force, first[0].force, atol=1e-9)
+    with pytest.raises(DermisError, match="depth_mode"):
+        SkinStepper(skin, 0, Finger("f", (), POINTS | {"depth_mode": "soft"}), scenes[0])
 
 
 def test_what_skin_bulges_into_is_found_and_what_it_does_not_is_left_alone(

@@ -51,6 +51,7 @@ def test_points_give_the_same_bytes_twice(tmp_path: Path) -> None:
     files = [export(bake, tmp_path / name)[0].read_bytes() for bake, name in ((first, "a"), (again, "b"))]
     assert files[0] == files[1]
     touch, same = first.skins["Index"], again.skins["Index"]
+    assert touch.packed() is touch  # no bake keeps forces as they came
     assert touch.points is not None and same.points is not None
     assert touch.points.force.tobytes() == same.points.force.tobytes()
     assert resultants.dumps(touch) == resultants.dumps(same)

@@ -303,6 +303,9 @@ def meshes(kind):
             np.concatenate([rib + [1.5e-3 * k, 0.0, 0.0] for k in range(-9, 10)]),
             np.concatenate([faces + len(rib) * k for k in range(19)]),
         )
+    if kind == "fillet":  # faces a hundredth of a millimetre wide beside others of centimetres
+        edge = Surface.edge()
+        return edge.vertices, edge.triangles
     if kind == "needles":  # a rod of 300 faces, 20 mm long and a hundredth of a millimetre wide
         angle = np.arange(150) * 2 * np.pi / 150
         ring = 0.005 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
@@ -322,7 +325,7 @@ def meshes(kind):
 
 
 @pytest.mark.parametrize("search_radius", [0.002, np.inf])
-@pytest.mark.parametrize("kind", ["sphere", "fine", "far", "ribs", "needles", "bowl", "sheet", "soup"])
+@pytest.mark.parametrize("kind", ["sphere", "fine", "far", "ribs", "fillet", "needles", "bowl", "sheet", "soup"])
 def test_the_closest_is_that_of_all_triangles_bit_for_bit(kind, search_radius):
     rng = np.random.default_rng(3)
     vertices, triangles = meshes(kind)
@@ -348,7 +351,7 @@ def test_the_closest_is_that_of_all_triangles_bit_for_bit(kind, search_radius):
 
 
 @pytest.mark.parametrize("search_radius", [0.002, np.inf])
-@pytest.mark.parametrize("kind", ["sphere", "fine", "far", "ribs", "needles", "bowl", "sheet", "soup"])
+@pytest.mark.parametrize("kind", ["sphere", "fine", "far", "ribs", "fillet", "needles", "bowl", "sheet", "soup"])
 def test_what_is_remembered_of_a_place_changes_nothing(kind, search_radius):
     """Groups of triangles about the points are kept; a fresh surface answers the same, bit for bit."""
     rng = np.random.default_rng(5)

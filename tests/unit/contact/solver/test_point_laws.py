@@ -172,14 +172,26 @@ def test_pressing_deeper_never_pulls(pad, seed):
     assert forces[-1, 2] > 0.1
 
 
+def test_what_skin_slid_past_is_let_go_and_never_pulls(pad):
+    """A frictionless ball of 1.4 mm, ever deeper beside the middle: nothing but force into the finger, then none."""
+    steps, small = stepper(pad), Surface.sphere(1.4e-3, 2000)
+    rises = np.arange(0.0, 3.9e-3, 0.1e-3)
+    forces = [total(steps.step([at(small, 0.4e-3, rise, 0.0)], scene_frame=k))[2] for k, rise in enumerate(rises)]
+    assert min(forces) >= 0.0 and forces[-1] == 0.0 < max(forces)
+    told = {finding.code: finding for finding in steps.solver.findings}
+    assert told["passed-through"].frame == 1 + np.flatnonzero(forces)[-1]
+    steps.step([at(small, 0.4e-3, -1e-3, 0.0)])  # out of it, and in again
+    assert total(steps.step([at(small, 0.4e-3, rises[5], 0.0)]))[2] == pytest.approx(forces[5], rel=1e-2)
+
+
 def test_what_slips_into_the_skin_is_a_finding(pad):
     """A frictionless ball of 1 mm parts linear skin; one of 5 mm does not, nor what is drawn aside."""
     steps, small = stepper(pad), Surface.sphere(1e-3, 2000)
     forces = [total(steps.step([at(small, 0.0, 0.05e-3 * k, 0.0)], scene_frame=float(k)))[2] for k in range(34)]
-    (told,) = steps.solver.findings
-    assert told.code == "slips-in"
+    told, gone = steps.solver.findings
+    assert told.code == "slips-in" and gone.code == "passed-through"
     worst = int(np.argmax(np.maximum.accumulate(forces) - forces > 0.02 * np.maximum.accumulate(forces)))
-    assert told.frame == worst > 10
+    assert gone.frame > told.frame == worst > 10
     for surface in (BALL, EDGE):
         steps = stepper(pad)
         walk(steps, surface, [*way(20, far=4e-3), *((4e-3, 0.6e-3 - 0.05e-3 * k) for k in range(13))])

@@ -129,6 +129,23 @@ def test_the_frame_rate_does_not_matter(pad):
     assert np.linalg.norm(fast - slow) < 0.01 * np.linalg.norm(slow)
 
 
+@pytest.mark.parametrize("name", ["edge", "ball"])
+def test_a_touch_after_a_lift_is_the_touch_before_to_the_bit(pad, name):
+    """Skin that was lifted remembers nothing: neither where points were, nor what friction held."""
+    surface = Surface.edge(np.pi / 2) if name == "edge" else Surface.sphere(3e-3, 1280)
+    steps, cycles = SubStepper(PointSolver(pad), 0.006), []
+    for _ in range(4):
+        cycle = []
+        for turn in np.linspace(0.0, 2.0 * np.pi, 17)[:-1]:
+            there = (0.4e-3 * np.sin(turn), 0.7e-3 * np.sin(turn))
+            done = steps.step([body(surface, 0.4e-3 - 0.6e-3 * np.cos(turn), 0.7, there)])
+            cycle.append(done.solution.force.sum(axis=0))
+        assert not cycle[0].any() and np.linalg.norm(cycle[8]) > 0.05, "it is not lifted, or does not touch"
+        cycles.append(np.array(cycle))
+    for cycle in cycles[2:]:  # before the first there was no lift
+        np.testing.assert_array_equal(cycle, cycles[1])
+
+
 def test_a_state_can_be_gone_back_to(pad):
     """Bit for bit, though points came and went in between."""
     edge = Surface.edge(np.pi / 2)
@@ -186,6 +203,17 @@ def test_what_rests_is_not_solved_again(pad):
     assert set(work[3:]) <= {"same", "unchanged"} and work[-1] == "same"
     settled = solver.step(aside[-1:]).solution.force
     assert solver.step(aside[-1:]).solution.force is settled
+
+
+def test_a_frame_where_a_part_of_the_way_ended_has_its_forces_on_the_nodes(pad):
+    shape, _ = shape_and_material(Library().skin("index_medium"), "skin")
+    mesh, edge = fingertip_mesh(shape), Surface.edge(np.pi / 2)
+    solver = PointSolver(pad, NodalForces(mesh, pad.chart))
+    for depth in (0.0, *[0.1e-3] * 8):  # until it rests
+        solver.step([body(edge, depth, 0.6)], part=True)
+    step = solver.step([body(edge, 0.1e-3, 0.6)])
+    assert step.nodal.shape == (len(mesh.pad), 3) and step.nodal.any()
+    np.testing.assert_allclose(step.nodal.sum(axis=0), step.solution.force.sum(axis=0), atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from core.contact.solver.admm import State, iterate
 from core.contact.solver.cone import OPEN, SLIP, STICK, along, natural_residual
 from core.contact.solver.gauss_seidel import gauss_seidel
 from core.contact.solver.newton import newton
@@ -220,3 +221,17 @@ def test_an_unsolved_problem_says_so():
     compliance, offset, friction = random_problem(1, 10)
     s = solve(compliance, offset, friction, tolerance=0.0)
     assert not s.converged and s.residual < 1e-10 and s.method in ("admm", "newton", "gauss-seidel")
+
+
+def test_an_iteration_that_runs_away_says_so_and_leaves_where_it_began():
+    """Skin that gives way, C < 0: each step is 1.7 times the last and more, and no force is an answer."""
+    rho, normals = 1.0, np.array([[1.0, 0.0, 0.0]])
+    start = State(np.array([[2.0, 0.0, 0.0]]), np.array([[0.5, 0.0, 0.0]]))
+    image = -0.9 * start.z.reshape(-1)
+    with np.errstate(all="raise"):
+        sweep = iterate(
+            np.eye(3) / (rho - 0.9), rho, -np.ones(3), normals, np.zeros(1), start, start, image, 1e-9, 10_000
+        )
+    assert sweep.lost and not sweep.converged and sweep.iterations < 1000
+    np.testing.assert_array_equal(sweep.state.z, start.z)
+    np.testing.assert_array_equal(sweep.state.y, start.y)

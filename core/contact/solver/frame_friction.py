@@ -1,0 +1,129 @@
+"""Friction within one frame of a path: what is foreseen of its way, what is noticed after it, and what it leaves.
+
+`within_frame.py` has the mathematics; here are the moments at which a path asks for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...arrays import Array
+from .bodies import ContactBody, NodeGaps
+from .cone import OPEN, STICK, along
+from .history import ContactHistory
+from .solve import Solution
+from .within_frame import NONE, STILL, Drift, WithinFrame, changing, crossed, entered
+
+# Slip in a frame below this [m] is rest: the same pose then needs no new solve.
+AT_REST = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Rubbing:
+    """What a frame leaves to the next.
+
+    Attributes:
+        drift: how loaded skin went along. changing: how much of its shifts the next frame takes, 0 to 1.
+    """
+
+    drift: Drift
+    changing: float
+
+    def ahead(
+        self, bodies: Sequence[ContactBody], history: ContactHistory, force: Array, loaded: NDArray[np.bool_]
+    ) -> Callable[[Array], Array] | None:
+        """Return what says how far skin that slips is expected to move, for how far its anchors moved.
+
+        Args:
+            bodies: of the next frame. history, force, loaded: of the last one; [N], shapes (m, 3) and (m,).
+        """
+        at, drift, owner = loaded.nonzero()[0], self.drift, history.body
+        at = at[owner[at] >= 0]
+        if drift is STILL or not at.size or any(bodies[k].away for k in set(owner[at].tolist())):
+            return None
+        load = np.sqrt(along(force[at], force[at]))
+        return lambda moved: drift.next(-(load @ moved[at]) / load.sum())
+
+
+UNMOVED = Rubbing(STILL, 0.0)
+
+
+class FrameFriction:
+    """Friction within one frame.
+
+    Args:
+        gaps: at its end. history: at its begin; `keep` brings it to the end.
+        loaded: which nodes carried force at its begin, shape (m,).
+        matrix: compliance of the nodes [m/N], shape (3 m, 3 m). own: of each to its own force, shape (m,).
+        soft: of what lies below each [m/N], shape (m,).
+    """
+
+    def __init__(
+        self,
+        gaps: NodeGaps,
+        history: ContactHistory,
+        loaded: NDArray[np.bool_],
+        matrix: NDArray[np.floating],
+        own: Array,
+        soft: Array,
+    ) -> None:
+        self.gaps = gaps
+        self._history, self._loaded, self._matrix, self._own, self._soft = history, loaded, matrix, own, soft
+        self._way: WithinFrame | None = None
+        self._shifts = self._crossed = NONE
+
+    def foresee(self, force: Array, b: Array, image: Array, share: float) -> None:
+        """Shift slip where it is expected to turn.
+
+        Args:
+            force, image: of the last frame [N, m], shape (m, 3). b: offset of this one, which is shifted, (m, 3).
+            share: of the shifts, `Rubbing.changing`.
+        """
+        if share > 0.0 and self.gaps.friction.any():
+            self._way = way = WithinFrame(self.gaps, self._history, force, self._loaded, b + image)
+            self._shifts = way.expected(self._own[way.nodes], share)
+            b[self._shifts.nodes] += self._shifts.shift
+
+    def notice(self, solution: Solution) -> None:
+        """Find by how much the slip of what came to touch is to be shifted, which is left to the next frame."""
+        if not self.gaps.friction.any():
+            return
+        new = entered(solution, self.gaps, self._history, self._loaded)
+        if new.size:
+            rows = 3 * new[:, None] + np.arange(3)
+            own = self._matrix[rows[:, :, None], rows[:, None, :]] + self._soft[new, None, None] * np.eye(3)
+            self._crossed = crossed(new, solution, self._history.gap[new], own)
+
+    def left(self, solution: Solution, before: Array, moved: Array) -> Rubbing:
+        """Return what the next frame needs: of forces before [N] and how nodes moved [m], shape (m, 3) each."""
+        drift = STILL if self._way is None else Drift.of(self.gaps, solution.force, moved, self._way.passed)
+        change, size = solution.force - before, float(np.vdot(solution.force, solution.force))
+        return Rubbing(drift, changing(float(np.vdot(change, change)), size))
+
+    def keep(self, solution: Solution, points: Array, image: Array) -> bool:
+        """Write the frame into the history, and return whether anything slides on.
+
+        Args:
+            points, image: undeformed nodes and their displacement [m], shape (m, 3).
+        """
+        w, normal, history = solution.displacement, self.gaps.normal, self._history
+        gap = along(w, normal)
+        sticking = solution.status == STICK
+        # on the body's surface; the tangential part is w itself, the very slip that the solver saw
+        positions = points + image + self._soft[:, None] * solution.force - gap[:, None] * normal
+        slip = w - gap[:, None] * normal
+        shifts, entering = self._shifts, self._crossed
+        if len(shifts.nodes):
+            slip[shifts.nodes] -= shifts.shift
+        if len(entering.nodes):
+            positions[entering.nodes] -= entering.back(slip, solution)
+        # what stopped to slip sticks where it did, and what came to touch where it came to
+        history.keep(self.gaps, sticking, positions, gap, (shifts.nodes, entering.nodes))
+        history.slip = slip
+        history.swept = np.zeros_like(slip) if self._way is None else self._way.swept
+        sliding = (solution.status != OPEN) & ~sticking
+        return bool(len(entering.nodes)) or not bool((np.abs(slip[sliding]) <= AT_REST).all())

@@ -2,15 +2,15 @@
 
 Block principal pivoting keeps a guess of which variables sit on a bound and flips every one whose sign is wrong.
 Along a track the guess of the frame before is nearly always right, and then a solve is one triangular
-back-substitution and one matrix-vector product. Where flipping all at once stops reducing the number of wrong
-signs, a primal active set takes over: it walks through feasible points of falling cost and therefore ends.
+back-substitution and one matrix-vector product. A new guess is solved for the step from where the
+one before ended. Where flipping all at once stops reducing the number of wrong signs, a primal active set takes over:
+it walks through feasible points of falling cost and therefore ends.
 
 Source: Judice & Pires 1994, block principal pivoting for strictly monotone LCPs; Stark & Parker 1995, BVLS.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..errors import DermisError
 from ..recent import Recent
-from .bounded_input import WHERE, bounds_of, statuses_of
+from .active_bounds import ActiveBounds, Box
+from .bounded_input import WHERE, statuses_of
 from .bounded_solution import BoundedSolution
 
 __all__ = ["BoundedLeastSquares", "BoundedSolution"]
@@ -28,32 +29,12 @@ __all__ = ["BoundedLeastSquares", "BoundedSolution"]
 SIGN_TOLERANCE = 1e-13  # of the largest gradient or bound: below it a sign counts as right
 MAX_BLOCK_TRIES = 6  # block exchanges without progress before the primal active set takes over
 MAX_PIVOTS = 3000
-FACTORS_KEPT = 64
+FAR = 10.0  # spans past a bound, from where coming back to it would cost the gradient its last digits
+FACTORS_KEPT = 8  # more than the processor's near memory holds make every new one slower
 USES_BEFORE_INVERSE = 16  # of a factor: its inverse takes as long as thirty solves, and then saves half of each
-MAX_CONDITION = 1e4  # of the free variables' H, for its inverse to be used instead of its factor
 PROXIMAL_WEIGHT = 1e-7  # of the mean diagonal: makes a singular H definite; removed again by proximal steps
 MAX_PROXIMAL_STEPS = 200
 PROXIMAL_TOLERANCE = 1e-13
-
-
-@dataclass(slots=True)
-class _Factor:
-    """What one guess of the active bounds needs again in every frame that shares it."""
-
-    status: NDArray[np.int8]
-    free: NDArray[np.intp]
-    block: Array  # H[free, free], Fortran order; once it is solved with, its upper factor
-    columns: Array  # H[:, free], Fortran order
-    sign: Array  # +1 at the lower bound, -1 at the upper, 0 free
-    fixed: Array  # x at the bounds, 0 where free
-    base: Array  # H @ fixed
-    inner_base: Array  # of the free variables
-    low: Array  # bounds of the free variables
-    high: Array
-    uses: int = 0
-    factored: bool = False
-    inverse: Array | None = None  # of H[free, free], where it is used again and well conditioned
-    offset: Array | None = None  # -inverse @ inner_base
 
 
 class _Singular(Exception):
@@ -76,6 +57,7 @@ class BoundedLeastSquares:
         from scipy.linalg import blas, lapack  # a frame is a dozen calls: these cost a fifth of numpy's own
 
         self._potrf, self._potrs, self._gemv, self._asum = lapack.dpotrf, lapack.dpotrs, blas.dgemv, blas.dasum
+        self._symv, self._axpy = blas.dsymv, blas.daxpy
         self._idamax, self._potri, self._posv = blas.idamax, lapack.dpotri, lapack.dposv
         gram = np.array(gram, dtype=np.float64, order="C")
         if gram.ndim != 2 or gram.shape[0] != gram.shape[1]:
@@ -92,13 +74,12 @@ class BoundedLeastSquares:
             )
         self.gram = gram
         self.n = len(gram)
-        self._set_bounds(low, high)
-        self._none = np.zeros(self.n)
+        self.box = Box(low, high, self.n)
         self._proximal = 0.0
         self._solved = gram
         self._status = np.full(self.n, -1, dtype=np.int8)
-        self._latest: _Factor | None = None
-        self._factors: Recent[bytes, _Factor] = Recent(FACTORS_KEPT)
+        self._latest: ActiveBounds | None = None
+        self._factors: Recent[bytes, ActiveBounds] = Recent(FACTORS_KEPT)
         if self.n and self._potrf(gram)[1] != 0:
             self._make_definite()
 
@@ -123,12 +104,12 @@ class BoundedLeastSquares:
         if not self._asum(c) < np.inf:
             raise DermisError("the right-hand side is not finite", where=WHERE)
         if low is not None or high is not None:
-            self._set_bounds(self.low if low is None else low, self.high if high is None else high)
+            self.box = Box(self.box.low if low is None else low, self.box.high if high is None else high, self.n)
             self._factors.clear()
             self._latest = None
         if start is not None:
             self._status, self._latest = statuses_of(start, self.n), None
-        scale = abs(c.item(self._idamax(c))) + self._size * self._span
+        scale = abs(c.item(self._idamax(c))) + self._size * self.box.span
         if not self._proximal:
             try:
                 return self._pivot(c, scale)
@@ -137,26 +118,33 @@ class BoundedLeastSquares:
         return self._proximal_steps(c, scale)
 
     def _pivot(self, c: Array, scale: float) -> BoundedSolution:
-        tolerance, slack = -SIGN_TOLERANCE * scale, SIGN_TOLERANCE * self._span
+        tolerance, slack = -SIGN_TOLERANCE * scale, SIGN_TOLERANCE * self.box.span
         factor = self._latest or self._factor(self._status)
+        inner, gradient = self._stationary(factor, c)
         fewest, tries, pivots = self.n + 1, MAX_BLOCK_TRIES, 0
         while True:
-            inner, gradient = self._stationary(factor, c)
             signed = gradient * factor.sign
-            beyond = self._beyond(factor, inner)
-            if beyond <= slack and signed.item(signed.argmin()) >= tolerance:
+            below, above = factor.beyond(inner)
+            beyond = below if below > above else above
+            rising = signed.item(signed.argmin()) >= tolerance
+            if rising and beyond <= slack:
                 break
             if tries == 0:
                 return self._primal(c, scale, factor, inner, pivots)
             pivots += 1
-            wrong = (signed < tolerance).nonzero()[0]
-            to_low = factor.free[inner < factor.low - slack]
-            to_high = factor.free[inner > factor.high + slack]
-            count = len(wrong) + len(to_low) + len(to_high)
+            x, status, count = factor.fixed.copy(), factor.status.copy(), 0
+            x[factor.free] = inner
+            if not rising:
+                wrong = (signed < tolerance).nonzero()[0]
+                status[wrong], count = 0, len(wrong)
+            if below > slack:
+                count += self._onto(factor, inner < factor.low - slack, -1, status, x, gradient)
+            if above > slack:
+                count += self._onto(factor, inner > factor.high + slack, 1, status, x, gradient)
             fewest, tries = (count, MAX_BLOCK_TRIES) if count < fewest else (fewest, tries - 1)
-            status = factor.status.copy()
-            status[wrong], status[to_low], status[to_high] = 0, -1, 1
             factor = self._factor(status)
+            near = beyond <= FAR * self.box.span
+            inner, gradient = self._onward(factor, x, gradient) if near else self._stationary(factor, c)
         self._latest, self._status = factor, factor.status
         x = factor.fixed.copy()
         if beyond > 0.0:  # past a bound by no more than the tolerance of its sign
@@ -164,55 +152,68 @@ class BoundedLeastSquares:
         x[factor.free] = inner
         return BoundedSolution(x, gradient, factor.status, pivots, True, scale)
 
-    def _beyond(self, factor: _Factor, inner: Array) -> float:
-        """Return how far the free variables are beyond their bounds; not above 0 where none is."""
-        if not len(inner):
-            return 0.0
-        if self._uniform is not None:
-            low, high = self._uniform
-            below: float = low - inner.item(inner.argmin())
-            above: float = inner.item(inner.argmax()) - high
-            return below if below > above else above
-        return max(float((factor.low - inner).max()), float((inner - factor.high).max()))
+    def _onto(
+        self,
+        factor: ActiveBounds,
+        past: NDArray[np.bool_],
+        side: int,
+        status: NDArray[np.int8],
+        x: Array,
+        gradient: Array,
+    ) -> int:
+        """Put the free variables that are past a bound onto it, in place, the gradient with them; return how many."""
+        moved = factor.free.take(past.nonzero()[0])
+        onto = (self.box.low if side < 0 else self.box.high).take(moved)
+        for i, step in zip(moved.tolist(), (onto - x.take(moved)).tolist(), strict=True):  # one or two
+            self._axpy(self._solved[i], gradient, a=step)
+        x[moved], status[moved] = onto, side
+        return len(moved)
 
-    def _stationary(self, factor: _Factor, c: Array) -> tuple[Array, Array]:
+    def _onward(self, factor: ActiveBounds, x: Array, gradient: Array) -> tuple[Array, Array]:
+        """Minimise over the free variables alone, from a point on the others' bounds and its gradient."""
+        if not len(factor.free):
+            return _EMPTY, gradient
+        step = self._back(factor, gradient.take(factor.free))
+        return x.take(factor.free) - step, self._gemv(-1.0, factor.columns, step, 1.0, gradient)
+
+    def _stationary(self, factor: ActiveBounds, c: Array) -> tuple[Array, Array]:
         """Minimise over the free variables alone; return them and the gradient of all."""
-        rest = factor.base - c
+        if factor.base is None:
+            base = self._symv(1.0, self._solved.T, factor.fixed)
+            factor.base = base, base.take(factor.free)
+        base, inner_base = factor.base
+        rest = base - c
         if not len(factor.free):
             return _EMPTY, rest
         factor.uses += 1
         if factor.uses == USES_BEFORE_INVERSE:
-            self._invert(factor)
+            factor.invert(self._potri(factor.block)[0])
         if factor.inverse is not None:
             inner = self._gemv(1.0, factor.inverse, c.take(factor.free), 1.0, factor.offset)
-        elif factor.factored:
-            inner = self._potrs(factor.block, c.take(factor.free) - factor.inner_base)[0]
-        else:  # both in one call
-            factor.block, inner, info = self._posv(factor.block, c.take(factor.free) - factor.inner_base, overwrite_a=1)
-            if info != 0:
-                self._factors.clear()  # half of this one is overwritten
-                self._latest = None
-                if not self._proximal:
-                    raise _Singular
-                raise DermisError("the Gram matrix is not positive definite on the free variables", where=WHERE)
-            factor.factored = True
+        else:
+            inner = self._back(factor, c.take(factor.free) - inner_base)
         return inner, self._gemv(1.0, factor.columns, inner, 1.0, rest)
 
-    def _invert(self, factor: _Factor) -> None:
-        """Keep the inverse where its rounding is as harmless as that of a back-substitution; it is twice as fast."""
-        half = self._potri(factor.block)[0]
-        inverse = np.triu(half) + np.triu(half, 1).T
-        block = factor.columns[factor.free]
-        condition = np.abs(inverse).sum(axis=1).max() * np.abs(block).sum(axis=1).max()
-        if condition <= MAX_CONDITION:
-            factor.inverse = np.asfortranarray(inverse)
-            factor.offset = -(inverse @ factor.inner_base)
+    def _back(self, factor: ActiveBounds, side: Array) -> Array:
+        """Solve with the free variables' block."""
+        if factor.factored:
+            solved: Array = self._potrs(factor.block, side)[0]
+            return solved
+        factor.block, solved, info = self._posv(factor.block, side, overwrite_a=1)
+        if info != 0:
+            self._factors.clear()  # half of this one is overwritten
+            self._latest = None
+            if not self._proximal:
+                raise _Singular
+            raise DermisError("the Gram matrix is not positive definite on the free variables", where=WHERE)
+        factor.factored = True
+        return solved
 
-    def _primal(self, c: Array, scale: float, factor: _Factor, inner: Array, pivots: int) -> BoundedSolution:
+    def _primal(self, c: Array, scale: float, factor: ActiveBounds, inner: Array, pivots: int) -> BoundedSolution:
         """Walk through feasible points of falling cost, one bound at a time, until every sign is right."""
         x = factor.fixed.copy()
         x[factor.free] = np.clip(inner, factor.low, factor.high)
-        status = np.where(x <= self.low, -1, np.where(x >= self.high, 1, 0)).astype(np.int8)
+        status = np.where(x <= self.box.low, -1, np.where(x >= self.box.high, 1, 0)).astype(np.int8)
         converged, blocked = False, np.zeros(self.n, dtype=bool)
         while pivots < MAX_PIVOTS:
             pivots += 1
@@ -220,7 +221,7 @@ class BoundedLeastSquares:
             inner, gradient = self._stationary(factor, c)
             step = inner - x[factor.free]
             with np.errstate(divide="ignore", invalid="ignore"):
-                bound = np.where(step < 0, factor.low, factor.high)
+                bound = np.where(step < 0, self.box.low[factor.free], self.box.high[factor.free])
                 reach = np.where(step != 0.0, (bound - x[factor.free]) / step, np.inf)
             length = float(reach.min(initial=np.inf))
             if length < 1.0:  # the first bound on the way becomes active
@@ -249,7 +250,7 @@ class BoundedLeastSquares:
 
     def _proximal_steps(self, c: Array, scale: float) -> BoundedSolution:
         """Solve with H + w I and c + w x until x stands still: the minimiser for H itself, which is singular."""
-        x, pivots = np.clip(np.zeros(self.n), self.low, self.high), 0
+        x, pivots = np.clip(np.zeros(self.n), self.box.low, self.box.high), 0
         for _ in range(MAX_PROXIMAL_STEPS):
             inner = self._pivot(c + self._proximal * x, scale)
             pivots += inner.pivots
@@ -261,36 +262,8 @@ class BoundedLeastSquares:
         converged = inner.converged and self._proximal * step <= PROXIMAL_TOLERANCE * scale
         return BoundedSolution(x, gradient, inner.status, pivots, converged, scale)
 
-    def _factor(self, status: NDArray[np.int8]) -> _Factor:
-        return self._factors.make(status.tobytes(), lambda: self._factored(status))
-
-    def _factored(self, status: NDArray[np.int8]) -> _Factor:
-        free = (status == 0).nonzero()[0]
-        rows = self._solved.take(free, axis=0)  # H is symmetric, and its rows are contiguous
-        fixed, upper = self.low.copy(), (status > 0).nonzero()[0]
-        fixed[upper] = self.high[upper]
-        fixed[free] = 0.0
-        loaded = fixed.nonzero()[0]  # few where the lower bounds are zero
-        base = self._gemv(1.0, self._solved.take(loaded, axis=0).T, fixed.take(loaded)) if len(loaded) else self._none
-        low, high = self.low[free], self.high[free]
-        return _Factor(
-            status,
-            free,
-            rows.take(free, axis=1).T,
-            rows.T,
-            np.negative(status, dtype=np.float64),
-            fixed,
-            base,
-            base.take(free),
-            low,
-            high,
-        )
-
-    def _set_bounds(self, low: Any, high: Any) -> None:
-        self.low, self.high = bounds_of(low, high, self.n)
-        same = self.n > 0 and bool((self.low == self.low[0]).all() and (self.high == self.high[0]).all())
-        self._uniform = (float(self.low[0]), float(self.high[0])) if same else None
-        self._span = max(float(np.abs(self.low).max(initial=0.0)), float(np.abs(self.high).max(initial=0.0)))
+    def _factor(self, status: NDArray[np.int8]) -> ActiveBounds:
+        return self._factors.make(status.tobytes(), lambda: ActiveBounds.of(self._solved, status, self.box))
 
     def _make_definite(self) -> None:
         """Go over to H + w I and to proximal steps, which take w out again."""

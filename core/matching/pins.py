@@ -35,6 +35,7 @@ Weighting = Literal["all", "surface", "receptor"]
 WEIGHTINGS: tuple[Weighting, ...] = get_args(Weighting)
 
 _setups: Recent[tuple[str, float, str, str], PinSetup] = Recent(8)
+_layouts: Recent[str, PinLayout] = Recent(8)
 BLOCK = 512  # frames whose errors are computed together
 
 
@@ -71,7 +72,7 @@ def setup(skin: SkinModel, spec: DeviceSpec, weighting: Weighting = "all") -> Pi
 
 def _made(skin: SkinModel, spec: DeviceSpec, weighting: Weighting) -> PinSetup:
     mesh = skin.mesh
-    pins = pin_array.layout(spec)
+    pins = _layout(spec)
     met = pin_array.on_pad(pins, mesh.nodes, mesh.surface, skin.positions)
     distribution = pin_array.distribution(pins, met, skin.positions)
     chosen = node_weights(skin, weighting)[mesh.free] > 0
@@ -86,6 +87,10 @@ def _made(skin: SkinModel, spec: DeviceSpec, weighting: Weighting) -> PinSetup:
         modulus=skin.material.modulus,
     )
     return PinSetup(pins, met, matcher, distribution)
+
+
+def _layout(spec: DeviceSpec) -> PinLayout:
+    return _layouts.make(spec.hash, lambda: pin_array.layout(spec))
 
 
 def node_weights(skin: SkinModel, weighting: Weighting) -> Array:
@@ -131,7 +136,7 @@ def render(
     skipped = {"pin_frames_without_contact": count - len(skin.contact)}
     meta = {"method": str(method), "lead_s": f"{lead:.9g}"}
     if not len(skin.contact):  # nothing to match, so nothing to build
-        pin_array.layout(spec)
+        _layout(spec)  # refused now, not when something is touched
         nothing = {name: np.zeros(len(times)) for name in _SIGNALS}
         return Rendered(
             CommandTrack(spec, times, np.zeros((len(times), len(spec.channels))), meta), nothing, (), skipped
@@ -192,9 +197,10 @@ def match(solver: PinSolver, skin: SkinContact) -> Matched:
     forces = np.zeros((count, matcher.pins))
     u, f, at_limit = np.zeros(count), np.zeros(count), np.zeros(count)
     worst, unsolved, before = 0.0, 0, -2
+    felt = skin.force
     for start in range(0, len(skin.contact), BLOCK):
         frames = skin.contact[start : start + BLOCK]
-        targets = skin.force[start : start + BLOCK].reshape(len(frames), -1).astype(np.float64)
+        targets = felt[start : start + BLOCK].reshape(len(frames), -1).astype(np.float64)
         active_forces, goals = np.zeros((len(frames), len(matcher.active))), targets
         if matcher.tissue is not None:
             goals = targets.copy()

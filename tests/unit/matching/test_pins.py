@@ -210,7 +210,7 @@ def test_the_finer_mesh_has_a_target_of_its_own():
 
 def test_stiffer_skin_needs_forces_that_much_larger_and_bounds_hold_after_it():
     stiff = skin().with_material(alpha=0.75)
-    touch = replace(felt(), model=stiff, force=(0.75 * felt().force).astype(np.float32))
+    touch = replace(felt(), model=stiff, held=(0.75 * felt().force).astype(np.float32))
     for method in METHODS:
         ready = pins.setup(skin(), spec())
         one = pins.match(PinSolver(ready.matcher, method, force_limit=None), felt())
@@ -259,8 +259,8 @@ def test_a_gap_without_contact_is_forgotten(method):
     after = slice(len(touch.contact) - 60, None)
     split = np.r_[0:60, range(*after.indices(len(touch.contact)))]
     solver = PinSolver(pins.setup(skin(), spec()).matcher, method, slew=step)
-    both = pins.match(solver, replace(touch, contact=touch.contact[split], force=touch.force[split]))
-    alone = pins.match(solver, replace(touch, contact=touch.contact[after], force=touch.force[after]))
+    both = pins.match(solver, replace(touch, contact=touch.contact[split], held=touch.force[split]))
+    alone = pins.match(solver, replace(touch, contact=touch.contact[after], held=touch.force[after]))
     first, last = touch.contact[59], touch.contact[after][0]
     assert last > first + 1 and not both.forces[first + 1 : last].any()
     assert both.forces[first].max() > 3 * step, "it had risen by then"
@@ -298,7 +298,7 @@ def test_what_is_at_its_limit_is_told():
 def test_nothing_touched_gives_zeros_without_any_matrices(monkeypatch):
     monkeypatch.setattr(pins, "setup", lambda *_: pytest.fail("nothing is to be built"))
     free = felt()
-    nothing = replace(free, contact=free.contact[:0], force=free.force[:0])
+    nothing = replace(free, contact=free.contact[:0], held=free.force[:0])
     found = rendered(nothing)
     assert not found.track.values.any() and found.track.values.shape == (len(free.times), 128)
     assert not any(s.any() for s in found.signals.values())

@@ -39,7 +39,8 @@ from .stiff_points import StiffPoints
 
 MAX_STEPS = 10
 MAX_TANGENTS = 8
-_UNIT = np.eye(3)
+_UNIT, _NO_LAW = np.eye(3), np.zeros((0, 3, 3))
+_STICKS, _SLIPS = np.int8(STICK), np.int8(SLIP)
 NEAR, MARGIN = 0.9e-3, 0.3e-3  # candidates have gaps below NEAR; they are chosen anew when others come to MARGIN
 
 
@@ -52,6 +53,33 @@ class _Factors:
     active: NDArray[np.intp]
     slips: NDArray[np.intp]
     law: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """Compliance between points that touch, (3 a, 3 a), which are told by a key, and its LU factors."""
+
+    key: bytes
+    matrix: Array
+    lower: Array
+    pivots: NDArray[np.int32]
+    sound: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What the disc sees of all points at a pose, in its own frame.
+
+    Attributes:
+        local: where they are untouched, shape (m, 3).
+        across: where they are on the disc when its rim is asked for, shape (m, 2). reach: how far out, shape (m,).
+        gap: of the untouched points, shape (m,).
+    """
+
+    local: Array
+    across: Array
+    reach: Array
+    gap: Array
 
 
 class DiscContact:
@@ -79,8 +107,10 @@ class DiscContact:
         self.near: NDArray[np.intp] = np.zeros(0, np.intp)
         self._built: Array | None = None
         self._rest_positions = np.zeros((0, 3))
-        self._block: tuple[bytes, Array] | None = None
-        self._guess: tuple[Array, Array] | None = None  # forces and their slope at a pose
+        self._block: _Block | None = None
+        self._guess: tuple[Array, Array, Array] | None = None  # a configuration, forces there and their slope
+        self._all = np.concatenate([self.positions, self.positions])  # the points untouched, and where they were last
+        self._rest4, self._places4 = np.ones((0, 4)), np.ones((0, 4))  # the candidates, with a one each
         self.choice = 0  # counts how often the candidates were chosen, for those who keep tables by them
         self.solved = self.fallbacks = 0
         from scipy.linalg.lapack import dgetrf, dgetrs
@@ -94,16 +124,15 @@ class DiscContact:
         What is found then depends on nothing that was solved before, be it by rounding: the candidates are the state's.
         """
         self.state = state
-        self._places_now = self.positions + state.moved
+        np.add(self.positions, state.moved, out=self._all[self.count :])
+        self._stuck = state.sticking.nonzero()[0]
+        self._stuck_at = state.anchor[self._stuck]
         near = np.zeros(0, np.intp) if state.last is None else state.last.near
         if self._stiff is not None:
             tangent = self._stiff.rest if state.last is None else state.last.tangent
             if tangent is not self.tangent:
                 self.tangent, self._line = tangent, None
-        if near is self.near:
-            self._restrict()
-        else:
-            self._take(near)
+        self._take(near)
 
     def gap(self, pose: DiscPose) -> Array:
         """Return the gap of every undeformed point [m], shape (m,)."""
@@ -146,10 +175,11 @@ class DiscContact:
 
         Skin that stiffens is off by the square of what its displacement differs from that.
         """
-        self._choose(pose)
+        seen = self._seen(pose)
+        self._choose(seen)
         self.solved += 1
-        offset, change = self._offsets(pose)
-        if not (offset @ pose.normal < 0.0).any():
+        offset, change = self._offsets(pose, seen)
+        if not (seen.gap[self.near] < 0.0).any():
             zero = np.zeros_like(offset)
             nothing = np.zeros(len(offset), np.int8)
             found = DiscSolution(pose, self.near, zero, offset, np.zeros_like(change), nothing, 0.0, 0, "none")
@@ -159,7 +189,8 @@ class DiscContact:
         guess = self._held_force
         if self._guess is not None:
             # forces move with the disc to first order: nearly always the right points stick and slip at once
-            guess = self._guess[0] + self._guess[1] @ self._step(pose)
+            at, guess, slope = self._guess
+            guess = guess + slope @ (pose.x - at)
         force, w, slope, status, residual, steps = self._newton(pose, offset, change, guess)
         method = "newton"
         if residual > TOLERANCE:
@@ -171,8 +202,7 @@ class DiscContact:
                 if residual > other.residual:
                     force, w, status, residual = other.force, other.displacement, other.status, other.residual
                 steps += other.iterations + more
-        self._guess = (force, slope)
-        self._guess_pose = pose
+        self._guess = (pose.x, force, slope)
         found = DiscSolution(pose, self.near, force, w, slope, status, residual, steps, method)
         if self._stiff is None or self.tangent is None:
             return found
@@ -254,7 +284,8 @@ class DiscContact:
                 weight = max(float(np.vdot(wanted, wanted)), float(np.vdot(force, force)))
                 residual = math.sqrt(float(miss @ miss) / weight) if weight > 0.0 else 0.0
                 if residual < best[0]:
-                    status = np.where(vn <= 0.0, OPEN, np.where(share < 1.0, SLIP, STICK)).astype(np.int8)
+                    status = np.where(share < 1.0, _SLIPS, _STICKS)
+                    status[vn <= 0.0] = OPEN
                     best, best_factors = (residual, force, w, status), factors
                 if step == steps or residual <= TOLERANCE:
                     break
@@ -264,22 +295,20 @@ class DiscContact:
             if len(active) == 0:
                 continue
             right = offset[active]
-            matrix = self._active_block(active)
-            slips = (share[active] < 1.0).nonzero()[0]
-            law = np.zeros((0, 3, 3))
+            block = self._active_block(active)
+            lower, pivots, sound = block.lower, block.pivots, block.sound
+            slips, law = (share[active] < 1.0).nonzero()[0], _NO_LAW
             if len(slips):
                 at = active[slips]
                 law = _projection_slope(normal, tangent[at] / length[at, None], mu, share[at])
-                matrix = matrix.reshape(len(active), 3, -1).copy()
+                matrix = block.matrix.reshape(len(active), 3, -1).copy()
                 matrix[slips] = law @ matrix[slips]
-                rest = (_UNIT - law) / r
-                for k in range(3):
-                    matrix[slips, :, 3 * slips + k] += rest[:, :, k]
-                matrix = matrix.reshape(3 * len(active), -1)
+                matrix.reshape(len(active), 3, len(active), 3)[slips, :, slips] += (_UNIT - law) / r
                 right[slips] = (law @ right[slips, :, None])[:, :, 0]
-            # the transpose is in Fortran order already, which saves a copy
-            lower, pivots, info = self._factorise(matrix.T, overwrite_a=bool(len(slips)))
-            if info != 0:
+                # the transpose is in Fortran order already, which saves a copy
+                lower, pivots, info = self._factorise(matrix.reshape(3 * len(active), -1).T, overwrite_a=True)
+                sound = info == 0
+            if not sound:
                 break
             factors = _Factors(lower, pivots, active, slips, law)
             answer, _ = self._back(lower, pivots, -right.ravel(), trans=1)
@@ -293,76 +322,81 @@ class DiscContact:
         slope = np.zeros_like(change)
         if factors is None:
             return slope
-        active = factors.active
-        count = pose.turning
+        active, count, slips = factors.active, pose.turning, factors.slips
         turn = crossing(pose.spin[:count]).reshape(-1, 3).T
-        turned = (force[active] @ turn).reshape(-1, count, 3).transpose(0, 2, 1)  # Omega f
-        block = self._active_block(active)
         right = change[active]
-        right[:, :, :count] += (block @ turned.reshape(-1, count)).reshape(-1, 3, count)
         right[:, :, :count] -= (moved[active] @ turn).reshape(-1, count, 3).transpose(0, 2, 1)
-        if len(factors.slips):
-            right[factors.slips] = factors.law @ right[factors.slips]
+        turned = None
+        if len(slips):  # what sticks all over turns with the disc by itself
+            turned = (force[active] @ turn).reshape(-1, count, 3).transpose(0, 2, 1)  # Omega f
+            block = self._active_block(active).matrix
+            right[:, :, :count] += (block @ turned.reshape(-1, count)).reshape(-1, 3, count)
+            right[slips] = factors.law @ right[slips]
         answer, _ = self._back(factors.lower, factors.pivots, -right.reshape(-1, right.shape[2]), trans=1)
         slope[active] = answer.reshape(right.shape)
-        slope[active, :, :count] += turned
+        if turned is not None:
+            slope[active, :, :count] += turned
         return slope
 
-    def _offsets(self, pose: DiscPose) -> tuple[Array, Array]:
+    def _seen(self, pose: DiscPose) -> _Seen:
+        """Return what the disc sees at a pose: a point that sticks stays where it is on the disc."""
+        both = (self._all - pose.centre) @ pose.rotation
+        local, across = both[: self.count], both[self.count :, :2]
+        across[self._stuck] = self._stuck_at
+        square = across * across
+        reach = np.sqrt(square[:, 0] + square[:, 1])
+        over = np.maximum(reach - self.disc.radius, 0.0)
+        return _Seen(local, across, reach, over * over * (0.5 / self.disc.rounding) - local[:, 2])
+
+    def _offsets(self, pose: DiscPose, seen: _Seen) -> tuple[Array, Array]:
         """Relative displacement without force, (s, 3), and its derivative but for turning with the disc, (s, 3, n)."""
-        turn, size = pose.rotation, len(self.near)
-        both = (self._both - pose.centre) @ turn
-        local, at = both[:size], both[size:, :2]
-        out = local.copy()
+        turn, near, n = pose.rotation, self.near, len(pose.spin)
+        out = seen.local.take(near, axis=0)
         out[:, :2] -= self._anchor
-        motion = -pose.motion()
-        move = (self._rest4 @ motion.transpose(1, 0, 2).reshape(-1, 4).T).reshape(size, 3, len(motion))
+        out[:, 2] = -seen.gap[near]
+        motion = -pose.motion().transpose(2, 1, 0).reshape(4, 3 * n)
+        move = (self._rest4 @ motion).reshape(-1, 3, n)
         if not self._all_anchored:  # what was never touched has nothing to be sheared from
             loose = ~self._anchored
             out[loose, :2] = 0.0
             move[loose] = turn[:, 2:] * (turn[:, 2] @ move[loose])[:, None]
-        at[self._sticking] = self._anchor[self._sticking]
-        square = at * at
-        reach = np.sqrt(square[:, 0] + square[:, 1])
-        rim = (reach > self.disc.radius).nonzero()[0]
-        if len(rim):
-            over = (reach[rim] - self.disc.radius) / self.disc.rounding
-            out[rim, 2] -= 0.5 * over * over * self.disc.rounding
-            kept = ~self._sticking[rim]  # what sticks stays where it is on the disc
-            slides, over = rim[kept], over[kept]
-            outwards = (at[slides] * (over / reach[slides])[:, None]) @ turn[:, :2].T
-            past = self._both[size + slides] @ motion[:, :, :3].transpose(0, 2, 1) + motion[:, None, :, 3]
-            fallen = np.einsum("ik,jik->ij", outwards, past)
-            move[slides] -= turn[:, 2:] * fallen[:, None]
+        slides = ((seen.reach[near] > self.disc.radius) & ~self._sticking).nonzero()[0]
+        if len(slides):  # past the rim, which falls away
+            reach, across = seen.reach[near[slides]], seen.across[near[slides]]
+            steep = (reach - self.disc.radius) / (self.disc.rounding * reach)
+            outwards = (across * steep[:, None]) @ turn[:, :2].T
+            past = (self._places4[slides] @ motion).reshape(-1, 3, n)
+            move[slides] -= turn[:, 2:] * (outwards[:, None] @ past)
         return out @ turn.T, move
 
-    def _step(self, pose: DiscPose) -> Array:
-        """Return by how much the configuration changed since the last solution, from the poses themselves."""
-        before = self._guess_pose
-        turn = pose.rotation @ before.rotation.T
-        vector = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-        wanted = np.concatenate([vector, (pose.centre - before.centre) / self.disc.radius])
-        basis = np.concatenate([before.spin.T, before.shift / self.disc.radius])
-        return np.asarray(np.linalg.solve(basis.T @ basis, wanted @ basis))
-
-    def _choose(self, pose: DiscPose) -> None:
-        local = (self.positions - pose.centre) @ pose.rotation
-        at = ((self._places_now - pose.centre) @ pose.rotation)[:, :2]
-        at[self.state.sticking] = self.state.anchor[self.state.sticking]
-        gap = self._fallen(at) - local[:, 2]
-        near = gap < MARGIN
-        if near[self.near].sum() == near.sum() and len(self.near):
+    def _choose(self, seen: _Seen) -> None:
+        """Choose the candidates anew if others come close."""
+        close = seen.gap < MARGIN
+        if len(self.near) and np.count_nonzero(close[self.near]) == np.count_nonzero(close):
             return
-        self._take(np.flatnonzero(gap < NEAR))
+        self._take(np.flatnonzero(seen.gap < NEAR))
 
     def _take(self, near: NDArray[np.intp]) -> None:
-        """Take other candidates."""
-        if not np.array_equal(near, self.near):
+        """Take these candidates, with what the friction state says of them."""
+        if near is not self.near and not np.array_equal(near, self.near):
             self.choice += 1
-            self._built = self._line = None
+            self._built = self._line = self._block = None
+            self._rest4, self._places4 = np.ones((2, len(near), 4))
+            self._rest4[:, :3] = self.positions[near]
         self.near = near
-        self._rest_positions = self.positions[near]
-        self._restrict()
+        self._places4[:, :3] = self._all[self.count + near]
+        state = self.state
+        self._anchored, self._anchor, self._sticking = state.anchored[near], state.anchor[near], state.sticking[near]
+        self._all_anchored = bool(self._anchored.all())
+        self._held_force, last = state.force[near], state.last
+        self._guess = None
+        if last is not None:
+            slope = last.slope
+            if last.near is not near:
+                whole = np.zeros((self.count, *slope.shape[1:]))
+                whole[last.near] = slope
+                slope = whole[near]
+            self._guess = (last.pose.x, self._held_force, slope)
 
     @property
     def _matrix(self) -> Array:
@@ -385,27 +419,15 @@ class DiscContact:
             self._line, self._block = (self._linear - stiff.matrix(self.tangent, rows), shift), None
         return self._line
 
-    def _restrict(self) -> None:
-        self._block = None
-        self._anchored, self._anchor = self.state.anchored[self.near], self.state.anchor[self.near]
-        self._sticking = self.state.sticking[self.near]
-        self._all_anchored = bool(self._anchored.all())
-        # the candidates untouched, and where they were last
-        self._both = np.concatenate([self._rest_positions, self._places_now[self.near]])
-        self._rest4 = np.concatenate([self._rest_positions, np.ones((len(self.near), 1))], axis=1)
-        self._held_force, last = self.state.force[self.near], self.state.last
-        self._guess = None
-        if last is not None:
-            slope = np.zeros((self.count, *last.slope.shape[1:]))
-            slope[last.near] = last.slope
-            self._guess, self._guess_pose = (self._held_force, slope[self.near]), last.pose
-
-    def _active_block(self, active: NDArray[np.intp]) -> Array:
+    def _active_block(self, active: NDArray[np.intp]) -> _Block:
+        """Return what is known of points that touch, from the step before where they are the same."""
         key = active.tobytes()
-        if self._block is None or self._block[0] != key:
+        if self._block is None or self._block.key != key:
             rows = _degrees(active)
-            self._block = (key, self._matrix[rows[:, None], rows])
-        return self._block[1]
+            matrix = self._matrix[rows[:, None], rows]
+            lower, pivots, info = self._factorise(matrix.T)
+            self._block = _Block(key, matrix, lower, pivots, info == 0)
+        return self._block
 
 
 def _apart(tangent: StiffTangent, z: Array) -> float:

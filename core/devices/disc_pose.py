@@ -33,12 +33,14 @@ class DiscPose:
         rotation: disc to finger, shape (3, 3). The side that touches faces -Z of the disc.
         centre: [m], shape (3,).
         spin: row j is the rotation vector for a unit of x_j, shape (n, 3). shift: column j moves the centre, (3, n).
+        x: the configuration, shape (n,).
     """
 
     rotation: Array
     centre: Array
     spin: Array
     shift: Array
+    x: Array
 
     @property
     def normal(self) -> Array:
@@ -63,7 +65,7 @@ class DiscPose:
 def placed(device: DiscDevice, pose: PlatformPose) -> DiscPose:
     """Return a platform's pose in the finger's frame."""
     turn, origin = device.mount[:3, :3], device.mount[:3, 3]
-    return DiscPose(turn @ pose.rotation, turn @ pose.centre + origin, pose.spin @ turn.T, turn @ pose.d_centre)
+    return DiscPose(turn @ pose.rotation, turn @ pose.centre + origin, pose.spin @ turn.T, turn @ pose.d_centre, pose.x)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,9 @@ import math
 from ..errors import DermisError
 from .linkage import LEGS, Linkage
 
+# Cosine of the angle between crank and leg, in a leg that reaches: 0.08 degrees from stretched or folded. Nearer than
+# that no servo tells a pose from its neighbours, and the slopes of its angle, which grow without bound, mean nothing.
+BENT = 1.0 - 1e-6
 UPRIGHT = 1.5 * math.sqrt(3.0)  # the determinant of a level platform on upright rods
 
 
@@ -22,7 +25,7 @@ def inverse_kinematics(linkage: Linkage, pitch: float, roll: float, distance: fl
     """Return the servos' angles from neutral [rad] and the singularity margin, as plain numbers.
 
     Raises:
-        DermisError: a leg cannot reach.
+        DermisError: a leg cannot reach, or is all but stretched or folded.
     """
     cp, sp, cr, sr = math.cos(pitch), math.sin(pitch), math.cos(roll), math.sin(roll)
     up, up_pitch, up_roll = cp * cr, -sp * cr, -cp * sr
@@ -37,10 +40,10 @@ def inverse_kinematics(linkage: Linkage, pitch: float, roll: float, distance: fl
         bent = 2.0 * m * across
         r, h = size * (1.5 - 0.5 * up - bent * m) - base, distance - size * m
         squared = r * r + h * h
-        cosine = (fixed + squared) / (double * math.sqrt(squared))
-        if abs(cosine) >= 1.0:
+        stretched, whole = fixed + squared, double * math.sqrt(squared)
+        if abs(stretched) >= BENT * whole:
             raise DermisError("a leg cannot reach the platform", where=f"thimble, leg {len(angles) + 1}")
-        angle = math.atan2(h, r) - bend * math.acos(cosine)
+        angle = math.atan2(h, r) - bend * math.acos(stretched / whole)
         angles.append(angle - linkage.servo_zero)
         out, rise = r - crank * math.cos(angle), h - crank * math.sin(angle)  # the rod, of length L2
         curve = bent * m * across - 0.5

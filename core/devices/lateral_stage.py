@@ -70,8 +70,9 @@ class LateralStage:
 
     def pose(self, x: ArrayLike) -> PlatformPose:
         """Return the disc's pose in the base frame at x = (pitch, roll, distance, shift x, shift y, yaw)."""
-        values = np.asarray(x, np.float64).tolist()
-        pitch, roll, distance, east, north, yaw = values if len(values) == 6 else (*values, 0.0, 0.0, 0.0)
+        at = np.zeros(6)
+        at[: np.size(x)] = x
+        pitch, roll, distance, east, north, yaw = at.tolist()
         own, c, s = self.thimble.pose((pitch, roll, distance)), math.cos(yaw), math.sin(yaw)
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         centre = turn @ own.centre
@@ -79,7 +80,7 @@ class LateralStage:
         spin[:3], spin[5, 2] = own.spin @ turn.T, 1.0
         shift[:, :3], shift[0, 3], shift[1, 4] = turn @ own.d_centre, -1.0, 1.0  # the base's X is the finger's -X
         shift[:2, 5] = -centre[1], centre[0]
-        return PlatformPose(turn @ own.rotation, centre + [-east, north, 0.0], spin, shift)
+        return PlatformPose(turn @ own.rotation, centre + [-east, north, 0.0], spin, shift, at)
 
     def joints(self, x: ArrayLike) -> tuple[Array, Array]:
         """Return the servos' angles and the stage's place, shape (6,), and their derivative by x, shape (6, 6).

@@ -35,12 +35,14 @@ class PlatformPose:
     Attributes:
         rotation: shape (3, 3). centre: [m], shape (3,).
         spin: how it turns: dR/dx_i = spin_i x R, row i, shape (n, 3). d_centre: column i, shape (3, n).
+        x: the configuration, shape (n,).
     """
 
     rotation: Array
     centre: Array
     spin: Array
     d_centre: Array
+    x: Array
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,8 @@ class Linkage:
     def pose(self, x: ArrayLike) -> PlatformPose:
         """Return the platform's pose at x = (pitch, roll, distance), with parasitic shift and yaw."""
         # plain floats: arrays of three elements cost more than the arithmetic on them
-        pitch, roll, distance = np.asarray(x, dtype=np.float64).tolist()
+        at = np.array(x, dtype=np.float64)
+        pitch, roll, distance = at.tolist()
         cp, sp, cr, sr = math.cos(pitch), math.sin(pitch), math.cos(roll), math.sin(roll)
         n, d = -sp * sr, cp + cr
         yaw = math.atan2(n, d)
@@ -93,11 +96,12 @@ class Linkage:
             np.array([r / 2 * (u[0] - v[1]), -r * u[1], distance]),
             np.array(spin),
             np.array([shift_x, shift_y, [0.0, 0.0, 1.0]]),
+            at,
         )
 
     def leg_margins(self, x: ArrayLike) -> Array:
         """Return per leg how far it is from being stretched or folded: >= 0 where it closes, shape (3,)."""
-        legs = self._leg_planes(self.pose(x))
+        legs = self.leg_planes(self.pose(x))
         distance = np.array([math.hypot(r, h) for r, h, _, _ in legs])
         return 1.0 - np.abs((self.crank**2 + distance**2 - self.rod**2) / (2 * self.crank * distance))
 
@@ -114,11 +118,11 @@ class Linkage:
         """Return the servos' angles from neutral [rad] at a pose, and their derivatives, as plain numbers."""
         angles, slopes = [], []
         crank, rod = self.crank, self.rod
-        for leg, (r, h, dr, dh) in enumerate(self._leg_planes(pose)):
+        for leg, (r, h, dr, dh) in enumerate(self.leg_planes(pose)):
             squared = r * r + h * h
             distance = math.sqrt(squared)
-            cosine = (crank * crank + squared - rod * rod) / (2 * crank * distance)
-            if abs(cosine) >= 1.0:
+            stretched, whole = crank * crank + squared - rod * rod, 2 * crank * distance
+            if abs(stretched) >= whole:
                 raise DermisError(
                     "a leg cannot reach the platform",
                     where=f"thimble, leg {leg + 1}",
@@ -126,6 +130,7 @@ class Linkage:
                     limit=f"{1e3 * abs(rod - crank):.2f} to {1e3 * (rod + crank):.2f} mm",
                     remedy="Use longer links or a smaller movement",
                 )
+            cosine = stretched / whole
             angles.append(math.atan2(h, r) - self.bend * math.acos(cosine) - self.servo_zero)
             slope = self.bend * (squared - crank * crank + rod * rod) / (2 * crank * squared)
             slope /= distance * math.sqrt(1.0 - cosine * cosine)
@@ -134,7 +139,7 @@ class Linkage:
             slopes.append([by_r * a + by_h * b for a, b in zip(dr, dh, strict=True)])
         return angles, slopes
 
-    def _leg_planes(self, pose: PlatformPose) -> list[tuple[float, float, list[float], list[float]]]:
+    def leg_planes(self, pose: PlatformPose) -> list[tuple[float, float, list[float], list[float]]]:
         """Joints in their legs' planes: distance r outwards of the servo and height h, with slopes by x."""
         (ux, vx, _), (uy, vy, _), (uz, vz, _) = pose.rotation.tolist()
         x, y, z = pose.centre.tolist()

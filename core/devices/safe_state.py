@@ -49,8 +49,10 @@ def safe_state(spec: DeviceSpec) -> SafeState:
 
 def bare_channels(spec: DeviceSpec) -> tuple[str, ...]:
     """Return the channels with an actuator for which a worn device states no safe value; () where it need not."""
+    if not spec.worn:
+        return ()
     values = safe_state(spec).values
-    return tuple(c.name for c in spec.channels if spec.worn and c.actuator and c.name not in values)
+    return tuple(c.name for c in spec.channels if c.actuator and c.name not in values)
 
 
 def safe_findings(spec: DeviceSpec) -> tuple[Finding, ...]:

@@ -84,8 +84,9 @@ class SixLegs:
 
     def pose(self, x: ArrayLike) -> PlatformPose:
         """Return the disc's pose in the base frame at x, whose last three values are 0 where there are but three."""
-        values = np.asarray(x, np.float64).tolist()
-        pitch, roll, distance, east, north, yaw = values if len(values) == 6 else (*values, 0.0, 0.0, 0.0)
+        at = np.zeros(6)
+        at[: np.size(x)] = x
+        pitch, roll, distance, east, north, yaw = at.tolist()
         cp, sp, cr, sr, c, s = (f(a) for a in (pitch, roll, yaw) for f in (math.cos, math.sin))
         u, v = (cr, sp * sr, -cp * sr), (0.0, cp, sp)
         axis = (sr, -sp * cr, cp * cr)
@@ -94,7 +95,7 @@ class SixLegs:
         spin = np.array([(1.0, 0.0, 0.0), v, none, none, none, axis])
         shift = np.zeros((3, 6))
         shift[2, 2], shift[0, 3], shift[1, 4] = 1.0, -1.0, 1.0
-        return PlatformPose(rotation, np.array([-east, north, distance]), spin, shift)
+        return PlatformPose(rotation, np.array([-east, north, distance]), spin, shift, at)
 
     def joints(self, x: ArrayLike) -> tuple[Array, Array]:
         """Return the legs' lengths [m], shape (6,), and their derivative by x, shape (6, 6)."""

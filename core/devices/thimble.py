@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from operator import sub
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from .singularity import singularity_margin
 from .spec import DeviceSpec
 
 MIN_MARGIN = 0.03  # of singularity: there a servo's error turns the platform 15 times as far, beyond it gives way
+QUARTER = math.pi / 2  # [rad] of pitch or roll: past both, they name a pose once more, its margin with the other sign
 
 
 @dataclass(frozen=True)
@@ -95,11 +97,20 @@ class Thimble(Linkage):
 
     def within(self, pitch: float, roll: float, distance: float, low: list[float], high: list[float]) -> bool:
         """Return the same for limits of the servos' angles from neutral [rad]."""
+        return self.room(pitch, roll, distance, low, high) is not None
+
+    def room(
+        self, pitch: float, roll: float, distance: float, low: list[float], high: list[float]
+    ) -> list[float] | None:
+        """Return c(x) as `constraints` does, as plain numbers; None where a leg cannot reach or any is below zero."""
+        if not (abs(pitch) < QUARTER and abs(roll) < QUARTER):
+            return None
         try:
             angles, margin = inverse_kinematics(self, pitch, roll, distance)
         except DermisError:
-            return False
-        return margin >= MIN_MARGIN and all(a <= t <= b for a, t, b in zip(low, angles, high, strict=True))
+            return None
+        room = [*map(sub, high, angles), *map(sub, angles, low), margin - MIN_MARGIN]
+        return room if min(room) >= 0.0 else None
 
     def forward(self, angles: ArrayLike, start: ArrayLike) -> Array:
         """Return the configuration that servo angles from neutral [rad] hold the platform in; see `configuration`.

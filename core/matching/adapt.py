@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -25,18 +27,18 @@ SHARES = {"dataset": (0, 600), "descriptors": (600, 620), "training": (620, 1000
 def adapt_job(
     arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Callable[[int, int], None]
 ) -> dict[str, NDArray[Any]]:
-    """Make a surrogate and put it into a folder; a job for a child process.
+    """Make a surrogate and put it into a folder, or return its files; a job for another process or machine.
 
     Args:
-        parameters: 'device' (preset as read), 'device_key', 'skin' (parameters in SI), 'level', 'folder', and
-            optionally 'tissue', 'contact' ('nodes' where the finger's touches are solved there), 'skins' and 'limit'
-            (folder and size [bytes] of the cache of skins, where tables of lengths that do not ship lie), 'use'
-            (calibration to the person, see `disc_device`), 'trajectories', 'iterations'.
+        parameters: 'device' (preset as read), 'device_key', 'skin' (parameters in SI), 'level', and optionally
+            'folder' (where the files go), 'tissue', 'contact' ('nodes' where the finger's touches are solved there),
+            'skins' and 'limit' (folder and size [bytes] of the cache of skins, where tables of lengths that do not
+            ship lie), 'use' (calibration to the person, see `disc_device`), 'trajectories', 'iterations'.
 
     Returns:
         'errors': of ridge and network on straight presses held out, shape (2,); 'samples' and 'movements' that were
         learned from; 'held_out': for each of `KINDS` error and what nine in ten movements stay below, of ridge and of
-        network, and the number of movements, shape (2, 5).
+        network, and the number of movements, shape (2, 5). Without a folder also 'file NAME', its bytes, for each file.
 
     Raises:
         DermisError: a preset or skin that cannot be used, or servo limits that exclude contact.
@@ -57,7 +59,9 @@ def adapt_job(
 
     steps = adapt(device, skin, friction, report=tell, **wanted)
     made = drain(steps, lambda step: tell(*step))
-    save(place_of(Path(parameters["folder"]), skin, device, friction), made)
+    with TemporaryDirectory() if "folder" not in parameters else nullcontext(parameters["folder"]) as folder:
+        paths = save(place_of(Path(folder), skin, device, friction), made)
+        travels = {} if "folder" in parameters else {f"file {p.name}": np.fromfile(p, np.uint8) for p in paths}
     meta = made.meta
     held_out = []
     for kind in KINDS:
@@ -69,4 +73,5 @@ def adapt_job(
         "samples": np.array(meta["samples"]),
         "movements": np.array(meta["movements"]),
         "held_out": np.array(held_out),
+        **travels,
     }

@@ -124,7 +124,20 @@ def descend_in_box(
             break
     room = limits.constraints(device, x)[0]
     return Minimum(
-        x, stimulus, residual, start_cost, cost, kkt, active, multipliers, room, iterations, evaluations, why, reach
+        x,
+        stimulus,
+        residual,
+        start_cost,
+        cost,
+        kkt,
+        active,
+        multipliers,
+        room,
+        iterations,
+        evaluations,
+        why,
+        reach,
+        jacobian,
     )
 
 

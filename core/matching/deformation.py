@@ -303,7 +303,7 @@ class PinSolver:
         matcher = self.matcher
         if self._quadratic is not None:
             solution = self._bounded(matcher.rhs(self.method, force))
-            optimality = solution.optimality(self._quadratic.low, self._quadratic.high)
+            optimality = solution.optimality(self._quadratic.box.low, self._quadratic.box.high)
             return PinStep(solution.x, optimality, solution.converged)
         inverse = matcher.deformation_inverse if self.method.startswith("DM") else matcher.force_inverse
         x = inverse @ force

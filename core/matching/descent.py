@@ -10,20 +10,20 @@ Source: [S0] 5.2, without active constraints
 from __future__ import annotations
 
 import math
-from operator import sub
+from dataclasses import replace
 
 import numpy as np
 
 from ..arrays import Array
-from ..devices.disc_device import DiscDevice
-from ..devices.inverse_kinematics import inverse_kinematics
-from ..devices.thimble import MIN_MARGIN, Thimble
+from ..devices.disc_device import DiscDevice, scale_of
+from ..devices.thimble import Thimble
 from .box_descent import descend_in_box
 from .gauss_newton import (
     ARMIJO,
     DAMPING,
     EXACT,
     HARDLY,
+    LATER,
     LONGEST,
     MAX_EVALUATIONS,
     MAX_ITERATIONS,
@@ -49,11 +49,17 @@ def descend(
     device: DiscDevice,
     limits: ServoLimits | None = None,
     reach: float = 1.0,
+    foreseen: float = 0.0,
+    follows: bool = False,
 ) -> Minimum:
     """Return the configuration whose stimulus is nearest to the target; see `minimise` and `descend_in_box`.
 
     Args:
         reach: of a search nearby, as its `Minimum` tells it.
+        foreseen: a thimble's step that promises no more than this share of the cost is taken without looking where it
+            leads: the search ends there with what the linearised model says.
+        follows: a search like it is made in the next frame. A thimble's steps after the first then have to promise
+            more: what they do not gain now, that search's first step gains.
 
     Raises:
         DermisError: a start outside the limits.
@@ -64,7 +70,8 @@ def descend(
     low, high = limits.low.tolist(), limits.high.tolist()
     size, radius = len(target), device.platform_radius
     pitch, roll, distance = start.tolist()
-    if not device.within(pitch, roll, distance, low, high):
+    room = device.room(pitch, roll, distance, low, high)
+    if room is None:
         return minimise(evaluate, target, start, device, limits)  # which says what is wrong, or holds the limit
     both = np.empty((size, 4))
     x = np.array(start, np.float64)
@@ -91,13 +98,21 @@ def descend(
         if step_length > LONGEST:
             step = [s * (LONGEST / step_length) for s in step]
         descent = -(gradient[0] * step[0] + gradient[1] * step[1] + gradient[2] * step[2])
-        if 0.5 * reach * descent <= HARDLY * cost:
+        hardly = (LATER if follows and evaluations > 1 else HARDLY) * cost
+        if 0.5 * reach * descent <= hardly:
             why = "gain"
             break
         share, found = reach if reach < NEARLY else 1.0, False
+        at = (pitch + share * step[0], roll + share * step[1], distance + share * radius * step[2])
+        new_room = device.room(*at, low, high)
+        if new_room is not None and 0.5 * reach * descent <= foreseen * cost:
+            x, room = np.array(at), new_room
+            stimulus = stimulus + both[:, :3] @ (share * np.array(step))
+            cost -= share * (1.0 - 0.5 * share) * descent
+            iterations, why = iterations + 1, "foreseen"
+            break
         while share >= SHORTEST:
-            at = (pitch + share * step[0], roll + share * step[1], distance + share * radius * step[2])
-            if not device.within(*at, low, high):
+            if new_room is None:
                 more = minimise(evaluate, target, x, device, limits)
                 return _after(more, start_cost, iterations, evaluations)
             trial = np.array(at)
@@ -113,24 +128,27 @@ def descend(
                 break
             if share * step_length < SMALL_STEP or evaluations >= MAX_EVALUATIONS:
                 break
-            if promised(share, cost, new_cost, descent) <= HARDLY * cost:
+            if follows:
+                hardly = LATER * cost
+            if promised(share, cost, new_cost, descent) <= hardly:
                 why = "gain"
                 break
             share *= shorter(share, cost, new_cost, descent)
+            at = (pitch + share * step[0], roll + share * step[1], distance + share * radius * step[2])
+            new_room = device.room(*at, low, high)
         iterations += 1
-        if not found:
+        if not found or new_room is None:
             if why != "gain":
                 why = "step" if step_length <= SMALL_STEP else "limit" if evaluations >= MAX_EVALUATIONS else "stalled"
             break
         moved, gained = share * min(step_length, LONGEST), 1.0 - new_cost / cost
-        (pitch, roll, distance), x, stimulus, gram, cost = at, trial, new_stimulus, new_gram, new_cost
+        (pitch, roll, distance), x, room, gram, cost = at, trial, new_room, new_gram, new_cost
+        stimulus, jacobian = new_stimulus, new_jacobian
         if moved <= SMALL_STEP or gained <= SMALL_GAIN:
             why = "step" if moved <= SMALL_STEP else "gain"
             break
     if 2.0 * cost <= exact:
         why, kkt = "exact", EXACT * math.sqrt(2.0 * cost / exact) if exact > 0.0 else 0.0
-    angles, margin = inverse_kinematics(device, pitch, roll, distance)
-    room = np.array([*map(sub, high, angles), *map(sub, angles, low), margin - MIN_MARGIN])
     return Minimum(
         x,
         stimulus,
@@ -140,12 +158,34 @@ def descend(
         kkt,
         (),
         np.zeros(0),
-        room,
+        np.array(room),
         iterations,
         evaluations,
         why,
         reach,
+        jacobian,
     )
+
+
+def response(jacobian: Array, before: Array, target: Array, device: DiscDevice) -> Array:
+    """Return by how much a configuration changes where another stimulus is wanted, as the slope there says, (n,).
+
+    None is said where that leads beyond what any slope tells.
+
+    Args:
+        jacobian: derivative of the stimulus, shape (k, n). before, target: what was wanted and what is, shape (k,).
+    """
+    scale = scale_of(device)
+    if isinstance(device, Thimble):
+        gram = _gram(np.empty((len(target), 4)), before, jacobian, target, device.platform_radius)
+        step = np.array(_step(gram) or (0.0, 0.0, 0.0))
+    else:
+        scaled = jacobian * scale
+        normal = scaled.T @ scaled
+        normal.flat[:: len(normal) + 1] += DAMPING * max(float(normal.max()), 1e-300)
+        step = np.linalg.solve(normal, scaled.T @ (target - before))
+    out: Array = scale * step if float(step @ step) <= LONGEST**2 else np.zeros_like(scale)
+    return out
 
 
 def _gram(both: Array, stimulus: Array, jacobian: Array, target: Array, radius: float) -> list[list[float]]:
@@ -179,17 +219,6 @@ def _step(gram: list[list[float]]) -> list[float] | None:
 
 def _after(more: Minimum, start_cost: float, iterations: int, evaluations: int) -> Minimum:
     """Return what the active-set method found, with what was spent before it."""
-    return Minimum(
-        more.x,
-        more.stimulus,
-        more.residual,
-        start_cost,
-        more.cost,
-        more.kkt,
-        more.active,
-        more.multipliers,
-        more.room,
-        more.iterations + iterations,
-        more.evaluations + evaluations,
-        more.why,
+    return replace(
+        more, start_cost=start_cost, iterations=more.iterations + iterations, evaluations=more.evaluations + evaluations
     )

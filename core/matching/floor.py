@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Generator
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +29,7 @@ from ..recent import Recent
 from ..skin.felt_state import felt_key, observed, stress_components
 from ..skin.model import SkinModel
 from ..skin.store import read_table, write_table
-from ..steps import drain
+from ..steps import drain, in_words
 from ..surrogate.dataset import record
 from ..surrogate.learned import descriptors
 from ..surrogate.press_points import pressed_on
@@ -47,7 +48,7 @@ _known: Recent[str, Floor] = Recent(16)
 
 
 class Step(NamedTuple):
-    """How far the search for a floor is: what it is at, samples done and in all."""
+    """How far the search for a floor is: what it is at, and parts of the whole search done and in all."""
 
     stage: str
     done: int
@@ -110,7 +111,7 @@ def _percent(errors: tuple[float, ...]) -> str:
 
 
 def floor_of(use: ThimbleUse, forces: Array, amounts: Array | None = None) -> Generator[Step, None, Floor]:
-    """Find the floor of a device for a touch; yields a stage, samples done and in all.
+    """Find the floor of a device for a touch; yields how far it is.
 
     It is kept for the same touch, in memory and in the skin's cache.
 
@@ -135,23 +136,26 @@ def floor_of(use: ThimbleUse, forces: Array, amounts: Array | None = None) -> Ge
     if known is not None:
         return known
     judge, total = FeltErrors(skin), len(forces)
-    own = follower(use)
+    devices = [use.device, *([LateralStage(use.device)] if isinstance(use.device, Thimble) else [])]
+    own, passes = follower(use), 1 + 2 * len(devices)  # each device is searched by few components and by many
     rendered, frames = np.zeros_like(forces), []
     felt: list[Array | None] = [None] * total if amounts is None else list(amounts)
     for i, (force, given) in enumerate(zip(forces, felt, strict=True)):
         frame = own.step(force, given)
         frames.append(frame)
         rendered[i] = own.matching.contact.nodal(frame.solution)
-        yield Step("rendered", i + 1, total)
+        yield Step("rendered", i + 1, passes * total)
     made = _amounts(own, frames)
     root = stress_components(skin)
     wanted = np.stack([observed(skin, root, force, given) for force, given in zip(forces, felt, strict=True)])
     results: list[_Found] = [_Found(rendered, made, _left(skin, root, wanted, rendered, made))]
-    devices = [use.device, *([LateralStage(use.device)] if isinstance(use.device, Thimble) else [])]
+    behind = 1
     for name, device in zip(("best pose", "lateral axes"), devices, strict=False):
         best = results[-1]  # what a device can do without its stage, it can do with it
         for matrix in _matrices(device, use):
-            found, given_ = yield from _tried(name, device, use, matrix, forces, felt)
+            words = partial(_part, name, behind * total, passes * total)
+            found, given_ = yield from in_words(_tried(device, use, matrix, forces, felt), words)
+            behind += 1
             best = best.or_better(_Found(found, given_, _left(skin, root, wanted, found, given_)))
         results.append(best)
     errors = [tuple(judge.of(forces, found.force, amounts, found.amounts).tolist()) for found in results]
@@ -160,6 +164,11 @@ def floor_of(use: ThimbleUse, forces: Array, amounts: Array | None = None) -> Ge
     _known.make(key, lambda: floor)
     _keep(skin, key, floor)
     return floor
+
+
+def _part(name: str, before: int, total: int, step: tuple[int, int]) -> Step:
+    """Return how far one search among several is as how far all of them are."""
+    return Step(name, before + step[0], total)
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,20 +199,14 @@ def _matrices(device: DiscDevice, use: ThimbleUse) -> list[Array]:
 
 
 def _tried(
-    name: str, device: DiscDevice, use: ThimbleUse, matrix: Array, forces: Array, felt: list[Array | None]
-) -> Generator[Step, None, tuple[Array, Array | None]]:
+    device: DiscDevice, use: ThimbleUse, matrix: Array, forces: Array, felt: list[Array | None]
+) -> Generator[tuple[int, int], None, tuple[Array, Array | None]]:
     """Return forces and amounts of the best pose found at each sample by some components."""
     skin, contact = use.skin, contact_of(device, use.skin, use.friction)
     matching = StressMatcher(device, contact, matrix, hover=use.hover)
     targets = np.stack([observed(skin, matrix, force, given) for force, given in zip(forces, felt, strict=True)])
-    steps = trajectory(matching, targets)
-    while True:
-        try:
-            done, total = next(steps)
-        except StopIteration as stop:
-            best: list[ThimbleFrame] = stop.value.best
-            break
-        yield Step(name, done, total)
+    searched = yield from trajectory(matching, targets)
+    best: list[ThimbleFrame] = searched.best
     made = None if contact.points.stiff is None else np.array([f.solution.amounts for f in best])
     return np.stack([contact.nodal(frame.solution) for frame in best]), made
 

@@ -30,6 +30,7 @@ SMALL_GAIN = 1e-3  # of the cost in one step, 0.05 % of the mismatch: at a kink 
 # Of the cost, 0.13 % of the mismatch: for less no step is tried. A full step that gains no more starts where the KKT
 # residual is 0.05 at most.
 HARDLY = 2.5e-3
+LATER = 1e-2  # the same of steps after the first, where another frame follows: 0.5 % of the mismatch
 LEAST_REACH, NEARLY = 0.25, 0.8  # of a full step: what is believed of a reach, and from where on a step is tried whole
 MAX_ITERATIONS = 20
 MAX_EVALUATIONS = 16  # the longest searches creep along kinks for hardly any gain: frames must come in time
@@ -51,15 +52,18 @@ class Minimum:
         stimulus: there, shape (k,). residual: stimulus minus target.
         start_cost, cost: half the squared mismatch at the start and at the end.
         kkt: |S (J'r - A'multipliers)| / (|J S| |r|), with the multipliers of the step that would come next: 0 at
-            an exact minimum. S scales distance to tilt. Of an 'exact' one r is rounding, and this is |r| / |target|.
+            an exact minimum. S scales distance to tilt. Of an 'exact' one r is rounding, and this is |r| / |target|; of
+            a 'foreseen' one it is that of the last point that was looked at.
         active: limits that hold it back, indices into the seven constraints; `GIVES_WAY` is the singularity margin.
         multipliers: of them, >= 0.
         room: c(x) of the seven constraints, >= 0.
         iterations, evaluations: steps, and calls of the forward model.
-        why: 'optimal', 'exact', 'step' (no longer moving), 'gain' (no longer better), 'stalled' (no descent at a
-            kink), 'limit', 'underway' (the servos cannot reach a better minimum within one frame; start_cost is cost
+        why: 'optimal', 'exact', 'step' (no longer moving), 'gain' (no longer better), 'foreseen' (by a last step that
+            was not looked at: stimulus and cost are the linearised model's), 'stalled' (no descent at a kink),
+            'limit', 'underway' (the servos cannot reach a better minimum within one frame; start_cost is cost
             and kkt is 0, for speed decides), or 'edge' (the same where a recording ends).
         reach: share of a full step that leads furthest down, as the last one that was tried told; 1 if nothing did.
+        jacobian: derivative of the stimulus by the configuration there, or where it was looked at last, shape (k, n).
     """
 
     x: Array
@@ -74,7 +78,8 @@ class Minimum:
     iterations: int
     evaluations: int
     why: str
-    reach: float = 1.0
+    reach: float
+    jacobian: Array
 
     @property
     def mismatch(self) -> float:
@@ -194,7 +199,20 @@ def minimise(
     if (left := math.sqrt(2.0 * cost) / size) <= EXACT:
         why, kkt = "exact", left
     return Minimum(
-        x, stimulus, residual, start_cost, cost, float(kkt), guess, multipliers, room, iterations, evaluations, why
+        x,
+        stimulus,
+        residual,
+        start_cost,
+        cost,
+        float(kkt),
+        guess,
+        multipliers,
+        room,
+        iterations,
+        evaluations,
+        why,
+        1.0,
+        jacobian,
     )
 
 

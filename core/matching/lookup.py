@@ -178,15 +178,14 @@ def render(
                 remedy="Set the finger's Contact to the same as the table's, or collect the table again",
             )
         )
+    felt = skin.force
     sensed = (
-        sensor.sense(skin.force, amounts=skin.amounts)
-        if len(touched)
-        else np.empty((0, table.readings.shape[1]), np.uint16)
+        sensor.sense(felt, amounts=skin.amounts) if len(touched) else np.empty((0, table.readings.shape[1]), np.uint16)
     )
     if len(touched):
         commands[touched] = commands_of(table, sensed)
         series["contact"][touched] = 1.0
-        series["target_force"][touched] = skin.force[:, :, 2].sum(axis=1)
+        series["target_force"][touched] = felt[:, :, 2].sum(axis=1)
         full = saturated(sensed)
         if full:
             findings.append(

@@ -72,6 +72,8 @@ class RecordedMatcher(StressMatcher):
         super().__init__(
             device, contact, unknown, model, change=change, hover=hover, noise_floor=noise_floor, table=starts
         )
+        # what a reading will be is all that is known of the skin, and friction is not remembered
+        self._usual = self._foreseen = 0.0
 
     def reset(self) -> None:
         """Forget the frame before."""

@@ -1,9 +1,9 @@
 """Skin stress optimisation: the device pose whose stress in the skin is nearest to the target's, frame after frame.
 
 On each frame the friction state is fixed, the pose is searched for, and then the friction state is renewed with the
-pose fixed (staggering). The search starts where the last frame ended, or, at a new contact, from the few entries of a
-small table of poses that promise most; whenever an entry of that table promises a clearly better match, the search
-starts from there too.
+pose fixed (staggering). The search starts where the last one's slope makes up for what the target changed by, or, at
+a new contact, from the few entries of a small table of poses that promise most, of which the one is kept that leaves
+least of the touch once it is strong; whenever an entry of that table promises a better match, it starts from there too.
 
 Source: [S0] 5.1 and eq. 1, whose norm is minimised through its square.
 """
@@ -18,29 +18,30 @@ import numpy as np
 
 from ..arrays import Array
 from ..devices.disc import DiscContact
-from ..devices.disc_device import DiscDevice, seated
+from ..devices.disc_device import DiscDevice, scale_of, seated
 from ..devices.disc_pose import DiscSolution, FrictionState, placed
 from ..devices.first_contact import first_contact
 from ..errors import DermisError
 from ..surrogate.forward import DirectModel, ForwardModel
-from .descent import descend
+from .descent import descend, response
 from .gauss_newton import GIVES_WAY, Minimum, ServoLimits
+from .onset import AHEAD, FAINT, FIRST_STARTS, SIDES, best_side
 from .thimble_use import HOVER
 from .warm_start import WarmStartTable, warm_start_table
 
 Search = Callable[[Array, ServoLimits], Minimum]
 
 NOTHING = 1e-12  # targets below this share of the table's strongest stimulus are no touch
-PROMISE = 0.85  # a table entry must leave less than this share of a mismatch to be tried
+PROMISE = 0.9  # a table entry must leave less than this share of a mismatch to be tried
 MISTRUST = 0.5  # of the target: a learned model farther from the true contact at its own pose is not believed
 WORTHWHILE = 0.05  # of the cost: for less than that the device does not jump
 # Skin that stiffens is searched again on a tangent laid where the search ended, if it was off its own by more than this
 # share of the target there, and of what is left of it: a poor match needs no fine one.
 BENT, LEFT = 1e-3, 0.02
 TANGENTS = 4  # searches of a frame
-# At a new contact nothing holds the device to one side yet. Later, jumps for little lose more to friction than they
-# gain.
-FIRST_STARTS, FIRST_GAIN = 4, 0.1  # searches; of the cost: for less the one that promised most is kept
+# Of the cost: what a learned model says of a step that gains less than this is as good as another look at it. It is a
+# hundredth of the mismatch; the model's own error is more.
+FORESEEN = 0.02
 LONGEST_WAIT = 32  # frames between two tries of the table while they fail
 
 
@@ -119,6 +120,10 @@ class StressMatcher:
         self.limits = ServoLimits.of(device)
         self.rest_x = self._start_at(0.0, 0.0, -hover)
         self.table = warm_start_table(device, contact, self.model) if table is None else table
+        self._foreseen = FORESEEN
+        # a disc that shifts along the pad has other ways back, and total force tells no side from another
+        sided = device.freedoms == 3 < self.model.size
+        self._usual = AHEAD * float(np.median(self.table.strength)) if sided else 0.0
         self.reset()
 
     def reset(self) -> None:
@@ -127,7 +132,7 @@ class StressMatcher:
         self.angles = self._angles(self.x)
         self.state = FrictionState.rest(self.contact.count)
         self._pressed = False
-        self._moved = np.zeros_like(self.x)
+        self._told: tuple[Array, Array] | None = None  # what was wanted in the last search, and the slope it ended with
         self._wait, self._patience = 0, 1
         self._goal: Array | None = None  # a better minimum that is farther away than one frame
         self._reach = 1.0  # of steps, in the last search
@@ -136,11 +141,11 @@ class StressMatcher:
     def save(self) -> tuple[Any, ...]:
         """Return all that the next frame depends on."""
         how = self._wait, self._patience, self._goal, self._reach
-        return (self.x, self.angles, self.state, self._pressed, self._moved, *how)
+        return (self.x, self.angles, self.state, self._pressed, self._told, *how)
 
     def restore(self, saved: tuple[Any, ...]) -> None:
         """Go back to where `save` was called."""
-        self.x, self.angles, self.state, self._pressed, self._moved, *how = saved
+        self.x, self.angles, self.state, self._pressed, self._told, *how = saved
         self._wait, self._patience, self._goal, self._reach = how
 
     def step(self, target: Array, search: Search | None = None, start: Array | None = None) -> ThimbleFrame:
@@ -165,7 +170,7 @@ class StressMatcher:
         limits = self.limits if self.change is None else self.limits.near(self.angles, self.change)
         size = float(np.sqrt(target @ target))
         minimum: Minimum | None = None
-        followed, rescued = self._pressed, False
+        rescued = False
         if size > max(self.noise_floor, NOTHING * float(self.table.strength.max())):
             if search is not None:
                 minimum = search(self.x, limits)
@@ -186,7 +191,7 @@ class StressMatcher:
         self._settle(solution)
         miss = stimulus - target
         self._reach = 1.0 if minimum is None else minimum.reach
-        self._moved = x - self.x if minimum is not None and followed else np.zeros_like(x)
+        self._told = None if minimum is None or search is not None else (target, minimum.jacobian)
         self.x, self.angles = x, self._angles(x)
         mismatch = float(np.sqrt(miss @ miss)) / size if minimum is not None else 0.0
         return ThimbleFrame(x, self.angles, stimulus, mismatch, solution, minimum, rescued)
@@ -200,25 +205,21 @@ class StressMatcher:
 
     def _search(self, target: Array, limits: ServoLimits) -> Minimum:
         self.model.hold(self.state)
+        if not self._pressed:
+            return self._begun(target, limits)
         size = float(np.sqrt(target @ target))
         alike = self.table.direction @ target / size
         nearest = int(alike.argmax())
         promised = size * float(np.sqrt(max(1.0 - alike[nearest] ** 2, 0.0)))
-        best: Minimum | None = None
-        if self._pressed:
-            start = self._extrapolated(limits)
-            best = descend(self.model.evaluate, target, start, self.device, limits, self._reach)
-        if best is not None:
-            self._wait = max(self._wait - 1, 0)
-        start = self.table.configuration(nearest, size * float(alike[nearest]))
-        if best is None:
-            best = descend(self.model.evaluate, target, self._within(start, limits), self.device, limits)
-            self._patience = 1
-            return self._of_several(best, target, limits)
+        start, foreseen = self._ahead(target, limits), 0.0 if self.model is self.direct else self._foreseen
+        best = descend(self.model.evaluate, target, start, self.device, limits, self._reach, foreseen, follows=True)
+        self._wait = max(self._wait - 1, 0)
         if self._goal is None and (promised >= PROMISE * best.mismatch or self._wait > 0):
             return best
-        start = self._within(start if self._goal is None else self._goal, self.limits)
-        other = descend(self.model.evaluate, target, start, self.device, self.limits)
+        goal = self._goal
+        if goal is None:
+            goal = self.table.configuration(nearest, size * float(alike[nearest]))
+        other = descend(self.model.evaluate, target, self._within(goal, self.limits), self.device, self.limits)
         self._goal = None
         if other.cost < (1.0 - WORTHWHILE) * best.cost:
             best, self._patience = self._toward(other, target, limits), 1
@@ -227,15 +228,28 @@ class StressMatcher:
             self._wait = self._patience
         return best
 
-    def _of_several(self, best: Minimum, target: Array, limits: ServoLimits) -> Minimum:
-        """Return the best of several searches at a new contact, which began on the sides that promise most."""
-        self._goal = None
-        for start in self.table.promising(target, FIRST_STARTS)[1:]:
-            start = self._within(start, limits)
-            other = descend(self.model.evaluate, target, start, self.device, limits)
-            if other.cost < (1.0 - FIRST_GAIN) * best.cost:
-                best = other
+    def _begun(self, target: Array, limits: ServoLimits) -> Minimum:
+        """Search at a new contact, on several sides; how faint the touch is says how they are judged."""
+        self._goal, self._patience = None, 1
+        growth = self._usual / float(np.sqrt(target @ target))
+
+        def search(start: Array) -> Minimum:
+            return descend(self.model.evaluate, target, self._within(start, limits), self.device, limits)
+
+        def ahead(side: Minimum) -> float:
+            return self._left_of(growth * target, side)
+
+        if growth < FAINT:
+            return best_side(self.table.promising(target, FIRST_STARTS), search, scale_of(self.device))
+        best = best_side(self.table.promising(target, SIDES), search, scale_of(self.device), ahead)
+        self.model.hold(self.state)
         return best
+
+    def _left_of(self, target: Array, side: Minimum) -> float:
+        """Return what would be left of a target in the next frame, if the disc began on a side."""
+        self.model.hold(self.state)
+        self.model.hold(self.contact.settle(self._contact_at(side.x, searched=True)))
+        return descend(self.model.evaluate, target, side.x, self.device, self.limits).cost
 
     def _started(self, start: Array, target: Array, limits: ServoLimits) -> Minimum:
         """Search from a configuration, wherever the device is now."""
@@ -250,7 +264,7 @@ class StressMatcher:
             return goal
         self._goal = goal.x
         x = self._within(goal.x, limits)
-        stimulus, _ = self.model.evaluate(x)
+        stimulus, jacobian = self.model.evaluate(x)
         residual = stimulus - target
         cost = 0.5 * float(residual @ residual)
         room, _ = limits.constraints(self.device, x)
@@ -270,12 +284,18 @@ class StressMatcher:
             goal.iterations,
             goal.evaluations + 1,
             "underway",
+            1.0,
+            jacobian,
         )
 
-    def _extrapolated(self, limits: ServoLimits) -> Array:
-        """Return where the last two frames point to: there the right nodes slip from the first evaluation on."""
-        ahead = self.x + self._moved
-        return ahead if self._moved.any() and self._allowed(ahead, limits) else self.x
+    def _ahead(self, target: Array, limits: ServoLimits) -> Array:
+        """Return where the device makes up for what the target changed by since the last search, as that one's slope
+        says: what it left then, it leaves there, and the right nodes slip from the first evaluation on."""
+        if self._told is None:
+            return self.x
+        before, jacobian = self._told
+        ahead: Array = self.x + response(jacobian, before, target, self.device)
+        return ahead if self._allowed(ahead, limits) else self.x
 
     def _rescued(
         self, target: Array, limits: ServoLimits, minimum: Minimum, x: Array, solution: DiscSolution, stimulus: Array

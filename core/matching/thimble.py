@@ -10,7 +10,7 @@ disc on such points, and the forces of either come as forces on nodes with the s
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,7 +27,7 @@ from ..recent import Recent
 from ..scene.tactile_scene import DeviceUse, TactileScene, device_times
 from ..skin.felt_state import felt_key, observed, state_size, stress_components
 from ..skin.model import SkinModel
-from ..skin.store import read_table, write_table
+from ..skin.store import kept
 from ..steps import drain
 from ..surrogate.dataset import record
 from ..surrogate.forward import DirectModel, ForwardModel
@@ -42,7 +42,7 @@ from .rendered import Rendered
 from .stress import MISTRUST, StressMatcher, ThimbleFrame
 from .thimble_sequence import ThimbleSequence, collect
 from .thimble_use import HOVER, LEARNED, METHODS, ThimbleUse, prepare
-from .warm_start import WarmStartTable, warm_start_table
+from .warm_start import WarmStartTable, kept_table
 
 if TYPE_CHECKING:
     from ..contact.pad_contact import PadContact
@@ -73,17 +73,12 @@ def describe(device: DiscDevice, skin: SkinModel, friction: float, tolerance: fl
 
 def observation_of(device: DiscDevice, skin: SkinModel, friction: float) -> Array:
     """Return the observation matrix of `describe`, from the skin's cache where it is there; shape (k, state)."""
-    if skin.cache is None:
-        return describe(device, skin, friction).observation_matrix
+
+    def made() -> dict[str, Array]:
+        return {"table": describe(device, skin, friction).observation_matrix}
+
     key = cache_key(version(), felt_key(skin), pressed_on(skin), device_key(device), repr(friction), "observation")
-    path = skin.cache.get(key)
-    kept = None if path is None else read_table(path, (None, state_size(skin)), np.float64)
-    if kept is not None:
-        return kept
-    made = describe(device, skin, friction).observation_matrix
-    with suppress(DermisError):  # a folder that cannot be written costs the time again, and nothing else
-        skin.cache.put(key, lambda part: write_table(part, made))
-    return made
+    return kept(skin.cache, key, {"table": (None, state_size(skin))}, made)["table"]
 
 
 def matcher(
@@ -127,9 +122,9 @@ def matcher(
     table, learned = None, model if method in LEARNED else None
     if learned is None:  # five fingers of one hand start from the same table
         what = (felt_key(skin), pressed_on(skin), repr(skin.material), device_key(device), repr(friction))
-        key = cache_key(*what, observation_matrix.tobytes())
-        direct = DirectModel(device, contact, observation_matrix)
-        table = _tables.make(key, lambda: warm_start_table(device, contact, direct))
+        key = cache_key(version(), *what, observation_matrix.tobytes(), "warm start")
+        made = partial(DirectModel, device, contact, observation_matrix)
+        table = _tables.make(key, lambda: kept_table(skin.cache, key, device, contact, made()))
     return StressMatcher(
         device, contact, observation_matrix, learned, change=change, hover=hover, noise_floor=noise_floor, table=table
     )

@@ -18,13 +18,13 @@ import numpy as np
 
 from ..arrays import Array
 from ..devices.disc_device import scale_of
+from .onset import ALIKE
 from .stress import NOTHING, StressMatcher, ThimbleFrame
 
 WAYS = 8  # kept from frame to frame
 STARTS = 8  # that a way sets out from
 EVERY = 4  # frames between two times that ways set out anew
 PARENTS = 2  # of the ways that do
-ALIKE = np.radians(0.5)  # of all values, lengths over the platform's radius: nearer poses are the same
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Array
+from ..cache import Cache
 from ..devices.disc import DiscContact
 from ..devices.disc_device import DiscDevice, seated
 from ..devices.disc_pose import FrictionState
 from ..devices.first_contact import first_contact
 from ..errors import DermisError
+from ..skin.store import kept
 from ..surrogate.forward import ForwardModel
 
 TABLE_TILTS = np.radians([-24.0, -16.0, -8.0, 0.0, 8.0, 16.0, 24.0])
@@ -109,3 +111,22 @@ def warm_start_table(device: DiscDevice, contact: DiscContact, model: ForwardMod
                         depths.append(depth)
                         stimuli.append(stimulus)
     return WarmStartTable.of(rows, depths, stimuli, "no pose within the servo limits touches the skin")
+
+
+def kept_table(
+    cache: Cache | None, key: str, device: DiscDevice, contact: DiscContact, model: ForwardModel
+) -> WarmStartTable:
+    """Return the table of a forward model, from a cache where it is there; raises as `warm_start_table` does.
+
+    Args:
+        key: of all that it depends on.
+    """
+
+    def made() -> dict[str, Array]:
+        table = warm_start_table(device, contact, model)
+        return {"table": np.column_stack([table.x, table.depth, table.strength, table.direction])}
+
+    n = device.freedoms
+    rows = kept(cache, key, {"table": (None, n + 2 + model.size)}, made)["table"]
+    x, depth, strength, direction = (np.ascontiguousarray(part) for part in np.split(rows, [n, n + 1, n + 2], axis=1))
+    return WarmStartTable(x, depth[:, 0], direction, strength[:, 0])

@@ -218,19 +218,20 @@ class CommandTrack:
             )
 
     def _check_values(self) -> Iterator[Finding]:
+        low = np.array([-np.inf if c.low is None else c.low - DIGITS * abs(c.low) for c in self.channels])
+        high = np.array([np.inf if c.high is None else c.high + DIGITS * abs(c.high) for c in self.channels])
+        finite = np.isfinite(self.values)
+        beyond = finite & ((self.values < low) | (self.values > high))
+        odd, far = np.any(~finite, axis=0), np.any(beyond, axis=0)
         for i, channel in enumerate(self.channels):
             values, place = self.values[:, i], self._place(channel.name)
-            bad = ~np.isfinite(values)
-            if bad.any():
-                yield self._finding(
-                    "not-finite", "a value is not a finite number", place, bad, values, "finite numbers"
-                )
-            low = -np.inf if channel.low is None else channel.low - DIGITS * abs(channel.low)
-            high = np.inf if channel.high is None else channel.high + DIGITS * abs(channel.high)
-            bad = np.isfinite(values) & ((values < low) | (values > high))
-            if bad.any():
+            if odd[i]:
+                what = "a value is not a finite number"
+                yield self._finding("not-finite", what, place, ~finite[:, i], values, "finite numbers")
+            if far[i]:
+                what = "outside the channel's range"
                 limit = f"{_number(channel.low)} to {_number(channel.high)} {channel.unit}"
-                yield self._finding("out-of-range", "outside the channel's range", place, bad, values, limit)
+                yield self._finding("out-of-range", what, place, beyond[:, i], values, limit)
             if channel.slew is not None and len(values) > 1 and not len(self._not_rising()):
                 yield from self._check_speed(channel, values, place)
         pair = range_disc(self.spec)

@@ -114,6 +114,32 @@ def test_forward_kinematics_inverts(device):
         np.testing.assert_allclose(found, x, atol=1e-9)
 
 
+def test_a_leg_all_but_stretched_is_told_alike_by_all_that_ask_and_found_again(device):
+    """The tilt at which a leg of 30 mm is straight, by halving; what is feasible keeps its constraints and angles."""
+    flat = replace(device, servo_range=np.pi)  # so that legs end, and not servos
+    for way in np.array([[0.02, 0.03, 0.0], [-0.04, 0.01, 1e-4], [0.0, -0.03, 0.0]]):
+        start = np.array([0.0, 0.0, flat.rod + flat.crank - 4e-4])
+        start[2] = np.sqrt(start[2] ** 2 - (flat.base_radius - flat.platform_radius) ** 2)  # legs 0.4 mm from straight
+        low, high = 0.0, 4.0
+        for _ in range(60):
+            middle = (low + high) / 2
+            low, high = (middle, high) if flat.feasible(start + middle * way) else (low, middle)
+        x = start + low * way
+        assert 0.0 < flat.leg_margins(x).min() < 2e-6  # all but straight
+        room, slopes = flat.constraints(x, *flat.servo_limits)
+        assert (room >= 0).all() and np.isfinite(slopes).all()
+        found = flat.forward(inverse_kinematics(flat, *x)[0], [0, 0, 0.018])
+        np.testing.assert_allclose(found, x, atol=1e-12)
+
+
+def test_a_joint_on_its_servo_and_pitch_past_a_quarter_turn_are_not_feasible(device):
+    on = replace(device, base_radius=device.platform_radius)
+    assert not on.feasible([0.0, 0.0, 0.0])  # each leg of no length at all
+    same, past = (0.4, 0.3, 0.018), (0.4 - np.pi, np.pi - 0.3, 0.018)  # two names of one pose
+    np.testing.assert_allclose(device.pose(past).rotation, device.pose(same).rotation, atol=1e-15)
+    assert device.feasible(same) and not device.feasible(past)
+
+
 def test_forward_equals_a_general_constraint_solver(device):
     """Six unknowns (position and rotation vector), six equations (planes and rod lengths), no closed form used."""
     from scipy.optimize import fsolve

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from core.devices.disc_device import scale_of
 from core.devices.inverse_kinematics import inverse_kinematics
+from core.devices.lateral_stage import LateralStage
 from core.devices.thimble import mechanism
 from core.errors import DermisError
-from core.matching.descent import descend
-from core.matching.gauss_newton import HARDLY, ServoLimits, minimise
+from core.matching.descent import descend, response
+from core.matching.gauss_newton import HARDLY, LATER, ServoLimits, minimise
 from core.presets import Library
 
 DEVICE = mechanism(Library().device("thimble_3rrs"))
@@ -104,3 +106,53 @@ def test_a_step_that_promises_hardly_anything_is_not_tried():
     far = np.append(4.0 * near[:3], -1.0)
     found = descend(lambda x: (np.append((x - start) * [1, 1, 100.0], 0.0), SLOPE), far, start, DEVICE)
     np.testing.assert_allclose((found.x - start) * [1, 1, 100.0], far[:3], atol=1e-6)
+
+
+def test_a_search_that_is_followed_leaves_little_to_the_next():
+    """It may end where a step promises LATER of the cost, and looks at no more poses for that."""
+    goal, start = np.array([0.09, -0.06, 0.03]), np.array([0.0, 0.0, 0.018])
+    for share in (0.05, 0.3, 1.0):
+        target = np.append(share * goal, 0.0)
+        whole, followed = (descend(bowl, target, start, DEVICE, follows=follows) for follows in (False, True))
+        assert followed.evaluations <= whole.evaluations
+        assert followed.cost <= whole.cost * (1 + LATER)
+
+
+def test_the_response_to_another_target_is_exact_where_the_map_is_linear():
+    rng = np.random.default_rng(3)
+    for device in (DEVICE, LateralStage(DEVICE)):
+        slope = rng.normal(size=(9, device.freedoms)) / scale_of(device)
+        change = 0.05 * rng.normal(size=device.freedoms) * scale_of(device)
+        before = rng.normal(size=9)
+        np.testing.assert_allclose(response(slope, before, before + slope @ change, device), change, rtol=1e-6)
+        assert not response(slope, before, before + 20.0 * slope @ change, device).any()  # no slope tells so much
+        assert not response(0.0 * slope, before, -before, device).any()
+
+
+def flat(x):
+    """A linear map, and a channel that no pose changes."""
+    return np.append((x - [0.0, 0.0, 0.018]) * [1.0, 1.0, 100.0], 0.0), SLOPE
+
+
+def test_a_step_that_promises_little_is_taken_without_a_look():
+    """Of a linear map the linearised model says all: the same answer, one evaluation cheaper."""
+    start, target = np.array([0.0, 0.0, 0.018]), np.array([0.02, -0.01, 0.015, -0.3])  # 0.8 % of the cost to gain
+    looked = descend(flat, target, start, DEVICE)
+    assert looked.evaluations == 2 and looked.why == "optimal"
+    found = descend(flat, target, start, DEVICE, foreseen=0.02)
+    assert found.evaluations == 1 and found.why == "foreseen"
+    np.testing.assert_allclose(found.x, looked.x, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(found.stimulus, flat(found.x)[0], atol=1e-12)
+    assert found.cost == pytest.approx(0.5 * float(np.square(found.residual).sum()), rel=1e-8)
+    assert found.cost < 0.995 * found.start_cost
+    np.testing.assert_allclose(found.room, DEVICE.constraints(found.x, *DEVICE.servo_limits)[0], atol=1e-12)
+    assert descend(flat, target, start, DEVICE, foreseen=0.005).evaluations == 2  # it promises more than that
+
+
+def test_a_step_beyond_the_limits_is_never_taken_without_a_look():
+    start, target = np.array([0.0, 0.0, 0.018]), np.array([0.02, -0.01, 0.015, -0.3])
+    angles = DEVICE.joints(start)[0]
+    limits = ServoLimits(angles - 1e-3, angles + 1e-3)
+    found = descend(flat, target, start, DEVICE, limits, foreseen=0.02)
+    assert found.active and found.why != "foreseen" and found.room.min() >= 0.0
+    np.testing.assert_allclose(found.stimulus, flat(found.x)[0], atol=1e-12)

@@ -12,6 +12,7 @@ from core.matching.stress import StressMatcher
 from core.matching.thimble import describe
 from core.matching.thimble_use import prepare
 from core.matching.trajectory import trajectory
+from core.presets import Library
 from core.skin.model import fingertip_skin
 from core.skin.stimulus import Stimulus
 from core.steps import drain
@@ -40,7 +41,8 @@ def left(frames, targets):
     return np.array([float(np.square(f.stimulus - t).sum()) for f, t in zip(frames, targets, strict=True)])
 
 
-def test_several_ways_leave_less_than_one(skin, matching):
+def test_a_search_of_a_frame_comes_near_the_best_of_several_ways(skin, matching):
+    """Within 3 points of the touch, though friction holds the disc to the side that its first frame chose."""
     edge = touches.edge_press(30).forces(skin, points=True)
     targets = edge.reshape(30, -1) @ matching.direct.observation_matrix.T
     before = matching.save()
@@ -51,10 +53,23 @@ def test_several_ways_leave_less_than_one(skin, matching):
     matching.restore(before)
     many = drain(trajectory(matching, targets))
     assert matching.save()[0] is before[0]  # it ends as it began
-    assert left(many.frames, targets).sum() < 0.95 * left(plain, targets).sum()
+    whole = np.linalg.norm(targets)
+    assert np.sqrt(left(plain, targets).sum()) <= np.sqrt(left(many.best, targets).sum()) + 0.03 * whole
     assert (left(many.best, targets) <= left(many.frames, targets) + 1e-12).all()
     again = drain(trajectory(matching, targets))
     np.testing.assert_array_equal([f.x for f in many.frames], [f.x for f in again.frames])
+
+
+def test_several_ways_leave_less_than_one(skin):
+    """Six legs can get round a ball by more ways than a search of a frame looks at."""
+    use = prepare(Library().device("hexapod"), skin, {"platform_method": "stress"})
+    matrix = describe(use.device, skin, 0.6).observation_matrix
+    legs = StressMatcher(use.device, contact_of(use.device, skin, 0.6), matrix)
+    targets = touches.ball_roll(FRAMES).forces(skin, points=True).reshape(FRAMES, -1) @ matrix.T
+    plain = [legs.step(target) for target in targets]
+    legs.reset()
+    many = drain(trajectory(legs, targets, ways=4, starts=4))
+    assert left(many.frames, targets).sum() < 0.8 * left(plain, targets).sum()
 
 
 def test_a_way_keeps_the_servos_speed(matching, edge):

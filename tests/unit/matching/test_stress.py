@@ -90,6 +90,23 @@ def test_a_reachable_target_of_another_mesh_is_recovered(device):
     assert np.abs(found.x - path)[pressed, 2].max() < 0.1e-3
 
 
+def test_a_frame_begins_where_its_target_has_gone(skin, device, observation_matrix):
+    """What the last slope says of the target's change is nearly all: fewer poses are looked at, for the same answer."""
+    targets = touches.ball_roll(160).forces(skin, points=True).reshape(160, -1) @ observation_matrix.T
+    looked, left = [], []
+    for forgets in (False, True):
+        matching = StressMatcher(device, contact_of(device, skin, 0.6), observation_matrix)
+        frames = []
+        for target in targets:
+            frames.append(matching.step(target))
+            if forgets:
+                matching.restore((*matching.save()[:4], None, *matching.save()[5:]))
+        looked.append(sum(frame.minimum.evaluations for frame in frames if frame.minimum is not None))
+        left.append(float(np.linalg.norm(np.array([frame.stimulus for frame in frames]) - targets)))
+    assert looked[0] < 0.8 * looked[1]
+    assert left[0] < 1.01 * left[1]
+
+
 @pytest.mark.parametrize(
     "touch", [touches.ball_roll(40), touches.edge_press(40), touches.slide(40)], ids=lambda t: t.name
 )
@@ -121,6 +138,23 @@ def test_no_pose_of_a_grid_is_clearly_better(skin, device, observation_matrix, t
         assert found.mismatch <= 1.03 * best
         follower.direct.hold(state)
     assert checked >= 2
+
+
+def test_a_faint_touch_begins_on_the_side_that_renders_it_strong(skin, device, observation_matrix):
+    """An edge's first instant is alike to many poses; what friction leaves of it once it is strong is not."""
+    matching = StressMatcher(device, contact_of(device, skin, 0.6), observation_matrix)
+    targets = touches.edge_press(60).forces(skin, points=True).reshape(60, -1) @ observation_matrix.T
+    faint = targets[np.linalg.norm(targets, axis=1) > 0.0][0]
+    strong = faint * (0.3 * np.median(matching.table.strength) / np.linalg.norm(faint))
+
+    def left(start):
+        matching.reset()
+        matching.step(faint, start=start)
+        return matching.step(strong, start=matching.x).minimum.cost
+
+    sides = [left(start) for start in matching.table.promising(faint, 8)]
+    assert max(sides) > 2.0 * min(sides)
+    assert left(None) <= min(sides) / 0.9 * (1 + 1e-9)  # for less gain the side that promised most is kept
 
 
 def test_sliding_makes_the_platform_roll_only_with_friction(skin, device):

@@ -52,16 +52,26 @@ def _device(column: Any, row: dict[str, Any]) -> None:
         rest = split.split(factor=0.28)
         rest.label(text=f"{100 * measure['off']:.0f} %")
         rest.label(text=measure["figures"])
+    if row["floors"]:
+        _in_columns(column, "", row["floors"][0]["by"], "best", "lateral")
     for floor in row["floors"]:
-        split = column.split(factor=0.38)
-        split.label(text=floor["name"])
-        rest = split.split(factor=0.28)
-        rest.label(text=f"{100 * floor['off']:.0f} %")
-        lateral = "" if floor["lateral"] is None else f", lateral {100 * floor['lateral']:.0f} %"
-        rest.label(text=f"best {100 * floor['best']:.0f} %{lateral}")
+        _in_columns(column, floor["name"], *map(_percent, (floor["off"], floor["best"], floor["lateral"])))
     last = column.row()
     last.active = False
     last.label(text=f"clipped {100 * row['clipped']:.0f} %, out of reach {100 * row['out_of_reach']:.0f} %")
+
+
+def _in_columns(column: Any, name: str, *cells: str) -> None:
+    """Draw a line of a device's floors: a measure as it is rendered, by the best pose, with axes along the pad."""
+    split = column.split(factor=0.38)
+    split.label(text=name)
+    row = split.row()
+    for cell in cells:
+        row.label(text=cell)
+
+
+def _percent(share: float | None) -> str:
+    return "" if share is None else f"{100 * share:.0f} %"
 
 
 CLASSES: tuple[type, ...] = (DERMIS_PT_compare,)

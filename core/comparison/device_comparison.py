@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from ..errors import DermisError, Finding
@@ -12,12 +13,15 @@ from ..pipeline.bake import Bake, Output, Progress
 from ..pipeline.render import render
 from ..presets import Library
 from ..scene.tactile_scene import TactileScene
+from ..steps import in_words
 from .floors import floor_in
 from .measures import Judged, judge
 from .wearing import Skipped, finger_index, wearing_all
 
 if TYPE_CHECKING:
     from ..cache import Cache
+
+PARTS = 1000  # of a device's judging, as progress tells it
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +85,7 @@ def compare_devices(
     felt = bake.skins[name].matched if name in bake.skins else None
     rows = []
     for step, key in enumerate(fit):
-        yield Progress("judging", step, len(fit))
+        yield Progress("judging", PARTS * step, PARTS * len(fit))
         title = library.device(key).name
         output = outputs.get(key)
         if output is None:
@@ -97,7 +101,8 @@ def compare_devices(
         else:
             row = row_of(output, judged)
             if floors:
-                found = yield from floor_in(output.track.spec, felt, uses[key].parameters)
+                searched = floor_in(output.track.spec, felt, uses[key].parameters)
+                found = yield from in_words(searched, partial(_share, step, len(fit)))
                 said = () if found is None else found.findings(f"finger '{name}', {key}")
                 row = replace(row, floor=found, findings=(*row.findings, *said))
             rows.append(row)
@@ -106,6 +111,11 @@ def compare_devices(
         raise DermisError("no device fits this touch", where=f"finger '{name}'", value=why, remedy="Let it touch")
     rows.sort(key=lambda row: (row.judged.measures[0].name != "stress", row.judged.measures[0].off))
     return Comparison(scene.name, name, scene.duration, bake.content_hash, tuple(rows), tuple(skipped))
+
+
+def _share(step: int, steps: int, now: Progress) -> Progress:
+    """Return the progress within one step among several as that of all."""
+    return Progress("judging", PARTS * step + PARTS * now.done // now.total, PARTS * steps)
 
 
 def row_of(output: Output, judged: Judged) -> Row:

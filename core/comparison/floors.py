@@ -11,6 +11,7 @@ from ..matching.floor import Floor, floor_of, looked_at
 from ..matching.thimble import amounts_at, forces_at
 from ..matching.thimble_use import by_stress, method_name, prepare
 from ..pipeline.bake import Progress
+from ..steps import in_words
 
 SEARCHED = ("thimble", "hexapod")
 
@@ -35,10 +36,4 @@ def floor_in(
     if not forces.any():
         return None
     steps = floor_of(prepare(spec, skin.pressed, given), forces, amounts_at(skin, times))
-    while True:
-        try:
-            step = next(steps)
-        except StopIteration as stop:
-            found: Floor = stop.value
-            return found
-        yield Progress(f"{spec.key}, {step.stage}", step.done, step.total)
+    return (yield from in_words(steps, lambda step: Progress(f"{spec.key}, {step.stage}", step.done, step.total)))

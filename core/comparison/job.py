@@ -23,6 +23,9 @@ from .device_comparison import compare_devices
 from .told_apart import tell_apart
 
 Made = TypeVar("Made")
+# from where to where a stage takes the whole work [%]; others are short, or begin anew for each finger
+SHARES = {"skin contact": (0, 80), "devices": (80, 90), "judging": (90, 100)}
+SHARES_SEARCHED = {"skin contact": (0, 15), "devices": (15, 20), "judging": (20, 100)}  # floors are found
 
 
 def compare_job(
@@ -66,7 +69,15 @@ def _done(work: Callable[..., Generator[Progress, None, Made]], given: Mapping[s
     scene = scene_file.load(Path(given["scene"]))
     cache = Cache(Path(given["cache"]), int(given["cache_bytes"])) if "cache" in given else None
     steps = work(scene, Library(given.get("presets")), given["finger"], cache=cache)
-    return drain(steps, lambda step: report(step.done, step.total))
+    shares, told = SHARES_SEARCHED if given.get("floors") else SHARES, 0
+
+    def tell(step: Progress) -> None:
+        nonlocal told
+        low, high = shares.get(step.stage, (0, 0))
+        told = max(told, low + (high - low) * step.done // max(step.total, 1))
+        report(told, 100)
+
+    return drain(steps, tell)
 
 
 def _encoded(made: Mapping[str, str]) -> dict[str, NDArray[Any]]:

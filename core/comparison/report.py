@@ -9,6 +9,7 @@ from typing import Any
 
 from ..files import write_bytes
 from ..matching.felt_errors import MEASURES
+from ..matching.thimble_use import LOOKUP
 from ..track.file_names import safe
 from ..version import version
 from .device_comparison import Comparison, Row
@@ -57,7 +58,7 @@ def lines(found: Comparison) -> list[tuple[str, ...]]:
             out.append((*own, measure.name, *_figures(measure), f"{100 * measure.off:.0f} %", *shares, *more))
         for name, *errors in _floors(row):
             off, best, lateral = ("" if e is None else f"{100 * e:.0f} %" for e in errors)
-            out.append(("", "", name, "", "", off, "", "", best, lateral))
+            out.append(("", _floor_by(row), name, "", "", off, "", "", best, lateral))
     return out
 
 
@@ -71,6 +72,11 @@ def _floors(row: Row) -> list[tuple[str, float, float, float | None]]:
         return []
     lateral = row.floor.lateral or (None,) * len(MEASURES)
     return list(zip(MEASURES, row.floor.rendered, row.floor.best, lateral, strict=True))
+
+
+def _floor_by(row: Row) -> str:
+    """Return the method whose error stands beside a device's floor: its own, if it searches for a pose."""
+    return "stress" if row.method == LOOKUP else row.method
 
 
 def text(found: Comparison) -> str:
@@ -94,7 +100,7 @@ def csv(found: Comparison) -> str:
             head.append(",".join([*words, *(f"{v:.9g}" for v in figures)]) + floors * ",,")
         for name, off, best, lateral in _floors(row):
             values = (None, None, off, *shares, best, lateral)
-            head.append(",".join([row.device, row.kind, row.method, name, "", *map(_number, values)]))
+            head.append(",".join([row.device, row.kind, _floor_by(row), name, "", *map(_number, values)]))
     return "\n".join(head) + "\n"
 
 
@@ -169,7 +175,8 @@ def _plain(row: Row) -> dict[str, Any]:
         "clipped": row.clipped,
         "out_of_reach": row.judged.out_of_reach,
         "floors": [
-            {"name": name, "off": off, "best": best, "lateral": lateral} for name, off, best, lateral in _floors(row)
+            {"name": name, "by": _floor_by(row), "off": off, "best": best, "lateral": lateral}
+            for name, off, best, lateral in _floors(row)
         ],
     }
 

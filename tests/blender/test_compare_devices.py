@@ -49,6 +49,9 @@ def test_a_child_compares_and_two_files_are_written(touching: bpy.types.Scene, t
 
 def test_floors_are_found_where_they_are_asked_for(touching: bpy.types.Scene) -> None:
     touching.frame_end = 4
+    steps = compared.find(touching, "Finger", floors=True)
+    told = [step.done / step.total for step in steps if step.stage == "comparing"]
+    assert told == sorted(told) and told[-1] <= 1.0, "no bar goes back"
     assert bpy.ops.dermis.compare_devices(floors=True) == {"FINISHED"}
     made: Any = compared.current(touching)
     floors = {row["device"]: row["floors"] for row in made.table["rows"]}

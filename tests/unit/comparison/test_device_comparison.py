@@ -19,6 +19,7 @@ from core.comparison.rendered_forces import rendered_forces
 from core.errors import DermisError
 from core.matching import floor
 from core.matching.felt_errors import MEASURES
+from core.pipeline.bake import Progress
 from core.pipeline.render import render
 from core.presets import Library
 from core.scene import scene_file
@@ -126,7 +127,12 @@ def test_floors_stand_beside_the_devices_that_are_searched(
     found: device_comparison.Comparison, cache: Cache, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(floor, "MOST", 5)
-    more = drain(device_comparison.compare_devices(touch(), Library(), "Index", cache=cache, floors=True))
+    told: list[Progress] = []
+    steps = device_comparison.compare_devices(touch(), Library(), "Index", cache=cache, floors=True)
+    more = drain(steps, told.append)
+    judged = [step.done / step.total for step in told if step.stage == "judging"]
+    assert judged == sorted(judged) and judged[-1] <= 1.0, "no bar goes back"
+    assert len(set(judged)) > 2 * 5 * 3, "each device's search is told sample by sample"
     floors = {row.device: row.floor for row in more.rows}
     assert {key for key, value in floors.items() if value is not None} == {"thimble_3rrs", "hexapod"} & set(floors)
     assert all(row.floor is None for row in found.rows) and "best_found" not in report.csv(found)
@@ -142,6 +148,8 @@ def test_floors_stand_beside_the_devices_that_are_searched(
     assert all(not row["best_found"] for row in rows if row["device"] == "haptip")
     legs = next(row for row in rows if row["device"] == "hexapod" and row["measure"] == MEASURES[0])
     assert legs["best_found"] and not legs["with_lateral_axes"]
+    by = {row["measure"]: row["method"] for row in rows if row["device"] == "hexapod"}
+    assert by[MEASURES[0]] == "stress" and "lookup" in by.values(), "what is searched is not what is looked up"
     shown = {row["device"]: row["floors"] for row in report.as_dict(more)["rows"]}
     assert [f["best"] for f in shown["thimble_3rrs"]] == list(lateral.best) and shown["haptip"] == []
     words = f"{100 * lateral.best[0]:.0f} %"

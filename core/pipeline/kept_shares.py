@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact import skin_arrays
 from ..contact.held_body import can_be_held
 from ..contact.posed_scene import PosedScene
 from ..errors import DermisError
@@ -88,10 +87,10 @@ class KeptShares:
 
 def size_of(share: Share) -> int:
     """Return how many bytes the arrays of a share have."""
-    arrays = [array for touch in share.felt.values() for array in skin_arrays.arrays_of(touch).values()]
     outputs = [made.output for devices in share.driven.values() for made in devices if made.output is not None]
-    arrays += [series for o in outputs for series in (o.track.times, o.track.values, *o.signals.values())]
-    return sum(np.asarray(array).nbytes for array in arrays)
+    arrays = [series for o in outputs for series in (o.track.times, o.track.values, *o.signals.values())]
+    felt = sum(touch.nbytes for touch in share.felt.values())
+    return felt + sum(np.asarray(array).nbytes for array in arrays)
 
 
 def keys_of(

@@ -109,7 +109,7 @@ def render(
         if made.output is not None:
             outputs.append(made.output)
     yield Progress("devices", len(uses), len(uses))
-    by_name = {scene.fingers[finger].name: contact for finger, contact in skin_contacts.items()}
+    by_name = {scene.fingers[finger].name: contact.packed() for finger, contact in skin_contacts.items()}
     skipped = Counter({name: count for name, count in skipped.items() if count})
     return Bake(tuple(outputs), tuple(findings), skipped, content_hash, clock.seconds, by_name)
 

@@ -7,8 +7,8 @@ process; with other wheels or on another processor results agree to some 1e-6.
 from __future__ import annotations
 
 import tempfile
+import threading
 from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
-from concurrent.futures import wait
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -33,9 +33,8 @@ if TYPE_CHECKING:
     from ..skin.model import SkinModel
     from ..work.executor import JobExecutor, JobFuture
 
-SAVED = (
-    600  # samples of a finger in reach of something that must be saved: a process takes as long to begin as some 300
-)
+# Samples of a finger in reach of something that must be saved: a process takes as long to begin as some 150.
+SAVED = 300
 LOOK = 0.02  # seconds between two looks at what is under way
 
 
@@ -88,7 +87,7 @@ def touched_in_shares(
         rendered = []
     for lot, share in zip(left, rendered, strict=True):
         clock.add(share.seconds)
-        made[lot] = share
+        made[lot] = share = share.packed()
         if before is not None:
             before.put(keys[lot], share)
     felt = {f: touch for share in made.values() for f, touch in share.felt.items()}
@@ -154,28 +153,36 @@ def _rendered(
     with tempfile.TemporaryDirectory(prefix="dermis-shares-", ignore_cleanup_errors=True) as folder:
         path = Path(folder) / "scene.npz"
         scene_file.save(scene, path)
-        jobs: list[JobFuture] = []
+        jobs: dict[JobFuture, int] = {}  # those under way, and which share each is
         try:
+            ended = threading.Event()  # `wait` sets all of them up anew for every look, a thirtieth of a processor
             parts = [([f for f in lot if f in models], [f for f in lot if f not in models]) for lot in shares]
-            jobs += [executor.submit("share", {}, asked(path, library, cache, *part)) for part in parts]
-            while not all(job.done() for job in jobs):
-                wait([job for job in jobs if not job.done()], LOOK)
+            for k, part in enumerate(parts):
+                job = executor.submit("share", {}, asked(path, library, cache, *part))
+                job.add_done_callback(lambda _job: ended.set())
+                jobs[job] = k
+            told, made = [(0, 0)] * len(parts), dict[int, Share]()
+            while jobs:
+                ended.wait(LOOK)
+                ended.clear()
                 _raise_if_refused(jobs)
-                told = [job.progress() for job in jobs]
+                for job, k in jobs.items():
+                    told[k] = job.progress()
                 yield Progress("fingers", sum(done for done, _ in told), max(1, sum(total for _, total in told)))
-            made = []
-            for (fingers, beside), job in zip(parts, jobs, strict=True):
-                if job.exception() is None:
-                    made.append(made_of(job.result(), scene, models, library))
-                else:  # its process died: what it was to do is done here
-                    made.append((yield from render_share(scene, library, fingers, cache, beside)))
-            return made
+                for job in [job for job in jobs if job.done()]:  # packed while others go on, and then let go
+                    k = jobs.pop(job)
+                    if job.exception() is None:
+                        made[k] = made_of(job.result(), scene, models, library).packed()
+            for k in range(len(parts)):
+                if k not in made:  # its process died: what it was to do is done here
+                    made[k] = yield from render_share(scene, library, parts[k][0], cache, parts[k][1])
+            return [made[k] for k in range(len(parts))]
         finally:
             for job in jobs:
                 job.cancel()
 
 
-def _raise_if_refused(jobs: Sequence[JobFuture]) -> None:
+def _raise_if_refused(jobs: Collection[JobFuture]) -> None:
     for job in jobs:
         error = job.exception() if job.done() else None
         if error is not None and not (isinstance(error, DermisError) and error.code == "job-crashed"):

@@ -17,6 +17,11 @@ from core.work.child import environment
 
 MISSING = "DASK IS NOT TESTED: it is not installed (see .ci/dask.txt)"
 START_SECONDS = 60.0
+WORKERS = {  # as presets/scale.md starts workers, where it says why
+    "MALLOC_TRIM_THRESHOLD_": "1000000000",
+    "MALLOC_MMAP_THRESHOLD_": "32000000",
+    "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
+}
 
 
 def has_dask() -> bool:
@@ -49,7 +54,7 @@ class Cluster:
         """Start workers; `more` is of their environment."""
         local = str(self.folder / "workers")
         words = ("--nworkers", str(workers), "--nthreads", "1", "--no-dashboard", "--local-directory", local)
-        self._run("worker", self.address, *words, *self._security, **more)
+        self._run("worker", self.address, *words, *self._security, **WORKERS, **more)
 
     def __enter__(self) -> Cluster:
         return self

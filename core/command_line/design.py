@@ -25,9 +25,8 @@ from ..scene.tactile_scene import TactileScene
 from ..skin.model import skin_from_parameters
 from ..skin.shape import shape_from_parameters
 from ..steps import in_words
-from ..work.executor import InlineExecutor
-from ..work.processes import ProcessExecutor
 from .progress import drain_shown
+from .workers import executor_of, tell_unlike
 
 
 def run(options: argparse.Namespace) -> int:
@@ -54,11 +53,12 @@ def run(options: argparse.Namespace) -> int:
     if options.table is not None:
         table = task.load_table(spec, options.table)
     else:
-        with ProcessExecutor(options.workers) if options.workers else InlineExecutor() as executor:
+        with executor_of(options) as executor:
             steps = task.table_for(
                 spec, shape, folder, level=options.level, rows=rows, executor=executor, material=material
             )
             table = drain_shown(steps, quiet=options.quiet)
+            tell_unlike(executor)
     if options.save_table is not None:
         table.save(options.save_table)
         print(options.save_table, file=sys.stderr)  # standard output is the report, which may be JSON
@@ -102,7 +102,7 @@ def _refuse_nonsense(options: argparse.Namespace, motors: int) -> None:
     """Refuse arguments that cannot be meant."""
     if not options.touches and options.trial is None and options.save_table is None:
         raise DermisError("nothing to do", where="design", limit="a touch, --trial or --save-table")
-    for name, least in (("rows", 0), ("seed", 0), ("trial", 1), ("finger", 0), ("workers", 0), ("motors", 1)):
+    for name, least in (("rows", 0), ("seed", 0), ("trial", 1), ("finger", 0), ("motors", 1)):
         value = getattr(options, name)
         if value is not None and value < least:
             raise DermisError("too small", where=f"--{name}", value=value, limit=f">= {least}")

@@ -1,4 +1,4 @@
-"""`python -m core thimble`: adapt to a finger, render a recorded sequence, draw the stimulus plot, tell the reach."""
+"""`python -m core thimble`: render a recorded sequence, draw the stimulus plot, tell the reach."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from ..devices.spec import DeviceSpec
 from ..devices.thimble import Thimble, mechanism, reference_distance
 from ..devices.workspace import workspace
 from ..errors import DermisError, Finding
-from ..matching.adapt import adapt_job
 from ..matching.recorded import RecordedMatcher, check_recording, learn
 from ..matching.stimulus_plot import stimulus_plot
 from ..matching.stress import StressMatcher
@@ -28,46 +27,11 @@ from ..scene import scene_file
 from ..scene.tactile_scene import TactileScene, sample_count
 from ..skin.model import SkinModel, skin_from_parameters
 from ..skin.sensor import electrode_sensor, noise_floor_of, noise_of, read_stimuli
-from ..surrogate.lessons import KINDS
 from ..surrogate.store import contact_of
 from ..surrogate.table import read_table
 from ..tissue.finger_skin import asked_for, finger_skin
 from ..track import csv
 from ..track.command_track import CommandTrack
-
-
-def adapt(options: argparse.Namespace) -> int:
-    """Learn a surrogate and write it."""
-    library, shown = Library(options.presets), -1
-
-    def tell(done: int, total: int) -> None:
-        nonlocal shown
-        if not options.quiet and 10 * done // total != shown:
-            shown = 10 * done // total
-            print(f"{100 * done // total} %", file=sys.stderr)
-
-    more = {} if options.movements is None else {"trajectories": options.movements}
-    made = adapt_job(
-        {},
-        {
-            "device": library.load("devices", options.device),
-            "device_key": options.device,
-            "skin": library.skin(options.skin),
-            "level": options.level,
-            "tissue": options.tissue,
-            "folder": str(options.out),
-            **more,
-        },
-        tell,
-    )
-    print(f"{options.out}: learned from {int(made['samples'])} samples of {int(made['movements'])} movements")
-    for kind, row in zip(KINDS, made["held_out"].tolist(), strict=True):
-        ridge, ridge_most, network, network_most, movements = row
-        print(
-            f"  {kind.replace('_', ' ')}, {int(movements)} movements held out: polynomial {100 * ridge:.1f} % off "
-            f"(nine in ten below {100 * ridge_most:.1f} %), network {100 * network:.1f} % ({100 * network_most:.1f} %)"
-        )
-    return 0
 
 
 def follow(options: argparse.Namespace) -> int:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..design.interactions import NAMES, NOISE
+from ..parameters.skin import DEFAULT_SKIN
 from ..stream.acceptance.person import INTRODUCTION
 from ..stream.acceptance.report import CHECKS
 from ..track.formats import FORMATS
@@ -22,6 +23,7 @@ from .arguments import (
     SKIN,
     SPEAKS,
     THIMBLE,
+    TISSUE,
     TRACK,
     WORKERS,
     add_verb,
@@ -268,7 +270,7 @@ def _add_design(commands: Any) -> None:
         argument("--table", type=Path, metavar="FILE", help="a collected table (.npz) or a recorded one (.csv)"),
         argument("--rows", type=int, metavar="N", help="size of the table to collect; 0 for the preset's own"),
         argument("--save-table", type=Path, metavar="FILE", help="keep the collected table"),
-        argument("--workers", type=int, default=0, metavar="N", help="child processes for the collection"),
+        *WORKERS,
         argument("--skin", metavar="PRESET", help="the skin preset; as in the scene if left out"),
         LEVEL,
         argument("--noise", type=float, default=NOISE, metavar="COUNTS", help="of the virtual sensor"),
@@ -309,12 +311,15 @@ def _add_thimble(commands: Any) -> None:
         verbs,
         "adapt",
         *THIMBLE,
-        *SKIN,
-        argument("--out", type=Path, required=True, metavar="DIR", help="folder for the surrogate's two files"),
+        argument("--skin", default=[DEFAULT_SKIN], nargs="+", metavar="PRESET", help="skin presets, a finger each"),
+        LEVEL,
+        TISSUE,
+        argument("--out", type=Path, required=True, metavar="DIR", help="folder for the surrogates' two files each"),
         argument("--movements", type=int, metavar="N", help="random movements to learn from; 2400 if left out"),
+        *WORKERS,
         QUIET,
-        help="learn network and polynomial for a finger",
-        run="command_line.thimble.adapt",
+        help="learn network and polynomial for fingers",
+        run="command_line.adapt.run",
         writes={"out": True},
     )
     add_verb(

@@ -161,7 +161,7 @@ def _pressed(
     running: dict[Future[Any], tuple[Path, int]] = {}
     try:
         while queue or running:
-            while queue and len(running) < executor.workers:
+            while queue and len(running) < executor.room():
                 i, path = queue.pop()
                 part = commands[i : i + PART]
                 running[executor.submit("collect", {**arrays, "commands": part}, parameters)] = path, len(part)

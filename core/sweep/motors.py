@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import ExitStack
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -17,27 +16,26 @@ from numpy.typing import NDArray
 
 from ..cache import cache_key
 from ..design.collect import collect
-from ..design.interactions import NAMES, NOISE, WOBBLE, Wobble
+from ..design.interactions import NAMES, NOISE
 from ..design.synergies import RULES
-from ..design.trial import Verdict, felt, judge, sense
+from ..design.trial import Verdict, judge
 from ..devices.spec import DeviceSpec, from_preset
 from ..errors import DermisError
-from ..matching.readings import Counts
 from ..matching.table import SkinTable
 from ..pipeline.bake import Progress
 from ..presets import Library
 from ..recent import Recent
-from ..skin.model import SkinModel, fingertip_skin
 from ..skin.shape import FingertipShape
+from ..steps import in_words
 from ..work.executor import JobExecutor
 from ..work.jobs import Report
 from ..work.spread import Asked
+from .readings import readings, sensed
 from .row import Row, row_key
 from .spec import Spec, Value
 from .variant import check_keys, dimensions
 
 DEFAULTS: Mapping[str, Value] = {"device": "cable_platform", "touch": "", "seed": 0, "wobble": 1.0}
-PARTS = ("tilt", "depth", "shift", "amplitude")  # of a wobble, which are a share of what they are by default
 
 _tables: Recent[str, SkinTable] = Recent(2)  # a sweep has few platforms, and their rows lie beside each other
 
@@ -75,7 +73,11 @@ def _check(values: Mapping[str, Value], where: str) -> None:
 def prepare(
     wanted: Sequence[Row], spec: Spec, _library: Library, executor: JobExecutor, _stack: ExitStack, folder: Path
 ) -> Generator[Progress, None, Callable[[Row], Asked]]:
-    """Collect the tables of the platforms that rows need, part by part in a folder; return what makes a row's job."""
+    """Collect the tables of the platforms that rows need, part by part in a folder, and read touches that they share.
+
+    Returns:
+        What makes a row's job.
+    """
     tables: dict[str, tuple[str, dict[str, NDArray[Any]]]] = {}
     for row in wanted:
         platform = _platform(row)
@@ -84,17 +86,15 @@ def prepare(
             steps = collect(
                 device, FingertipShape(), folder / "tables", level=spec.level, rows=spec.rows, executor=executor
             )
-            while True:
-                try:
-                    done, total = next(steps)
-                except StopIteration as stop:
-                    table: SkinTable = stop.value
-                    break
-                yield Progress("table", done, total)
+            table = yield from in_words(steps, lambda step: Progress("table", *step))
             tables[platform] = _sent(table, device)
+
+    read = yield from readings(wanted, executor, folder / "readings")
 
     def asked(row: Row) -> Asked:
         key, arrays = tables[_platform(row)]
+        if row.key in read:
+            arrays = {**arrays, "counts": read[row.key]}
         return Asked("sweep-row", arrays, {"study": "motors", "table": key, **row.given})
 
     return asked
@@ -131,9 +131,9 @@ def work(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], repo
             arrays["commands"], arrays["readings"], int(arrays["rest"]), arrays["scale"], meta={}
         ).heard_with(NOISE),
     )
-    sensed = _sensed(str(values["touch"]), int(values["seed"]), float(values["wobble"]), str(parameters["level"]))
+    counts = arrays["counts"] if "counts" in arrays else sensed(parameters)
     report(1, 2)
-    return figures(judge(table, sensed, str(values["touch"]), int(values["seed"])))
+    return figures(judge(table, counts, str(values["touch"]), int(values["seed"])))
 
 
 def figures(verdict: Verdict) -> dict[str, Value]:
@@ -161,16 +161,3 @@ def verdict_of(columns: Mapping[str, Value]) -> Verdict:
         float(columns["error"]),
         float(columns["felt"]),
     )
-
-
-@lru_cache(maxsize=1)
-def _skin(level: str) -> SkinModel:
-    return fingertip_skin(level=level)
-
-
-@lru_cache(maxsize=16)  # platforms of one touch share what the sensor reads
-def _sensed(touch: str, seed: int, wobble: float, level: str) -> Counts:
-    """Return what is read in an interaction, the hand's wobble being a share of what it is by default."""
-    parts = {part: wobble * getattr(WOBBLE, part) for part in PARTS}
-    contact = felt(_skin(level), touch, seed, Wobble(**parts, bandwidth=WOBBLE.bandwidth))
-    return sense(contact, seed=100 * seed + NAMES.index(touch))

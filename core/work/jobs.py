@@ -30,6 +30,7 @@ JOBS: Table = {
     "compare": ".comparison.job:compare_job",
     "share": ".pipeline.share_job:work",
     "shot": ".pipeline.shot:work",
+    "sweep-reading": ".sweep.readings:work",
     "sweep-row": ".sweep.job:work",
     "tell-apart": ".comparison.job:tell_job",
 }

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import core
+from core.__main__ import main
 from core.design.interactions import NAMES, NOISE, interaction
 from core.design.trial import felt, sense
 from core.devices.coupling import coupling_of
@@ -23,6 +24,7 @@ from core.matching.sweep import sweep
 from core.matching.table import SkinTable, build, press_of
 from core.presets import Library
 from core.stream.protocols.wire import Wire
+from tests.clusters import Cluster
 
 ROOT = Path(core.__file__).parents[1]
 
@@ -102,14 +104,23 @@ def test_mistakes_are_said_and_not_traced(reported, tmp_path):
         assert made.returncode != 0 and words in made.stderr and "Traceback" not in made.stderr, made.stderr
 
 
-def test_the_trial_prints_every_exception(reported):
-    folder, _ = reported
-    made = run("--trial", 1, "--table", folder / "table.npz", "--quiet")
-    lines = made.stdout.splitlines()
-    table = [line for line in lines if " by " in line and not line.startswith("exception")]
-    assert made.returncode == 0 and len(table) == 2 * len(NAMES)
-    wrong = [line for line in table if f"{{{line.split('expected ')[1][0]}: 1}}" not in line]
-    assert len([line for line in lines if line.startswith("exception: ")]) == len(wrong)
+def test_the_trial_prints_every_exception_of_the_skin_that_was_asked_for(reported, tmp_path):
+    """A softer skin under the same table: the numbers that are printed must change with it."""
+    (tmp_path / "skins").mkdir()
+    given = json.loads(json.dumps(dict(Library().load("skins", "index_medium"))))
+    given["parameters"]["young"]["value"] = 0.5 * given["parameters"]["young"]["value"]
+    (tmp_path / "skins" / "soft.json").write_text(json.dumps(given))
+    folder, said = reported[0], []
+    for name in ("index_medium", "soft"):
+        words = ("--trial", 1, "--table", folder / "table.npz", "--skin", name, "--presets", tmp_path, "--quiet")
+        made = run(*words)
+        lines = made.stdout.splitlines()
+        table = [line for line in lines if " by " in line and not line.startswith("exception")]
+        assert made.returncode == 0 and len(table) == 2 * len(NAMES), made.stderr
+        wrong = [line for line in table if f"{{{line.split('expected ')[1][0]}: 1}}" not in line]
+        assert len([line for line in lines if line.startswith("exception: ")]) == len(wrong)
+        said.append(made.stdout)
+    assert said[0] != said[1]
 
 
 @pytest.mark.parametrize("device", ["cable_platform", "hexapod"])
@@ -141,3 +152,12 @@ def test_the_estimate_is_what_the_simulation_plays_back(skin):
     off = np.abs(readings_for(table, commands) - played)
     assert 0.0 < off.mean() < 0.015 * FULL_SCALE
     assert np.abs(played - loud).mean() < 0.015 * FULL_SCALE  # and the touch itself is rendered as well
+
+
+def test_a_cluster_sweeps_the_same_table(tmp_path: Path, cluster: Cluster) -> None:
+    """More rows than a part has, so that both workers have some."""
+    words = ["design", "--rows", "1500", "--quiet", "--save-table"]
+    assert main([*words, str(tmp_path / "one.npz"), "--out", str(tmp_path / "a"), "--workers", "1"]) == 0
+    far = ["--out", str(tmp_path / "b"), "--scheduler", cluster.address]
+    assert main([*words, str(tmp_path / "two.npz"), *far]) == 0
+    assert (tmp_path / "one.npz").read_bytes() == (tmp_path / "two.npz").read_bytes()

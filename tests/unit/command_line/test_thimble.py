@@ -179,14 +179,6 @@ def test_links_that_cannot_close_are_refused_by_name(tmp_path, capsys):
         assert words in capsys.readouterr().err
 
 
-def test_an_adaptation_is_made(tmp_path, capsys):
-    pytest.importorskip("onnxruntime")
-    assert main(["thimble", "adapt", "--out", str(tmp_path), "--movements", "24", "--quiet"]) == 0
-    told = capsys.readouterr().out
-    assert "12 movements held out: polynomial" in told and "in use, 2 movements held out" in told
-    assert sorted(p.suffix for p in tmp_path.iterdir()) == [".npz", ".onnx"]
-
-
 @pytest.mark.parametrize("touching", [True, False])
 def test_the_plot_of_a_sampled_scene(tmp_path, capsys, touching):
     fingertip_skin(level="draft")

@@ -68,22 +68,6 @@ def test_a_recorded_table_is_told_from_one_to_render_with(tmp_path):
         SkinTable.load(tmp_path / "t.csv")
 
 
-def test_the_trial_is_felt_by_the_skin_that_was_asked_for(tmp_path):
-    """A softer skin under the same table: the numbers that are printed must change with it."""
-    (tmp_path / "skins").mkdir()
-    given = json.loads(json.dumps(dict(Library().load("skins", "index_medium"))))
-    given["parameters"]["young"]["value"] = 0.5 * given["parameters"]["young"]["value"]
-    (tmp_path / "skins" / "soft.json").write_text(json.dumps(given))
-    made = run("--save-table", tmp_path / "t.npz", "--rows", 512, "--quiet", cwd=tmp_path)
-    assert made.returncode == 0, made.stderr
-    said = []
-    for name in ("index_medium", "soft"):
-        made = run("--trial", 1, "--table", tmp_path / "t.npz", "--skin", name, "--presets", tmp_path, "--quiet")
-        assert made.returncode == 0, made.stderr
-        said.append(made.stdout)
-    assert said[0] != said[1]
-
-
 def test_a_scene_is_felt_by_its_fingers_own_skin(skin, tmp_path):
     scene = interaction("flat", skin.positions, seed=0, repetitions=1)
     soft = {**Library().skin("index_medium"), "young": 5e4}

@@ -12,12 +12,12 @@ from core.surrogate.store import contact_of
 from core.surrogate.trial import TrialForce
 
 DEVICE = mechanism(Library().device("thimble_3rrs"))
-LEVEL = DiscPose(np.eye(3), np.zeros(3), np.zeros((3, 3)), np.eye(3))
+LEVEL = DiscPose(np.eye(3), np.zeros(3), np.zeros((3, 3)), np.eye(3), np.zeros(3))
 
 
 def pressing(depth):
     """The disc faces -Z."""
-    return DiscPose(LEVEL.rotation, np.array([0.0, 0.0, -depth]), LEVEL.spin, LEVEL.shift)
+    return DiscPose(LEVEL.rotation, np.array([0.0, 0.0, -depth]), LEVEL.spin, LEVEL.shift, LEVEL.x)
 
 
 def state_of(anchor, force, moved):

@@ -484,9 +484,10 @@ def level_passed(env: Environment, level: str, arguments: list[str], scratch: Pa
     say(f"== {level}")
     report = scratch / f"{level}.xml"
     command = [str(env.python), "-m", "pytest", f"--junitxml={report}", "-o", "junit_family=xunit2", "-q"]
+    command += ["--durations=25", "--durations-min=5"]  # what a person waits for
     more = {"BLENDER_USER_RESOURCES": str(scratch / f"{level}-profile")}
     if level == "unit":
-        more["PYTHONPATH"] = os.pathsep.join(map(str, (env.wheels, *beside(env, "dask"))))
+        more["PYTHONPATH"] = os.pathsep.join(map(str, (env.wheels, *beside(env, "dask", "sweep"))))
     if level == "extension":  # nothing of the source tree may be importable: the installed zip is on trial
         command += ["-o", "pythonpath=tests/extension"]
         more["DERMIS_ZIP"] = str(build_zip(env.python, scratch, this_platform(), (this_python(),)))
@@ -565,10 +566,13 @@ def stress(options: argparse.Namespace) -> int:
     """Hold scenes, surfaces, pins and mechanisms drawn at random to the laws they must obey; print the table."""
     env = environment()
     given = {"--seconds": options.seconds, "--runs": options.runs, "--seed": options.seed, "--json": options.json}
+    given |= {"--workers": options.workers, "--scheduler": options.scheduler}
     words = [word for name, value in given.items() if value is not None for word in (name, value)]
     words += [word for value in options.set or () for word in ("--set", value)]
     command = [str(env.python), "-m", "tests.stress", *options.names, *words]
-    return subprocess.run(command, cwd=ROOT, env=env.variables(True)).returncode
+    more = beside(env, "dask") if options.scheduler else []
+    path = os.pathsep.join(map(str, (env.wheels, *more)))
+    return subprocess.run(command, cwd=ROOT, env=env.variables(True, PYTHONPATH=path)).returncode
 
 
 def beside(env: Environment, *names: str) -> list[Path]:
@@ -702,10 +706,10 @@ def parser() -> argparse.ArgumentParser:
     new.add_argument("--python", **more_pythons)
     new.add_argument("--no-wheels", action="store_true", help="do not bring scipy and the other libraries")
     new = verb(bench)
-    new.add_argument("names", nargs="*", metavar="NAME", help="benchmarks to run (default: all)")
+    new.add_argument("names", nargs="*", metavar="NAME", help="benchmarks to run (default: the quick ones)")
     new.add_argument("--json", type=Path, metavar="FILE", help="write the results to this file")
     new.add_argument(
-        "--full", action="store_true", help="also time against error, knob by knob: tables, JSON, diagrams"
+        "--full", action="store_true", help="all, and time against error, knob by knob: tables, JSON, diagrams"
     )
     new.add_argument("--out", type=Path, default=ROOT / "bench_out", metavar="DIR", help="of --full (bench_out/)")
     new = verb(stress)
@@ -714,6 +718,8 @@ def parser() -> argparse.ArgumentParser:
     how.add_argument("--seconds", metavar="N", help="for so long, each kind as long as any other")
     how.add_argument("--runs", metavar="N", help="cases of each kind (20)")
     new.add_argument("--seed", metavar="S", help="of the first case of each kind (0)")
+    new.add_argument("--workers", metavar="N", help="processes that judge cases, with --runs (none: this one)")
+    new.add_argument("--scheduler", metavar="URL", help="a dask scheduler's workers judge them, with --runs")
     new.add_argument("--set", action="append", metavar="NAME=VALUE", help="in place of what is drawn (repeatable)")
     new.add_argument("--json", type=os.path.abspath, metavar="FILE", help="write the results to this file")
     new = verb(docs)

@@ -5,21 +5,18 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 
-from . import mechanisms, pins, presses, scenes, surfaces, touches
-from .case import Family, Value, Values
+from core.command_line.workers import tell_unlike
+from core.work.executor import JobExecutor
+from core.work.processes import ProcessExecutor
+
+from .case import Value, Values
+from .families import FAMILIES
+from .job import LINE, TABLE, on_worker
 from .known import KNOWN
 from .run import Failure, Tally, run
-
-FAMILIES: tuple[Family, ...] = (
-    *touches.FAMILIES,
-    *presses.FAMILIES,
-    *scenes.FAMILIES,
-    *surfaces.FAMILIES,
-    *pins.FAMILIES,
-    *mechanisms.FAMILIES,
-)
 
 
 def table(tallies: dict[str, Tally]) -> str:
@@ -65,6 +62,15 @@ def as_json(tallies: dict[str, Tally], failures: list[Failure]) -> str:
     return json.dumps({"families": found, "failures": told}, indent=1)
 
 
+def executor_of(options: argparse.Namespace) -> JobExecutor | None:
+    """Return who judges cases beside this process, None for nobody."""
+    if options.scheduler:
+        from core.work.cluster import ClusterExecutor
+
+        return ClusterExecutor(options.scheduler, table=TABLE, entry=on_worker)
+    return ProcessExecutor(options.workers, table=TABLE, line=LINE) if options.workers else None
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run what is asked for; status 1 where something failed, or where a known failure passes."""
     parser = argparse.ArgumentParser(prog="build_addon.py stress", description=__doc__)
@@ -77,26 +83,38 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=0, help="of the first case of each family (0)")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="in place of what is drawn")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the results to this file")
+    parser.add_argument("--workers", type=int, metavar="N", help="processes that judge cases, with --runs")
+    parser.add_argument("--scheduler", metavar="URL", help="a dask scheduler's workers judge them, with --runs")
     parser.add_argument("--as-drawn", action="store_true", help="do not make failing cases simpler")
     options = parser.parse_args(arguments)
     unknown = set(options.names) - {f.name for f in FAMILIES}
     if unknown:
         parser.error(f"no such family: {', '.join(sorted(unknown))}; there are {', '.join(f.name for f in FAMILIES)}")
+    if options.workers is not None and options.workers < 1:
+        parser.error("--workers: at least 1")
+    if options.workers and options.scheduler:
+        parser.error("a scheduler has workers of its own: leave --workers or --scheduler out")
+    if (options.workers or options.scheduler) and options.seconds is not None:
+        parser.error("what is judged side by side is counted: give --runs, not --seconds")
     chosen = [family for family in FAMILIES if not options.names or family.name in options.names]
     changed: Values = dict(map(value_of, options.set))
 
     def tell(text: str) -> None:
         print(text, flush=True)
 
-    tallies, failures, passing = run(
-        chosen,
-        options.seed,
-        runs=options.runs,
-        seconds=options.seconds,
-        changed=changed,
-        tell=tell,
-        simplify=not options.as_drawn,
-    )
+    with executor_of(options) or nullcontext() as executor:
+        tallies, failures, passing = run(
+            chosen,
+            options.seed,
+            runs=options.runs,
+            seconds=options.seconds,
+            changed=changed,
+            tell=tell,
+            simplify=not options.as_drawn,
+            executor=executor,
+        )
+        if executor is not None:
+            tell_unlike(executor)
     print(table(tallies))
     for row in KNOWN:
         if row.family in tallies:

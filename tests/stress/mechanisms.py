@@ -21,6 +21,7 @@ from . import tolerances
 from .case import Dice, Family, Values, Verdict
 
 Array = NDArray[np.float64]
+WALKED = 64  # poses on the way from level to a corner
 LENGTHS = {
     "thimble_3rrs": ("platform_radius", "base_radius", "crank", "rod", "reference_distance"),
     "hexapod": ("platform_radius", "base_radius", "rest_distance", "base_height"),
@@ -85,13 +86,12 @@ def judge_thimble(values: Values) -> Verdict:
     verdict.hold("level", not (np.isfinite(reference) and device.feasible(level)), 0)
     if verdict.missed:
         return verdict
-    inside, outside = 0.0, 1.0
-    if not device.feasible(level + way):
-        for _ in range(60):  # the corner: constraints are met here, and not a bit beyond
-            middle = (inside + outside) / 2
-            inside, outside = (middle, outside) if device.feasible(level + middle * way) else (inside, middle)
-    else:
-        inside = 1.0
+    # the first corner on the way: what lies beyond it may be feasible again, and is another pose of the same angles
+    outside = next((k / WALKED for k in range(1, WALKED + 1) if not device.feasible(level + k / WALKED * way)), None)
+    inside = 1.0 if outside is None else outside - 1.0 / WALKED
+    for _ in range(60 if outside is not None else 0):  # constraints are met here, and not a bit beyond
+        middle = (inside + outside) / 2
+        inside, outside = (middle, outside) if device.feasible(level + middle * way) else (inside, middle)
     x = level + inside * way
     angles = np.array(inverse_kinematics(device, *x.tolist())[0])
     over = max(float((angles - high).max()), float((low - angles).max()))

@@ -11,10 +11,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from core.errors import DermisError
+from core.work.executor import JobExecutor
+from core.work.spread import Asked, spread
 
 from .case import Family, Value, Values, Verdict
 from .known import KNOWN, MENDED, Known, known_failure
 
+PART = 5  # cases of a job: those of contact take seconds
 SHRINKING = 30.0  # [s] that a failing case is made simpler for
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -90,6 +93,7 @@ def run(
     tell: Callable[[str], None] = lambda text: None,
     simplify: bool = True,
     again: bool = True,
+    executor: JobExecutor | None = None,
 ) -> tuple[dict[str, Tally], list[Failure], list[str]]:
     """Run cases of families.
 
@@ -97,6 +101,7 @@ def run(
         seed: of the first case of each. runs: cases of each family. seconds: in all, in place of `runs`.
         changed: values in place of those drawn. tell: is told of every failure. simplify: make what fails simpler.
         again: begin with what failed before, unless it is one case alone that is asked for.
+        executor: who judges cases, in place of this process; it knows the job 'judge'. Not with `seconds`.
 
     Returns:
         What became of each family's cases, what failed, and which known failures pass.
@@ -112,6 +117,13 @@ def run(
             verdict = judge_one(family, first, family.values(first), tallies[family.name], failures, tell, simplify)
             if not any(check.startswith(row.check) for check in verdict.failed):
                 passing.append(f"{family.name} --seed {first}: {row.check}")
+    if executor is not None:
+        for family, number, took, verdict in _elsewhere(families, seed, runs, changed or {}, executor):
+            values = {**family.values(number), **(changed or {})}
+            count(family, number, values, verdict, took, tallies[family.name], failures, tell, simplify)
+        order = {family.name: i for i, family in enumerate(families)}
+        failures.sort(key=lambda failure: (order[failure.family], failure.seed))  # whoever was done first
+        return tallies, failures, passing
     for family, number in _turns(families, seed, runs, seconds, tallies):
         values = {**family.values(number), **(changed or {})}
         judge_one(family, number, values, tallies[family.name], failures, tell, simplify)
@@ -133,6 +145,28 @@ def _turns(
         nexts[family.name] += 1
 
 
+def _elsewhere(
+    families: Sequence[Family], seed: int, runs: int | None, changed: Values, executor: JobExecutor
+) -> Iterator[tuple[Family, int, float, Verdict]]:
+    """Let an executor judge cases, some at a time; yield each with its seconds as it is done.
+
+    Raises:
+        DermisError: whoever judged them died of it, or has another engine.
+    """
+    from .job import verdicts_of
+
+    seeds = range(seed, seed + (runs if runs is not None else 20))
+    parts = [(family, list(seeds[i : i + PART])) for family in families for i in range(0, len(seeds), PART)]
+    asked = (
+        (family, Asked("judge", {}, {"family": family.name, "seeds": part, "changed": changed}))
+        for family, part in parts
+    )
+    for item in spread(executor, asked):
+        if item is not None:
+            for number, took, verdict in verdicts_of(item[1].result()):
+                yield item[0], number, took, verdict
+
+
 def judge_one(
     family: Family,
     seed: int,
@@ -145,7 +179,22 @@ def judge_one(
     """Judge a case, count it, tell of what failed, and return what was measured."""
     started = time.perf_counter()
     verdict = judged(family, values)
-    took = time.perf_counter() - started
+    count(family, seed, values, verdict, time.perf_counter() - started, tally, failures, tell, simplify)
+    return verdict
+
+
+def count(
+    family: Family,
+    seed: int,
+    values: Values,
+    verdict: Verdict,
+    took: float,
+    tally: Tally,
+    failures: list[Failure],
+    tell: Callable[[str], None],
+    simplify: bool,
+) -> None:
+    """Count a case that was judged in so many seconds, and tell of what failed."""
     tally.seconds += took
     tally.slowest = max(tally.slowest, (took, seed))
     tally.counts["tried"] += 1
@@ -157,10 +206,13 @@ def judge_one(
     tally.known.update({row for row in rows.values() if row is not None})
     for check, (value, limit) in verdict.measured.items():
         share = value / limit if limit else float(value > 0)
-        if check not in verdict.missed and (check not in tally.worst or share > tally.worst[check][0]):
+        # of equals the first seed: workers return their cases in any order
+        if check not in verdict.missed and (
+            check not in tally.worst or (share, -seed) > (tally.worst[check][0], -tally.worst[check][3])
+        ):
             tally.worst[check] = share, value, limit, seed
     if not new:
-        return verdict
+        return
     simpler = simple(family, values, new[0], SHRINKING if simplify else 0.0)
     drawn = family.values(seed)
     differ = {name: value for name, value in simpler.items() if drawn.get(name) != value}
@@ -168,7 +220,6 @@ def judge_one(
     failure = Failure(family.name, seed, found, differ)
     failures.append(failure)
     tell(f"FAILED {family.name} {seed}: " + "; ".join(f"{c}: {m}" for c, m in found.items()) + f"\n  {failure.command}")
-    return verdict
 
 
 def simple(family: Family, values: Values, check: str, seconds: float) -> Values:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+from pathlib import Path
 
 import pytest
 
@@ -141,3 +143,34 @@ def test_an_unknown_family_is_refused(capsys: pytest.CaptureFixture[str]) -> Non
     assert "no such family: nothing" in capsys.readouterr().err
     assert main(["thimble", "--runs", "1", "--seed", "3"]) == 0
     assert "thimble" in capsys.readouterr().out
+
+
+def test_of_equal_cases_the_first_seed_is_named_in_whatever_order_they_come() -> None:
+    (pins,) = (family for family in FAMILIES if family.name == "pins")
+    for seeds in ((7, 5, 6), (5, 6, 7)):
+        tally = run.Tally()
+        for seed in seeds:
+            verdict = Verdict()
+            verdict.hold("bounds", 0.5, 1.0)
+            verdict.hold("kkt", seed / 10, 1.0)
+            run.count(pins, seed, pins.values(seed), verdict, 0.1, tally, [], print, False)
+        assert tally.worst == {"bounds": (0.5, 0.5, 1.0, 5), "kkt": (0.7, 0.7, 1.0, 7)}
+
+
+@pytest.mark.parametrize("who", ["processes", "cluster"])
+def test_whoever_judges_cases_the_counts_are_the_same(
+    who: str, tmp_path: Path, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["pins", "hexapod", "--runs", "12", "--seed", "300"]
+    given = ["--workers", "2"] if who == "processes" else ["--scheduler", request.getfixturevalue("cluster").address]
+    found = []
+    for name, more in (("here.json", []), ("there.json", given)):
+        assert main([*words, *more, "--json", str(tmp_path / name)]) == 0
+        told = json.loads((tmp_path / name).read_text())
+        for family in told["families"].values():
+            assert family.pop("seconds") > 0.0 and family.pop("slowest")
+        found.append(told)
+    assert found[0] == found[1] and found[0]["families"]["hexapod"]["tried"] == 12
+    with pytest.raises(SystemExit):
+        main([*words[:2], *given, "--seconds", "1"])
+    assert "give --runs" in capsys.readouterr().err

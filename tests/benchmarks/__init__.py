@@ -2,15 +2,16 @@
 
 A module `bench_*.py` of this folder holds functions like this one::
 
-    @benchmark("gradient_1024_ms", limit=3.5)
+    @benchmark("gradient_1024_ms", limit=3.5, quick=True)
     def gradient_1024() -> Result:
         ours, peer = measure(lambda: gradient(depth)), measure(lambda: np.gradient(depth))
         return Result("gradient_1024_ms", ours.median, "ms", ours.p95, {"np.gradient": peer.median})
 
-All run in one process: the Blender environment (bpy, no scipy of its own) with the folder of scipy, onnxruntime and
-pyserial on PYTHONPATH and one BLAS thread. A benchmark of the *installed* extension starts processes of its own, which
-see the wheels in the zip and nothing else (see bench_register.py). Heavy imports belong inside the functions, so that a
-module that cannot run costs one line of the table and not the table.
+Those marked `quick` run where no names are given, all of them with `--full`. All run in one process: the Blender
+environment (bpy, no scipy of its own) with the folder of scipy, onnxruntime and pyserial on PYTHONPATH and one BLAS
+thread. A benchmark of the *installed* extension starts processes of its own, which see the wheels in the zip and
+nothing else (see bench_register.py). Heavy imports belong inside the functions, so that a module that cannot run costs
+one line of the table and not the table.
 """
 
 from __future__ import annotations
@@ -49,11 +50,12 @@ class Result:
 
 
 class Benchmark(NamedTuple):
-    """A registered function, and the limit its value is held against (None: no limit)."""
+    """A registered function, the limit its value is held against (None: no limit), and whether it is a quick one."""
 
     name: str
     limit: float | None
     function: Callable[[], Result]
+    quick: bool = False
 
 
 class Timing(NamedTuple):
@@ -63,16 +65,24 @@ class Timing(NamedTuple):
     p95: float
 
 
+QUICK_SECONDS = 480.0
 REGISTRY: dict[str, Benchmark] = {}
 
 
-def benchmark(name: str, limit: float | None = None) -> Callable[[Callable[[], Result]], Callable[[], Result]]:
-    """Register a function under a name; `limit` is the largest value that is good enough."""
+def benchmark(
+    name: str, limit: float | None = None, *, quick: bool = False
+) -> Callable[[Callable[[], Result]], Callable[[], Result]]:
+    """Register a function under a name.
+
+    Args:
+        limit: the largest value that is good enough.
+        quick: whether it runs where no names are given. All that are quick take less than `QUICK_SECONDS` together.
+    """
 
     def register(function: Callable[[], Result]) -> Callable[[], Result]:
         if name in REGISTRY:
             raise ValueError(f"two benchmarks are called {name}")
-        REGISTRY[name] = Benchmark(name, limit, function)
+        REGISTRY[name] = Benchmark(name, limit, function, quick)
         return function
 
     return register

@@ -9,7 +9,7 @@ from . import Result, benchmark, one_blas_thread, timing
 FINGERS, BODIES, FRAMES, REPEAT = 5, 3, 121, 9
 
 
-@benchmark("bake_own_us", limit=150)
+@benchmark("bake_own_us", limit=150, quick=True)
 def bake_own() -> Result:
     """A whole bake minus a bare frame_set sweep over the same sub-frames, in turns, divided by the samples."""
     import bpy

@@ -49,13 +49,13 @@ os._exit(0)
 """
 
 
-@benchmark("overlay_draw_ms", limit=4.0)
+@benchmark("overlay_draw_ms", limit=4.0, quick=True)
 def overlay_draw() -> Result:
     """Every view of five fingers in contact, with skins, thimbles and their cards."""
     return _drawn("overlay_draw_ms", "five", lambda callbacks, _layout: [callback() for callback in callbacks])
 
 
-@benchmark("panel_draw_ms", limit=1.0)
+@benchmark("panel_draw_ms", limit=1.0, quick=True)
 def panel_draw() -> Result:
     """Every panel of the tab that is shown for an active finger; the peer is after an edit that nobody has seen yet."""
     from tests.blender import stand_in

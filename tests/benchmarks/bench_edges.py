@@ -22,25 +22,25 @@ MU, DEPTH, RATE, STROKE, PRESS = 0.6, 1e-3, 240.0, 1.5e-3, 2e-3
 RIB, PERIOD, RIBS, GROOVE = 0.75e-3, 1.5e-3, 21, 1.5e-3
 
 
-@benchmark("contact_edge_ms", limit=1.3)
+@benchmark("contact_edge_ms", limit=1.3, quick=True)
 def contact_edge() -> Result:
     """An edge of 90 degrees, rounded by 0.2 mm, that slides at 20 mm/s."""
     return _result("contact_edge_ms", "edge", 20e-3)
 
 
-@benchmark("contact_edge_fast_ms", limit=5.0)
+@benchmark("contact_edge_fast_ms", limit=5.0, quick=True)
 def contact_edge_fast() -> Result:
     """The same edge at 100 mm/s: every frame is walked in parts."""
     return _result("contact_edge_fast_ms", "edge", 100e-3)
 
 
-@benchmark("contact_ribs_ms", limit=3.0)
+@benchmark("contact_ribs_ms", limit=3.0, quick=True)
 def contact_ribs() -> Result:
     """Ribs 0.75 mm wide, 1.5 mm apart, at 20 mm/s."""
     return _result("contact_ribs_ms", "ribs", 20e-3, strokes=1)
 
 
-@benchmark("contact_points_plane_ratio", limit=1.2)
+@benchmark("contact_points_plane_ratio", limit=1.2, quick=True)
 def contact_points_plane() -> Result:
     """A block at 20 mm/s, over what the node solver takes for it; a ball of 5 mm beside it."""
     nodes, ball = (timing(_times(*case)).median for case in (("block", 20e-3, 2, True), ("ball", 20e-3, 2, False)))

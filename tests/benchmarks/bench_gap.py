@@ -18,14 +18,14 @@ from . import Result, benchmark, one_blas_thread, timing
 RADIUS, REACH, FRAMES = 0.02, 2.5e-3, 240
 
 
-@benchmark("gap_ms", limit=0.6)
+@benchmark("gap_ms", limit=0.6, quick=True)
 def gap() -> Result:
     """250 nodes against a rigid mesh."""
     ours = timing(_pass())
     return Result("gap_ms", ours.median, "ms", ours.p95)
 
 
-@benchmark("gap_deforming_ms", limit=6.0)
+@benchmark("gap_deforming_ms", limit=6.0, quick=True)
 def gap_deforming() -> Result:
     """250 nodes against a mesh that is another one every frame: building it included."""
     from core.surface.gap import Surface
@@ -43,7 +43,7 @@ def gap_deforming() -> Result:
     return Result("gap_deforming_ms", ours.median, "ms", ours.p95)
 
 
-@benchmark("gap_error_um", limit=10.0)
+@benchmark("gap_error_um", limit=10.0, quick=True)
 def gap_error() -> Result:
     """Largest difference from trying every triangle, and of the normals [degrees] beside it."""
     from core.surface.gap import Surface

@@ -19,7 +19,7 @@ def heights() -> np.ndarray:
     return (waves + 0.01 * np.random.default_rng(1).normal(size=(SIDE, SIDE))).astype(np.float32)
 
 
-@benchmark("gradient_1024_ms", limit=3.5)
+@benchmark("gradient_1024_ms", limit=3.5, quick=True)
 def gradient_1024() -> Result:
     """Both slopes of a map in float32, against numpy's own on the same array."""
     surface = heights()
@@ -33,7 +33,7 @@ def gradient_1024() -> Result:
     return Result("gradient_1024_ms", ours.median, "ms", ours.p95, {"np.gradient": peer.median}, wrong)
 
 
-@benchmark("bilinear_1e6_ms", limit=50)
+@benchmark("bilinear_1e6_ms", limit=50, quick=True)
 def bilinear_1e6() -> Result:
     """Both slopes at a million scattered points, against scipy's spline of order 1 on the same arrays."""
     from scipy.ndimage import map_coordinates

@@ -28,7 +28,7 @@ def fingers() -> Result:
     return _grown("growth_fingers", FINGERS, [_scene(n, n) for n in FINGERS])
 
 
-@benchmark("growth_idle_objects", limit=0.3)
+@benchmark("growth_idle_objects", limit=0.3, quick=True)
 def idle_objects() -> Result:
     """One such finger, beside balls of 1,280 faces half a metre away."""
     return _grown("growth_idle_objects", OBJECTS, [_scene(1, 1, idle=n) for n in OBJECTS])
@@ -41,7 +41,7 @@ def track() -> Result:
     return _grown("growth_track", SECONDS, [_scene(1, 1, count) for count in counts])
 
 
-@benchmark("idle_10fingers_ratio", limit=1.05)
+@benchmark("idle_10fingers_ratio", limit=1.05, quick=True)
 def idle_fingers() -> Result:
     """One such finger beside nine that touch nothing, over the finger alone, two seconds."""
     alone, beside = _times([_scene(1, 1, LONGER), _scene(10, 1, LONGER)])

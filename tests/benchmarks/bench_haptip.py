@@ -88,7 +88,7 @@ def sampled(header: Any, chunks: Any) -> Any:
     return sampler.finish()
 
 
-@benchmark("haptip_10s_5fingers_ms", limit=60.0)
+@benchmark("haptip_10s_5fingers_ms", limit=60.0, quick=True)
 def haptip_10s_5fingers() -> Result:
     """Motion, onsets, effects, projection, kinematics and limits of 5 x 10,000 commands, from sampled gaps.
 
@@ -113,7 +113,7 @@ def haptip_10s_5fingers() -> Result:
     return Result("haptip_10s_5fingers_ms", timing.median, "ms", timing.p95)
 
 
-@benchmark("haptip_10s_5fingers_gaps_ms")
+@benchmark("haptip_10s_5fingers_gaps_ms", quick=True)
 def haptip_gaps() -> Result:
     """The gaps of the same scene: 5 pads, 3 boxes, 2,401 samples in 10 chunks; surfaces already built."""
     header, chunks = scene()

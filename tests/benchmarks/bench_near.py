@@ -29,7 +29,7 @@ BESIDE = 2e-3
 Step = Callable[[int], None]
 
 
-@benchmark("faces_ratio", limit=1.5)
+@benchmark("faces_ratio", limit=1.5, quick=True)
 def faces() -> Result:
     """A ball of 82k faces over one of 1.3k."""
     many, few = _interleaved(_sliding(_ball(64)), _sliding(_ball(8)))
@@ -37,7 +37,7 @@ def faces() -> Result:
     return Result("faces_ratio", many.median / few.median, "1", None, peers)
 
 
-@benchmark("near_objects_ratio", limit=1.15)
+@benchmark("near_objects_ratio", limit=1.15, quick=True)
 def near_objects() -> Result:
     """Ten boxes of 4,800 faces beside the path over none; thirty, and ten that fly to and fro, beside it."""
     flying = _sliding(_plate(), COUNT, flying=True)
@@ -61,7 +61,7 @@ def near_objects_mb() -> Result:
     return Result("near_objects_mb", most[1] - most[0], "MB")
 
 
-@benchmark("hover_ms", limit=0.1)
+@benchmark("hover_ms", limit=0.1, quick=True)
 def hover() -> Result:
     """A finger that glides 2 mm above a box."""
     ours = _interleaved(_sliding(_plate(), depth=-2e-3))[0]

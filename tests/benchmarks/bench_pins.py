@@ -25,19 +25,19 @@ KKT = 1e-12
 FASTER = 1.2  # than daqp, on the path that never settles
 
 
-@benchmark("dm2_us", limit=18.0)
+@benchmark("dm2_us", limit=18.0, quick=True)
 def dm2() -> Result:
     """Solve DM2 alone along the paper's slide."""
     return _alone("dm2_us", "DM2", "slide")
 
 
-@benchmark("fm2_us", limit=24.0)
+@benchmark("fm2_us", limit=24.0, quick=True)
 def fm2() -> Result:
     """Solve FM2 alone along the paper's slide."""
     return _alone("fm2_us", "FM2", "slide")
 
 
-@benchmark("dm2_varied_us", limit=54.0)
+@benchmark("dm2_varied_us", limit=54.0, quick=True)
 def dm2_varied() -> Result:
     """Solve DM2 alone along the path that never settles."""
     found = _alone("dm2_varied_us", "DM2", "varied")
@@ -47,7 +47,7 @@ def dm2_varied() -> Result:
     return found
 
 
-@benchmark("dm2_frame_us", limit=36.0)
+@benchmark("dm2_frame_us", limit=36.0, quick=True)
 def dm2_frame() -> Result:
     """Go from contact forces to pin forces with a certificate, along the paper's slide."""
     solver = _solver("DM2")
@@ -55,7 +55,7 @@ def dm2_frame() -> Result:
     return _report("dm2_frame_us", _along(lambda f: solver.step(f).optimality, forces), {})
 
 
-@benchmark("pin_frame_ms", limit=0.45)
+@benchmark("pin_frame_ms", limit=0.45, quick=True)
 def pin_frame() -> Result:
     """Solve the contact on the standard skin and DM2, frame after frame of the paper's slide."""
     from core.contact.solver.path import PathSolver
@@ -79,7 +79,7 @@ def pin_frame() -> Result:
     return Result("pin_frame_ms", taken.median * 1e3, "ms", taken.p95 * 1e3)
 
 
-@benchmark("pin_setup_s", limit=3.0)
+@benchmark("pin_setup_s", limit=3.0, quick=True)
 def pin_setup() -> Result:
     """Make a standard skin with its response, and the matrices of the pins; the matrices alone beside it."""
     from core.matching import pins

@@ -33,7 +33,7 @@ PINS, THIMBLE = Play("pins", range(90, 110)), Play("thimble", range(40, 60))
 FIVE = Play("five", range(28, 46))
 
 
-@benchmark("scrub_demo_ms", limit=5.0)
+@benchmark("scrub_demo_ms", limit=5.0, quick=True)
 def scrub_demo() -> Result:
     """Two fingers with shear tactors lift a box, one reads a friction screen."""
     return _result("scrub_demo_ms", DEMO)

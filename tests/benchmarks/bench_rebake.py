@@ -22,7 +22,7 @@ class Taken(NamedTuple):
     processor: list[float]
 
 
-@benchmark("rebake_unchanged_s", limit=0.3)
+@benchmark("rebake_unchanged_s", limit=0.3, quick=True)
 def unchanged() -> Result:
     """The same scene again, everything but its sampling taken from the bake before; a first bake beside it."""
     taken = _bakes()
@@ -31,7 +31,7 @@ def unchanged() -> Result:
     return Result("rebake_unchanged_s", again.median, "s", again.p95, {"first": first.median, "processor's": worked})
 
 
-@benchmark("rebake_one_material_ratio", limit=0.55)
+@benchmark("rebake_one_material_ratio", limit=0.55, quick=True)
 def one_material() -> Result:
     """One of two fingers concerned, over a first bake."""
     taken = _bakes()

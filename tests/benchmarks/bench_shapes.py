@@ -52,25 +52,25 @@ class Judged(NamedTuple):
         return f"{self.name:38} {self.force:8.4f} N {self.error:+7.1%} (+-{self.own_force:.1%})  stress {stress}"
 
 
-@benchmark("shape_force_error", limit=0.08)
+@benchmark("shape_force_error", limit=0.08, quick=True)
 def shape_force_error() -> Result:
     """The worst force on any shape."""
     return _worst("shape_force_error", lambda case: (abs(case.error), case.own_force))
 
 
-@benchmark("shape_stress_error", limit=0.15)
+@benchmark("shape_stress_error", limit=0.15, quick=True)
 def shape_stress_error() -> Result:
     """The worst stress 1.2 mm under the skin."""
     return _worst("shape_stress_error", lambda case: (case.stress[1], case.own_stress[1]))
 
 
-@benchmark("shape_stress_error_shallow", limit=0.25)
+@benchmark("shape_stress_error_shallow", limit=0.25, quick=True)
 def shape_stress_error_shallow() -> Result:
     """The worst stress 0.3 mm under the skin, on planes and balls."""
     return _worst("shape_stress_error_shallow", lambda case: (case.stress[0], case.own_stress[0]), ("plane", "ball"))
 
 
-@benchmark("shape_stress_error_shallow_edge", limit=0.40)
+@benchmark("shape_stress_error_shallow_edge", limit=0.40, quick=True)
 def shape_stress_error_shallow_edge() -> Result:
     """The worst stress 0.3 mm under the skin, on edges and ribs."""
     return _worst(
@@ -78,7 +78,7 @@ def shape_stress_error_shallow_edge() -> Result:
     )
 
 
-@benchmark("thin_card_force_error", limit=0.01)
+@benchmark("thin_card_force_error", limit=0.01, quick=True)
 def thin_card_force_error() -> Result:
     """Closed cards down to 0.1 mm against a block with the same top, with friction, 0.5 to 2 mm deep."""
     from core.surface.gap import Surface

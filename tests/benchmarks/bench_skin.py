@@ -22,7 +22,7 @@ DEPTH = 2e-3  # of the press [m]
 PROBE_DEPTH = 1.2e-3  # [m]
 
 
-@benchmark("condense_6k_s", limit=0.4)
+@benchmark("condense_6k_s", limit=0.4, quick=True)
 def condense_6k() -> Result:
     """Assemble and condense the standard mesh; SuperLU beside it."""
     from scipy.sparse.linalg import splu
@@ -47,7 +47,7 @@ def condense_27k() -> Result:
     return Result("condense_27k_s", ours.median / 1e3, "s", ours.p95 / 1e3)
 
 
-@benchmark("skin_load_ms", limit=40.0)
+@benchmark("skin_load_ms", limit=40.0, quick=True)
 def skin_load() -> Result:
     """Load the standard skin from the cache, ready for contact; making it is the peer."""
     from core.cache import Cache

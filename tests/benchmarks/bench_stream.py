@@ -192,7 +192,7 @@ def late() -> Result:
     return Result("stream_late", float(bad), "", None, peers, error)
 
 
-@benchmark("encode_us", limit=40.0)
+@benchmark("encode_us", limit=40.0, quick=True)
 def encode() -> Result:
     """Time one command of 128 channels: counts, packet, check sum, byte stuffing; beside it what the limiter costs."""
     import numpy as np

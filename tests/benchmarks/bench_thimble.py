@@ -124,20 +124,20 @@ def frame_result(name: str, level: str, *, with_target: bool, p95_limit: float) 
     return Result(name, times.median, "ms", times.p95, peers, error)
 
 
-@benchmark("thimble_frame_ms", limit=1.0)
+@benchmark("thimble_frame_ms", limit=1.0, quick=True)
 def thimble_frame() -> Result:
     """Search and friction update, 1.6k tetrahedra."""
     return frame_result("thimble_frame_ms", "draft", with_target=False, p95_limit=2.0)
 
 
-@benchmark("thimble_frame_p95_ratio", limit=2.0)
+@benchmark("thimble_frame_p95_ratio", limit=2.0, quick=True)
 def thimble_frame_p95_ratio() -> Result:
     """The 95th percentile of the same over its median."""
     times = timing(list(frames("draft")["thimble"]))
     return Result("thimble_frame_p95_ratio", times.p95 / times.median, "1")
 
 
-@benchmark("finger_frame_ms", limit=2.0)
+@benchmark("finger_frame_ms", limit=2.0, quick=True)
 def finger_frame() -> Result:
     """The same with the contact of the virtual touch."""
     return frame_result("finger_frame_ms", "draft", with_target=True, p95_limit=4.0)

@@ -54,11 +54,11 @@ NOTES = """
 * **Best found**: at each frame the best of many poses, reached on several ways with the friction of each. It is what a
   search found, no proof that there is nothing better, and poses of neighbouring frames may be of different ways. It is
   found by whole stress; in another measure it need not be the best. Friction makes it jump with the number of frames:
-  `bench edge_rendered_error` has the edge in 120, where the thimble keeps the 3 points by less than a tenth.
+  `bench edge_rendered_error` has the edge in 120.
 * **With lateral axes**: the same thimble on a stage that moves it 5 mm along both axes of the pad and turns it by 30
   degrees, to either side. Nobody built it; the six legs can do as much by themselves, within their strokes.
 * **Several ways**: one way through the touch that was chosen among several by what it left in all. It needs the whole
-  touch beforehand.
+  touch beforehand. Times are those of a clock on the wall, beside whatever else ran: compare both sides of an arrow.
 * Both devices have friction 0.6 with the skin, as the touches have. Discs are of 8 mm (thimble) and 12 mm (six legs),
   and part of what the six legs do better is the larger disc.
 """

@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from core.devices.disc_pose import FrictionState, placed
 from core.devices.first_contact import first_contact
 from core.devices.thimble import Thimble, mechanism
 from core.matching.thimble import matcher
+from core.matching.trajectory import trajectory
 from core.plot import stimuli
 from core.presets import Library
 from core.skin.model import SkinModel, fingertip_skin
@@ -53,6 +55,11 @@ FAIRNESS = """
 * Its touches are recorded with a BioTac on real things and its errors are those of 19 electrode signals, a smooth
   summary of the touch. Ours are synthetic touches of the same kinds, and the first table is of the whole stress,
   which is stricter: compare the electrode table for the paper's sort of figure.
+* What 'cup' and 'foam' miss is not the search's: no pose that was found leaves much less of them (*best pose found*: of
+  many poses at each frame, on several ways, by electrodes). [S0] says of its cup that it is 'not reachable within the
+  workspace of the device'. Its foam is a cylinder of a size and stiffness that it does not tell; ours is a flat block
+  that gives way by 1 mm under 8 kPa, and presses more evenly than a rigid disc can. Stiffer or round, it is nearer to
+  what a disc does, as the two rows below it show.
 * 'device' there is a recording from inside its training data; ours are movements of the device that nothing was
   trained on.
 * Planes ('flat', 'block', 'foam') also press the skin up to 11.5 mm behind the pad's centre, where a disc of 8 mm does
@@ -154,7 +161,7 @@ def rendering(skin: SkinModel, spaces: Descriptors, count: int) -> tuple[dict[st
 
 
 def electrodes(skin: SkinModel, data: Dataset, spaces: Descriptors, count: int) -> dict[str, Any]:
-    """The virtual sensor: components at 5 %, and matching in electrode space on a model fitted to electrodes."""
+    """The virtual sensor: components at 5 %, and matching in electrodes: directly, by a fit, by the best pose found."""
     device, sensor = mechanism(Library().device("thimble_3rrs")), electrode_sensor(skin)
     force = data.force.astype(np.float64)
     readings = force.reshape(len(force), -1) @ sensor.matrix.T
@@ -165,22 +172,34 @@ def electrodes(skin: SkinModel, data: Dataset, spaces: Descriptors, count: int) 
     out: dict[str, Any] = {"components at 5 %": space.size, "ridge test error": relative_rms(fit, table.rows(rest))}
     trial = TrialForce.of(contact_of(device, skin, FRICTION))
     model = LearnedModel(fit, device, trial, spaces.trial, spaces.friction)
-    for touch in (touches.flat_press(count), touches.cup(count), touches.foam(count)):
-        target = touch.forces(skin, points=True).reshape(count, -1) @ sensor.matrix.T
-        row = []
-        for forward in (None, model):
-            follower = matcher(
-                device,
-                skin,
-                "stress" if forward is None else "ridge",
-                friction=FRICTION,
-                observation_matrix=sensor.matrix,
-                model=forward,
-            )
-            rendered = np.array([f.stimulus for f in follower.follow(target)])
-            row.append(float(np.linalg.norm(rendered - target) / np.linalg.norm(target)))
-        out[touch.name] = {"direct": row[0], "ridge on electrodes": row[1]}
+    foam = touches.foam(count)
+    others = (
+        replace(foam, name="foam, four times as stiff", softness=foam.softness / 4),
+        replace(foam, name="foam, a cylinder of 25 mm", surface=touches.rod(25e-3)),
+    )
+    for touch in (touches.flat_press(count), touches.cup(count), foam, *others):
+        targets = touch.forces(skin, points=True).reshape(count, -1) @ sensor.matrix.T
+        out[touch.name] = in_electrodes(device, skin, sensor.matrix, targets, None if touch in others else model)
     return out
+
+
+def in_electrodes(
+    device: Thimble, skin: SkinModel, matrix: Array, targets: Array, model: LearnedModel | None
+) -> dict[str, float]:
+    """Relative RMS that is left of targets in electrodes, shape (n, k), by each way to search for them."""
+    found = {}
+    matching = matcher(device, skin, friction=FRICTION, observation_matrix=matrix)
+    found["direct"] = list(matching.follow(targets))
+    matching.reset()
+    found["best found"] = drain(trajectory(matching, targets)).best
+    if model is not None:
+        learned = matcher(device, skin, "ridge", friction=FRICTION, observation_matrix=matrix, model=model)
+        found["ridge on electrodes"] = list(learned.follow(targets))
+    left = {
+        name: float(np.linalg.norm(np.array([f.stimulus for f in frames]) - targets) / np.linalg.norm(targets))
+        for name, frames in found.items()
+    }
+    return left | {"best found": min(left["direct"], left["best found"])}
 
 
 def pictures(folder: Path, skin: SkinModel, data: Dataset, spaces: Descriptors, figures: dict[str, Any]) -> list[Path]:
@@ -236,7 +255,9 @@ def beside(found: dict[str, Any]) -> str:
     said: dict[str, list[str]] = {"Beaten": [], "Matched": [], "Missed": []}
     for name, (paper, ours) in figures.items():
         kind = "Beaten" if ours < (1 - ALIKE) * paper else "Matched" if ours <= (1 + ALIKE) * paper else "Missed"
-        said[kind].append(f"{name}: {ours:.1f}, the paper {paper:g}")
+        best = sensor.get(name.split(",")[0], {}).get("best found")
+        floor = "" if best is None else f" (the best pose found {100 * best:.1f})"
+        said[kind].append(f"{name}: {ours:.1f}{floor}, the paper {paper:g}")
     lines = [f"**{kind}**: {'; '.join(names) or 'none'}." for kind, names in said.items()]
     return "  \n".join(
         [*lines, f"Matched is within {100 * ALIKE:g} % of the paper's figure; what no line says is not compared."]
@@ -293,14 +314,14 @@ def report(found: dict[str, Any]) -> str:
         f"Virtual 19-electrode sensor: {sensor['components at 5 %']} components at 5 % (paper's BioTac: 10); "
         f"ridge fitted to electrodes, test error {100 * sensor['ridge test error']:.1f} %.",
         "",
-        "| touch | [S0] | direct | ridge on electrodes |",
-        "|---|---|---|---|",
+        "| touch | [S0] | direct | best pose found | ridge on electrodes |",
+        "|---|---|---|---|---|",
     ]
-    for name in ("flat", "cup", "foam"):
-        row_ = sensor[name]
-        lines.append(
-            f"| {name} | {paper[name]} | {100 * row_['direct']:.1f} % | {100 * row_['ridge on electrodes']:.1f} % |"
-        )
+    kinds = ("direct", "best found", "ridge on electrodes")
+    for name, off in sensor.items():
+        if isinstance(off, dict):
+            ours = " | ".join(f"{100 * off[kind]:.1f} %" if kind in off else "-" for kind in kinds)
+            lines.append(f"| {name} | {paper.get(name, '-')} | {ours} |")
     lines += [
         "",
         "What a finger could tell apart through it, beside people in [S0] 7.2: "

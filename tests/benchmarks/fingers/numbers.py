@@ -22,7 +22,9 @@ def numbers(found: Trials) -> dict[str, Any]:
     """Return what the page says of one skin, to four digits."""
     drag: dict[str, dict[str, Any]] = {}
     for (friction, name), moments in found.dragged.items():
-        drag.setdefault(f"{friction:g}", {})[name] = _drag(moments, name, friction)
+        drag.setdefault(f"{friction:g}", {})[name] = _drag(moments, name, friction) | {
+            "gives way": (friction, name) in found.gave_way
+        }
     every = [*found.pressed, *(m for moments in found.dragged.values() for m in moments)]
     out = {
         "press": _press(found.pressed),

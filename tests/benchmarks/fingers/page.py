@@ -7,6 +7,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from core.contact.trusted import trusted
+from core.parameters.error_bands import NEO_HOOKEAN
+
 from .trials import BELOW, RADII, WEIGHTS
 
 Cell = Callable[[Mapping[str, Any]], str]
@@ -55,7 +58,7 @@ Measured: *area shrinks while the pull grows*, which the authors propose to expl
 """
 
 DRAG_AFTER = """
-Area on the plate when all of it slides, over that before the pull (of a drag that did not come so far within 5.5 mm, at its end, marked *). {verdict} How much people's shrinks is not in the abstract, so only the sign is compared. Adhesion, which would hold the rim longer and then let it peel, is not in the model.
+Area on the plate when all of it slides, over that before the pull (of a drag that did not come so far within 5.5 mm, at its end, marked *; of one in which skin then gave way, so that contact could not be settled, where it last was, marked †). {verdict} Where skin is drawn more than {drawn:g} mm the neo-Hookean one, a series, is farther from its law than linear skin is in a press of 2 mm. How much people's shrinks is not in the abstract, so only the sign is compared. Adhesion, which would hold the rim longer and then let it peel, is not in the model.
 """
 
 SLIP = """
@@ -121,7 +124,7 @@ def page(said: Mapping[str, Any]) -> str:
         AREA_AFTER,
         DRAG.format(pulled=2.0, held=held),
         _table(tissues, _drag_rows(some[0])),
-        DRAG_AFTER.format(verdict=_shrinks(tissues)),
+        DRAG_AFTER.format(verdict=_shrinks(tissues), drawn=1e3 * trusted(NEO_HOOKEAN).slide),
         SLIP,
         _table(tissues, _slip_rows()),
         SLIP_AFTER,
@@ -177,7 +180,8 @@ def _drag_rows(first: Mapping[str, Any]) -> list[tuple[str, str, Cell]]:
     def cell(friction: str, name: str) -> Cell:
         def of(tissue: Mapping[str, Any]) -> str:
             d = tissue["drag"][friction][name]
-            return f"{100.0 * (d['area'] - 1.0):+.1f} % after {d['way']:.1f} mm{'' if d['slides'] else ' *'}"
+            mark = "" if d["slides"] else " †" if d["gives way"] else " *"
+            return f"{100.0 * (d['area'] - 1.0):+.1f} % after {d['way']:.1f} mm{mark}"
 
         return of
 

@@ -20,6 +20,7 @@ COLOURS = {"linear": "#1f6fb2", "neo-Hookean": "#c8323c", "exponential through i
 BALLS = dict(zip(RADII, ("#c8323c", "#b0661a", "#8a4fb0", "#1f6fb2", "#6b7480"), strict=True))
 STUCK, SLIPS = "#1f3a5f", "#f0a830"
 PULLS = (0.25, 0.5, 0.75, 0.95)  # of what friction can carry
+NEAR = 0.05  # to a pull: one that is farther off is not it
 SCALE, SQUARE = 15.0, 0.88  # points a millimetre, and how much of a square is drawn of its side
 TALL = 13.0  # of what is drawn of a contact [mm]
 
@@ -98,7 +99,11 @@ def _slip(found: Mapping[str, Trials], path: Path) -> None:
         y = 56.0 + step_y * (row + 0.5)
         canvas.text(24, y, tissue, 8.5, INK)
         for k, share in enumerate(PULLS):
-            _map(canvas, moments[int(np.abs(pull - share).argmin())], 90.0 + step_x * (k + 0.4), y)
+            nearest, x = int(np.abs(pull - share).argmin()), 90.0 + step_x * (k + 0.4)
+            if abs(pull[nearest] - share) <= NEAR:
+                _map(canvas, moments[nearest], x, y)
+            else:  # skin gave way before
+                canvas.text(x, y, "not reached", 7.5, FAINT, "middle")
     write_bytes(path, canvas.to_bytes())
 
 

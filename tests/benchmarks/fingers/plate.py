@@ -115,19 +115,20 @@ class Plate:
         return out
 
     def drag(self, force: float, direction: Sequence[float], way: float, step: float) -> list[Moment]:
-        """Press to a force [N], then drag in steps until all slides, the force being held.
+        """Press to a force [N], then drag in steps until all slides, the force being held, or skin gives way.
 
         Args:
             direction: in the plate's plane. way: at most [m]. step: [m].
 
         Returns:
-            The moments from before the first step on.
+            The moments from before the first step on. Only the last may be unsettled: skin that gave way has lost what
+            it had been dragged by, and what it does then belongs to no drag.
         """
         out = self.press_to(force)
         along, begun = np.array([*direction, 0.0]), len(out) - 1
         for _ in range(round(way / step)):
             out.append(self._at(out[-1].place + step * along + [0.0, 0.0, _missing(out, force)]))
-            if out[-1].stuck < SLIDES:
+            if out[-1].stuck < SLIDES or not out[-1].settled:
                 break
         return out[begun:]
 

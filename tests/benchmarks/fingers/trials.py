@@ -30,13 +30,15 @@ class Trials:
     """What a skin did.
 
     Attributes:
-        pressed: a moment for each of `DEPTHS`. dragged: by friction and direction. balls: a profile for each of
+        pressed: a moment for each of `DEPTHS`. dragged: by friction and direction; as far as the last settled moment.
+        gave_way: which drags ended because contact could not be settled. balls: a profile for each of
             `WEIGHTS`, by depth below the skin and radius [mm]. sideways: stiffness at the beginning of a drag under
             `PULLED` [N/mm], by direction, for each of `TIMES`.
     """
 
     pressed: list[Moment]
     dragged: dict[tuple[float, str], list[Moment]]
+    gave_way: set[tuple[float, str]]
     balls: dict[tuple[float, float], list[Profile]]
     sideways: dict[str, list[float]]
 
@@ -46,16 +48,20 @@ def trials(skin: SkinModel, level: int = 1) -> Trials:
     pad = smooth_pad(skin)
     assert pad is not None
     pressed: list[Moment] = []
-    dragged = {}
+    dragged, gave_way = {}, set()
     for friction in FRICTIONS:
         plate = Plate(pad, level, friction, TILT)
         pressed = pressed or plate.press(DEPTHS.tolist())
         for name, direction in DIRECTIONS.items():
-            dragged[friction, name] = plate.drag(PULLED, direction, WAY, STEP)
+            moments = plate.drag(PULLED, direction, WAY, STEP)
+            if not moments[-1].settled:
+                gave_way.add((friction, name))
+                moments.pop()
+            dragged[friction, name] = moments
     forces = [GRAVITY * w for w in WEIGHTS]
     balls = {(below, r): ball_profiles(skin, r * MM, forces, below * MM) for below in BELOW for r in RADII}
     sideways = {name: [_sideways(plate, name, times) for times in TIMES] for name in DIRECTIONS}
-    return Trials(pressed, dragged, balls, sideways)
+    return Trials(pressed, dragged, gave_way, balls, sideways)
 
 
 def _sideways(plate: Plate, name: str, times: float) -> float:

@@ -7,23 +7,37 @@ import json
 import os
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from core.files import write_bytes
 from core.plot.canvas import PngCanvas, SvgCanvas
 
-from . import diagram, matched, on_shapes, whole
-from .measured import Noise, Panel, machine, panel_of
+from . import diagram, matched, on_meshes, on_shapes, sliding, slopes, tissues, whole
+from .measured import Noise, Panel, blas, machine, panel_of
 
 KEY = "Dashed: what each tissue is off a neo-Hookean finger at that depth. Grey: the reference's own error."
+NO_BLAS = "for one that has its own loops alone, build it: README, Time against error"
 PICTURES = {  # of a picture: its diagrams, how many side by side, its title, and what it says
     "contact": ((*on_shapes.CASES, "card"), 3, "Contact, pressed 1 mm deep: time a frame against error", KEY),
-    "matching": (
-        ("pin solvers", "pin methods", "thimble"),
+    "meshes": (
+        ("scan", "deforming"),
+        2,
+        "A ball of 5 mm, pressed 1 mm deep, by its mesh",
+        "A scan's noise, and a shape of its own at each sample, cost time. Dashed: the tissues' own error.",
+    ),
+    "sliding": (
+        tuple(f"{shape}, sliding" for shape in sliding.SHAPES),
         3,
-        "Matching: time a frame against error",
-        "Solvers of the same problem; what methods leave; what a thimble's searches leave.",
+        "Sliding with friction, 1 mm deep: time against error",
+        "Too few samples a second cost more accuracy than any tolerance does. " + KEY,
+    ),
+    "tissues": (("tissues",), 1, "Models of tissue", "Each step to the right law costs time."),
+    "matching": (
+        ("pin solvers", "pin methods", "thimble", "thimble components", "gradient", "sampling"),
+        3,
+        "Matching: time against error",
+        "Solvers of the same problem; what methods leave; what searches of a thimble leave; slopes of a relief.",
     ),
     "scenes": (("scenes",), 1, "Whole scenes", "Dashed: the tissues' own error."),
     "work_precision": (
@@ -36,39 +50,69 @@ PICTURES = {  # of a picture: its diagrams, how many side by side, its title, an
 }
 
 
+def contact() -> Iterator[Panel]:
+    """Yield what is pressed."""
+    yield from on_shapes.panels()
+    yield on_shapes.card()
+    yield on_meshes.scanned()
+    yield on_meshes.deforming()
+
+
+def matching() -> Iterator[Panel]:
+    """Yield what devices and screens do with a touch."""
+    for make in (matched.pin_solvers, matched.pin_methods, matched.thimble, matched.thimble_components):
+        yield make()
+    yield slopes.of_maps()
+    yield slopes.at_points()
+
+
+def scenes() -> Iterator[Panel]:
+    """Yield whole scenes."""
+    yield whole.scenes()
+
+
+def tissue() -> Iterator[Panel]:
+    """Yield what models of tissue are off by."""
+    yield tissues.models()
+
+
+PARTS: dict[str, Callable[[], Iterator[Panel]]] = {
+    "contact": contact,
+    "sliding": sliding.panels,
+    "tissues": tissue,
+    "matching": matching,
+    "scenes": scenes,
+}
+
+
 def measured(parts: Sequence[str], noise: Noise) -> Iterator[Panel]:
-    """Yield the diagrams of some parts, or of all: 'contact', 'matching', 'scenes'."""
-    if not parts or "contact" in parts:
-        for panel in on_shapes.panels():
+    """Yield the diagrams of some of `PARTS`, or of all."""
+    for part in parts or PARTS:
+        for panel in PARTS[part]():
             noise.look()
             yield panel
-        yield on_shapes.card()
-    if not parts or "matching" in parts:
-        for make in (matched.pin_solvers, matched.pin_methods, matched.thimble):
-            noise.look()
-            yield make()
-    if not parts or "scenes" in parts:
-        noise.look()
-        yield whole.scenes()
-    noise.look()
 
 
 def table(panels: Sequence[Panel]) -> str:
     """Return all points as lines of Markdown."""
-    lines = ["| what | setting | ms a frame | p95 | error | algebraic | more |", "|---|---|---|---|---|---|---|"]
+    lines = [
+        "| what | setting | time [ms] | p95 | error | algebraic | discretisation | more |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
     for panel in panels:
         for p in panel.points:
-            solved = "" if p.algebraic is None else f"{p.algebraic:.1e}"
+            solved, method = ("" if part is None else f"{part:.2g}" for part in (p.algebraic, p.discretisation))
             more = ", ".join(f"{name} {value:.3g}" for name, value in p.other.items())
             name = f"{p.curve}: {p.knob}" if p.knob != p.curve else p.curve
             chosen = " (default)" if p.default else ""
             lines.append(
-                f"| {panel.name} | {name}{chosen} | {p.median:.3g} | {p.p95:.3g} | {p.error:.3g} | {solved} | {more} |"
+                f"| {panel.name} | {name}{chosen} | {p.median:.3g} | {p.p95:.3g} | {p.error:.3g} | {solved} | {method} "
+                f"| {more} |"
             )
         bands = [f"{name} {value:.3g}" for name, value in panel.bands.items()]
         known = [f"the reference's own error {panel.own:.2g}"] if panel.own else []
         if bands or known:
-            lines.append(f"| {panel.name} | | | | | | {'; '.join([*known, *bands])} |")
+            lines.append(f"| {panel.name} | {panel.each} | | | | | | {'; '.join([*known, *bands])} |")
     return "\n".join(lines) + "\n"
 
 
@@ -96,9 +140,7 @@ def save(out: Path, panels: Sequence[Panel], noise: Noise, seconds: float) -> li
 def main(arguments: list[str]) -> int:
     """Measure and save; 0."""
     parser = argparse.ArgumentParser(prog="work_precision", description=__doc__)
-    parser.add_argument(
-        "parts", nargs="*", choices=("contact", "matching", "scenes", []), help="all where none is named"
-    )
+    parser.add_argument("parts", nargs="*", choices=(*PARTS, []), help="all where none is named")
     parser.add_argument(
         "--out", type=Path, default=Path("bench_out"), metavar="DIR", help="where to write (bench_out/)"
     )
@@ -114,7 +156,11 @@ def main(arguments: list[str]) -> int:
     print(table(panels))
     seen = noise.as_json()
     if not seen["quiet"]:
-        print(f"NOISY: the same work took up to {seen['most_over_least']:.1f} times as long; compare ratios alone")
+        print(
+            f"NOISY: the same work took up to {seen['most_over_least']:.1f} times as long, and the wall "
+            f"{seen['wall_over_processor']:.1f} times the processor's time; compare ratios alone"
+        )
+    print(f"numpy calls {blas()}" + ("" if blas() == "none" else f"; {NO_BLAS}"))
     for path in save(options.out, panels, noise, time.perf_counter() - started):
         print(path)
     return 0

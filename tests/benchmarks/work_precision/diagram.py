@@ -12,7 +12,10 @@ from core.plot.canvas import Canvas
 
 from .measured import Panel, Point
 
-COLOURS = ("#c8323c", "#e39aa0", "#1f6fb2", "#4fa3a0", "#8a4fb0", "#b0661a", "#6b7480", "#2e7d46", "#a03a78", "#20262e")
+COLOURS = (
+    "#c8323c", "#e39aa0", "#1f6fb2", "#4fa3a0", "#8a4fb0", "#b0661a", "#6b7480", "#2e7d46", "#a03a78", "#20262e",
+    "#d4a017", "#7cb342", "#5b7fd1", "#9c6b4f", "#94a3b8", "#0b5563",
+)  # fmt: skip
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 306.0, 250.0, 48.0, 14.0, 34.0, 42.0
 HEAD = 92.0  # for title, sentence and legend
 OWN, BAND = "#eef0f3", "#b9a06a"
@@ -72,13 +75,17 @@ def _draw(canvas: Canvas, panel: Panel, colours: dict[str, str], left: float, to
     for side in (x0, x1):
         canvas.line(side, y1, side, y0, FRAME, 0.75)
     canvas.text(x0, y1 - 20, panel.title, 8.0, INK)
-    canvas.text(x0, y1 - 6, "ms a frame", 6.5, FAINT)
+    canvas.text(x0, y1 - 6, panel.each, 6.5, FAINT)
     canvas.text((x0 + x1) / 2, y0 + 27, panel.across, 6.5, FAINT, "middle")
+    taken: list[Box] = []
     for k, (name, value) in enumerate(panel.bands.items()):
         canvas.line(x(value), y1, x(value), y0, BAND, 1.0, 3.0)
-        canvas.text(x(value) + 3, y1 + 9 + 9 * k, name.replace("_", "-"), SMALL, BAND)
+        at = x(value) + 3, y1 + 9 + 9 * k
+        canvas.text(*at, name.replace("_", "-"), SMALL, BAND)
+        taken.append((at[0], at[1] - 7.0, at[0] + 3.6 * len(name), at[1]))
     if panel.own > 0.0:
         canvas.text(x0 + 3, y0 - 4, "the reference's own", SMALL, FAINT)
+        taken.append((x0, y0 - 11.0, x0 + 70.0, y0))
     for curve in dict.fromkeys(point.curve for point in panel.points):
         own = [point for point in panel.points if point.curve == curve]
         if len(own) > 1:
@@ -88,19 +95,22 @@ def _draw(canvas: Canvas, panel: Panel, colours: dict[str, str], left: float, to
                 canvas.disc(x(point.error), y(point.median), 5.4, INK)
                 canvas.disc(x(point.error), y(point.median), 4.4, PAPER)
             canvas.disc(x(point.error), y(point.median), 3.0, colours[curve])
-    taken: list[Box] = []
-    for point in sorted(panel.points, key=lambda point: not point.default):
-        _name(canvas, point, (x(point.error), y(point.median)), colours[point.curve], x1, taken)
+    places = [(x(point.error), y(point.median)) for point in panel.points]
+    taken += [(a - 2.0, b - 2.0, a + 2.0, b + 2.0) for a, b in places]
+    for point, at in sorted(zip(panel.points, places, strict=True), key=lambda pair: not pair[0].default):
+        _name(canvas, point, at, colours[point.curve], (x0, x1 + 8.0), taken)
 
 
-def _name(canvas: Canvas, point: Point, at: tuple[float, float], colour: str, right: float, taken: list[Box]) -> None:
+def _name(
+    canvas: Canvas, point: Point, at: tuple[float, float], colour: str, ends: tuple[float, float], taken: list[Box]
+) -> None:
     """Write what a point is, where there is room beside it."""
     wide = 4.6 * len(point.knob)
     for side, down in ((1, 2.5), (-1, 2.5), (1, -6.0), (-1, -6.0), (1, 11.0), (-1, 11.0)):
         start = at[0] + 8.0 if side > 0 else at[0] - 8.0 - wide
         box = (start, at[1] + down - 7.0, start + wide, at[1] + down)
         clear = all(box[0] > b[2] or box[2] < b[0] or box[1] > b[3] or box[3] < b[1] for b in taken)
-        if clear and start + wide < right + 8.0:
+        if clear and ends[0] < start and start + wide < ends[1]:
             taken.append(box)
             canvas.text(start, at[1] + down, point.knob, SMALL, colour)
             return

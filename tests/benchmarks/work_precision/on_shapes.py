@@ -7,7 +7,8 @@ block with the same top. Frames count from first contact on.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import functools
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 from unittest import mock
@@ -22,6 +23,9 @@ from ..bench_shapes import BEFORE, RATE, STEP, stress_at
 from .measured import Panel, Point, clocked
 
 if TYPE_CHECKING:
+    from core.scene.tactile_scene import Mesh
+    from core.skin.assembly import Element
+    from core.skin.model import SkinModel
     from core.skin.stimulus import Stimulus
 
 DEPTH, TIGHT, RUNS = 1e-3, 1e-7, 2
@@ -35,7 +39,9 @@ CASES = (
     "edge 60 degrees at 0 mm",
     "ribs",
 )
+ELSEWHERE = ("plane", "ball 5 mm")  # where other programs press too
 CARD = 0.1e-3
+SAMPLES = BEFORE + round(DEPTH / STEP) + 1  # of a press
 PROBED = 1  # of the depths of the probes: 1.2 mm
 
 
@@ -49,6 +55,7 @@ class Setting(NamedTuple):
     tolerance: float | None = None
     coarser: float = 1.0
     default: bool = False
+    element: Element = "anp"
 
 
 def settings() -> list[Setting]:
@@ -66,13 +73,15 @@ def settings() -> list[Setting]:
         for f in factors
     ]
     spacing = [Setting("points, by spacing", f"{f:g}x", "points", coarser=f) for f in (4.0, 2.0, 0.5)]
-    return [*levels, *nodes, *points, *spacing]
+    plain = [s._replace(curve="nodes, plain elements", element="p1") for s in levels]
+    return [*levels, *plain, *nodes, *points, *spacing]
 
 
 def panels(names: Sequence[str] = CASES) -> Iterator[Panel]:
     """Yield a diagram for each shape."""
     from ..references.cases import FAMILIES
     from ..references.results import difference, load
+    from .elsewhere import flex_points, skfem_points
 
     known = load()["cases"]
     bands = {tissue: error_band(tissue, DEPTH).stress.median for tissue in (LINEAR, NEO_HOOKEAN)}
@@ -87,11 +96,17 @@ def panels(names: Sequence[str] = CASES) -> Iterator[Panel]:
             truth = np.asarray(exact["stress"])
             limit = float(np.atleast_1d(exact.get("limit", exact["force"]))[-1])
             panel = Panel(name, name, "error of stress 1.2 mm deep", own=exact["error"]["stress"][PROBED], bands=bands)
-            for setting, felt, tight, times in _felt(shape.surface(), place):
+            for setting, felt, tight, times in felt_by(shape.surface(), place):
                 stress = stress_at(felt, probes)
-                off, solved = (difference(stress, of, 3)[PROBED] for of in (truth, stress_at(tight, probes)))
+                exactly = stress_at(tight, probes)
+                off, solved = (difference(stress, of, 3)[PROBED] for of in (truth, exactly))
+                method = difference(exactly, truth, 3)[PROBED]
                 force = abs(float(felt.resultant[2]) / limit - 1.0)
-                panel.points.append(_point(setting, times, off, solved, {"force": force}))
+                panel.points.append(point(setting, times, off, solved, method, {"force": force}))
+            if name in ELSEWHERE:
+                panel.points += skfem_points(shape, place, probes, truth)
+            if name == "plane":
+                panel.points += flex_points(place, probes, truth)
             yield panel
 
 
@@ -100,25 +115,35 @@ def card() -> Panel:
     from core.surface.gap import Surface
 
     panel = Panel("card", f"card of {1e3 * CARD:g} mm", "error of force, against a block")
-    solid = {setting: felt for setting, felt, _, _ in _felt(Surface.block(0.02, 0.02, 0.02), np.zeros(3))}
-    for setting, felt, tight, times in _felt(Surface.block(0.02, 0.02, CARD), np.zeros(3)):
+    solid = {setting: felt for setting, felt, _, _ in felt_by(Surface.block(0.02, 0.02, 0.02), np.zeros(3))}
+    for setting, felt, tight, times in felt_by(Surface.block(0.02, 0.02, CARD), np.zeros(3)):
         block = solid[setting].resultant[2]
-        off, solved = (abs(float(felt.resultant[2] / of) - 1.0) for of in (block, tight.resultant[2]))
-        panel.points.append(_point(setting, times, off, solved, {}))
+        push, tightly = float(felt.resultant[2]), float(tight.resultant[2])
+        off, solved, method = abs(push / block - 1.0), abs(push / tightly - 1.0), abs(tightly / block - 1.0)
+        panel.points.append(point(setting, times, off, solved, method))
     return panel
 
 
-def _point(setting: Setting, times: Sequence[float], off: float, solved: float, other: dict[str, float]) -> Point:
+def point(
+    setting: Setting,
+    times: Sequence[float],
+    off: float,
+    solved: float,
+    method: float,
+    other: Mapping[str, float] | None = None,
+) -> Point:
+    """Return the point of a setting: its times [ms], its error, and the algebraic part and the method's own of it."""
     found = timing(list(times))
-    return Point(setting.curve, setting.knob, found.median, found.p95, off, solved, setting.default, other)
+    told = setting.curve, setting.knob, found.median, found.p95, off, solved, setting.default, other or {}
+    return Point(*told, discretisation=method)
 
 
-def _felt(surface: Any, place: Array) -> Iterator[tuple[Setting, Stimulus, Stimulus, list[float]]]:
+def felt_by(surface: Any, place: Array) -> Iterator[tuple[Setting, Stimulus, Stimulus, list[float]]]:
     """Yield what is felt at the depth by each setting, the same solved tightly, and the times of frames [ms]."""
-    tight: dict[tuple[str, str, float], Stimulus] = {}
+    tight: dict[tuple[str, str, str, float], Stimulus] = {}
     with one_blas_thread():
         for setting in settings():
-            key = (setting.contact, setting.level, setting.coarser)
+            key = (setting.contact, setting.level, setting.element, setting.coarser)
             if key not in tight:
                 tight[key] = pressed(surface, place, setting._replace(tolerance=TIGHT))[0]
             times: list[float] = []
@@ -128,36 +153,40 @@ def _felt(surface: Any, place: Array) -> Iterator[tuple[Setting, Stimulus, Stimu
             yield setting, felt, tight[key], times
 
 
-def pressed(surface: Any, place: Array, setting: Setting) -> tuple[Stimulus, list[float]]:
-    """Press a surface from its first contact on, a sample at a time; return the end, and the times in contact [ms]."""
+def pressed(surface: Any, place: Array, setting: Setting, shapes: Sequence[Mesh] = ()) -> tuple[Stimulus, list[float]]:
+    """Press a surface from its first contact on, a sample at a time; return the end, and the times in contact [ms].
+
+    Args:
+        surface: of the object. place: its origin at first contact [m]. setting: how contact is solved.
+        shapes: what it looks like at each sample, the last one at the end; it keeps its shape where there is none.
+    """
     from core.contact.skin_sampler import SkinSampler
     from core.contact.solver import point_tree
     from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
 
-    body = Body("shape", Mesh(surface.vertices, surface.triangles), {"friction": 0.0})
+    rigid = None if shapes else Mesh(surface.vertices, surface.triangles)
+    body = Body("shape", rigid, {"friction": 0.0})
     finger = Finger("finger", (), {"contact": setting.contact})
     scene = TactileScene("shapes", Fraction(24), (1, 100), RATE, (finger,), (body,), (), ())
     limits = {name: setting.coarser * getattr(point_tree, name) for name in ("TURNED", "BENT")}
     times = []
     with mock.patch.multiple(point_tree, **limits):
-        sampler = SkinSampler(scene, {0: _skin(setting.level)}, tolerance=setting.tolerance)
-        for part in range(-BEFORE, round(DEPTH / STEP) + 1):
+        sampler = SkinSampler(scene, {0: skin_of(setting.level, setting.element)}, tolerance=setting.tolerance)
+        for part in range(-BEFORE, SAMPLES - BEFORE):
             pose = np.eye(4)[None, None].copy()
             pose[0, 0, :3, 3] = place + [0.0, 0.0, part * STEP]
             at = np.array([float(part)])
-            chunk = Chunk(at, at / RATE, np.eye(4)[None, None].copy(), pose, pose[:0])
+            own = {0: (shapes[part + BEFORE],)} if shapes else {}
+            chunk = Chunk(at, at / RATE, np.eye(4)[None, None].copy(), pose, pose[:0], own)
             taken = clocked(lambda chunk=chunk: sampler.add(chunk))[1]  # type: ignore[misc]
             times += [taken] if part > 0 else []
         touch = sampler.finish()[0]
     return touch.stimulus_at(len(touch.times) - 1), times
 
 
-_skins: dict[str, Any] = {}
-
-
-def _skin(level: str) -> Any:
+@functools.cache
+def skin_of(level: str, element: Element = "anp") -> SkinModel:
+    """Return the standard finger at a level of accuracy, of averaged or plain elements."""
     from core.skin.model import fingertip_skin
 
-    if level not in _skins:
-        _skins[level] = fingertip_skin(level=level)
-    return _skins[level]
+    return fingertip_skin(level=level, element=element)

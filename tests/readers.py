@@ -35,6 +35,7 @@ from core.stream.protocols.wire import Wire
 from core.stream.request import request_of
 from core.surrogate import onnx, table
 from core.surrogate import store as surrogate_store
+from core.sweep import readings as sweep_readings
 from core.sweep import row as sweep_row
 from core.sweep import spec as sweep_spec
 from core.sweep import table as sweep_table
@@ -333,11 +334,11 @@ READERS = (
     _reader("mesh, arrays", "core.skin.file:_read_npz", ".npz", lambda: [ex.mesh_arrays()], skin_file.load_mesh),
     _reader("cached skin", "core.skin.store:read_model", ".npz", lambda: [ex.npz(**MODEL)], skin_store.read_model),
     _reader(
-        "cached responses",
-        "core.skin.store:read_table",
+        "cached tables",
+        "core.skin.store:read_arrays",
         ".npz",
         lambda: [ex.npz(table=np.zeros((3, 3), "<f4"))],
-        lambda path: skin_store.read_table(path, (3, 3)),
+        lambda path: skin_store.read_arrays(path, {"table": (3, 3)}),
     ),
     _reader(
         "remainder of a skin",
@@ -359,6 +360,13 @@ READERS = (
         ".npz",
         lambda: [ex.npz(**EXACT)],
         lambda path: SampledTable.read(path).beneath.sum(),
+    ),
+    _reader(
+        "readings of a sweep",
+        "core.sweep.readings:read_readings",
+        ".npz",
+        lambda: [ex.npz(counts=np.zeros((4, 20), np.uint16))],
+        sweep_readings.read_readings,
     ),
     _reader(
         "part of a sweep",
@@ -468,6 +476,7 @@ OWN = {
     "blender_addon.comparison.compared:find": "its own child's answer",
     "blender_addon.comparison.told:find": "its own child's answer",
     "core.comparison.job:_encoded": "its own words; scenes and presets have readers in the table",
+    "core.matching.adapt:adapt_job": "files that it has just written",
     "core.matching.screen_map:ScreenMap.save": "writes",
     "core.matching.table:SkinTable.save": "writes",
     "core.pipeline.share_job:arrays_of": "writes",
@@ -481,7 +490,7 @@ OWN = {
     "core.skin.job:make_files": "files that it has just written",
     "core.scene.scene_file:save": "writes",
     "core.skin.store:write_model": "writes",
-    "core.skin.store:write_table": "writes",
+    "core.skin.store:write_arrays": "writes",
     "core.stream.shared_state": "whole by its check sum, or not there; the reader 'request' has the rest",
     "core.stream.outbox:Outbox._may_leave": "asks whether a bucket is open",
     "core.stream.links.record:_opened": "writes a record",
@@ -496,6 +505,7 @@ OWN = {
     "core.sweep.job:figures_of": "its own worker's answer",
     "core.version:version": "the manifest beside the program",
     "core.work.engine:_digest": "its own sources and presets",
+    "core.contact.packed_forces:_decoded": "unpacks what this process packed; nothing of it comes from a file",
     "core.work.parcel:packed": "writes",
     "core.work.processes": "its own child or parent, and the arrays between them",
     "blender_addon.streaming.built_devices:_read_fingers": "tests/blender/test_readers.py damages it",

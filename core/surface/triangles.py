@@ -13,6 +13,8 @@ from ..arrays import Array, Indices
 FLAT = 1e-10
 # The closest point on one flatter than this is looked for on its edges first: the Gram determinant has few digits left.
 SLIVER = 1e-4
+# So is that to points nearer than this, squared and over squared edges: squares tell edges apart to half of the digits.
+NEAR = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,16 +91,9 @@ class TriangleTable:
                 d1.take(outside), d2.take(outside), rows[9:13].take(outside, axis=1)
             )
         if self.slivers is not None:
-            thin = self.slivers.take(triangle).nonzero()[0]
-            if thin.size:
-                u[thin], w[thin] = _closest_on_slivers(v[:, thin], rows[3:].take(thin, axis=1), u[thin], w[thin])
-        ab *= u
-        v -= ab
-        ac *= w
-        v -= ac
-        v *= v
-        square = v[0] + v[1]
-        square += v[2]
+            _measure(self.slivers.take(triangle), v, rows[3:], u, w)
+        square = _square(v - u * ab - w * ac)
+        _measure(square < NEAR * (g11 + g22), v, rows[3:], u, w, square)
         return square, u, w
 
     def point(self, triangle: Indices, u: Array, w: Array) -> Array:
@@ -132,8 +127,21 @@ def _closest_on_edges(d1: Array, d2: Array, gram: Array) -> tuple[Array, Array]:
     return u, w
 
 
-def _closest_on_slivers(v: Array, rows: Array, u: Array, w: Array) -> tuple[Array, Array]:
-    """Return the weights of the closest points of triangles that are nearly lines.
+def _measure(which: NDArray[np.bool_], v: Array, rows: Array, u: Array, w: Array, square: Array | None = None) -> None:
+    """Measure the ways to all edges and the face of some triangles, and put the closest into u, w and square.
+
+    Args:
+        v: points seen from corner a [m], shape (3, n). rows: as those of a table from the third on.
+    """
+    some = which.nonzero()[0]
+    if some.size:
+        least, u[some], w[some] = _measured(v[:, some], rows.take(some, axis=1), u[some], w[some])
+        if square is not None:
+            square[some] = least
+
+
+def _measured(v: Array, rows: Array, u: Array, w: Array) -> tuple[Array, Array, Array]:
+    """Return squared distances and weights of the closest points, where squares alone would not tell.
 
     Args:
         v: points seen from corner a [m], shape (3, n). rows: as those of a table from the third on. u, w: first guess.
@@ -152,7 +160,7 @@ def _closest_on_slivers(v: Array, rows: Array, u: Array, w: Array) -> tuple[Arra
     face = np.where(within, _square(v - u * ab - w * ac), np.inf)
     off = [_square(v - one * ab), _square(v - two * ac), _square(from_b - three * bc), face]
     best, zero = np.argmin(off, axis=0), np.zeros_like(one)
-    return np.choose(best, [one, zero, 1.0 - three, u]), np.choose(best, [zero, two, three, w])
+    return (np.choose(best, off), np.choose(best, [one, zero, 1.0 - three, u]), np.choose(best, [zero, two, three, w]))
 
 
 def _dot(a: Array, b: Array) -> Array:

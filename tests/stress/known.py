@@ -52,14 +52,6 @@ def _small(values: Values) -> bool:
 
 KNOWN: tuple[Known, ...] = (
     Known(
-        "surface",
-        "distance",
-        (25,),
-        "which of two edges is closest is told by squares: next to where they meet that leaves half of the digits; so "
-        "do Gram determinants of triangles down to 1e-4 as high as they are long",
-        below=3e-8,
-    ),
-    Known(
         "press",
         "fall",
         (70033,),
@@ -115,7 +107,7 @@ KNOWN: tuple[Known, ...] = (
 MENDED: dict[str, tuple[int, ...]] = {
     "card": (40052,),
     "press": (47, 2007, 40007, 40040, 40044),
-    "surface": (193, 223, 273, 480),
+    "surface": (25, 193, 223, 273, 480, 111588),
     "stretched": (1049,),
     "pins": (13649,),
     "thimble": (13698, 14997, 15036, 15243, 41448, 47863, 52968, 54682, 57493, 66816),

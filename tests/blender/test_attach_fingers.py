@@ -308,6 +308,7 @@ def test_the_button_needs_an_armature() -> None:
     assert not bpy.ops.dermis.attach_fingers.poll()
 
 
+@pytest.mark.undo
 def test_undo_takes_all_fingers_away() -> None:
     made("Unreal")
     push("hand")

@@ -210,6 +210,7 @@ def test_choosing_another_device_loses_nothing_unsaved(scene: Any) -> None:
     assert listed(scene) == SET
 
 
+@pytest.mark.undo
 def test_undo_takes_neither_identity_nor_choice(scene: Any) -> None:
     push("before anything")
     mark(scene)
@@ -222,6 +223,7 @@ def test_undo_takes_neither_identity_nor_choice(scene: Any) -> None:
     assert worn(scene) == "left, red tape" and listed(scene) == SET
 
 
+@pytest.mark.undo
 def test_after_undo_panel_list_and_device_agree(scene: Any) -> None:
     mark(scene)
     bpy.ops.dermis.calibration_use(file="")

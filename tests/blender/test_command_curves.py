@@ -119,6 +119,7 @@ def test_where_nobody_can_hold_curves_it_is_refused(demo: bpy.types.Scene) -> No
         bpy.ops.dermis.commands_as_curves()
 
 
+@pytest.mark.undo
 def test_undo_is_one_step(demo: bpy.types.Scene) -> None:
     bpy.ops.ed.undo_push(message="before")
     bpy.ops.dermis.commands_as_curves()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bpy
+import pytest
 
 from blender_addon import baking, compat
 from core.presets import Library
@@ -66,6 +67,7 @@ def test_a_baked_switch_belongs_to_the_device_that_it_was_keyed_for() -> None:
     assert (after.track.values == before[1]).all()
 
 
+@pytest.mark.undo
 def test_undo_brings_device_and_keys_back() -> None:
     span(1, 11)
     obj = hand(100.0, 200.0)

@@ -83,6 +83,7 @@ def test_a_bake_that_is_forgotten_leaves_the_device_safe(scene: Any) -> None:
     assert "nothing to play" in status["message"] and session._client._request["track"] == ""
 
 
+@pytest.mark.undo
 def test_undo_and_redo_move_the_device_with_the_panel(scene: Any) -> None:
     scene.dermis_stream.mode = "jog"
     session.connect(scene)
@@ -102,6 +103,7 @@ def test_undo_and_redo_move_the_device_with_the_panel(scene: Any) -> None:
     wait(there([0.2, 0.1]))
 
 
+@pytest.mark.undo
 def test_undo_across_connecting_leaves_the_actuators_listed(scene: Any) -> None:
     scene.dermis_stream.mode = "jog"
     push("ready to connect")

@@ -86,6 +86,7 @@ def test_turning_to_jogging_under_way_goes_to_the_safe_pose(scene: Any) -> None:
     wait(stands(safe()))
 
 
+@pytest.mark.undo
 def test_undo_back_to_jogging_does_not_go_where_the_hand_was(scene: Any) -> None:
     session.connect(scene)
     wait(state("ready"))

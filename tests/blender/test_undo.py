@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import bpy
+import pytest
 
 from blender_addon import changes
 from blender_addon.preview import device_preview
 from blender_addon.results import store
 
 from .build import cube, finger, span
+
+pytestmark = pytest.mark.undo
 
 
 def undo() -> None:

@@ -59,6 +59,15 @@ KNOWN: tuple[Known, ...] = (
         0.2,
         lambda v: _small(v) and float(v["young"]) < 3e3,
     ),
+    Known(
+        "press",
+        "fall",
+        (110067,),
+        "few points at the rim of something narrow bear most of its force: where one of them slides over the rim, its "
+        "share goes with it",
+        0.06,
+        lambda v: v["contact"] == "points" and v["shape"] in ("pillar", "edge", "hull") and float(v["size"]) < 5e-3,
+    ),
     Known("rate", "rate", (508, 2017), _SMALL, covers=lambda v: _small(v) and v["friction"] == 0.0),
     Known("inside", "inside", (16,), _CORNER, 0.6, lambda v: v["contact"] == "points" and v["shape"] != "block"),
     Known("inside", "inside", (60,), _FACETS, 0.15, lambda v: v["contact"] == "nodes" and v["shape"] != "block"),

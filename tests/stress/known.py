@@ -106,6 +106,15 @@ KNOWN: tuple[Known, ...] = (
     Known(
         "drift",
         "drift",
+        (310000,),
+        "which cells of skin a sharp edge is pressed by depends on when they were looked at last: cycle by cycle its "
+        "force differs by some hundredths, and stays about the same",
+        0.05,
+        lambda v: v["contact"] == "points" and v["shape"] in ("pillar", "edge", "hull") and float(v["friction"]) > 0.0,
+    ),
+    Known(
+        "drift",
+        "drift",
         (70003,),
         _CORNER,
         0.03,

@@ -71,6 +71,15 @@ KNOWN: tuple[Known, ...] = (
     Known("rate", "rate", (508, 2017), _SMALL, covers=lambda v: _small(v) and v["friction"] == 0.0),
     Known("inside", "inside", (16,), _CORNER, 0.6, lambda v: v["contact"] == "points" and v["shape"] != "block"),
     Known("inside", "inside", (60,), _FACETS, 0.15, lambda v: v["contact"] == "nodes" and v["shape"] != "block"),
+    Known(
+        "inside",
+        "inside",
+        (310042,),
+        "a corner of a hull that one node holds: which of its faces that lies on depends on the way there; "
+        "'smaller-than-mesh' says so of its force",
+        1.5,
+        lambda v: v["contact"] == "nodes" and v["shape"] == "hull" and float(v["depth"]) < 1e-3,
+    ),
     Known("again", "again", (15,), _CORNER, 0.6, lambda v: v["contact"] == "points" and v["shape"] != "block"),
     Known("again", "again", (1,), _FACETS, 1.0, lambda v: v["contact"] == "nodes" and v["shape"] != "block"),
     Known(

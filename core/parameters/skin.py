@@ -161,7 +161,7 @@ SKIN_CONTACT = table(
         ),
         note="neo-Hookean tissue needs a table of the fingertip's shape, made once in about two minutes where it does "
         "not ship; until then, and on a mesh of one's own, tissue is linear and a finding says so. The exact law has a "
-        "table of its own, made before a bake in some twenty minutes; without it tissue goes by the series. Poisson's "
+        "table of its own, made before a bake in some forty minutes; without it tissue goes by the series. Poisson's "
         "ratio and E mean what they mean in linear tissue, which is its limit under small loads",
     ),
     Parameter(

@@ -183,7 +183,7 @@ def no_exact(name: str) -> Finding:
         "tissue stiffens by a series: the table of its exact law is not there",
         name,
         "these lengths, or this Poisson's ratio, have no such table yet",
-        remedy="Let a bake in Blender make it, some twenty minutes once, or use the default preset's lengths",
+        remedy="Let a bake in Blender make it, some forty minutes once, or use the default preset's lengths",
     )
 
 

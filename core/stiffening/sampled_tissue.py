@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 KEPT = 8  # states whose forces are: a few fingers share a tissue
+BLOCK = 160  # columns of a symmetric product that are multiplied at once: only what is above the diagonal
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +102,11 @@ class SampledTissue:
         bent = np.matmul(twice * self.weights[:, None, None], rows)
         size = len(q) + len(x)
         out = np.zeros((size, size), np.float32)
-        out[: k + j, : k + j] = rows.reshape(-1, k + j).T @ bent.reshape(-1, k + j)
+        flat, bent = rows.reshape(-1, k + j), bent.reshape(-1, k + j)
+        for start in range(0, k + j, BLOCK):
+            end = min(start + BLOCK, k + j)
+            out[start:end, start : k + j] = flat[:, start:end].T @ bent[:, start:]
+            out[end : k + j, start:end] = out[start:end, end : k + j].T
         # pressure of the patterns and of its own fields stand apart from the displacement of what is beneath
         at = np.concatenate([np.arange(k), np.arange(k + j, size)])
         part = np.einsum("ei,eik->ek", mixed * self.weights[:, None], rows, optimize=True).T @ means

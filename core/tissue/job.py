@@ -38,7 +38,7 @@ def make_stiffening(
 def make_exact(
     arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Callable[[int, int], None]
 ) -> dict[str, NDArray[Any]]:
-    """Put the table of a fingertip's exact tissue into a cache; as `make_stiffening`, for some twenty minutes.
+    """Put the table of a fingertip's exact tissue into a cache; as `make_stiffening`, for some forty minutes.
 
     Raises:
         DermisError: as `make_stiffening`.

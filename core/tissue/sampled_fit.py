@@ -31,10 +31,10 @@ _ALONE = 1e-10  # of the largest share of what is seen: less is noise
 class SampledSize:
     """How much is kept: patterns of the pad, fields beneath it, pressures, elements, states that judge these."""
 
-    patterns: int = 300
-    beneath: int = 200
-    pressures: int = 200
-    elements: int = 1500
+    patterns: int = 400
+    beneath: int = 300
+    pressures: int = 300
+    elements: int = 1800
     judged: int = 300
 
 

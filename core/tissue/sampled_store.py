@@ -17,9 +17,9 @@ from . import stiffening_store as series
 from .sampled_table import VERSION, SampledTable
 from .sampled_table_fit import fit_table
 
-SAMPLED_VERSION = 1  # part of every key: raise it whenever mesh, touches or fit changes
+SAMPLED_VERSION = 2  # part of every key: raise it whenever mesh, touches or fit changes
 
-_known: Recent[str, SampledStiffening] = Recent(4)  # some 30 MB each
+_known: Recent[str, SampledStiffening] = Recent(4)  # some 60 MB each
 
 
 def table_key(shape: FingertipShape, poisson: float) -> str:

@@ -19,13 +19,14 @@ from .neo_hookean import NeoHookean
 from .sampled_fit import SampledSize, fit_bases, fit_elements
 from .sampled_table import SampledTable
 from .stiffening_fit import reach_of
-from .touches import Touch, shown, touches
+from .touches import Ranges, Touch, shown, touches
 
 STEPS = 100  # that making one is told in
 TOUCHED = 92  # of the steps: touches
 SEED = 7700  # of the touches
-DEPTHS = (1.0e-3, 2.6e-3)  # that they are pressed to, on the standard finger [m]
-SLIDE = 7e-3  # that they are drawn at most, there [m]
+# Presses and slides of every length, and slides as long as friction holds, that begin before the pad and end behind it.
+TOUCHES = Ranges(depths=(1.0e-3, 2.6e-3), slides=(0.0, 7e-3))
+DRAGS = Ranges(depths=(1.4e-3, 2.6e-3), slides=(4e-3, 9e-3), frictions=(0.3, 0.6, 0.6), back=0.4)
 KEPT = 2  # every which of a touch's poses is kept, and the last
 TOLERANCE = 1e-5  # of the exact balance, over the forces
 MARGIN = 1.05  # of what touches bring, up to which the law is asked
@@ -36,11 +37,12 @@ class TableSize:
     """How much is seen and kept.
 
     Attributes:
-        level: of the mesh. touches: solved exactly. fields: what is kept of them.
+        level: of the mesh. touches, drags: solved exactly. fields: what is kept of them.
     """
 
     level: str = "standard"
     touches: int = 85
+    drags: int = 46
     fields: SampledSize = field(default_factory=SampledSize)
 
 
@@ -53,7 +55,7 @@ def fit_table(
     """Return the table of a fingertip's tissue; yields (done, STEPS).
 
     Args:
-        seed: of the touches. key: that the result is to have.
+        seed: of the touches; the next is that of the drags. key: that the result is to have.
 
     Raises:
         DermisError: a shape that cannot be meshed.
@@ -61,7 +63,7 @@ def fit_table(
     size = size or STANDARD
     yield 0, STEPS
     skin = fingertip_skin(shape, Elastic(poisson=poisson), level=size.level)
-    drawn = touches(skin, size.touches, seed, depths=DEPTHS, slide=SLIDE)
+    drawn = touches(skin, size.touches, seed, TOUCHES) + touches(skin, size.drags, seed + 1, DRAGS)
     seen = shown(drawn, partial(states_of, ExactFinger(skin, TOLERANCE)))
     states = yield from in_words(seen, lambda step: (TOUCHED * step[0] // step[1], STEPS))
     yield TOUCHED, STEPS

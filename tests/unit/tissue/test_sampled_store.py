@@ -24,7 +24,7 @@ from core.tissue.sampled_store import exactly_stiffened, find_table, make_table,
 from core.tissue.sampled_table import SampledTable
 from tests.problems import cube_mesh
 
-SMALL = sampled_table_fit.TableSize("draft", 1, SampledSize(6, 5, 5, 60, 20))
+SMALL = sampled_table_fit.TableSize("draft", 1, 1, SampledSize(6, 5, 5, 60, 20))
 SERIES = stiffening_fit.Size("draft", 4, 6, 5, 4, 5, 5, 3)
 SHAPE, RATIO = FingertipShape(), 0.47
 EXACT = "neo_hookean_exact"

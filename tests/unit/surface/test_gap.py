@@ -15,6 +15,8 @@ from core.scene.tactile_scene import Mesh
 from core.surface import shapes
 from core.surface.gap import Surface
 from core.surface.nearest import TIE
+from core.surface.triangles import TriangleTable
+from tests.stress.surfaces import distance
 
 CUBE_VERTICES = np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * 0.01
 CUBE_TRIANGLES = np.array([
@@ -445,3 +447,15 @@ def test_points_on_slivers_are_on_them(flat, apart):
     above = on + 1e-3 * normal / np.linalg.norm(normal)
     assert np.abs(surface.query(on).gap).max() < apart
     np.testing.assert_allclose(np.abs(surface.query(above).gap), 1e-3, rtol=1e-9)
+
+
+def test_points_next_to_where_edges_meet_are_as_far_as_they_are():
+    """Squared distances tell edges apart to half of the digits: 4e-8 of a side would be left."""
+    rng, shares = np.random.default_rng(5), np.array([0.0, 1e-9, 1e-8, 3e-8, 1e-7, 0.5])[:, None]
+    for _ in range(200):
+        corners, k = rng.normal(size=(3, 3)), rng.integers(3)
+        on = corners[k] + shares * (corners[(k + 1) % 3] - corners[k])
+        points = on + rng.normal(size=on.shape) * 10.0 ** rng.uniform(-10.0, -7.5)
+        table = TriangleTable.build(corners, np.array([[0, 1, 2]]))
+        square, _, _ = table.closest(np.ascontiguousarray(points.T), np.zeros(len(points), dtype=np.int64))
+        assert np.sqrt(square) == pytest.approx([distance(p, corners[None]) for p in points], rel=0.0, abs=1e-14)

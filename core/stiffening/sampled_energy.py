@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..arrays import Array
-from .energy import WALL
 from .sampled_tissue import SampledTissue
 
 TOLERANCE = 1e-5  # of what is left beneath, over |q|
+WALL = 0.3  # of |reach|^2: less lets tissue run away, more takes a drag for a push
 FAR = 0.8  # of |q|, beyond which a tangent is taken anew: it takes as long as a hundred steps with an old one
 SLOW, PATIENCE, RENEWED = 0.5, 6, 2  # a step that leaves more asks for a new tangent, after so many, so often
 MIXED = 4  # steps that are mixed
@@ -87,10 +87,6 @@ class SampledEnergy:
     def far(self, q: Array) -> float:
         """Return t = |q / reach|, 0 where nothing bounds it; q may have what is beneath behind it."""
         return 0.0 if self.reach is None else float(np.linalg.norm(q[: self.count] / self.reach))
-
-    def holds(self, q: Array) -> bool:
-        """Return True: beyond reach, too, it is nearer than linear tissue."""
-        return True
 
     def amounts(self, q: Array) -> Array:
         """Return the last q with what is beneath behind it, shape (k + j + r,)."""

@@ -27,10 +27,6 @@ class StoredEnergy(Protocol):
         """Return how far amounts are, 1 where the energy is trusted no more."""
         ...
 
-    def holds(self, q: Array) -> bool:
-        """Return whether what is balanced there by force is nearer to tissue than linear tissue is."""
-        ...
-
     def force(self, q: Array) -> Array:
         """Return its slope by the patterns at amounts, shape (k,)."""
         ...

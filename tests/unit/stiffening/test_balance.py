@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 pytest.importorskip("scipy")
 
 from core.stiffening.balance import FLOOR, TOLERANCE, Balance, Factors
-from core.stiffening.energy import WALL, Energy
+from core.stiffening.damping import PRESSED
+from core.stiffening.energy import Energy
 
 COUNT, FEW = 4, 3
 
 
-def energy(cubic: float = 0.3, quartic: float = 0.2, reach: np.ndarray | None = None) -> Energy:
+def energy(
+    cubic: float = 0.3, quartic: float = 0.2, reach: np.ndarray | None = None, press: np.ndarray | None = None
+) -> Energy:
     """Return an energy of three and four powers: sums of powers of amounts along some ways."""
     rng = np.random.default_rng(0)
     ways = rng.normal(size=(6, COUNT)) / 2.0
@@ -21,7 +26,7 @@ def energy(cubic: float = 0.3, quartic: float = 0.2, reach: np.ndarray | None = 
     some = ways[:, :FEW]
     i, j = np.triu_indices(FEW)
     pairs = some[:, i] * some[:, j]
-    return Energy.of_forms(third, quartic * pairs.T @ pairs, reach)
+    return replace(Energy.of_forms(third, quartic * pairs.T @ pairs), reach=reach, press=press)
 
 
 @pytest.mark.parametrize("size", [0.1, 1.0, 3.0])
@@ -104,16 +109,28 @@ def test_tissue_that_no_force_holds_is_found_by_who_holds_its_displacement() -> 
     assert 1.0 - one.softening()[0, 0] == pytest.approx(1.0 / FLOOR)
 
 
-def test_beyond_its_reach_the_energy_is_a_parabola_and_a_wall_along_each_ray() -> None:
+@pytest.mark.parametrize("press", [None, np.array([0.6, 0.0, -0.8, 0.0])])
+def test_about_its_reach_the_series_ends_and_far_away_it_grows_as_linear_tissue_does(press: np.ndarray | None) -> None:
     reach = np.array([1.0, 0.5, 2.0, 1.5])
-    made, inner = energy(reach=reach), energy()
-    way = np.array([0.5, -0.5, 0.5, 0.5])
-    way = way / np.linalg.norm(way / reach)
-    value, slope, bend = inner.value(way), float(inner.force(way) @ way), float(way @ inner.stiffness(way) @ way)
-    for far in (1.0, 1.5, 4.0):
-        s = far - 1.0
-        wall = WALL * reach.max() ** 2 * s**3 / 3.0
-        assert made.value(far * way) == pytest.approx(value + slope * s + 0.5 * bend * s * s + wall, rel=1e-12)
+    made, series, way = energy(reach=reach, press=press), energy(), np.array([0.5, -0.5, 0.5, 0.5])
+    assert made.damping is not None
+    way = way / np.sqrt(way @ made.damping.metric @ way)
+    third, fourth = (0.5 * (series.value(way) + sign * series.value(-way)) for sign in (-1.0, 1.0))
+    for t in (0.1, 1.0, 7.0):
+        told = third * t**3 / (1.0 + t**4) ** 0.25 + fourth * t**4 / (1.0 + t**4) ** 0.5
+        assert made.value(t * way) == pytest.approx(told, rel=1e-12)
+    near = [abs(made.value(t * way) / series.value(t * way) - 1.0) for t in (0.2, 0.1)]
+    assert 3.5 <= np.log2(near[0] / near[1]) <= 4.5
+    assert made.value(2e3 * way) == pytest.approx(4.0 * made.value(1e3 * way), rel=1e-6)
+
+
+def test_what_presses_bring_most_of_is_followed_farther() -> None:
+    reach, press = np.array([1.0, 0.5, 2.0, 1.5]), np.array([0.0, 1.0, 0.0, 0.0])
+    made, other = energy(reach=reach, press=press), energy(reach=reach)
+    assert made.damping is not None and other.damping is not None
+    along, across = np.array([0.0, 0.5, 0.0, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])
+    assert along @ made.damping.metric @ along == pytest.approx(PRESSED)
+    assert across @ made.damping.metric @ across == pytest.approx(across @ other.damping.metric @ across)
 
 
 @pytest.mark.parametrize("far", [0.5, 1.7, 3.0])

@@ -14,7 +14,6 @@ from core.contact.solver import stiff_fallback
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.path import PathSolver
 from core.contact.solver.stiff_skin import StiffSkin
-from core.stiffening.energy import Energy
 from tests.touches import ball
 
 from .test_stiff_skin import Skin
@@ -60,11 +59,11 @@ def test_what_a_load_alone_would_tear_away_is_found_where_a_ball_holds_it(gives_
     np.testing.assert_allclose(slope, step.solution.force, atol=1e-4 * size)
 
 
-def test_beyond_what_its_series_is_trusted_to_it_is_linear_and_says_so(gives_up: PathSolver, monkeypatch: Any) -> None:
+def test_once_it_was_linear_no_line_is_laid_at_rest(gives_up: PathSolver, monkeypatch: Any) -> None:
     gives_up.step(BODIES)
-    assert gives_up.counters["unconverged"] == 0
-    monkeypatch.setattr(Energy, "far", lambda self, q: 1.01)
-    monkeypatch.setattr(StiffSkin, "line", None)  # nor is any line laid there
+    assert gives_up.counters["unconverged"] == 0 and gives_up._stiff is not None
+    gives_up._stiff.lost = True
+    monkeypatch.setattr(StiffSkin, "line", None)
     moved = [ContactBody(ball(6e-3), np.eye(3), np.array([0.4e-3, 0.0, 1.0e-3]), 0.6)]
     step = gives_up.step(moved)
     assert gives_up.counters["unconverged"] == 1 and not step.solution.converged

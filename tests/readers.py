@@ -233,7 +233,7 @@ DEVICES = ("haptip", "thimble_3rrs", "hexapod", "electrovibration", "cable_platf
 MODEL = {name: np.zeros((3, 3)) for name in skin_store.MESH_ARRAYS} | {"compliance": np.zeros((27, 27))}
 REMAINDER = {"centres": np.zeros((4, 3)), "mixing": np.ones((4, 2)), "surface": np.ones((2, 3, 2, 3), "<f4")}
 REMAINDER["beneath"] = np.ones((3, 1, 9, 1, 3), "<f4")
-STIFFENING = {"version": np.array(2), "key": np.array("ab"), "cubic": np.ones(1, "<f4"), "signs": np.ones(2)}
+STIFFENING = {"version": np.array(3), "key": np.array("ab"), "cubic": np.ones(1, "<f4"), "signs": np.ones(2)}
 STIFFENING |= {"cubic_across": np.ones((1, 1), "<f4"), "reach": np.ones(2)}
 STIFFENING |= {"centres": 1e-3 * np.eye(3), "displacement": np.ones((3, 3, 2), "<f4"), "nodes": np.zeros((4, 3))}
 STIFFENING |= {
@@ -241,7 +241,8 @@ STIFFENING |= {
     "fields": np.ones((2, 6), "<f2"),
     "cubes": np.ones((2, 4), "<f2"),
 }
-STIFFENING |= {"squares": np.ones((2, 3), "<f2")}
+STIFFENING |= {"squares": np.ones((2, 3), "<f2"), "press": np.ones(2)}
+STIFFENING |= {"learned_centres": np.ones((3, 2), "<f4"), "learned_weights": np.ones((3, 1), "<f4")}
 _BLOCKS = [f"{name}_{block}" for name in ("energy", "series") for block in ("first", "second", "across")]
 STIFFENING |= {name: np.ones((1, 1), "<f2") for name in _BLOCKS}
 STIFFENING |= {f"{name}_scale": np.ones(1, "<f4") for name in _BLOCKS}

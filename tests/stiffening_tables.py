@@ -1,6 +1,6 @@
 """The stiffening of the standard skins: `python -m tests.stiffening_tables [preset ...]` makes the files that ship.
 
-Of 9 MB each, one ships: the default preset's. Others are made where they are first wanted. With `--exact` first it
+Of 10 MB each, one ships: the default preset's. Others are made where they are first wanted. With `--exact` first it
 makes those of the exact law instead, of 3 MB, from touches whose seed is in `core/tissue/sampled_table_fit.py`.
 """
 

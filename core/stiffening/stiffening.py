@@ -22,15 +22,16 @@ from ..parameters.error_bands import NEO_HOOKEAN
 from .cubic import Cubic
 from .energy import Energy
 from .features import Features
-from .following import Following, Follows
+from .following import Following, Follows, Learned
 from .patterns import Patterns
 from .stored_energy import StoredEnergy
 from .stress_series import StressSeries
 from .symmetric import entries, packed_cubic, packed_forms, side, whole_cubic, whole_forms
 
-VERSION = 2
-_ENERGY = "cubic cubic_across signs reach".split()
-_FLOATS = [*_ENERGY, "centres", "displacement", "nodes"]
+VERSION = 3
+_ENERGY = "cubic cubic_across signs reach press".split()
+_LEARNED = ["learned_centres", "learned_weights"]
+_FLOATS = [*_ENERGY, "centres", "displacement", "nodes", *_LEARNED]
 _ARRAYS = ["version", "key", "tetrahedra", *_FLOATS]
 _FORMS = ("first", "second", "across")  # blocks of features
 _FEATURES = tuple(f"{name}_{block}" for name in ("energy", "series") for block in _FORMS)
@@ -76,7 +77,9 @@ class Stiffening:
             DermisError: the file cannot be written.
         """
         assert isinstance(self.energy, Energy)
-        stress, third = self.stress, self.energy.third
+        stress, third, known = self.stress, self.energy.third, self.following
+        assert known is None or isinstance(known, Following)
+        learned = None if known is None else known.learned
         arrays: dict[str, NDArray[Any]] = {
             "version": np.array(VERSION),
             "key": np.array(self.key),
@@ -84,18 +87,20 @@ class Stiffening:
             "cubic_across": packed_forms(third.across).astype(np.float32),
             "signs": self.energy.signs,
             "reach": np.zeros(0) if self.energy.reach is None else self.energy.reach,
+            "press": np.zeros(0) if self.energy.press is None else self.energy.press,
             "centres": self.patterns.centres,
             "displacement": self.patterns.at(self.patterns.centres),
             "nodes": stress.nodes,
             "tetrahedra": stress.tetrahedra.astype(np.int32),
+            "learned_centres": np.zeros((0, self.count), np.float32) if learned is None else learned.centres,
+            "learned_weights": np.zeros((0, 0), np.float32) if learned is None else learned.weights,
         }
         halves = [*_packed(self.energy.features), *_packed(stress.features)]
         halves += [_rows(stress.fields), stress.squares, _flat(stress.cubes)]
         names: tuple[str, ...] = _HALF
-        if self.following is not None:
-            assert isinstance(self.following, Following)
+        if known is not None:
             names += _FOLLOWING
-            halves += [_rows(self.following.fields), self.following.squares, _flat(self.following.cubes)]
+            halves += [_rows(known.fields), known.squares, _flat(known.cubes)]
         for name, rows in zip(names, halves, strict=True):
             arrays[name], arrays[f"{name}_scale"] = _halved(rows)
         write_npz(path, arrays)
@@ -123,9 +128,12 @@ class Stiffening:
         if len(halves) > len(_HALF):
             moved, squares, cubes = (np.ascontiguousarray(rows[name]) for name in _FOLLOWING)
             fields = np.ascontiguousarray(moved.T.reshape(len(found["nodes"]), 4, -1))
-            following = Following(fields, squares, cubes.reshape(len(cubes), *shape), products)
+            learned = Learned(*(found[name].astype(np.float32) for name in _LEARNED))
+            known = learned if len(learned.centres) else None
+            following = Following(fields, squares, cubes.reshape(len(cubes), *shape), products, known)
+        reach, press = (found[name] if found[name].size else None for name in ("reach", "press"))
         return cls(
-            Energy(Cubic(first, across), forms, found["signs"], found["reach"] if found["reach"].size else None),
+            Energy(Cubic(first, across), forms, found["signs"], reach, press),
             Patterns.through(found["centres"], found["displacement"]),
             StressSeries(
                 found["nodes"],
@@ -213,14 +221,19 @@ def _fits(found: dict[str, NDArray[Any]]) -> bool:
     told = {"fields": 6 * len(tetra), "squares": pairs, "cubes": features["series"] * count}
     if _FOLLOWING[0] in found:
         told |= dict(zip(_FOLLOWING, (4 * len(found["nodes"]), pairs, told["cubes"]), strict=True))
-        if len(found[_FOLLOWING[2]]) > len(found[_FOLLOWING[0]]):
+        if len(found[_FOLLOWING[2]]) > len(found[_FOLLOWING[1]]):
             return False
+    seen, more = (found[name] for name in _LEARNED)
+    if seen.ndim != 2 or more.ndim != 2 or seen.shape[1] != count or len(seen) != len(more):
+        return False
     ranks = {name: len(found["fields" if name in _HALF else _FOLLOWING[0]]) for name in told}
+    ranks[_FOLLOWING[1]] = len(found.get(_FOLLOWING[0], ())) - more.shape[1]
     ranks[_FOLLOWING[2]] = len(found.get(_FOLLOWING[2], ()))
     return (
         all(found[name].shape == (ranks[name], columns) for name, columns in told.items())
         and found["signs"].shape == (features["energy"],)
         and reach.shape in ((0,), (count,))
+        and found["press"].shape in ((0,), reach.shape)
         and bool((reach > 0.0).all())
         and centres.ndim == 2
         and found["displacement"].shape == (len(centres), 3, count)

@@ -93,11 +93,16 @@ def _fourth(modes: PairModes, bent: Array) -> tuple[Features, Array]:
     return Features.of(np.concatenate(made) / scale[:, None] / scale, modes.even, unlike), np.concatenate(signs)
 
 
+def folded(rows: Array, middle: Array) -> tuple[Array, Array]:
+    """Return rows F and signs s of rows' M rows = F' diag(s) F, shapes (r, p) and (r, r)."""
+    basis, upper = np.linalg.qr(rows.T)
+    values, vectors = np.linalg.eigh(upper @ (0.5 * (middle + middle.T)) @ upper.T)
+    kept = np.abs(values) > _FAINTEST * np.abs(values).max()
+    return ((basis @ vectors[:, kept]) * np.sqrt(np.abs(values[kept]))).T, np.sign(values[kept])
+
+
 def _folded(ways: Array, images: Array) -> tuple[Array, Array]:
     """Return rows F and signs s of Z Z' M + M Z Z' - Z Z' M Z Z' = F' diag(s) F, from rows Z and Z M, (r, p) each."""
     inner, one = ways @ images.T, np.eye(len(ways))
-    basis, upper = np.linalg.qr(np.concatenate([ways, images]).T)
     middle = np.block([[-0.5 * (inner + inner.T), one], [one, np.zeros_like(one)]])
-    values, vectors = np.linalg.eigh(upper @ middle @ upper.T)
-    kept = np.abs(values) > _FAINTEST * np.abs(values).max()
-    return ((basis @ vectors[:, kept]) * np.sqrt(np.abs(values[kept]))).T, np.sign(values[kept])
+    return folded(np.concatenate([ways, images]), middle)

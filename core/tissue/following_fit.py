@@ -33,9 +33,7 @@ def fit_following(
     batches = [samples[s : s + AT_ONCE] for s in range(0, len(samples), AT_ONCE)]
     chunks = -(-len(mesh.tetrahedra) // CHUNK)
     steps = len(batches) + 1 + chunks
-    shear = tissue.lame[1]
-    weight = np.sqrt(tissue.geometry.nodal_volumes)[:, None] * np.array([shear / LENGTH] * 3 + [1.0])
-    flat = weight.ravel()
+    flat = nodal_weight(linear).ravel()
     seen = []
     for n, batch in enumerate(batches):
         yield n + 1, steps
@@ -58,6 +56,12 @@ def fit_following(
         by_feature(cubes, len(patterns)).astype(np.float32),
         products.modes.features,
     )
+
+
+def nodal_weight(linear: HeldTissue) -> Array:
+    """Return what displacement [m] and pressure of the nodes count for, shape (n, 4)."""
+    tissue = linear.tissue
+    return np.sqrt(tissue.geometry.nodal_volumes)[:, None] * np.array([tissue.lame[1] / LENGTH] * 3 + [1.0])
 
 
 def _followed(linear: HeldTissue, patterns: Array, amounts: Array) -> Array:

@@ -26,7 +26,7 @@ class HeldTissue:
     def __init__(self, tissue: NeoHookean) -> None:
         self.tissue, mesh = tissue, tissue.mesh
         self._free = degrees(mesh.free)
-        self._beneath = degrees(np.setdiff1d(mesh.free, mesh.pad))
+        self.beneath = degrees(np.setdiff1d(mesh.free, mesh.pad))
         self._pad = degrees(mesh.pad)
 
     def moved(self, loads: Array) -> Array:
@@ -41,15 +41,15 @@ class HeldTissue:
         """Return the displacement of all nodes for one of the pad, shapes (3 m, b) to (b, n, 3)."""
         out = np.zeros((pad.shape[1], 3 * len(self.tissue.mesh.nodes)))
         out[:, self._pad] = pad.T
-        coupling = self._stiffness[self._beneath][:, self._pad]
-        out[:, self._beneath] = self.held(np.ascontiguousarray(-(coupling @ pad))).T
+        coupling = self._stiffness[self.beneath][:, self._pad]
+        out[:, self.beneath] = self.held(np.ascontiguousarray(-(coupling @ pad))).T
         return out.reshape(len(out), -1, 3)
 
     def followed_forces(self, forces: Array) -> Array:
         """Return what forces beneath a pad that is held do, those on the pad left out, to (b, n, 3)."""
         flat = forces.reshape(len(forces), -1)
         out = np.zeros_like(flat)
-        out[:, self._beneath] = self.held(np.ascontiguousarray(flat[:, self._beneath].T)).T
+        out[:, self.beneath] = self.held(np.ascontiguousarray(flat[:, self.beneath].T)).T
         return out.reshape(forces.shape)
 
     def held(self, forces: Array) -> Array:
@@ -70,7 +70,7 @@ class HeldTissue:
 
     def free_held(self, forces: Array) -> Array:
         """Return what forces on all free nodes do while the pad is held, as `jets` wants it, (d, b) to (d, b)."""
-        inside = np.searchsorted(self._free, self._beneath)
+        inside = np.searchsorted(self._free, self.beneath)
         out = np.zeros_like(forces)
         out[inside] = self.held(np.ascontiguousarray(forces[inside]))
         return out
@@ -85,7 +85,7 @@ class HeldTissue:
 
     @cached_property
     def _held(self) -> SuperLU:
-        return _factor(self._stiffness, self._beneath)
+        return _factor(self._stiffness, self.beneath)
 
 
 def _factor(stiffness: csr_array, rows: Indices) -> SuperLU:

@@ -67,7 +67,7 @@ def fit_table(
     seen = shown(drawn, partial(states_of, ExactFinger(skin, TOLERANCE)))
     states = yield from in_words(seen, lambda step: (TOUCHED * step[0] // step[1], STEPS))
     yield TOUCHED, STEPS
-    return table_of(skin, states, size.fields, key=key)
+    return table_of(skin, np.concatenate(states), size.fields, key=key)
 
 
 def states_of(finger: ExactFinger, touch: Touch) -> Array:

@@ -18,22 +18,28 @@ from ..stiffening.patterns import Patterns
 from ..stiffening.stiffening import Stiffening
 from .energy_fit import fit_energy
 from .following_fit import fit_following
+from .fourth_fit import fit_fourth
+from .held_states import held_states
 from .held_tissue import HeldTissue
+from .learned_fit import fit_learned
 from .mode_fields import ModeFields
 from .neo_hookean import NeoHookean
 from .pair_modes import PairModes
 from .stress_fit import fit_stress
-from .touches import loads_of, shown, touches
+from .touches import KEPT, PRESSES, loads_of, shown, touches
 
 Made = TypeVar("Made")
 
 STEPS = 100  # that making one is told in
-_ENDS = (0, 6, 10, 55, 78, STEPS)  # of the steps: touches, their answers, energy, stress, following
+_ENDS = (0, 5, 8, 42, 60, 75, STEPS)  # of the steps: touches, their answers, energy, stress, following, states
 AT_ONCE = 12  # loads that are answered together
 ANSWERED = 300  # loads at most, whose answers patterns are to hold
 SEEN = 300  # samples at most that say which fields of stress matter
 RAREST = 0.3  # of all that there is, how much there may be of a pattern that touches hardly bring
-MARGIN = 0.6  # of what touches bring: beyond it tissue of many patterns gives way where the series ends
+MARGIN = 0.6  # of what touches bring: about that the series ends
+# Times that, up to which the law is asked of what touches bring, and of their drags; and times their drags, sample by
+# sample: tissue that stiffens is pressed harder, and dragged farther, than the linear skin that told the touches.
+FARTHEST, DRAGS = (1.35, 2.0), (1.0, 1.4, 1.4, 1.8)
 ANSWERS = 3.0  # how much more they count: displacement beyond all patterns is at least linear skin's
 MIRROR = np.array([-1.0, 1.0, 1.0])
 EVEN = 1e-6  # of its size, to which a fingertip is its own mirror image
@@ -59,6 +65,8 @@ class Size:
     fields: int = 30
     following: int = 90
     cubed: int = 40
+    asked: int = 400
+    learned: int = 64
 
 
 STANDARD = Size()
@@ -78,7 +86,8 @@ def fit_stiffening(
     size = size or STANDARD
     yield 0, STEPS
     skin = fingertip_skin(shape, Elastic(1.0, poisson, 1.0), level=size.level)
-    loads = yield from _within(shown(touches(skin, size.touches, seed), partial(loads_of, skin)), 0)
+    seen = yield from _within(shown(touches(skin, size.touches, seed), partial(loads_of, skin)), 0)
+    loads = np.concatenate(seen)
     linear = HeldTissue(NeoHookean(skin.mesh, poisson))
     answers = yield from _within(_answered(linear, _some(loads, ANSWERED)), 1)
     loaded, even = main_patterns(skin.unit_compliance, loads, answers, size.patterns, mirror_of(skin))
@@ -87,10 +96,15 @@ def fit_stiffening(
     reach = reach_of(work)
     modes = PairModes.of(_some(work, size.samples), reach, even, size.modes)
     energy = yield from _within(fit_energy(linear.tissue, linear.held, moved.astype(np.float32), modes), 2)
-    energy = replace(energy, reach=MARGIN * reach)
     samples, products = _some(work, SEEN), ModeFields.of(linear, moved, modes)
     stress = yield from _within(fit_stress(linear, moved, energy, samples, products, size.fields), 3)
     following = yield from _within(fit_following(linear, moved, samples, products, size.following, size.cubed), 4)
+    reach = MARGIN * reach
+    energy = replace(energy, reach=reach, press=main_press(work / reach))
+    shares = np.split(work, np.cumsum([len(rows) for rows in seen])[:-1])
+    states = yield from _within(held_states(linear, moved, asked_of(shares, reach, size.asked)), 5)
+    energy = fit_fourth(energy, modes, states)
+    following = fit_learned(linear, following, states, reach, even, size.learned)
     skins = np.unique(skin.mesh.surface)  # beyond the pad, too: at its rim a pattern is then read between places
     known = Patterns.through(skin.mesh.nodes[skins], moved[:, skins].transpose(1, 2, 0))
     return Stiffening(energy, known, stress, key, following)
@@ -106,6 +120,33 @@ def reach_of(amounts: Array) -> Array:
     kind *= np.linalg.norm(amounts / kind, axis=1).max()
     reach = 1.0 / np.sqrt(0.5 / size**2 + 0.5 / np.maximum(kind, RAREST * size) ** 2)
     return np.asarray(reach * np.linalg.norm(amounts / reach, axis=1).max())
+
+
+def asked_of(shares: list[Array], reach: Array, count: int) -> Array:
+    """Return the amounts that the law is asked for, half of them of drags, shape (s, k).
+
+    Args:
+        shares: amounts that each touch brings, pose after pose, shapes (p, k). reach: of the series, shape (k,).
+        count: at most, or a few more.
+    """
+    pressed = PRESSES // KEPT
+    drags = [
+        rows[pressed - 1] + far * (row - rows[pressed - 1])
+        for rows in shares
+        if len(rows) == pressed + len(DRAGS)
+        for far, row in zip(DRAGS, rows[pressed:], strict=True)
+    ]
+    out = []
+    for amounts, farthest in zip((np.concatenate(shares), np.array(drags)), FARTHEST, strict=True):
+        if len(amounts):
+            some = _some(amounts, count // 2)
+            out.append(some / np.maximum(np.linalg.norm(some / reach, axis=1) / farthest, 1.0)[:, None])
+    return np.concatenate(out)
+
+
+def main_press(amounts: Array) -> Array:
+    """Return what amounts over their reach (s, k) bring most of, of unit length, shape (k,)."""
+    return np.asarray(np.linalg.svd(amounts, full_matrices=False)[2][0])
 
 
 def mirror_of(skin: SkinModel) -> Indices | None:

@@ -70,13 +70,13 @@ def touches(skin: SkinModel, count: int, seed: int = 0, ranges: Ranges | None = 
     return [_drawn(skin, size, rng, ranges or Ranges()) for _ in range(count)]
 
 
-def shown(drawn: Sequence[Touch], what: Callable[[Touch], Array]) -> Generator[tuple[int, int], None, Array]:
-    """Return what touches show, one after another, shape (s, ...); yields (done, how many)."""
+def shown(drawn: Sequence[Touch], what: Callable[[Touch], Array]) -> Generator[tuple[int, int], None, list[Array]]:
+    """Return what touches show, one after another, shapes (s, ...); yields (done, how many)."""
     found = []
     for n, touch in enumerate(drawn):
         yield n, len(drawn)
         found.append(what(touch))
-    return np.concatenate(found)
+    return found
 
 
 def loads_of(skin: SkinModel, touch: Touch) -> Array:

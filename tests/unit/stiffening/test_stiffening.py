@@ -13,7 +13,7 @@ from core.npz import read_npz
 from core.stiffening.cubic import Cubic
 from core.stiffening.energy import Energy
 from core.stiffening.features import Features
-from core.stiffening.following import Following
+from core.stiffening.following import Following, Learned
 from core.stiffening.patterns import Patterns
 from core.stiffening.stiffening import Stiffening
 from core.stiffening.stress_series import StressSeries
@@ -22,6 +22,7 @@ from tests.made_up_tissue import no_cubes
 
 EVEN, ODD, RANK, NODES = 3, 2, 4, 7
 COUNT, FORMS = EVEN + ODD, 6
+MORE, SEEN = 2, 9
 
 
 def features(rng: np.random.Generator, size: float) -> Features:
@@ -38,6 +39,7 @@ def small() -> Stiffening:
         features(rng, 1e4),
         rng.choice([-1.0, 1.0], FORMS),
         rng.uniform(1.0, 2.0, COUNT),
+        np.eye(COUNT)[1],
     )
     centres = rng.normal(size=(6, 3)) * 1e-3
     nodes = rng.normal(size=(NODES, 3)) * 1e-3
@@ -50,10 +52,13 @@ def small() -> Stiffening:
         features(rng, 1.0),
     )
     following = Following(
-        rng.normal(size=(NODES, 4, RANK)).astype(np.float32),
+        rng.normal(size=(NODES, 4, RANK + MORE)).astype(np.float32),
         stress.squares.copy(),
         stress.cubes.copy(),
         stress.features,
+        Learned(
+            (1e4 * rng.normal(size=(SEEN, COUNT))).astype(np.float32), rng.normal(size=(SEEN, MORE)).astype(np.float32)
+        ),
     )
     return Stiffening(energy, Patterns.through(centres, rng.normal(size=(6, 3, COUNT))), stress, "a" * 64, following)
 
@@ -71,6 +76,8 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     assert off <= 2e-3 * np.abs(made.energy.force(q)).max()  # features are told to half precision
     assert read.energy.reach is not None and made.energy.reach is not None
     np.testing.assert_array_equal(read.energy.reach, made.energy.reach)
+    assert read.energy.press is not None and made.energy.press is not None
+    np.testing.assert_array_equal(read.energy.press, made.energy.press)
     np.testing.assert_allclose(read.patterns.at(places), made.patterns.at(places), atol=1e-5)
     np.testing.assert_array_equal(read.stress.nodes, made.stress.nodes)
     np.testing.assert_array_equal(read.stress.tetrahedra, made.stress.tetrahedra)
@@ -126,6 +133,11 @@ def test_the_same_numbers_make_the_same_bytes(tmp_path: Path) -> None:
         ("key", np.ones(3), "do not fit"),
         ("following", np.ones((RANK, 6 * NODES), np.float16), "do not fit"),
         ("following_cubes", np.ones((RANK + 1, FORMS * COUNT), np.float16), "do not fit"),
+        ("press", np.ones(COUNT - 1), "do not fit"),
+        ("learned_centres", np.ones((SEEN, COUNT - 1), np.float32), "do not fit"),
+        ("learned_weights", np.ones((SEEN - 1, MORE), np.float32), "do not fit"),
+        ("learned_weights", np.ones((SEEN, MORE + 1), np.float32), "do not fit"),
+        ("learned_weights", np.full((SEEN, MORE), np.nan, np.float32), "do not fit"),
         ("following_cubes", np.full((RANK, FORMS * COUNT), np.nan), "do not fit"),
     ],
 )

@@ -11,7 +11,18 @@ pytest.importorskip("scipy")
 
 from core.skin.mesh import TetraMesh
 from core.skin.model import fingertip_skin, mesh_skin
-from core.tissue.stiffening_fit import MIRROR, RAREST, main_patterns, mirror_of, reach_of
+from core.tissue.stiffening_fit import (
+    DRAGS,
+    FARTHEST,
+    MIRROR,
+    RAREST,
+    asked_of,
+    main_patterns,
+    main_press,
+    mirror_of,
+    reach_of,
+)
+from core.tissue.touches import KEPT, PRESSES
 from tests.problems import cube_mesh
 
 
@@ -66,3 +77,28 @@ def skewed() -> TetraMesh:
     nodes = mesh.nodes.copy()
     nodes[:, 0] += 0.3 * nodes[:, 1]
     return replace(mesh, nodes=nodes)
+
+
+def test_the_law_is_asked_for_touches_and_for_drags_that_are_dragged_farther_but_not_beyond_its_limits() -> None:
+    rng, reach = np.random.default_rng(4), np.linspace(1.0, 2.0, 6)
+    pressed = PRESSES // KEPT
+    slid = [0.3 * rng.normal(size=(pressed + len(DRAGS), 6)) for _ in range(5)]
+    shares = [*slid, 0.3 * rng.normal(size=(pressed, 6)), np.full((pressed, 6), 40.0)]
+    asked = asked_of(shares, reach, 1000)
+    rows = np.concatenate(shares)
+    far = np.linalg.norm(asked / reach, axis=1)
+    touched, dragged = asked[: len(rows)], asked[len(rows) :]
+    assert len(dragged) == 5 * len(DRAGS)
+    np.testing.assert_allclose(touched[: pressed + len(DRAGS)], slid[0])
+    assert far[: len(rows)].max() == pytest.approx(FARTHEST[0]) and far.max() <= FARTHEST[1] + 1e-12
+    np.testing.assert_allclose(
+        dragged[2], slid[0][pressed - 1] + DRAGS[2] * (slid[0][pressed + 2] - slid[0][pressed - 1])
+    )
+    assert len(asked_of(shares, reach, 8)) <= 10
+
+
+def test_what_presses_bring_most_of_is_a_direction() -> None:
+    way = np.array([0.6, 0.0, -0.8])
+    rows = np.random.default_rng(5).normal(size=(50, 1)) * way + 1e-6
+    found = main_press(rows)
+    assert abs(found @ way) == pytest.approx(1.0, abs=1e-4) and np.linalg.norm(found) == pytest.approx(1.0)

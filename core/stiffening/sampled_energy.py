@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..arrays import Array
+from .mixing import mixed
 from .sampled_tissue import SampledTissue
 
 TOLERANCE = 1e-5  # of what is left beneath, over |q|
@@ -178,10 +179,9 @@ class SampledEnergy:
         return found
 
     def _balanced(self, q: Array, x: Array, size: float) -> _Beneath:
-        """Return the best of a few steps with an old tangent, and what it leaves over the size of q.
+        """Return the best of a few mixed steps with an old tangent, and what it leaves over the size of q.
 
-        Steps are mixed so that together they leave least (Anderson 1965): what the old tangent does not know of, they
-        learn on the way, and the next q begins with what the last ones learned.
+        The next q begins with what the last ones learned.
         """
         best, before = _Beneath(x, np.zeros(self.count), np.zeros(len(x)), np.inf), np.inf
         last: tuple[Array, Array] | None = None
@@ -202,10 +202,7 @@ class SampledEnergy:
             if last is not None:
                 self._learned = *self._learned[1 - MIXED :], (x - last[0], way - last[1])
             last, before = (x, way), left
-            x = x - way
-            if self._learned:
-                ways, gains = (np.array(rows).T for rows in zip(*self._learned, strict=True))
-                x = x - (ways - gains) @ np.linalg.lstsq(gains, way, rcond=1e-8)[0]
+            x = mixed(x, way, self._learned)
         return best
 
     def _take(self, q: Array, x: Array) -> None:

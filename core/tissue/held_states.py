@@ -1,7 +1,7 @@
 """HeldStates: what the law itself makes of skin that is held displaced, without any contact.
 
 A pad that is held in its patterns needs no more of the tissue than a balance beneath it, which steps with the stiffness
-at rest come to, mixed so that together they leave least (Anderson 1965): a tenth of the price of Newton's method.
+at rest come to, mixed so that together they leave least: a tenth of the price of Newton's method.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Array, Floats, Floats32
-from ..skin.assembly import degrees
+from ..stiffening.mixing import mixed
 from .held_tissue import HeldTissue
 
 TOLERANCE = 1e-4  # of what is left beneath, over the forces on the pad
@@ -57,28 +57,23 @@ def _none(patterns: Floats) -> tuple[tuple[int, ...], ...]:
 
 def _balanced(linear: HeldTissue, moved: Array) -> Array | None:
     """Return the displacement of all nodes where the pad stays as it is moved and all beneath is in balance."""
-    inner, pad = linear.beneath, degrees(linear.tissue.mesh.pad)
-    out, last = moved.copy(), None
+    inner, out = linear.beneath, moved.copy()
     flat = out.reshape(-1)
-    ways: list[Array] = []
-    gains: list[Array] = []
+    learned: list[tuple[Array, Array]] = []
+    last: tuple[Array, Array] | None = None
     with np.errstate(all="ignore"):  # a state that goes astray is left out
         for _ in range(STEPS):
             force = linear.tissue.forces(linear.tissue.response(out[None, None]).piola)[0, 0].reshape(-1)
-            left = np.linalg.norm(force[inner]) / np.linalg.norm(force[pad])
+            left = np.linalg.norm(force[inner]) / np.linalg.norm(force[linear.pad])
             if left <= TOLERANCE:
                 return out
             if not np.isfinite(left):
                 return None
-            step = -linear.held(force[inner])
+            x, way = flat[inner], linear.held(force[inner])
             if last is not None:
-                ways, gains = [*ways[1 - MIXED :], flat[inner] - last[0]], [*gains[1 - MIXED :], step - last[1]]
-            last = flat[inner].copy(), step
-            if gains:
-                columns = np.array(gains).T
-                share = np.linalg.lstsq(columns, step, rcond=1e-8)[0]
-                step = step - (np.array(ways).T + columns) @ share
-            flat[inner] += step
+                learned = [*learned[1 - MIXED :], (x - last[0], way - last[1])]
+            last = x, way
+            flat[inner] = mixed(x, way, learned)
     return None
 
 

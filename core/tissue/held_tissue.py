@@ -27,12 +27,12 @@ class HeldTissue:
         self.tissue, mesh = tissue, tissue.mesh
         self._free = degrees(mesh.free)
         self.beneath = degrees(np.setdiff1d(mesh.free, mesh.pad))
-        self._pad = degrees(mesh.pad)
+        self.pad = degrees(mesh.pad)
 
     def moved(self, loads: Array) -> Array:
         """Return the displacement of all nodes for loads on the pad, shapes (3 m, b) to (b, n, 3)."""
         forces = np.zeros((3 * len(self.tissue.mesh.nodes), loads.shape[1]))
-        forces[self._pad] = loads
+        forces[self.pad] = loads
         out = np.zeros((loads.shape[1], len(forces)))
         out[:, self._free] = self._loaded.solve(forces[self._free]).T
         return out.reshape(len(out), -1, 3)
@@ -40,8 +40,8 @@ class HeldTissue:
     def followed(self, pad: Array) -> Array:
         """Return the displacement of all nodes for one of the pad, shapes (3 m, b) to (b, n, 3)."""
         out = np.zeros((pad.shape[1], 3 * len(self.tissue.mesh.nodes)))
-        out[:, self._pad] = pad.T
-        coupling = self._stiffness[self.beneath][:, self._pad]
+        out[:, self.pad] = pad.T
+        coupling = self._stiffness[self.beneath][:, self.pad]
         out[:, self.beneath] = self.held(np.ascontiguousarray(-(coupling @ pad))).T
         return out.reshape(len(out), -1, 3)
 
@@ -66,7 +66,7 @@ class HeldTissue:
         series = np.stack([np.zeros_like(moved), moved, np.zeros_like(moved)])
         left = self.tissue.forces(self.tissue.response(series).piola[2])
         follow = -self.followed_forces(left).reshape(len(loads), -1)
-        return np.asarray(left.reshape(len(loads), -1)[:, self._pad] + (self._stiffness[self._pad] @ follow.T).T)
+        return np.asarray(left.reshape(len(loads), -1)[:, self.pad] + (self._stiffness[self.pad] @ follow.T).T)
 
     def free_held(self, forces: Array) -> Array:
         """Return what forces on all free nodes do while the pad is held, as `jets` wants it, (d, b) to (d, b)."""

@@ -6,16 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..arrays import Array, Indices
-from ..skin.mesh import TetraMesh
+from ..arrays import Array
 from ..stiffening.following import Following, Learned
 from .following_fit import nodal_weight
 from .held_states import HeldStates
 from .held_tissue import HeldTissue
+from .mirror import MIRROR, mirrored
 
 RIDGE = 0.03  # over the states' mean likeness to themselves
 FAINT = 0.7  # power of a state's size that it is told over: faint touches count, and strong ones count for more
-EVEN = 1e-6  # of its size, to which a mesh is its own mirror image
 
 
 def fit_learned(
@@ -27,17 +26,16 @@ def fit_learned(
         reach: amounts that likeness is measured over, shape (k,). even: number of patterns that a mirror keeps, which
             come first. rank: fields to add.
     """
-    mesh = linear.tissue.mesh
     weight = nodal_weight(linear).ravel()
     seen = states.beyond.reshape(len(states.beyond), -1)
     fields = following.fields.reshape(len(weight), -1)
     told = np.array([fields @ following.amounts(q).astype(np.float32) for q in states.amounts])
     sizes = np.linalg.norm(seen * weight, axis=1) ** -FAINT
     left, amounts = ((seen - told) * weight).astype(np.float64), states.amounts
-    image = mirrored(mesh)
+    image = mirrored(linear.tissue.mesh.nodes)
     if image is not None and even < len(reach):
         signs = np.where(np.arange(len(reach)) < even, 1.0, -1.0)
-        turned = (left.reshape(len(left), -1, 4)[:, image] * [-1.0, 1.0, 1.0, 1.0]).reshape(left.shape)
+        turned = (left.reshape(len(left), -1, 4)[:, image] * [*MIRROR, 1.0]).reshape(left.shape)
         left, amounts = np.concatenate([left, turned]), np.concatenate([amounts, amounts * signs])
         sizes = np.concatenate([sizes, sizes])
     sizes = sizes / np.median(sizes)
@@ -52,11 +50,3 @@ def fit_learned(
     more = (right / weight[:, None]).reshape(*following.fields.shape[:2], rank).astype(np.float32)
     learned = Learned((amounts / reach / reach).astype(np.float32), weights.astype(np.float32))
     return replace(following, fields=np.concatenate([following.fields, more], axis=2), learned=learned)
-
-
-def mirrored(mesh: TetraMesh) -> Indices | None:
-    """Return which node is each one's mirror image in x, shape (n,); None of a mesh that is not its own image."""
-    from scipy.spatial import cKDTree
-
-    away, image = cKDTree(mesh.nodes).query(mesh.nodes * [-1.0, 1.0, 1.0])
-    return np.asarray(image) if away.max() <= EVEN * np.ptp(mesh.nodes) else None

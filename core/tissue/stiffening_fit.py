@@ -22,6 +22,7 @@ from .fourth_fit import fit_fourth
 from .held_states import held_states
 from .held_tissue import HeldTissue
 from .learned_fit import fit_learned
+from .mirror import MIRROR, mirrored
 from .mode_fields import ModeFields
 from .neo_hookean import NeoHookean
 from .pair_modes import PairModes
@@ -41,8 +42,7 @@ MARGIN = 0.6  # of what touches bring: about that the series ends
 # sample: tissue that stiffens is pressed harder, and dragged farther, than the linear skin that told the touches.
 FARTHEST, DRAGS = (1.35, 2.0), (1.0, 1.4, 1.4, 1.8)
 ANSWERS = 3.0  # how much more they count: displacement beyond all patterns is at least linear skin's
-MIRROR = np.array([-1.0, 1.0, 1.0])
-EVEN = 1e-6  # of its size, to which a fingertip is its own mirror image
+EVEN = 1e-6  # of its size, to which a pad's compliance is its own mirror image
 _FAINT = 0.05  # of the largest load: smaller ones do not count for as much
 
 
@@ -151,14 +151,12 @@ def main_press(amounts: Array) -> Array:
 
 def mirror_of(skin: SkinModel) -> Indices | None:
     """Return which pad node is each one's mirror image in x, shape (m,); None of skin that is not its own image."""
-    from scipy.spatial import cKDTree
-
-    away, image = cKDTree(skin.positions).query(skin.positions * MIRROR)
-    if away.max() > EVEN * np.ptp(skin.positions):
+    image = mirrored(skin.positions)
+    if image is None:
         return None
     blocks = skin.unit_compliance.reshape(len(image), 3, len(image), 3)
     turned = blocks[image][:, :, image] * MIRROR[:, None, None] * MIRROR
-    return np.asarray(image) if np.abs(turned - blocks).max() <= EVEN * np.abs(blocks).max() else None
+    return image if np.abs(turned - blocks).max() <= EVEN * np.abs(blocks).max() else None
 
 
 def main_patterns(

@@ -16,7 +16,8 @@ from core.tissue.following_fit import fit_following, nodal_weight
 from core.tissue.fourth_fit import fit_fourth
 from core.tissue.held_states import HeldStates, held_states
 from core.tissue.held_tissue import HeldTissue
-from core.tissue.learned_fit import fit_learned, mirrored
+from core.tissue.learned_fit import fit_learned
+from core.tissue.mirror import mirrored
 from core.tissue.mode_fields import ModeFields
 from tests.problems import cube_mesh
 from tests.unit.tissue.test_energy import COUNT, Problem
@@ -140,7 +141,7 @@ def test_what_was_learned_vanishes_with_the_square_of_a_faint_touch(
 def test_a_mesh_that_is_its_own_image_is_known() -> None:
     mesh = cube_mesh(3)
     aside = mesh.nodes - [0.5 * np.ptp(mesh.nodes[:, 0]) + mesh.nodes[:, 0].min(), 0.0, 0.0]
-    image = mirrored(replace(mesh, nodes=aside))
+    image = mirrored(aside)
     assert image is not None
     np.testing.assert_allclose(aside[image], aside * [-1.0, 1.0, 1.0], atol=1e-12)
-    assert mirrored(replace(mesh, nodes=aside + [0.01 * np.ptp(aside), 0.0, 0.0])) is None
+    assert mirrored(aside + [0.01 * np.ptp(aside), 0.0, 0.0]) is None

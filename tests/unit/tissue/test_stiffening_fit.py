@@ -11,17 +11,8 @@ pytest.importorskip("scipy")
 
 from core.skin.mesh import TetraMesh
 from core.skin.model import fingertip_skin, mesh_skin
-from core.tissue.stiffening_fit import (
-    DRAGS,
-    FARTHEST,
-    MIRROR,
-    RAREST,
-    asked_of,
-    main_patterns,
-    main_press,
-    mirror_of,
-    reach_of,
-)
+from core.tissue.mirror import MIRROR
+from core.tissue.stiffening_fit import DRAGS, FARTHEST, RAREST, asked_of, main_patterns, main_press, mirror_of, reach_of
 from core.tissue.touches import KEPT, PRESSES
 from tests.problems import cube_mesh
 

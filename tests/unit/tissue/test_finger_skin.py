@@ -9,8 +9,12 @@ import numpy as np
 import pytest
 
 from core.cache import Cache
+from core.contact.solver.cone import STICK
+from core.contact.solver.path import PathSolver
+from core.contact.solver.stiff_skin import StiffSkin
 from core.errors import DermisError
 from core.experiment import fingertip
+from core.parameters.error_bands import NEO_HOOKEAN
 from core.pipeline.bake import Bake
 from core.pipeline.render import render
 from core.presets import Library
@@ -25,6 +29,7 @@ from core.tissue import stiffening_store
 from core.tissue.finger_skin import finger_skin, of_tissue
 from core.tissue.stiffening_store import stiffening_key
 from tests.made_up_tissue import kept
+from tests.touches import slide
 
 WIDTH = 15.93e-3  # that no preset has
 
@@ -135,3 +140,23 @@ def test_a_script_asks_for_tissue_and_is_refused_where_there_is_no_table(cache: 
     with pytest.raises(DermisError, match="tissue"):
         fingertip(level="draft", tissue="rubber")
     assert np.array_equal(made.compliance, fingertip(level="draft", width=WIDTH).compliance)
+
+
+def test_skin_that_stiffens_holds_a_plane_that_is_drawn_across_it_as_far_as_friction_does() -> None:
+    """1 mm deep and drawn to and fro by 3 mm: it sticks, then slips, and gives way to no drag in between."""
+    skin = of_tissue(fingertip_skin(), NEO_HOOKEAN)
+    solver = PathSolver(skin.compliance, skin.positions, areas=skin.areas, stiff=StiffSkin.of(skin))
+    assert skin.stiffening is not None
+    touch, slipped, least = slide(80), 0, np.inf
+    for frame in range(60):
+        step = solver.step(touch.bodies(frame))
+        assert step.solution.converged
+        if step.amounts is None or not step.solution.force.any():
+            continue
+        least = min(least, float(np.linalg.eigvalsh(skin.stiffening.energy.stiffness(step.amounts))[0]) + 1.0)
+        force = step.solution.force.sum(axis=0)
+        if not (step.solution.status == STICK).any():
+            slipped += 1
+            assert np.hypot(*force[:2]) >= 0.97 * touch.friction * force[2]
+    assert slipped >= 3
+    assert least > 0.0  # tissue is stable all the way

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
-from ..arrays import Array, Indices
+import numpy as np
+
+from ..arrays import Array, Floats32, Indices
 from ..stiffening.stiffening import Stiffening
 from ..stiffening.tangent import StiffTangent
 
@@ -36,7 +39,14 @@ class StiffPoints:
         return tangent.moved(self.stiffening.energy, z)
 
     def matrix(self, tangent: StiffTangent, columns: Indices) -> Array:
-        """Return U M U' / E among some of the components, to be taken off their compliance [m/N], shape (c, c)."""
-        few = self.patterns[columns]
-        out: Array = (few @ (tangent.softening / self.modulus)) @ few.T
+        """Return U M U' / E among some of the components, to be taken off their compliance [m/N], shape (c, c).
+
+        In single precision, as contact has it: what it is off by, the next tangent finds.
+        """
+        few = self._short[columns]
+        out: Array = ((few @ (tangent.softening / self.modulus).astype(np.float32)) @ few.T).astype(np.float64)
         return out
+
+    @cached_property
+    def _short(self) -> Floats32:
+        return self.patterns.astype(np.float32)

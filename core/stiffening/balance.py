@@ -6,9 +6,11 @@ Under dead loads tissue may be unstable, and then several q balance one z: what 
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Array
 from .stored_energy import StoredEnergy
@@ -180,8 +182,15 @@ class Factors(NamedTuple):
     @property
     def softening(self) -> Array:
         """M = 1 - (1 + n')^-1, shape (k, k)."""
-        one = np.eye(len(self.root))
-        return one - (self.solved(one) if self.stable else (self.root / self.whole) @ self.root.T)
+        if self.stable:
+            from scipy.linalg.lapack import dpotri
+
+            lower = dpotri(self.root, lower=1)[0]
+            out = -np.where(_above(len(lower)), lower.T, lower)
+        else:
+            out = -((self.root / self.whole) @ self.root.T)
+        out[np.diag_indices(len(out))] += 1.0
+        return out
 
     def solved(self, right: Array) -> Array:
         """Return (1 + n')^-1 times a vector or columns."""
@@ -190,6 +199,11 @@ class Factors(NamedTuple):
 
             return np.asarray(dpotrs(self.root, right, lower=1)[0])
         return np.asarray(self.root @ ((self.root.T @ right) / self.whole))
+
+
+@lru_cache(maxsize=8)
+def _above(count: int) -> NDArray[np.bool_]:
+    return np.triu(np.ones((count, count), bool), 1)
 
 
 def softening(stiffness: Array) -> Array:

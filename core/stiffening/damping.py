@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ..arrays import Array
-from .power import Power, Weight
+from .power import Power
 
 PRESSED = 0.2  # of t^2 that what presses bring most of counts for: there the series holds longer
 
@@ -35,18 +35,32 @@ class Damping:
         along = self.press / self.reach
         return np.asarray(np.diag(self.reach**-2.0) - (1.0 - PRESSED) * np.outer(along, along))
 
-    def damped(self, q: Array, third: Power, fourth: Power) -> tuple[Power, Power]:
-        """Return both powers at q, damped."""
+    def weight(self, q: Array, share: float) -> tuple[float, Array]:
+        """Return (1 + t^4)^-share and its slope in q, shape (k,)."""
         along = self.metric @ q
-        return third.times(self._weight(q, along, 0.25)), fourth.times(self._weight(q, along, 0.5))
+        value, first, _ = _weight(float(q @ along), share)
+        return value, 2.0 * first * along
 
-    def weight(self, q: Array, share: float) -> Weight:
-        """Return (1 + t^4)^-share and its derivatives."""
-        return self._weight(q, self.metric @ q, share)
+    def ended(self, q: Array, third: Power, fourth: Power) -> Power:
+        """Return the sum of both powers at q, damped."""
+        along = self.metric @ q
+        square = float(q @ along)
+        (a, a1, a2), (b, b1, b2) = _weight(square, 0.25), _weight(square, 0.5)
+        first = 2.0 * (a1 * third.value + b1 * fourth.value)
+        # what the second derivative has of products with the slope of t^2 is one symmetric product of two vectors
+        other = 2.0 * (a1 * third.slope + b1 * fourth.slope + (a2 * third.value + b2 * fourth.value) * along)
+        both = np.outer(other, along)
+        bend = a * third.bend
+        for more in (b * fourth.bend, first * self.metric, both, both.T):
+            bend += more
+        return Power(
+            a * third.value + b * fourth.value, a * third.slope + b * fourth.slope + first * along, np.asarray(bend)
+        )
 
-    def _weight(self, q: Array, along: Array, share: float) -> Weight:
-        s = float(q @ along)  # t^2
-        u = 1.0 + s * s
-        first = -2.0 * share * s * u ** (-share - 1.0)
-        second = -2.0 * share * u ** (-share - 1.0) + 4.0 * share * (share + 1.0) * s * s * u ** (-share - 2.0)
-        return Weight(u**-share, 2.0 * first * along, np.outer(4.0 * second * along, along) + 2.0 * first * self.metric)
+
+def _weight(s: float, share: float) -> tuple[float, float, float]:
+    """Return (1 + s^2)^-share and its first two derivatives."""
+    u = 1.0 + s * s
+    value = u**-share
+    first = -2.0 * share * s * value / u
+    return value, first, -2.0 * share * value / u + 4.0 * share * (share + 1.0) * s * s * value / (u * u)

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Array
+from ..arrays import Array, Floats
 from .cubic import Cubic
 from .damping import Damping
 from .features import Features
@@ -82,8 +82,7 @@ class Energy:
 
     def value(self, q: Array) -> float:
         """Return Phi3 + Phi4."""
-        third, fourth = self._powers(q)
-        return third.value + fourth.value
+        return self._powers(q).value
 
     def force(self, q: Array) -> Array:
         """Return the slope of Phi3 + Phi4, the force beyond linear tissue's, shape (k,)."""
@@ -98,8 +97,7 @@ class Energy:
         known = self._last.get("")
         if known is not None and np.array_equal(known[0], q):
             return known[1], known[2]
-        third, fourth = self._powers(q)
-        force, stiffness = third.slope + fourth.slope, third.bend + fourth.bend
+        _, force, stiffness = self._powers(q)
         self._last[""] = q.copy(), force, stiffness  # what is shown asks again for what contact was solved with
         return force, stiffness
 
@@ -125,15 +123,20 @@ class Energy:
     def _last(self) -> dict[str, tuple[Array, Array, Array]]:
         return {}
 
-    def _powers(self, q: Array) -> tuple[Power, Power]:
-        """Return both powers."""
+    def _powers(self, q: Array) -> Power:
+        """Return the sum of both powers."""
         along = self.features.along(q)
-        signed = along * self.signs[:, None].astype(along.dtype)
-        form = self.features.summed(signed @ q)
-        slope = form @ q
-        fourth = Power(float(slope @ q), 4.0 * slope, 4.0 * form + 8.0 * along.T @ signed)
+        much = along @ q.astype(along.dtype)
+        weights = self.signs.astype(along.dtype) * much
+        bend = along.T @ (self._twice * along)
+        bend += self.features.summed(4.0 * weights)
+        fourth = Power(float(weights @ much), 4.0 * (weights @ along).astype(np.float64), bend)
         third = Power.of(3, q, self.third.along(q))
-        return (third, fourth) if self.damping is None else self.damping.damped(q, third, fourth)
+        return third.plus(fourth) if self.damping is None else self.damping.ended(q, third, fourth)
+
+    @cached_property
+    def _twice(self) -> Floats:
+        return (8.0 * self.signs[:, None]).astype(self.features.first.dtype)
 
     @cached_property
     def damping(self) -> Damping | None:

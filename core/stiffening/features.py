@@ -74,11 +74,11 @@ class Features:
         """Return y, shape (r + s,)."""
         return np.asarray(self.along(q) @ q)
 
-    def summed(self, weights: Array) -> Array:
+    def summed(self, weights: Floats) -> Floats:
         """Return sum_j w_j Z_j, shape (k, k)."""
         r, _, e, o = self.shape
         alike, unlike = weights[:r].astype(self.first.dtype), weights[r:].astype(self.first.dtype)
-        out = np.zeros((e + o, e + o))
+        out = np.zeros((e + o, e + o), self.first.dtype)
         out[:e, :e] = (alike @ self.first.reshape(r, e * e)).reshape(e, e)
         if o:
             out[e:, e:] = (alike @ self.second.reshape(r, o * o)).reshape(o, o)

@@ -46,7 +46,10 @@ class StiffTangent:
     @classmethod
     def of(cls, q: Array, force: Array, stiffness: Array) -> StiffTangent:
         """Return that of given amounts, with what an energy says there."""
-        return cls(q, force, stiffness, _bounded(softening(stiffness)))
+        soft = softening(stiffness)
+        # no value of a matrix is above the largest sum of a row: then none of M is too near to 1
+        firm = 1.0 + float(np.abs(stiffness).sum(axis=1).max(initial=0.0)) < 1.0 / (1.0 - STIFFEST)
+        return cls(q, force, stiffness, soft if firm else _bounded(soft))
 
     @property
     def offset(self) -> Array:

@@ -69,8 +69,8 @@ def _slopes(energy: Energy, forms: Array, first: Array, second: Array, q: Array)
     slopes = 2.0 * (much[first, None] * along[second] + much[second, None] * along[first])
     if energy.damping is None:
         return np.asarray(slopes)
-    weight = energy.damping.weight(q, 0.5)
-    return np.asarray(weight.value * slopes + np.outer(much[first] * much[second], weight.slope))
+    weight, slope = energy.damping.weight(q, 0.5)
+    return np.asarray(weight * slopes + np.outer(much[first] * much[second], slope))
 
 
 def _with(energy: Energy, forms: Array, odd: Array, matrix: Array) -> Energy:

@@ -15,7 +15,6 @@ import numpy as np
 
 from tests.benchmarks import Result, benchmark, measure, one_blas_thread, timing
 
-PATTERNS = 60  # of displacement, as a table of real tissue has
 PAPER_MS, PAPER_SIMULATED_MS = 12.5, 126.0
 COMPONENTS = 60
 FRAMES = 240
@@ -35,15 +34,13 @@ def device() -> Any:
 @functools.cache
 def skin(level: str) -> Any:
     """The middle index finger."""
+    from core.parameters.error_bands import NEO_HOOKEAN
     from core.skin.model import fingertip_skin
+    from core.tissue.finger_skin import of_tissue
 
     level, _, tissue = level.partition(", ")
     found = fingertip_skin(level=level)
-    if not tissue:
-        return found
-    from tests.stiff_skins import stiffening_of
-
-    return found.with_stiffening(stiffening_of(found, count=PATTERNS))
+    return of_tissue(found, NEO_HOOKEAN) if tissue else found
 
 
 @functools.cache
@@ -157,7 +154,7 @@ def finger_frame_6k() -> Result:
 
 @benchmark("finger_frame_stiff_ms", limit=3.0)
 def finger_frame_stiff() -> Result:
-    """The same on skin that stiffens, of a made-up tissue that is as large as a real one's."""
+    """The same on skin that stiffens."""
     return frame_result("finger_frame_stiff_ms", "draft, stiff", with_target=True, p95_limit=4.0)
 
 

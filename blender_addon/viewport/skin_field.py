@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .._core import Array, Floats32, core
+from .._core import Array, core
 from ..preview.skin_state import SkinState
 from .skin_surface import DisplaySurface
 
@@ -83,7 +83,6 @@ class _Kit:
         stresses: by the skin's key, from displacement to their stress at E = 1 Pa, sparse (6 s, 3 n).
         shortcuts: by the skin's key, displacement and stress of the nodes for unit forces; see `_shortcut`.
         below: by the smooth skin's remainder, stress below what is drawn of the pad.
-        stiff: by a table of how skin stiffens, with that table, its patterns at the nodes of the surface, (3 s, k).
     """
 
     surface: DisplaySurface
@@ -93,7 +92,6 @@ class _Kit:
     stresses: dict[str, Any] = field(default_factory=dict)
     shortcuts: dict[str, NDArray[np.float32]] = field(default_factory=dict)
     below: dict[int, _Below] = field(default_factory=dict)
-    stiff: dict[int, tuple[Any, Floats32]] = field(default_factory=dict)
 
 
 _kits: weakref.WeakKeyDictionary[Any, _Kit] = weakref.WeakKeyDictionary()
@@ -149,14 +147,8 @@ def _beyond(own: _Kit, stimulus: core.skin.stimulus.Stimulus) -> _Beyond | None:
     model, amounts = stimulus.skin, stimulus.amounts
     if model.stiffening is None or amounts is None:
         return None
-    kept = own.stiff.get(id(model.stiffening))
-    if kept is None:
-        stiff, nodes = model.stiff, own.surface.nodes
-        patterns = stiff.nodes.reshape(len(model.mesh.nodes), -1)[nodes].reshape(3 * len(nodes), -1)
-        kept = own.stiff[id(model.stiffening)] = model.stiffening, patterns
-    moved = -(kept[1] @ model.stiffening.energy.force(amounts).astype(np.float32))
     stress = own.averaging @ (model.material.modulus * model.stiff.beyond(amounts))
-    return _Beyond(np.asarray(moved.reshape(-1, 3), float), np.asarray(stress, float))
+    return _Beyond(-model.stiff.moved(amounts)[1][own.surface.nodes], np.asarray(stress, float))
 
 
 def _beneath(

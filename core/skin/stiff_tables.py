@@ -37,6 +37,7 @@ class StiffTables:
     ) -> None:
         self.stiffening, self.mesh, self.poisson = stiffening, mesh, poisson
         self._compliance, self._response = unit_compliance, unit_response
+        self._last: tuple[Array, Array, Array] | None = None
 
     @cached_property
     def bound(self) -> Array:
@@ -75,13 +76,13 @@ class StiffTables:
         return pad @ share, loads @ share
 
     @cached_property
-    def nodes(self) -> Floats32:
-        """The patterns at all nodes, with what is beneath the pad free to follow, shape (3 n, k)."""
+    def _nodes(self) -> Floats32:
+        """The patterns at all nodes, with what is beneath the pad free to follow, shape (k, 3 n): read in rows."""
         out = np.zeros((len(self.mesh.nodes), 3, self.stiffening.count), np.float32)
         moved = self._response.T @ self.loads.astype(np.float32)
         out[self.mesh.free] = moved.reshape(-1, 3, self.stiffening.count)
         out[self.mesh.pad] = self.pad.reshape(-1, 3, self.stiffening.count)
-        return out.reshape(-1, self.stiffening.count)
+        return np.ascontiguousarray(out.reshape(-1, self.stiffening.count).T)
 
     @cached_property
     def elements(self) -> Floats32:
@@ -94,14 +95,14 @@ class StiffTables:
 
     @cached_property
     def following(self) -> Floats32 | None:
-        """How tissue follows beyond linear tissue, fields at the nodes, shape (4 n, r); None where it is not known."""
+        """How tissue follows beyond linear tissue, fields at the nodes, shape (r, 4 n); None where it is not known."""
         known = self.stiffening.following
         if known is None:
             return None
         fields = self._read(self.mesh.nodes, known.fields)
         fields[self.mesh.pad, :3] = 0.0  # the pad is held in the patterns
         fields[self.mesh.fixed, :3] = 0.0
-        return np.ascontiguousarray(fields.reshape(4 * len(fields), -1))
+        return np.ascontiguousarray(fields.reshape(4 * len(fields), -1).T)
 
     def beyond(self, q: Array) -> Array:
         """Return the stress of the elements beyond that of the same forces on linear tissue, at E = 1, shape (e, 6).
@@ -128,20 +129,26 @@ class StiffTables:
         if far > 1.0:
             stress, held = self.felt(q / (far * (1.0 + 1e-12)))
             return far * stress, far * held
-        own = q[: energy.count]
-        moved = self._moved(own)
-        held = moved + self._moved(energy.force(q))
+        moved, taken = self.moved(q)
+        held = moved + taken
         fields, known = self.following, self.stiffening.following
         if fields is None or known is None:
             beyond = (self.elements @ self.stiffening.stress.amounts(q).astype(np.float32)).astype(float).reshape(-1, 6)
             return self._unit.stress(held) + beyond, held
-        more = (fields @ known.amounts(q).astype(np.float32)).astype(np.float64).reshape(-1, 4)
+        more = (known.amounts(q).astype(np.float32) @ fields).astype(np.float64).reshape(-1, 4)
         pressure = linear_pressure(self._unit, moved) + more[:, 3]
         return displaced_stress(self._unit, moved + more[:, :3], pressure), held
 
-    def _moved(self, amounts: Array) -> Array:
-        """Return the displacement of all nodes in the patterns [m], shape (n, 3)."""
-        return (self.nodes @ amounts.astype(np.float32)).astype(np.float64).reshape(-1, 3)
+    def moved(self, q: Array) -> tuple[Array, Array]:
+        """Return the displacement of all nodes in the patterns, and what n(q) takes off linear tissue's, (n, 3) [m].
+
+        For no price where q is that of the last time.
+        """
+        if self._last is None or not np.array_equal(self._last[0], q):
+            amounts = np.stack([q[: self.stiffening.count], self.stiffening.energy.force(q)])
+            both = (amounts.astype(np.float32) @ self._nodes).astype(np.float64).reshape(2, -1, 3)
+            self._last = q.copy(), both[0], both[1]
+        return self._last[1:]
 
     @cached_property
     def _unit(self) -> StressOperator:

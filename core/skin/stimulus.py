@@ -64,10 +64,9 @@ class Stimulus:
     @cached_property
     def displacement(self) -> Array:
         """Displacement of all nodes [m], shape (n, 3)."""
-        if self._beyond is None:
+        if self.skin.stiffening is None or self.amounts is None:
             return self._linear_displacement
-        less = self.skin.stiff.nodes @ self._beyond.astype(np.float32)
-        return self._linear_displacement - less.reshape(-1, 3)
+        return self._linear_displacement - self.skin.stiff.moved(self.amounts)[1]
 
     @cached_property
     def _linear_displacement(self) -> Array:

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from .arrays import Array
 from .cache import Cache
 from .contact.solver.bodies import ContactBody
+from .contact.solver.law_skin import LawSkin
 from .contact.solver.path import PathSolver, PathStep
 from .contact.solver.point_path import PointSolver
-from .contact.solver.stiff_skin import StiffSkin
 from .contact.trusted import trusted
 from .devices.spec import DeviceSpec
 from .errors import DermisError, Finding
@@ -25,6 +25,7 @@ from .parameters.material import FRICTION
 from .parameters.skin import CONTACT, DEFAULT_SKIN, SKIN_CONTACT, TISSUE
 from .presets import Library
 from .skin.blas import one_thread
+from .skin.felt_state import matched_amounts
 from .skin.model import SkinModel, skin_from_parameters
 from .skin.nodal_forces import NodalForces
 from .skin.point_forces import PointForces
@@ -142,8 +143,7 @@ def fingertip(
     SkinModel(fingertip, 468 nodes, 78 on the pad, E 80 kPa)
 
     Raises:
-        DermisError: no such preset, level, tissue or length, a shape that cannot be meshed, or no table of how it
-            stiffens (code 'tissue-linear').
+        DermisError: no such preset, level, tissue or length, or a shape that cannot be meshed.
     """
     parameters = (presets or Library()).skin(preset)
     unknown = sorted(set(lengths) - set(parameters) | set(lengths) & set(TISSUE))
@@ -210,13 +210,13 @@ def press(
     limit = trusted(skin.tissue).depth
     with one_thread():
         solver: PathSolver
+        law = LawSkin.of(skin)
         if pad is None:
-            stiff = StiffSkin.of(skin)
             solver = PathSolver(
-                skin.compliance, skin.positions, areas=skin.areas, name="press", depth_limit=limit, stiff=stiff
+                skin.compliance, skin.positions, areas=skin.areas, name="press", depth_limit=limit, law=law
             )
         else:
-            solver = PointSolver(pad, NodalForces(skin.mesh, pad.chart), name="press", depth_limit=limit)
+            solver = PointSolver(pad, NodalForces(skin.mesh, pad.chart), name="press", depth_limit=limit, law=law)
         step = _pressed(solver, body, depth, along)
     doubtful += [replace(finding, frame=None) for finding in solver.findings]  # frames are of scenes
     solution, points = step.solution, None
@@ -289,7 +289,7 @@ def match(
             remedy="Render a scene with this device",
         )
     if touch.skin.matched is not touch.skin:
-        touch = Stimulus(touch.skin.matched, touch.force, touch.points)
+        touch = Stimulus(touch.skin.matched, touch.force, touch.points, matched_amounts(touch))
     with one_thread():
         return matchers[spec.kind](touch, spec, method)
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.contact.solver.path import PathSolver
-from core.contact.solver.stiff_skin import StiffSkin
+from core.contact.solver.law_skin import LawSkin
 from core.skin.assembly import degrees
 from core.skin.model import SkinModel, fingertip_skin
 from core.stiffening.patterns import Patterns
@@ -81,7 +81,7 @@ def on_nodes(skin: SkinModel, tolerance: float = 1e-6, name: str = "finger") -> 
         tolerance=tolerance,
         name=name,
         depth_limit=np.inf,
-        stiff=StiffSkin.of(skin),
+        law=LawSkin.of(skin),
     )
 
 

@@ -29,7 +29,7 @@ from ..skin.model import SkinModel, skin_from_parameters
 from ..skin.sensor import electrode_sensor, noise_floor_of, noise_of, read_stimuli
 from ..surrogate.store import contact_of
 from ..surrogate.table import read_table
-from ..tissue.finger_skin import asked_for, finger_skin
+from ..tissue.finger_skin import finger_skin, for_devices
 from ..track import csv
 from ..track.command_track import CommandTrack
 
@@ -40,9 +40,9 @@ def follow(options: argparse.Namespace) -> int:
         raise DermisError("noise is a standard deviation", where="--noise", value=options.noise, limit=">= 0")
     library = Library(options.presets)
     spec = _thimble(library, options.device)
-    skin = asked_for(
+    skin = for_devices(
         skin_from_parameters(library.skin(options.skin), level=options.level), options.tissue, "--tissue"
-    ).matched
+    )
     device, friction = calibrated_mechanism(spec, skin, {})
     change = device.servo_speed / spec.rate
     made = (

@@ -20,10 +20,10 @@ from ..skin.model import SkinModel
 from ..skin.nodal_forces import NodalForces
 from ..skin.surface_compliance import SurfaceCompliance
 from .solver.bodies import ContactBody, NodeGaps
+from .solver.law_skin import LawSkin
 from .solver.notes import Notes
 from .solver.path import TOLERANCE, PathSolver, PathStep
 from .solver.point_path import PointSolver
-from .solver.stiff_skin import StiffSkin
 from .solver.sub_steps import SubStepper
 from .trusted import WORDS, trusted
 
@@ -92,7 +92,7 @@ class CompliantBone:
             if stiffness:
                 surface = surface.with_spring(np.array([0.0, 0.0, 1.0]), stiffness)
             nodes = NodalForces.of(skin.mesh, surface.chart)
-            points = PointSolver(surface, nodes, name=name, depth_limit=depth_limit)
+            points = PointSolver(surface, nodes, name=name, depth_limit=depth_limit, law=LawSkin.of(skin))
             if tolerance is not None:
                 points.tolerance = tolerance
             return cls(points, stiffness, limit, name, skin.tissue)
@@ -107,7 +107,7 @@ class CompliantBone:
             tolerance=TOLERANCE if tolerance is None else tolerance,
             name=name,
             depth_limit=depth_limit,
-            stiff=StiffSkin.of(skin),
+            law=LawSkin.of(skin),
         )
         return cls(solver, stiffness, limit, name, skin.tissue)
 

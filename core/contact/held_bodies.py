@@ -16,7 +16,6 @@ from .sample_window import SampleWindow
 from .skin_contact import SkinStep
 from .skin_stepper import SkinStepper
 from .solver.grip_solver import GripStep, HoldContext, HoldingFinger
-from .solver.stiff_skin import StiffSkin
 
 
 class HeldBodies:
@@ -98,4 +97,4 @@ class HeldBodies:
 def _holding_finger(stepper: SkinStepper) -> HoldingFinger:
     solver, skin = stepper.bone.solver, stepper.skin
     fits = solver.operator.compliance, skin.positions, stepper.name, skin.areas, solver.bone
-    return HoldingFinger(*fits, StiffSkin.of(skin))
+    return HoldingFinger(*fits, solver.law)  # one and the same: it goes on from grip to touch

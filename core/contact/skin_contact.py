@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..errors import Finding
+from ..skin.felt_state import matched_amounts
 from ..skin.model import SkinModel
 from ..skin.nodal_forces import NodalForces
 from ..skin.point_forces import PointForces
@@ -32,7 +33,7 @@ class SkinStep:
         sticking, slipping: number of nodes.
         work: what the solver did, see `PathStep`, or 'baked'. converged: whether the sample passed its check.
         points: the same forces where they act, on points of the smooth skin; None where contact is solved on nodes.
-        amounts: how much of each pattern skin that stiffens is displaced by, shape (k,); None of linear skin.
+        amounts: what a touch keeps of tissue that stiffens, see `Stimulus.given`; None of linear skin.
         slide: how far friction has drawn the loaded skin along itself, see `PathStep.slide` [m].
     """
 
@@ -89,8 +90,8 @@ class SkinContact:
         skipped: what was not computed, by name.
         points: the same forces where they act, on points of the smooth skin: stress near the skin is read from them.
             None where contact was solved on nodes.
-        amounts: how much of each pattern skin that stiffens is displaced by in the samples in contact, float32, shape
-            (k, patterns); None of linear skin.
+        amounts: what the samples in contact keep of tissue that stiffens, see `Stimulus.given`, float32, shape (k, a);
+            None of linear skin.
         slide: how far friction has drawn the loaded skin along itself, see `PathStep.slide` [m], shape (n,); None in
             results of versions that did not measure it.
     """
@@ -122,20 +123,19 @@ class SkinContact:
 
     @cached_property
     def matched(self) -> SkinContact:
-        """The same as devices are matched with it: where its tissue is exact, felt by the series of the same tissue.
+        """The same as devices are matched with it: where its tissue follows a law, told by the series of it.
 
-        Forces stay, and amounts become those that balance them there.
+        Forces stay, and amounts become those of the patterns in which the skin lies; of linear skin, where there is no
+        series, there are none.
         """
         if self.model.matched is self.model:
             return self
         model, points = self.model.matched, self.points
-        works = self.force.reshape(len(self.held), -1).astype(np.float64) @ model.stiff.pad
         if points is not None:
             points = replace(points, surface=smooth_pad(model) or points.surface.with_stiffening(model.stiffening))
-            here = [points.at(k) for k in range(len(self.held))]
-            works = np.array([np.einsum("ni,nik->k", one.force, points.surface.patterns(one.cells)) for one in here])
-        felt = np.array([model.stiff.balanced(work / model.material.modulus) for work in works], np.float32)
-        return replace(self, model=model, amounts=felt if len(felt) else None, points=points)
+        felt = [matched_amounts(self.stimulus_at(sample)) for sample in self.contact.tolist()]
+        none = model.stiffening is None or not felt
+        return replace(self, model=model, amounts=None if none else np.array(felt, np.float32), points=points)
 
     @property
     def force(self) -> NDArray[np.float32]:
@@ -182,7 +182,7 @@ class SkinContact:
         return replace(self.points.at(at), amounts=self.amounts_at(sample))
 
     def amounts_at(self, sample: int) -> Array | None:
-        """Return how much of each pattern there is at one sample, shape (k,); None without contact, or linear."""
+        """Return what one sample keeps of tissue that stiffens, shape (a,); None without contact, or linear."""
         at = self._place_of(sample)
         return None if at is None or self.amounts is None else self.amounts[at].astype(np.float64)
 

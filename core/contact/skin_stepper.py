@@ -16,12 +16,10 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import Finding
-from ..parameters.error_bands import LINEAR, NEO_HOOKEAN_EXACT
 from ..parameters.skin import SKIN_CONTACT
 from ..scene.tactile_scene import Finger
 from ..skin.model import SkinModel
 from ..skin.point_forces import PointForces
-from ..skin.stiff_tables import no_exact, no_stiffening
 from ..skin.surface_store import no_smooth_pad, smooth_pad
 from .coarse_touches import CoarseTouches
 from .compliant_bone import BoneStep, CompliantBone, touch_depth
@@ -63,11 +61,6 @@ class SkinStepper:
         self._told: tuple[Finding, ...] = ()
         if wanted and self.surface is None:
             self._told += (no_smooth_pad(skin, self.name),)
-        tissue = SKIN_CONTACT["tissue"].of(finger.parameters, self.name)
-        if tissue != LINEAR and skin.stiffening is None:
-            self._told += (no_stiffening(skin.shape, self.name),)
-        elif tissue == NEO_HOOKEAN_EXACT and skin.tissue != tissue:
-            self._told += (no_exact(self.name),)
         touch_depth(finger.parameters, self.name)  # refused now, not when something comes near
         self._bone: CompliantBone | None = None
         self._idle = 0  # samples before there was a bone

@@ -10,12 +10,12 @@ import math
 from functools import lru_cache
 from typing import NamedTuple
 
-from ..parameters.error_bands import DEPTHS, LINEAR, NEO_HOOKEAN, NEO_HOOKEAN_EXACT, SLID_AT, SLIDES, error_band
+from ..parameters.error_bands import DEPTHS, LINEAR, NEO_HOOKEAN, SLID_AT, SLIDES, error_band
 from .solver.path import DEPTH_LIMIT
 
 # Of the stress, in half of the touches: what linear skin reaches at its depth limit.
 WORST = error_band(LINEAR, DEPTH_LIMIT).stress.median
-WORDS = {LINEAR: "linear", NEO_HOOKEAN: "neo-Hookean", NEO_HOOKEAN_EXACT: "exact neo-Hookean"}
+WORDS = {LINEAR: "linear", NEO_HOOKEAN: "neo-Hookean"}
 
 
 class Range(NamedTuple):

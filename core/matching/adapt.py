@@ -18,7 +18,7 @@ from ..skin.model import skin_from_parameters
 from ..steps import drain
 from ..surrogate.lessons import KINDS
 from ..surrogate.store import adapt, place_of, save
-from ..tissue.finger_skin import asked_for
+from ..tissue.finger_skin import for_devices
 from .thimble_use import disc_device
 
 SHARES = {"dataset": (0, 600), "descriptors": (600, 620), "training": (620, 1000)}  # of the time, in thousandths
@@ -47,7 +47,7 @@ def adapt_job(
     # what is learned is proportional to stiffness: one surrogate serves a finger whatever its personal factor
     cache = Cache(Path(str(parameters["skins"])), int(parameters["limit"])) if "skins" in parameters else None
     skin = skin_from_parameters(parameters["skin"], level=str(parameters.get("level", "standard")), cache=cache)
-    skin = asked_for(skin, str(parameters.get("tissue", SKIN_CONTACT["tissue"].absent)), "skin").matched
+    skin = for_devices(skin, str(parameters.get("tissue", SKIN_CONTACT["tissue"].absent)), "skin")
     if parameters.get("contact") == "nodes":
         skin = skin.on_nodes
     device, friction = disc_device(spec, skin, parameters.get("use", {}))

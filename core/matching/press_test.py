@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array
 from ..contact.solver.bodies import ContactBody
+from ..contact.solver.law_skin import LawSkin
 from ..contact.solver.path import PathSolver
-from ..contact.solver.stiff_skin import StiffSkin
 from ..errors import DermisError
 from ..parameters.material import FRICTION  # of the push plate too: it changes the load of a press by little
 from ..skin.model import SkinModel
@@ -53,7 +53,7 @@ def press_loads(skin: SkinModel, depths: ArrayLike = DEPTHS, friction: float = F
     d = np.asarray(depths, dtype=np.float64)
     if d.ndim != 1 or not (np.diff(d, prepend=0.0) > 0).all():
         raise DermisError("depths must rise from above zero", where="press test", value=np.ravel(d).tolist())
-    solver = PathSolver(skin.compliance, skin.positions, areas=skin.areas, stiff=StiffSkin.of(skin))
+    solver = PathSolver(skin.compliance, skin.positions, areas=skin.areas, law=LawSkin.of(skin))
     plate = Plane(np.array([0.0, 0.0, 1.0]), np.zeros(3))
     loads = []
     for depth in d.tolist():

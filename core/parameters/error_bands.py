@@ -13,7 +13,7 @@ from typing import NamedTuple
 from ..errors import DermisError
 from ..units import finite
 
-LINEAR, NEO_HOOKEAN, NEO_HOOKEAN_EXACT = "linear", "neo_hookean", "neo_hookean_exact"
+LINEAR, NEO_HOOKEAN = "linear", "neo_hookean"
 DEPTHS = (0.5e-3, 1e-3, 1.5e-3, 2e-3, 3e-3, 4e-3)  # that a touch was pressed to, not slid [m]
 SLIDES = (0.0, 0.5e-3, 1e-3, 1.5e-3, 2e-3, 3.5e-3)  # that loaded skin was then drawn along itself, 2 mm deep [m]
 SLID_AT = 2e-3  # depth of the slides [m]
@@ -48,10 +48,6 @@ _BY_DEPTH: dict[str, dict[str, tuple[tuple[float, float], ...]]] = {
         "stress": ((0.029, 0.043), (0.046, 0.075), (0.056, 0.106), (0.069, 0.149), (0.177, 0.468), (0.477, 0.700)),
         "force": ((0.002, 0.008), (0.004, 0.015), (0.009, 0.027), (0.028, 0.051), (0.117, 0.184), (0.290, 0.380)),
     },
-    NEO_HOOKEAN_EXACT: {
-        "stress": ((0.018, 0.033), (0.029, 0.046), (0.040, 0.059), (0.059, 0.078), (0.093, 0.146), (0.178, 0.783)),
-        "force": ((0.002, 0.008), (0.003, 0.008), (0.004, 0.011), (0.006, 0.013), (0.011, 0.017), (0.024, 0.093)),
-    },
 }
 _BY_SLIDE: dict[str, dict[str, tuple[tuple[float, float], ...]]] = {
     LINEAR: {
@@ -61,10 +57,6 @@ _BY_SLIDE: dict[str, dict[str, tuple[tuple[float, float], ...]]] = {
     NEO_HOOKEAN: {
         "stress": ((0.066, 0.157), (0.103, 0.372), (0.103, 0.372), (0.163, 0.460), (0.163, 0.575), (0.464, 0.879)),
         "force": ((0.031, 0.051), (0.031, 0.065), (0.039, 0.084), (0.043, 0.084), (0.043, 0.091), (0.157, 0.295)),
-    },
-    NEO_HOOKEAN_EXACT: {
-        "stress": ((0.061, 0.081), (0.061, 0.133), (0.063, 0.150), (0.063, 0.150), (0.077, 0.150), (0.148, 0.519)),
-        "force": ((0.008, 0.015), (0.008, 0.025), (0.008, 0.025), (0.008, 0.025), (0.010, 0.025), (0.016, 0.038)),
     },
 }
 

@@ -149,20 +149,16 @@ SKIN_CONTACT = table(
             (
                 "neo_hookean",
                 "Neo-Hookean",
-                "Stiffens and shears as rubber does, at about twice the price of a frame: for presses beyond half a "
-                "millimetre, and for drag",
-            ),
-            (
-                "neo_hookean_exact",
-                "Neo-Hookean (exact, for bakes)",
-                "The same law, not as a series but itself, in a few fields: nearer to it, most of all under drag, for "
-                "several times the price. Previews and devices go on with the series",
+                "Stiffens and shears as rubber does, at less than twice the price of a frame: for presses beyond half "
+                "a millimetre, and for drag",
             ),
         ),
-        note="neo-Hookean tissue needs a table of the fingertip's shape, made once in about two minutes where it does "
-        "not ship; until then, and on a mesh of one's own, tissue is linear and a finding says so. The exact law has a "
-        "table of its own, made before a bake in some forty minutes; without it tissue goes by the series. Poisson's "
-        "ratio and E mean what they mean in linear tissue, which is its limit under small loads",
+        besides=("neo_hookean_exact",),
+        note="'neo_hookean_exact' is what files of older versions call it. Devices that press on the skin are matched"
+        " by a series of the same law, which needs a table of the fingertip's shape, made once in about two "
+        "minutes where it does not ship; until then, and on a mesh of one's own, they are matched on linear skin, and a "
+        "finding says so. Poisson's ratio and E mean what they mean in linear tissue, which is the law's limit under "
+        "small loads",
     ),
     Parameter(
         name="contact",

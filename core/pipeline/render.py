@@ -24,6 +24,7 @@ from ..parameters.skin import SKIN_CONTACT
 from ..presets import Library
 from ..scene.content_hash import ContentHash
 from ..scene.tactile_scene import TactileScene
+from ..skin.stiff_tables import no_series
 from ..steps import drain
 from ..version import version
 from .bake import Bake, Progress
@@ -70,6 +71,9 @@ def render(
     needed |= {f for f, finger in enumerate(scene.fingers) if SKIN_CONTACT["skin_shown"].of(finger.parameters)}
     models = yield from skin_models(scene, needed, library, cache, clock, findings)
     uses = [(f, use, spec) for f, use, spec in uses if f in models or not spec.follows_skin]
+    for f in sorted({f for f, _, spec in uses if spec.follows_skin}):
+        if models[f].follows_law and models[f].stiffening is None:
+            findings.append(no_series(models[f].shape, f"finger '{scene.fingers[f].name}'"))
     chunks = content.through(scene.chunks)
     ready: dict[int, Iterator[Driven]] = {}
     rigid = all(body.mesh is not None for body in scene.bodies)  # what deforms is too much to hand over

@@ -55,7 +55,7 @@ def _condense(matrix: csr_array, pad: Index, response: bool) -> Condensed:
     from scipy.linalg.lapack import dpotrf
 
     count = matrix.shape[0] // 3
-    levels = _best_levels(*_node_graph(matrix), pad)
+    levels = breadth_first_levels(matrix, pad)
     order = np.concatenate(levels)
     degrees = (3 * order[:, None] + np.arange(3)).ravel()
     permuted = matrix[degrees][:, degrees].tocsr()
@@ -134,6 +134,11 @@ def _sweep_back(
         out[:, degrees[ends[i] : ends[i + 1]]] = solution[:, back].T
         factors.pop()
         sweeps.pop()
+
+
+def breadth_first_levels(matrix: csr_array, pad: Index) -> list[Index]:
+    """Return the nodes of a matrix in levels in which it is block tridiagonal, in the order that costs least."""
+    return _best_levels(*_node_graph(matrix), pad)
 
 
 def _node_graph(matrix: csr_array) -> tuple[Index, Index]:

@@ -74,6 +74,19 @@ def observed(skin: SkinModel, matrix: Array, force: Array, amounts: Array | None
     return np.asarray(out)
 
 
+def matched_amounts(felt: Stimulus) -> Array | None:
+    """Return how much there is of each pattern of a series where skin lies by the law, shape (k,), for devices.
+
+    What the law has of tissue beneath is not asked: the patterns are of the pad's displacement, which it has found.
+    None of linear skin, and where there is no series.
+    """
+    skin = felt.skin
+    if not skin.follows_law or skin.stiffening is None or felt.amounts is None:
+        return felt.amounts if skin.stiffening is not None else None
+    force = np.asarray(felt.force, np.float64).ravel() / skin.material.modulus
+    return skin.stiff.held(force, np.asarray(felt.amounts, np.float64))
+
+
 def stress_components(skin: SkinModel) -> Array:
     """Return H with |H s| the volume-weighted L2 norm of the stress in a state s [Pa m^1.5], shape (c, state).
 

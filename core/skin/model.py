@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..cache import Cache, cache_key
 from ..errors import DermisError
-from ..parameters.error_bands import LINEAR
+from ..parameters.error_bands import LINEAR, NEO_HOOKEAN
 from ..parameters.skin import LENGTHS, OWN_MESH, TISSUE
 from .assembly import Element, degrees, stiffness
 from .condense import Condensed, condense
 from .fingertip import LEVELS, fingertip_mesh
+from .law_tables import LawTables
 from .material import Elastic
 from .mesh import TetraMesh
 from .own_mesh import own_mesh
@@ -42,8 +43,7 @@ class SkinModel:
 
     Forces are those on the skin [N], displacements [m], both in the finger's frame, x, y, z by pad node in the order of
     `mesh.pad`; (m, 3) and (3 m,) are both accepted. Nothing but `compliance` and what follows from it assumes that
-    skin is linear: a state that stiffens adds an offset and a low-rank term to it (see `Stimulus`, which goes through
-    these methods only).
+    skin is linear: what its tissue's law adds is an offset (see `Stimulus`, which goes through these methods only).
 
     Attributes:
         mesh: the tissue.
@@ -54,8 +54,9 @@ class SkinModel:
         key: what the model depends on besides E and alpha, 64 hexadecimal digits.
         cache: where larger tables go, or None.
         shape: the fingertip that was meshed, whose skin is smooth; None for any other mesh.
-        stiffening: what its tissue does beyond linear skin; None where it is linear. What is said of displacement,
-            stress and energy here is of linear skin: `Stimulus` adds the rest.
+        stiffening: a series of what its tissue does beyond linear skin, which devices are matched by; None where there
+            is none. What is said of displacement, stress and energy here is of linear skin: `Stimulus` adds the rest.
+        follows_law: its tissue follows the neo-Hookean law itself, node by node (`law`).
     """
 
     mesh: TetraMesh
@@ -66,10 +67,11 @@ class SkinModel:
     cache: Cache | None = None
     shape: FingertipShape | None = None
     stiffening: Stiffening | None = None
+    follows_law: bool = False
 
     def __repr__(self) -> str:
         size = f"{len(self.mesh.nodes)} nodes, {self.pad_count} on the pad"
-        kind = "" if self.stiffening is None else ", neo-Hookean"
+        kind = "" if self.tissue == LINEAR else ", neo-Hookean"
         return f"SkinModel({self.mesh.name}, {size}, E {1e-3 * self.material.modulus:.3g} kPa{kind})"
 
     @property
@@ -79,8 +81,8 @@ class SkinModel:
 
     @property
     def tissue(self) -> str:
-        """What its tissue is: 'linear', 'neo_hookean' or 'neo_hookean_exact'."""
-        return LINEAR if self.stiffening is None else self.stiffening.tissue
+        """What its tissue is: 'linear' or 'neo_hookean'."""
+        return NEO_HOOKEAN if self.follows_law or self.stiffening is not None else LINEAR
 
     @property
     def positions(self) -> Array:
@@ -115,29 +117,39 @@ class SkinModel:
             alpha=self.material.alpha if alpha is None else alpha,
         )
         other = replace(self, material=material)
-        self._share(other, "unit_response", "_unit_stress", "probes", "stiff")
+        self._share(other, "unit_response", "_unit_stress", "probes", "stiff", "law")
         if "operator" in self.__dict__:
             other.__dict__["operator"] = self.operator.with_material(material)
         return other
 
     def with_stiffening(self, stiffening: Stiffening | None) -> SkinModel:
-        """Return the same skin of tissue that stiffens, or with None of linear tissue: no work, tables are shared."""
-        other = replace(self, stiffening=stiffening)
-        self._share(other, "unit_response", "_unit_stress", "probes", "operator", "compliance", "compliance32")
+        """Return the same skin of tissue that stiffens by a series, or with None of linear tissue: no work."""
+        return self._like(stiffening=stiffening, follows_law=False)
+
+    def with_law(self, series: Stiffening | None = None) -> SkinModel:
+        """Return the same skin of tissue that follows the neo-Hookean law: no work, tables are shared.
+
+        Args:
+            series: of the same tissue, for devices; without it they are matched on linear skin.
+        """
+        return self._like(stiffening=series, follows_law=True)
+
+    def _like(self, **changed: Any) -> SkinModel:
+        other = replace(self, **changed)
+        self._share(other, "unit_response", "_unit_stress", "probes", "operator", "compliance", "compliance32", "law")
+        if other.stiffening is self.stiffening:
+            self._share(other, "stiff")
         return other
 
     @cached_property
     def matched(self) -> SkinModel:
-        """The same skin as devices are matched on it: where its law is exact, in the series of the same tissue."""
-        same = self.stiffening is None or self.stiffening.matched is self.stiffening
-        return self if same or self.stiffening is None else self.with_stiffening(self.stiffening.matched)
+        """The same skin as devices are matched on it: where it follows a law, in the series of the same tissue."""
+        return self.with_stiffening(self.stiffening) if self.follows_law else self
 
     @cached_property
     def on_nodes(self) -> SkinModel:
         """The same skin without its smooth surface: what presses it is solved at the nodes of its mesh."""
-        other = replace(self, shape=None)
-        self._share(other, "unit_response", "_unit_stress", "probes", "operator", "compliance", "compliance32", "stiff")
-        return other
+        return self._like(shape=None)
 
     def _share(self, other: SkinModel, *tables: str) -> None:
         """Let another model use the tables that were made."""
@@ -209,6 +221,11 @@ class SkinModel:
         if self.cache is not None:
             self.cache.put(key, lambda part: write_table(part, full))
         return full
+
+    @cached_property
+    def law(self) -> LawTables:
+        """The neo-Hookean law on this mesh."""
+        return LawTables(self.mesh, self.material.poisson, lambda: self.unit_response)
 
     @cached_property
     def stiff(self) -> StiffTables:

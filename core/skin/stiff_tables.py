@@ -50,6 +50,15 @@ class StiffTables:
         balance.settle(work)
         return balance.amounts
 
+    def held(self, force: Array, beyond: Array) -> Array:
+        """Return how much there is of each pattern where a pad lies, which the law has found, shape (k,).
+
+        Args:
+            force: on the pad nodes over E, shape (3 m,). beyond: by how much less than linear skin they give way [m],
+                shape (3 m,).
+        """
+        return np.asarray(self.pad.T @ force - self.loads.T @ beyond)
+
     @property
     def pad(self) -> Array:
         """The patterns at the pad nodes, shape (3 m, k)."""
@@ -171,27 +180,19 @@ class StiffTables:
         return np.asarray(out, np.float32)
 
 
-def no_stiffening(shape: FingertipShape | None, name: str) -> Finding:
-    """Return why tissue that is to stiffen is linear. The name is the finger's, the shape its skin's."""
+def no_series(shape: FingertipShape | None, name: str) -> Finding:
+    """Return why devices are matched on linear skin, whose touch was felt by tissue that stiffens.
+
+    Args:
+        shape: of the skin; None of a mesh of one's own. name: the finger's.
+    """
     if shape is None:
         why, remedy = "a mesh of one's own has no table of it", "Use a fingertip of lengths"
     else:
         why = "these lengths, or this Poisson's ratio, have no table of it yet"
         remedy = "Let Blender make it, which takes some two minutes once, or use a preset's lengths"
-    what = "tissue is linear: it does not stiffen as the finger is pressed and dragged"
-    return Finding("warning", "tissue-linear", what, name, why, remedy=remedy)
-
-
-def no_exact(name: str) -> Finding:
-    """Return why tissue that is to follow the exact law follows the series. The name is the finger's."""
-    return Finding(
-        "warning",
-        "tissue-series",
-        "tissue stiffens by a series: the table of its exact law is not there",
-        name,
-        "these lengths, or this Poisson's ratio, have no such table yet",
-        remedy="Let a bake in Blender make it, some forty minutes once, or use the default preset's lengths",
-    )
+    what = "devices are matched on linear skin: what tissue does beyond it is felt, and not rendered"
+    return Finding("warning", "matched-linear", what, name, why, remedy=remedy)
 
 
 def _same(first: NDArray[np.number], second: NDArray[np.number]) -> bool:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arrays import Array
+from ..arrays import Array, Floats32
+from ..parameters.error_bands import LINEAR
 from .point_forces import PointForces
 from .stress import COMPONENTS, nodal_average, stored, von_mises
 
@@ -30,8 +31,9 @@ class Stimulus:
         skin: the model.
         force: on the skin at each pad node [N], shape (m, 3).
         points: the same forces where they act, on points of the smooth skin; None where they act on nodes.
-        given: how much of each pattern skin that stiffens is displaced by, as its contact found it, shape (k,); where
-            None it is found from the forces.
+        given: what a touch keeps of tissue that stiffens, as its contact found it: by how much less than linear skin
+            the pad gives way [m], shape (3 m,); of skin that goes by a series how much there is of each pattern, shape
+            (k,). Where None it is found from the forces.
     """
 
     skin: SkinModel
@@ -49,24 +51,45 @@ class Stimulus:
 
     @cached_property
     def amounts(self) -> Array | None:
-        """How much of each pattern skin that stiffens is displaced by, shape (k,); None of linear skin."""
-        if self.skin.stiffening is None or self.given is not None:
+        """What a touch keeps of tissue that stiffens, see `given`; None of linear skin."""
+        skin = self.skin
+        if self.given is not None or skin.tissue == LINEAR:
             return self.given
-        modulus = self.skin.material.modulus
-        return self.skin.stiff.balanced(self.skin.stiff.pad.T @ np.asarray(self.force, float).ravel() / modulus)
+        if skin.follows_law:
+            return skin.law.loaded(self._load)
+        return skin.stiff.balanced(skin.stiff.pad.T @ np.asarray(self.force, float).ravel() / skin.material.modulus)
 
     @cached_property
     def pad_displacement(self) -> Array:
         """Displacement of the pad nodes [m], shape (m, 3)."""
         out = self.skin.pad_displacement(self.force)
+        if self._follows:
+            return out - np.asarray(self.amounts, np.float64).reshape(-1, 3)
         return out if self._beyond is None else out - (self.skin.stiff.pad @ self._beyond).reshape(-1, 3)
 
     @cached_property
     def displacement(self) -> Array:
         """Displacement of all nodes [m], shape (n, 3)."""
+        if self._follows:
+            return self.skin.law.nodes(self._state).astype(np.float64)
         if self.skin.stiffening is None or self.amounts is None:
             return self._linear_displacement
         return self._linear_displacement - self.skin.stiff.moved(self.amounts)[1]
+
+    @property
+    def _follows(self) -> bool:
+        """Whether the law tells what is felt."""
+        return self.skin.follows_law and self.amounts is not None
+
+    @property
+    def _load(self) -> Floats32:
+        """The forces over E, shape (3 m,)."""
+        return (np.asarray(self.force, float).ravel() / self.skin.material.modulus).astype(np.float32)
+
+    @cached_property
+    def _state(self) -> Floats32:
+        """Displacement of the free nodes by the law [m], shape (3 free,)."""
+        return self.skin.law.state(self._load, np.asarray(self.amounts, np.float32))
 
     @cached_property
     def _linear_displacement(self) -> Array:
@@ -74,14 +97,16 @@ class Stimulus:
 
     @cached_property
     def _beyond(self) -> Array | None:
-        """The force that stiffening takes in each pattern at E = 1, shape (k,); None of linear skin."""
+        """The force that stiffening takes in each pattern of a series at E = 1, shape (k,); None without it."""
         stiffening, q = self.skin.stiffening, self.amounts
-        return None if stiffening is None or q is None else stiffening.energy.force(q)
+        return None if self.skin.follows_law or stiffening is None or q is None else stiffening.energy.force(q)
 
     @cached_property
     def _more(self) -> Array | None:
         """Stress of each element beyond linear tissue's [Pa], shape (e, 6); None of linear skin."""
         stiffening, q = self.skin.stiffening, self.amounts
+        if self._follows:
+            return self.stress - self.skin.operator.stress(self._linear_displacement)
         return None if stiffening is None or q is None else self.skin.material.modulus * self.skin.stiff.beyond(q)
 
     @cached_property
@@ -91,6 +116,8 @@ class Stimulus:
         It is that of forces on nodes, smeared over an element: near the skin read `probe_stress`.
         """
         skin = self.skin
+        if self._follows:
+            return skin.material.modulus * skin.law.stress(self._state)
         if skin.stiffening is None or self.amounts is None:
             return skin.operator.stress(self._linear_displacement)
         stress, held = skin.stiff.felt(self.amounts)
@@ -118,6 +145,8 @@ class Stimulus:
     @cached_property
     def energy(self) -> float:
         """Strain energy [J]."""
+        if self._follows:
+            return self.skin.material.modulus * self.skin.law.energy(self._state)
         out = self.skin.energy(self.force)
         if self._beyond is None or self.skin.stiffening is None or self.amounts is None:
             return out

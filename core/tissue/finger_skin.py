@@ -1,4 +1,4 @@
-"""A finger's skin of the tissue that it wants: linear, or one that stiffens where the table of its shape is at hand."""
+"""A finger's skin of the tissue that it wants: linear, or one that follows the neo-Hookean law."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Any
 
 from ..cache import Cache
 from ..errors import DermisError
-from ..parameters.error_bands import LINEAR, NEO_HOOKEAN, NEO_HOOKEAN_EXACT
+from ..parameters.error_bands import LINEAR
 from ..parameters.skin import SKIN_CONTACT
 from ..skin.model import SkinModel, skin_from_parameters
-from ..skin.stiff_tables import no_exact, no_stiffening
+from ..skin.stiff_tables import no_series
 
 
 def finger_skin(
@@ -22,8 +22,6 @@ def finger_skin(
     where: str = "finger",
 ) -> SkinModel:
     """Return the skin that a finger of a scene has.
-
-    Tissue that is to stiffen is linear where no table of its shape has been made yet: its contact says so.
 
     Args:
         parameters: of the finger: 'skin', 'skin_level', 'tissue'. preset: its skin where it has none, in SI.
@@ -39,38 +37,43 @@ def finger_skin(
 
 
 def of_tissue(skin: SkinModel, tissue: str) -> SkinModel:
-    """Return the same skin of a tissue: 'linear', or one that stiffens where the table of its shape is at hand.
+    """Return the same skin of a tissue: 'linear', or 'neo_hookean', which follows the law.
 
-    Fingers of one shape share the table. It ships for the presets' lengths, and is looked for in the skin's cache for
-    others; a mesh of one's own has none. Without the exact law's table tissue stiffens by the series.
+    What devices do is matched by a series of it, whose table fingers of one shape share. It ships for the presets'
+    lengths, and is looked for in the skin's cache for others; without one, and on a mesh of one's own, devices are
+    matched on linear skin.
     """
-    if tissue == skin.tissue:
-        return skin
     if tissue == LINEAR:
-        return skin.with_stiffening(None)
-    if skin.stiffening is not None and tissue == NEO_HOOKEAN:
-        return skin.matched
-    from .sampled_store import exactly_stiffened  # with what makes such tables, which linear skin has no use for
-    from .stiffening_store import stiffened
-
-    try:
-        return (exactly_stiffened(skin) if tissue == NEO_HOOKEAN_EXACT else None) or stiffened(skin) or skin
-    except DermisError:  # nobody can make its table: what is solved with it says so
+        return skin if skin.tissue == LINEAR else skin.with_stiffening(None)
+    if skin.follows_law and skin.stiffening is not None:
         return skin
+    from .stiffening_store import find_series  # with what makes such tables, which linear skin has no use for
+
+    found = find_series(skin)
+    return skin if skin.follows_law and found is None else skin.with_law(found)
 
 
 def asked_for(skin: SkinModel, tissue: str, where: str) -> SkinModel:
     """Return the same skin of the tissue that somebody asked for by name.
 
     Raises:
-        DermisError: an unknown tissue; code 'tissue-linear': there is no table of how the skin stiffens.
+        DermisError: an unknown tissue.
     """
     SKIN_CONTACT["tissue"].check(tissue, where)
-    made = of_tissue(skin, tissue)
-    if made.tissue != tissue:
-        why = no_stiffening(skin.shape, where) if made.tissue == LINEAR else no_exact(where)
+    return of_tissue(skin, tissue)
+
+
+def for_devices(skin: SkinModel, tissue: str, where: str) -> SkinModel:
+    """Return the same skin as devices are matched with it, of the tissue that somebody asked for by name.
+
+    Raises:
+        DermisError: an unknown tissue; code 'matched-linear': there is no series of how it stiffens.
+    """
+    made = asked_for(skin, tissue, where).matched
+    if tissue != LINEAR and made.tissue == LINEAR:
+        why = no_series(skin.shape, where)
         raise DermisError(
-            "there is no table of how its tissue stiffens" if made.tissue == LINEAR else "its exact law has no table",
+            "there is no series of how its tissue stiffens",
             where=where,
             value=why.value,
             remedy=why.remedy,

@@ -35,23 +35,6 @@ def make_stiffening(
     return {"patterns": np.array(made.count)}
 
 
-def make_exact(
-    arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Callable[[int, int], None]
-) -> dict[str, NDArray[Any]]:
-    """Put the table of a fingertip's exact tissue into a cache; as `make_stiffening`, for some forty minutes.
-
-    Raises:
-        DermisError: as `make_stiffening`.
-    """
-    from . import sampled_store
-    from .sampled_table_fit import STEPS as EXACT_STEPS
-
-    cache, shape, poisson = _asked(parameters)
-    made = drain(sampled_store.make_table(shape, poisson, cache=cache), lambda step: report(*step))
-    report(EXACT_STEPS, EXACT_STEPS)
-    return {"patterns": np.array(len(made.pad))}
-
-
 def _asked(parameters: Mapping[str, Any]) -> tuple[Cache, FingertipShape, float]:
     cache = Cache(Path(str(parameters["folder"])), int(parameters["limit"]))
     shape, material = shape_and_material(parameters["skin"])

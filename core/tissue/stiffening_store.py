@@ -99,16 +99,15 @@ def make_stiffening(
     return made
 
 
-def stiffened(skin: SkinModel) -> SkinModel | None:
-    """Return a skin with its stiffening, which fingers of one shape share; None where that has not been made yet.
-
-    Raises:
-        DermisError: a mesh of one's own, or Poisson's ratio out of range.
-    """
-    shape = check_stiffens(skin)
+def find_series(skin: SkinModel) -> Stiffening | None:
+    """Return the stiffening of a skin, which fingers of one shape share; None where none is made, or can be."""
+    try:
+        shape = check_stiffens(skin)
+    except DermisError:
+        return None
     key = stiffening_key(shape, skin.material.poisson)
     found = _known.get(key) or find_stiffening(shape, skin.material.poisson, shipped=SHIPPED, cache=skin.cache)
-    return None if found is None else skin.with_stiffening(_known.make(key, lambda: found))
+    return None if found is None else _known.make(key, lambda: found)
 
 
 def check_stiffens(skin: SkinModel) -> FingertipShape:

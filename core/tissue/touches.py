@@ -9,8 +9,8 @@ import numpy as np
 
 from ..arrays import Array
 from ..contact.solver.bodies import ContactBody
+from ..contact.solver.law_skin import LawSkin
 from ..contact.solver.path import PathSolver
-from ..contact.solver.stiff_skin import StiffSkin
 from ..skin.model import SkinModel
 from ..skin.shape import FingertipShape
 from ..surface.plane import Plane
@@ -81,8 +81,8 @@ def shown(drawn: Sequence[Touch], what: Callable[[Touch], Array]) -> Generator[t
 
 def loads_of(skin: SkinModel, touch: Touch) -> Array:
     """Return loads that displace linear skin as a touch displaces this one, over the modulus, shape (s, 3 m)."""
-    stiff = StiffSkin.of(skin)
-    solver = PathSolver(skin.compliance, skin.positions, areas=skin.areas, depth_limit=1.0, stiff=stiff)
+    law = LawSkin.of(skin)
+    solver = PathSolver(skin.compliance, skin.positions, areas=skin.areas, depth_limit=1.0, law=law)
     out = []
     for n, bodies in enumerate(touch.poses()):
         step = solver.step(bodies)
@@ -90,8 +90,8 @@ def loads_of(skin: SkinModel, touch: Touch) -> Array:
         if n % KEPT != KEPT - 1 or not force.any():
             continue
         load = force.ravel() / skin.material.modulus
-        if stiff is not None and step.amounts is not None:
-            load = load - skin.stiff.loads @ stiff.stiffening.energy.force(step.amounts)
+        if step.amounts is not None:
+            load = load - np.linalg.solve(skin.unit_compliance, step.amounts.astype(np.float64))
         out.append(load)
     return np.array(out).reshape(-1, 3 * skin.pad_count)
 

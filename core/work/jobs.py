@@ -24,7 +24,6 @@ JOBS: Table = {
     "skin-files": ".skin.job:make_files",
     "pad": ".skin.job:make_surface",
     "stiffening": ".tissue.job:make_stiffening",
-    "exact tissue": ".tissue.job:make_exact",
     "collect": ".design.collect:work",
     "adapt": ".matching.adapt:adapt_job",
     "compare": ".comparison.job:compare_job",

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from core.parameters.error_bands import DEPTHS, LINEAR, NEO_HOOKEAN, NEO_HOOKEAN_EXACT, SLID_AT, SLIDES
+from core.parameters.error_bands import DEPTHS, LINEAR, NEO_HOOKEAN, SLID_AT, SLIDES
 from core.skin.model import SkinModel
 from core.skin.stimulus import Stimulus
 from tests.contact_laws import at_frame_ends_alone
@@ -127,7 +127,7 @@ def spread(values: list[float]) -> tuple[float, float]:
     return (float(np.median(values)), float(np.quantile(values, 0.9))) if values else (np.nan, np.nan)
 
 
-def print_bands(tissues: tuple[str, ...] = (LINEAR, NEO_HOOKEAN, NEO_HOOKEAN_EXACT)) -> None:
+def print_bands(tissues: tuple[str, ...] = (LINEAR, NEO_HOOKEAN)) -> None:
     """Print the tables of `core/parameters/error_bands.py`: by depth where nothing slid, by how far skin was drawn.
 
     Below them stands what the object's own slide makes of it: where friction slips, skin is drawn no farther.

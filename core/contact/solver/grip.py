@@ -11,7 +11,7 @@ from ...arrays import Array, Indices
 from .bodies import BONE, ContactBody, NodeGaps
 from .cone import along
 from .history import ContactHistory
-from .stiff_skin import StiffSkin
+from .law_skin import LawSkin
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +23,7 @@ class HoldingFinger:
         name: for findings.
         areas: skin of each node [m^2], shape (m,); needed where an object is soft.
         bone: a point inside the finger [m]: open surfaces are touched on the side where it lies.
-        stiff: what its skin does at these nodes beyond the compliance; None where it is linear.
+        law: what its skin gives way less than by its compliance; None where it is linear.
     """
 
     compliance: Array
@@ -31,7 +31,7 @@ class HoldingFinger:
     name: str = "finger"
     areas: Array | None = None
     bone: Array = field(default_factory=lambda: BONE)
-    stiff: StiffSkin | None = None
+    law: LawSkin | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ class Grip:
     Attributes:
         gaps: of its nodes. near: the nodes within reach of anything, shape (k,).
         matrix: their compliance [m/N]; inverse: of it and the weight of the steps [N/m], shape (3 k, 3 k).
-        offset: b at them [m], shape (k, 3); of skin that stiffens with where its tangent has it without force.
+        offset: b at them [m], shape (k, 3); less by what skin with a law gives way less.
         bent: the latter alone [m], shape (k, 3).
         pose: of the finger in the world, shape (4, 4).
         history: where they stick. own: index of the held object among the frame's bodies.

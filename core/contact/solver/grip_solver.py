@@ -17,7 +17,6 @@ import numpy as np
 
 from ...arrays import Array
 from ...errors import DermisError, Finding
-from ...stiffening.tangent import StiffTangent
 from ...surface.gap import Surface
 from ...surface.plane import Plane
 from .balance import Balance, balance
@@ -27,13 +26,12 @@ from .grip import Grip, GripStep, HoldContext, HoldingFinger
 from .grip_displacement import NOWHERE, Displacement
 from .notes import Notes
 from .solve import status_of
-from .stiff_skin import StiffSkin
 
 SEARCH_RADIUS = 3e-3
 # A frame is balanced again after a displacement above this at the skin [m], or a torque that is off by more [N m].
 STILL, TORQUE = 2e-5, 1e-6
 MAX_ROUNDS, MEASURED = 8, 3
-BENT = 2e-6  # by which skin that stiffens may be off its tangent [m]
+LAW_ROUNDS = 30  # where skin follows a law, until what that wants is what it was balanced with
 # The steps are weighed with this many times a node's own compliance, where they are fewest.
 WEIGHT = 1.5
 # A displacement from one frame to the next that nobody expects of an object that is held [m], [rad].
@@ -81,7 +79,7 @@ class GripSolver:
         self._rho = WEIGHT * float(np.median(np.concatenate([np.diag(f.compliance) for f in fingers])))
         self.softness, self.deforms = 0.0, False
         self.carry: Array | None = None  # as in `ContactBody`
-        self._inverses: dict[int, tuple[bytes, StiffTangent | None, Array, Array]] = {}
+        self._inverses: dict[int, tuple[bytes, Array, Array]] = {}
         self._notes = Notes(name)
         self.let_go()
 
@@ -91,9 +89,6 @@ class GripSolver:
         self._forces = [np.zeros_like(f.points) for f in self.fingers]
         self._scaled = [np.zeros_like(f.points) for f in self.fingers]
         self._deformed = [f.points for f in self.fingers]
-        self._tangents = [
-            None if f.stiff is None else StiffTangent.rest(f.stiff.stiffening.count) for f in self.fingers
-        ]
         self._loaded = False
         self._more_torque = np.zeros(3)  # that came of the skin's deforming in the last frame [N m]
 
@@ -124,26 +119,36 @@ class GripSolver:
             only_if_pressed: return None, and change nothing, where no finger presses the object.
         """
         rotation, middle = began = self.placed(pose)
+        laws = [f.law for f, c in zip(self.fingers, contexts, strict=True) if c is not None and f.law is not None]
+        for law in laws:
+            law.begin()
         grips = [None if c is None else self._grip(i, c, began, began) for i, c in enumerate(contexts)]
         pressing = any(g is not None and g.pressing for g in grips)
         if only_if_pressed and not pressing:
+            for law in laws:
+                law.go_back()
             return None
         before = self._displacement
-        for again in range(MAX_ROUNDS):
+        for again in range(LAW_ROUNDS if laws else MAX_ROUNDS):
             required = self._required(rotation, acceleration, angular_velocity, angular_acceleration)
             asked = required.copy()
             if not again:
                 asked[3:] -= self._more_torque
+            self._bend(grips)
             found = self._balanced(grips, asked, pressing)
             if found.holds:
                 self._displacement = self._displacement.then(found.move)
                 rotation, middle = self.placed(pose)
-            bent = self._bend(grips)
+            self._look(grips)
             torque = self._act(grips, middle)
             if not again:
                 self._more_torque = torque - asked[3:] if found.holds else np.zeros(3)
-            still = found.size <= STILL and bent <= BENT
-            if not found.holds or ((still or again > MEASURED) and np.abs(torque - required[3:]).max() <= TORQUE):
+            agreed = all(law.settled or law.lost for law in laws)
+            still = found.size <= STILL and agreed
+            if not agreed:
+                continue
+            turned = np.abs(torque - required[3:]).max() > TORQUE
+            if again + 1 >= MAX_ROUNDS or not found.holds or ((still or again > MEASURED) and not turned):
                 break
             if not still and again < MEASURED:  # at an edge the closest faces may go round in circles
                 now = rotation, middle
@@ -195,19 +200,16 @@ class GripSolver:
             offset[new] -= went - along(went, normal)[:, None] * normal
         soft = gaps.compliance(finger.areas, finger.name)[near]
         key = near.tobytes() + soft.tobytes()
-        kept, stiff, tangent, bent = self._inverses.get(index), finger.stiff, self._tangents[index], None
-        if kept is None or kept[0] != key or kept[1] is not tangent:
+        kept, bent = self._inverses.get(index), None
+        if kept is None or kept[0] != key:
             rows = (3 * near[:, None] + np.arange(3)).reshape(-1)
             matrix = finger.compliance[rows[:, None], rows] + np.diag(np.repeat(soft, 3))
-            if stiff is not None and tangent is not None:
-                few = stiff.patterns[near].reshape(rows.size, len(tangent.q)).astype(np.float64)
-                matrix -= (few @ (tangent.softening / stiff.modulus)) @ few.T
             inverse: Array = np.asarray(np.linalg.inv(matrix + self._rho * np.eye(rows.size)), dtype=np.float64)
-            kept = self._inverses[index] = (key, tangent, matrix, inverse)
-        if stiff is not None and tangent is not None:
-            bent = -(stiff.patterns[near] @ tangent.offset)
+            kept = self._inverses[index] = (key, matrix, inverse)
+        if finger.law is not None:
+            bent = -finger.law.beyond[near]
             offset = offset + bent
-        grip = Grip(gaps, near, kept[2], kept[3], offset, pose, context.history, context.own, bent)
+        grip = Grip(gaps, near, kept[1], kept[2], offset, pose, context.history, context.own, bent)
         grip.act_at(expected.places, now[1])
         return grip
 
@@ -229,24 +231,26 @@ class GripSolver:
             grip.offset += shift
         for i, (finger, force) in enumerate(zip(self.fingers, self._forces, strict=True)):
             self._deformed[i] = finger.points + (finger.compliance @ force.reshape(-1)).reshape(-1, 3)
-            tangent = self._tangents[i]
-            if finger.stiff is not None and tangent is not None:
-                self._deformed[i] -= finger.stiff.patterns @ tangent.force_at(_work(finger.stiff, force))
+            if finger.law is not None:
+                self._deformed[i] -= finger.law.beyond
         return found
 
-    def _bend(self, grips: Sequence[Grip | None]) -> float:
-        """Lay the tangents of skin that stiffens anew; return how far the old ones had the skin off [m]."""
-        off = 0.0
+    def _bend(self, grips: Sequence[Grip | None]) -> None:
+        """Let skin with a law give way as much less as that wants by now."""
         for i, grip in enumerate(grips):
-            stiff, old = self.fingers[i].stiff, self._tangents[i]
-            if grip is None or stiff is None or old is None:
+            law = self.fingers[i].law
+            if grip is not None and law is not None and grip.bent is not None:
+                change = -law.beyond[grip.near] - grip.bent
+                grip.offset += change
+                grip.bent = grip.bent + change
+
+    def _look(self, grips: Sequence[Grip | None]) -> None:
+        """Ask the laws of skin what they leave of the forces."""
+        for i, grip in enumerate(grips):
+            law = self.fingers[i].law
+            if grip is None or law is None or law.lost:
                 continue
-            z = _work(stiff, self._forces[i])
-            new = old.moved(stiff.balance.energy, z) if z.any() else StiffTangent.rest(len(z))
-            apart = stiff.patterns[grip.near] @ (new.force_at(z) - old.force_at(z))
-            off = max(off, float(np.abs(apart).max(initial=0.0)))
-            self._tangents[i] = new
-        return off
+            law.look(self._forces[i])
 
     def _act(self, grips: Sequence[Grip | None], middle: Array) -> Array:
         """Let forces act where they deform the skin to; return the torque on the object about its middle [N m]."""
@@ -273,6 +277,8 @@ class GripSolver:
             drawn: the object stays where it was, and its matter was drawn past the skin.
         """
         on_object = np.zeros(6)
+        met = [f.law for f, c in zip(self.fingers, contexts, strict=True) if c is not None and f.law is not None]
+        unsettled = [law.left for law in met if not law.settled]
         forces, statuses, gaps, slips = [], [], [], []
         rotation, middle = self.placed(pose)
         for i, (grip, context) in enumerate(zip(grips, contexts, strict=True)):
@@ -304,7 +310,7 @@ class GripSolver:
             required,
             self._displacement.vector,
             found.holds,
-            found.residual,
+            max([found.residual, *unsettled]),
             found.iterations,
             tuple(gaps),
             tuple(slips),
@@ -328,9 +334,3 @@ class GripSolver:
             remedy = "Press harder, make it lighter, or round the kinks of its motion over a longer time"
             self._notes.warn(code, what, frame, value=value, limit=f"<= {limit}", remedy=remedy)
         return beyond
-
-
-def _work(stiff: StiffSkin, force: Array) -> Array:
-    """Return the work of forces on all nodes [N], shape (m, 3), in each pattern at E = 1, shape (k,)."""
-    work: Array = np.einsum("ij,ijk->k", force, stiff.patterns) / stiff.modulus
-    return work

@@ -2,7 +2,8 @@
 
 Each frame goes: gaps, the offset b from the anchors, shifted where slip turns (`frame_friction.py`), a start
 extrapolated from the last two frames, the alternating method on the nodes that may touch, a float64 check against the
-whole compliance, and float64 with every method there is where that fails (`stiff_fallback.py` where skin stiffens).
+whole compliance, and float64 with every method there is where that fails. Where tissue follows the neo-Hookean law,
+that is done on linear skin from where the law leaves it, until both agree (`law_frame.py`).
 """
 
 from __future__ import annotations
@@ -14,9 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Array, Floats32, Indices
+from ...arrays import Array, Indices
 from ...errors import DermisError, Finding
-from ...stiffening.tangent import StiffTangent
 from .admm import State, iterate
 from .bodies import BONE, ContactBody, Expected, NodeGaps, node_gaps, same_places
 from .candidates import CandidateInverse
@@ -24,12 +24,12 @@ from .compliance import Compliance, Linear, ends, own_compliance
 from .cone import along, assess
 from .frame_friction import UNMOVED, FrameFriction
 from .history import ContactHistory
+from .law_frame import solved_by_law
+from .law_skin import LawSkin
 from .notes import Notes
 from .path_step import PathStep
 from .solve import Solution, solve, status_of
-from .solved_frame import SolvedFrame
-from .stiff_fallback import held_by_stiff
-from .stiff_skin import StiffSkin, Tangent
+from .solved_frame import Begin, SolvedFrame
 
 __all__ = ["DEPTH_LIMIT", "TOLERANCE", "Compliance", "Linear", "PathSolver", "PathStep"]
 
@@ -41,7 +41,6 @@ UNCHANGED = 1.0
 MAX_ITERATIONS = 300
 # An iteration that stands still at once, while the check fails, so many times in a frame gets no further.
 MAX_ROUNDS = 30
-SHARPER = 0.1
 # Iterations up to which a frame counts as easy: the next may need none.
 EASY = 3
 # Depth that linear skin is still trusted at [m]: against a neo-Hookean one its stress is then off by a third.
@@ -63,7 +62,7 @@ class PathSolver:
         bone: a point inside the finger [m]: open surfaces are touched on the side where it lies.
         name: for findings.
         depth_limit: depth of the undeformed skin beyond which a frame is a finding [m].
-        stiff: what the skin does beyond its compliance; None where it is linear.
+        law: what the skin gives way less than by its compliance; None where it is linear.
 
     Attributes:
         counters: how many frames were 'solved', 'unchanged', 'same', 'idle' and 'held' (see `adopt`); 'fallback',
@@ -75,8 +74,6 @@ class PathSolver:
         DermisError: shapes that do not fit, or a compliance that is not positive definite.
     """
 
-    lines = 12  # through the law of skin that stiffens, in the float64 solution of a frame
-
     def __init__(
         self,
         compliance: Array | Compliance,
@@ -87,9 +84,9 @@ class PathSolver:
         bone: Array = BONE,
         name: str = "finger",
         depth_limit: float = DEPTH_LIMIT,
-        stiff: StiffSkin | None = None,
+        law: LawSkin | None = None,
     ) -> None:
-        self._begin(tolerance, bone, name, depth_limit, stiff)
+        self._begin(tolerance, bone, name, depth_limit, law)
         self.operator: Compliance = Linear(compliance) if isinstance(compliance, np.ndarray) else compliance
         self.points = np.asarray(points, dtype=np.float64)
         self.areas = areas
@@ -115,16 +112,12 @@ class PathSolver:
         self._status = np.zeros(m, dtype=np.int8)
         self.reset()
 
-    def _begin(
-        self, tolerance: float, bone: Array, name: str, depth_limit: float, stiff: StiffSkin | None = None
-    ) -> None:
+    def _begin(self, tolerance: float, bone: Array, name: str, depth_limit: float, law: LawSkin | None = None) -> None:
         self.tolerance = tolerance
         self.bone = np.asarray(bone, dtype=np.float64)
         self.name = name
         self.depth_limit = depth_limit
-        self._stiff = stiff
-        if stiff is not None:
-            stiff.tolerance = 0.5 * CHECK * tolerance
+        self.law = law
         self.counters = dict.fromkeys(
             (
                 "solved",
@@ -157,14 +150,14 @@ class PathSolver:
         self._step: PathStep | None = None
         self._bodies: tuple[ContactBody, ...] = ()
         self._at_rest = False
-        if self._stiff is not None:
-            self._stiff.reset()
+        if self.law is not None:
+            self.law.reset()
 
     def save(self) -> dict[str, Any]:
         """Return the state between two frames, for `restore`: a step may then be tried and taken back."""
         state = {name: getattr(self, name) for name in _STATE}
         state.update(history=self.history.copy(), counters=dict(self.counters), _notes=self.notes.copy())
-        return state if self._stiff is None else {**state, "stiff": self._stiff.save()}
+        return state if self.law is None else {**state, "law": self.law.save()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go back to a saved state. The inverse of the candidates stays: it holds no history."""
@@ -173,8 +166,8 @@ class PathSolver:
         self.history = state["history"].copy()
         self.counters, self.notes = dict(state["counters"]), state["_notes"].copy()
         self._candidates.rho = self._rho[:, 0]
-        if self._stiff is not None:
-            self._stiff.restore(state["stiff"])
+        if self.law is not None:
+            self.law.restore(state["law"])
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -374,28 +367,30 @@ class PathSolver:
             solution = Solution(start, w, normal, mu, status, 0, residual, goal, method)
             return SolvedFrame(solution, w / -rho, image, "unchanged")
         self._candidates.follow(gaps.clearance, self.loaded, self._spacing, soft)
-        reference = start
         force, y = self._extrapolated(start, w)
-        stiff = None if self._stiff is None or self._stiff.still else self._stiff
-        ahead = 0.0 if stiff is None else stiff.begin()
-        iterations = rounds = 0
-        sharp, before = self.tolerance, np.inf
+        if self.law is not None:
+            return solved_by_law(self, self.law, b, gaps, soft, Begin(start, self.linear(start), force, y))
+        return self.iterated(b, gaps, soft, Begin(start, image, force, y))
+
+    def iterated(self, b: Array, gaps: NodeGaps, soft: Array, begin: Begin) -> SolvedFrame:
+        """Solve a frame on linear skin, in single precision by turns, then exactly where that fails."""
+        normal, mu, rho = gaps.normal, gaps.friction, self._rho
+        goal = CHECK * self.tolerance
+        start, image, force, y = begin
+        reference, iterations, rounds = start, 0, 0
         while True:
             members = self._candidates.members
             z = reference[members]
-            exact = (image[members] + soft[members, None] * z).reshape(-1)
-            if stiff is not None and rounds == 0:
-                exact -= np.asarray(ahead)[members].reshape(-1)
             iteration = iterate(
-                self._inverse(),
+                self._candidates.matrix,
                 np.repeat(rho[members, 0], 3),
                 b[members].reshape(-1),
                 normal[members],
                 mu[members],
                 State(force[members], y[members]),
                 State(z, z),
-                exact,
-                sharp,
+                (image[members] + soft[members, None] * z).reshape(-1),
+                self.tolerance,
                 MAX_ITERATIONS,
             )
             iterations += iteration.iterations
@@ -404,24 +399,15 @@ class PathSolver:
             force[members] = iteration.state.z
             if iteration.lost:
                 return self._fall_back(start, b, gaps, soft, iterations)
-            image = self._apply(force)
-            if stiff is not None:
-                if stiff.balance.energy.astray:
-                    return self._fall_back(start, b, gaps, soft, iterations)
-                stiff.learn()
+            image = self.linear(force)
             w = image + soft[:, None] * force + b
             y = w / -rho
             y[members] = iteration.state.y
             reference = force
             residual, status = assess(force, w, normal, mu, 1.0 / rho)
-            if residual <= goal and self._balanced(goal):
-                if stiff is not None:
-                    stiff.lost = False
+            if residual <= goal:
                 solution = Solution(force, w, normal, mu, status, iterations, residual, goal, "admm")
                 return SolvedFrame(solution, y, image, "solved")
-            if stiff is not None and residual > 0.5 * before:
-                sharp *= SHARPER  # where tissue nearly gives way, an iteration stands still long before its answer
-            before = residual
             missed = np.flatnonzero(np.logical_not(self._candidates.inside) & (along(w, normal) < 0.0))
             if missed.size:
                 self._candidates.add(missed, soft)
@@ -434,6 +420,8 @@ class PathSolver:
 
     def _allowed(self, bodies: tuple[ContactBody, ...]) -> float:
         """Return the residual up to which the last forces serve again; zero where that is not worth asking."""
+        if self.law is not None and not self.law.settled:
+            return 0.0
         # on a path that changes the answer is no
         easy = self._step is None or self._step.solution.iterations <= EASY
         return UNCHANGED * self.tolerance if easy else 0.0
@@ -442,45 +430,10 @@ class PathSolver:
         """Solve the frame in float64 with every method there is."""
         self.counters["fallback"] += 1
         near = np.flatnonzero(gaps.body >= 0)
-        stiff = None if self._stiff is None or self._stiff.still else self._stiff
-        if stiff is None:
-            return self._solved_exactly(near, force, b, gaps, soft, iterations)
-
-        def solved(line: StiffTangent, start: Array, taken: int) -> SolvedFrame:
-            return self._solved_exactly(near, start, b, gaps, soft, taken, line)
-
-        begin = np.where((gaps.body >= 0)[:, None], self._force, 0.0)
-        held = held_by_stiff(stiff, solved, begin, iterations, self.lines, CHECK * self.tolerance)
-        if held is not None:
-            return held
-        # no balance was found, or none is near: what linear skin does, which says that it did not converge
-        stiff.rest()
-        linear = self._solve(b, gaps, soft)
-        stiff.still = False
-        return linear._replace(solution=replace(linear.solution, residual=max(linear.solution.residual, 1.0)))
-
-    def _solved_exactly(
-        self,
-        near: Indices,
-        start: Array,
-        b: Array,
-        gaps: NodeGaps,
-        soft: Array,
-        iterations: int,
-        line: StiffTangent | None = None,
-    ) -> SolvedFrame:
-        """Solve a frame in float64, on skin that stiffens along a line through its law."""
-        stiff = None if line is None else self._stiff
-        if stiff is None or line is None:
-            exact, more, method = self._exactly(near, b[near], gaps, soft[near], start[near], 0.0)
-        else:
-            less, offset = stiff.matrix(line, near), b[near] - stiff.offset(line, near)
-            exact, more, method = self._exactly(near, offset, gaps, soft[near], start[near], less)
+        exact, more, method = self._exactly(near, b[near], gaps, soft[near], force[near])
         force = np.zeros_like(self._zero)
         force[near] = exact
-        image = self._linear(force)
-        if stiff is not None and line is not None:
-            image = image - stiff.along(line, force)
+        image = self.linear(force)
         w = image + soft[:, None] * force + b
         residual, status = assess(force, w, gaps.normal, gaps.friction, 1.0 / self._rho)
         found = Solution(
@@ -488,13 +441,11 @@ class PathSolver:
         )
         return SolvedFrame(found, w / -self._rho, image, "solved")
 
-    def _exactly(
-        self, near: Indices, b: Array, gaps: NodeGaps, soft: Array, start: Array, less: Array | float
-    ) -> tuple[Array, int, str]:
-        """Return forces on some nodes [N], of a compliance less a matrix, the iterations they took and the method."""
+    def _exactly(self, near: Indices, b: Array, gaps: NodeGaps, soft: Array, start: Array) -> tuple[Array, int, str]:
+        """Return forces on some nodes [N], the iterations they took and the method."""
         rows = (3 * near[:, None] + np.arange(3)).reshape(-1)
         found = solve(
-            self._c[rows[:, None], rows] - less,
+            self._c[rows[:, None], rows],
             b,
             gaps.friction[near],
             normals=gaps.normal[near],
@@ -525,31 +476,27 @@ class PathSolver:
 
     @property
     def amounts(self) -> Array | None:
-        """How much of each pattern skin that stiffens is displaced by, shape (k,); None where it is linear."""
-        return None if self._stiff is None else self._stiff.amounts
+        """By how much less than linear skin the pad nodes give way [m], shape (3 m,); None where skin is linear."""
+        return None if self.law is None else self.law.amounts
 
     def _apply(self, force: Array) -> Array:
         """Return the displacement under forces [m], shape (n, 3)."""
-        linear = self._linear(force)
-        return linear if self._stiff is None else linear - self._stiff.beyond(force)
+        linear = self.linear(force)
+        return linear if self.law is None else linear - self.beyond()
 
-    def _balanced(self, goal: float) -> bool:
-        """Return whether skin that stiffens has come to where the last forces bring it."""
-        return self._stiff is None or self._stiff.balance.left <= goal
+    def beyond(self) -> Array:
+        """Return by how much less than linear skin the points give way now [m], shape (n, 3); of skin with a law."""
+        assert self.law is not None
+        return self.law.beyond
 
-    def _linear(self, force: Array) -> Array:
+    def linear(self, force: Array) -> Array:
+        """Return the displacement of linear skin under forces [m], shapes (n, 3) to (n, 3)."""
         return (self._c @ force.reshape(-1)).reshape(-1, 3)
 
     @property
     def _matrix(self) -> NDArray[np.floating]:
         """The compliance of the points [m/N], shape (3 m, 3 m)."""
         return self._c
-
-    def _inverse(self) -> Floats32 | Tangent:
-        """Return what takes small changes of the members' displacement to those of their forces, shifted."""
-        if self._stiff is None or self._stiff.still:
-            return self._candidates.matrix
-        return self._stiff.tangent(self._candidates)
 
     def nodal(self, force: Array) -> Array:
         """Return forces on the points [N] as forces on the nodes of the skin's mesh, which here are the same."""
@@ -574,7 +521,7 @@ class PathSolver:
             self.counters["deep"] += 1
             self.notes.warn(
                 "too-deep",
-                f"the finger sinks deeper than {'linear' if self._stiff is None else 'neo-Hookean'} skin is trusted",
+                f"the finger sinks deeper than {'linear' if self.law is None else 'neo-Hookean'} skin is trusted",
                 where,
                 value=f"{1e3 * depth:.2f} mm",
                 limit=f"<= {1e3 * self.depth_limit:g} mm",

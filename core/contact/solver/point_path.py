@@ -27,6 +27,7 @@ from .cell_gaps import CellGaps
 from .compliance import Linear, own_compliance
 from .cone import project
 from .history import ContactHistory
+from .law_skin import LawSkin
 from .moved_skin import MovedSkin
 from .path import BONE, CHECK, DEPTH_LIMIT, PathSolver, PathStep
 from .point_gaps import completed, passed_on
@@ -36,7 +37,6 @@ from .point_set import PointSet
 from .point_sight import PointSight
 from .point_tree import MANY, OFTEN, PointTree
 from .rims import over_rims
-from .stiff_skin import StiffSkin
 
 TOLERANCE = 3e-4
 # Points join the iteration ahead of time below the first of these shares of their cell's side, and leave it above the
@@ -55,15 +55,13 @@ class PointSolver(PathSolver):
 
     Args:
         surface: the compliance between cells of the pad.
-        nodes: brings forces on cells to the nodes of a mesh; without it they stay on the cells.
+        nodes: brings forces on cells to the nodes of a mesh; without it they stay on the cells, and skin is linear.
 
     For the others see `PathSolver`.
 
     Attributes:
         cells: of the chart, that the frame's points are the centres of, shape (n,).
     """
-
-    lines = 5  # each takes seconds on many points
 
     def __init__(
         self,
@@ -74,8 +72,9 @@ class PointSolver(PathSolver):
         bone: Array = BONE,
         name: str = "finger",
         depth_limit: float = DEPTH_LIMIT,
+        law: LawSkin | None = None,
     ) -> None:
-        self._begin(tolerance, bone, name, depth_limit, StiffSkin.of(surface))
+        self._begin(tolerance, bone, name, depth_limit, law)
         self.surface, self.nodes = surface, nodes
         self.search_radius = REACH
         self._tree = PointTree(surface, REACH)
@@ -170,6 +169,10 @@ class PointSolver(PathSolver):
         """Return forces on the points [N] as forces on the nodes of the skin's mesh, shape (m, 3)."""
         return force if self.nodes is None else self.nodes.spread(self.cells, force)
 
+    def beyond(self) -> Array:
+        assert self.law is not None and self.nodes is not None, "the law is that of a mesh"
+        return self.nodes.gather(self.cells, self.law.beyond)
+
     def look(self, bodies: Sequence[ContactBody]) -> NodeGaps:
         """Measure the next frame's gaps, without taking it."""
         before, some = self._bodies, self._sample
@@ -259,8 +262,6 @@ class PointSolver(PathSolver):
         """Go over to other cells; return where each point that stays was."""
         count = len(self.cells)
         order = self._points.change(leaving, entering)
-        if self._stiff is not None:
-            self._stiff.change(order, entering, self.surface)
         self._soft = np.concatenate([self._soft[order], np.zeros(len(entering))])
         self._number()
         self._cell_gaps.renumber(order, count)
@@ -335,17 +336,14 @@ class PointSolver(PathSolver):
     def _matrix(self) -> NDArray[np.floating]:
         return self._points.matrix.matrix
 
-    def _linear(self, force: Array) -> Array:
+    def linear(self, force: Array) -> Array:
         return self._points.matrix.displacement(force)
 
-    def _exactly(
-        self, near: Indices, b: Array, gaps: NodeGaps, soft: Array, start: Array, less: Array | float
-    ) -> tuple[Array, int, str]:
+    def _exactly(self, near: Indices, b: Array, gaps: NodeGaps, soft: Array, start: Array) -> tuple[Array, int, str]:
         """Iterate in double precision; what else there is takes minutes on so many points."""
         cells, rho = self.cells[near], np.repeat(self._rho[near, 0], 3)
         matrix = self.surface.block(cells, cells).reshape(rho.size, -1)
         matrix[np.diag_indices(rho.size)] += np.repeat(soft, 3)
-        matrix -= less
         normal, friction = gaps.normal[near], gaps.friction[near]
         first = project(start, normal, friction)[0]
         image = matrix @ first.reshape(-1)

@@ -8,6 +8,20 @@ from ...arrays import Array
 from .solve import Solution
 
 
+class Begin(NamedTuple):
+    """What the iteration of a frame begins with.
+
+    Attributes:
+        reference: forces whose image is known, and image: their displacement on linear skin [N], [m], shapes (m, 3).
+        force, y: expected forces [N] and scaled multipliers, shapes (m, 3).
+    """
+
+    reference: Array
+    image: Array
+    force: Array
+    y: Array
+
+
 class SolvedFrame(NamedTuple):
     """A frame that was solved.
 

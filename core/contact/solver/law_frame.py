@@ -1,0 +1,85 @@
+"""One frame of skin that follows the neo-Hookean law: contact on linear skin and the law, by turns until both agree.
+
+Where they do not, as after a long drag in one frame, what presses is led there in parts of its way; where that does not
+help either, the frame keeps what left least, or what linear skin does, and says that it did not converge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...arrays import Array
+from .between import matter_moved
+from .bodies import NodeGaps, owned
+from .law_skin import LawSkin
+from .solved_frame import Begin, SolvedFrame
+
+if TYPE_CHECKING:
+    from .path import PathSolver
+
+ROUNDS = 40  # of both
+USABLE = 0.1  # of what the law leaves: what is nearer to it than that is better than linear skin
+PARTS = (1, 4, 16)  # of the way
+
+
+def solved_by_law(solver: PathSolver, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, begin: Begin) -> SolvedFrame:
+    """Solve a frame.
+
+    Args:
+        solver: of linear skin. law: of the same, at the last frame.
+        b, gaps, soft: as in `PathSolver.iterated`. begin: forces to begin with, and their displacement on linear skin.
+    """
+    before = law.save()
+    found = _agreed(solver, law, b, gaps, soft, begin, 1.0)
+    way = np.zeros_like(b) if law.settled else _moved(solver, gaps)
+    for parts in () if law.settled else PARTS:
+        law.restore(before)
+        start = begin
+        for part in range(1, parts + 1):
+            found = _agreed(solver, law, b + (1.0 - part / parts) * way, gaps, soft, start, float(part > 1))
+            start = Begin(found.solution.force, found.image + solver.beyond(), found.solution.force, found.y)
+            if not law.settled:
+                break
+        if law.settled:
+            break
+    if law.settled or law.left <= USABLE:
+        return found
+    law.reset()  # what linear skin does, which says that it did not converge
+    found = solver.iterated(b, gaps, soft, begin)
+    return found._replace(solution=replace(found.solution, residual=max(found.solution.residual, 1.0)))
+
+
+def _agreed(
+    solver: PathSolver, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, begin: Begin, ahead: float
+) -> SolvedFrame:
+    """Take turns until the law has what it wants, or no step leads nearer to it."""
+    law.begin(ahead)
+    iterations, told = 0, False
+    for _ in range(ROUNDS):
+        less = solver.beyond()
+        found = solver.iterated(b - less, gaps, soft, begin)
+        iterations += found.solution.iterations
+        if told:  # that no step leads nearer: this is where least was left
+            break
+        law.look(solver.nodal(found.solution.force))
+        if law.settled:
+            break
+        told = law.lost
+        begin = Begin(found.solution.force, found.image, found.solution.force, found.y)
+    solution = replace(found.solution, iterations=iterations)
+    if not law.settled:
+        solution = replace(solution, residual=max(solution.residual, law.left))
+    return SolvedFrame(solution, found.y, found.image - less, found.work)
+
+
+def _moved(solver: PathSolver, gaps: NodeGaps) -> Array:
+    """Return how far what presses moved at each point since the last frame [m], shape (n, 3)."""
+    out, last = np.zeros((len(gaps.body), 3)), solver.bodies
+    for body, points in owned(gaps.body):
+        if body < len(last) and not last[body].away and not gaps.bodies[body].away:
+            way = matter_moved(last[body], gaps.bodies[body], solver.points[points], gaps.triangle[points])
+            out[points] = 0.0 if way is None else way
+    return out

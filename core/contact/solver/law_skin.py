@@ -1,0 +1,120 @@
+"""LawSkin: what skin that follows the neo-Hookean law gives way less than linear skin, from frame to frame.
+
+Contact is solved on linear skin from where the law leaves it: u = C f - c. The law then says what c the displacement
+wants (`LawTables`); a frame is done when that is nearly the c that contact was solved with. The next frame expects c to
+go on changing as it did, so that on smooth ways one look is enough, at little more than the price of linear skin.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...arrays import Array, Floats32
+from ...skin.law_tables import LawTables
+from ...skin.model import SkinModel
+from ...skin.relaxation import Relaxation
+
+TOLERANCE = 0.01  # of what the law leaves, see `Miss.left`, where a frame is done
+
+
+class LawState(NamedTuple):
+    """What one frame leaves to the next.
+
+    Attributes:
+        felt: c that contact was solved with. now: what the law wants of it, and before: wanted in the frame before,
+            shapes (3 free,). left: see `LawSkin.left`.
+    """
+
+    felt: Floats32
+    now: Floats32
+    before: Floats32
+    left: float
+
+
+class LawSkin:
+    """The law on one finger's skin.
+
+    Args:
+        tables: of its mesh. modulus: E alpha [Pa].
+
+    Attributes:
+        left: what the law left of the last forces that it was asked about, over their own energy.
+    """
+
+    def __init__(self, tables: LawTables, modulus: float) -> None:
+        self.tables, self.modulus = tables, modulus
+        self._none = np.zeros(tables.size, np.float32)
+        self.reset()
+
+    @classmethod
+    def of(cls, skin: SkinModel) -> LawSkin | None:
+        """Return that of a skin; None where it is linear."""
+        return cls(skin.law, skin.material.modulus) if skin.follows_law else None
+
+    def reset(self) -> None:
+        """Go back to rest."""
+        self._state = self._start = LawState(self._none, self._none, self._none, 0.0)
+        self._c = self._none
+        self._steps = Relaxation()
+        self.left = 0.0
+
+    def save(self) -> LawState:
+        """Return the state between two frames, for `restore`."""
+        return self._state
+
+    def restore(self, state: LawState) -> None:
+        """Go back to a saved state."""
+        self._state = self._start = state
+        self._c, self.left = state.felt, state.left
+
+    @property
+    def beyond(self) -> Array:
+        """By how much less than linear skin its pad nodes give way now, c [m], shape (m, 3)."""
+        return self._c[self.tables.pad].reshape(-1, 3).astype(np.float64)
+
+    @property
+    def amounts(self) -> Floats32:
+        """The same for the forces of the last frame, as a touch keeps it, shape (3 m,)."""
+        return self._state.felt[self.tables.pad]
+
+    @property
+    def settled(self) -> bool:
+        """Whether the law has what it wants."""
+        return self.left <= TOLERANCE
+
+    @property
+    def lost(self) -> bool:
+        """Whether no step leads nearer to what it wants."""
+        return self._steps.lost
+
+    def begin(self, ahead: float = 1.0) -> None:
+        """Begin a frame: c is expected to go on as it did, by a share `ahead` of its last change."""
+        self._start = self._state
+        self._c = self._state.now + np.float32(ahead) * (self._state.now - self._state.before)
+        self._steps = Relaxation()
+
+    def go_back(self) -> None:
+        """Go back to where the frame began."""
+        self.restore(self._start)
+
+    def look(self, force: Array) -> None:
+        """Ask what the law leaves of forces on the pad nodes [N], shape (m, 3); where that is much, c is the next."""
+        tables = self.tables
+        load = (force.reshape(-1) / self.modulus).astype(np.float32)
+        if not load.any():
+            self._c, self.left = self._none, 0.0
+            self._state = LawState(self._none, self._none, self._none, 0.0)
+            return
+        pulled = tables.pulled(load)
+        miss = tables.miss(pulled - self._c, pulled, load)
+        self.left = miss.left
+        following = self._steps.next(self._c, miss.way, miss.pull, miss.left)
+        if self.lost and self._steps.best is not None:
+            following, self.left = self._steps.best
+        self._state = LawState(self._c, following, self._start.now, self.left)
+        if self.settled:
+            tables.remember(self.amounts, pulled - self._c)
+        else:
+            self._c = following

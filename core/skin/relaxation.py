@@ -1,0 +1,62 @@
+"""Relaxation: steps towards a balance with the stiffness at rest, which learn from each other what that leaves out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..arrays import Floats32
+
+# Of the way that the stiffness at rest asks for. Tissue that is pressed 2 mm is up to four times as stiff in places: half
+# of the way never leads farther off, and what is soft is then learned.
+SHARE = 0.5
+LEARNED = 5  # steps that a next one learns from
+FIRM = 1e-2  # of a step's size, below which what it taught is noise
+WORSE, LEAST = 3.0, 0.02  # what is left may grow so much before the way back, and a share so small leads nowhere
+
+
+class Relaxation:
+    """One balance, sought from some x on (Anderson 1965, least in the energy's own norm).
+
+    Attributes:
+        lost: no step leads nearer. best: the x that left least, and what it left.
+    """
+
+    def __init__(self) -> None:
+        self._share = SHARE
+        self._learned: list[tuple[Floats32, Floats32, Floats32]] = []
+        self._last: tuple[Floats32, Floats32, Floats32] | None = None
+        self._way: Floats32 | None = None  # from the best
+        self.best: tuple[Floats32, float] | None = None
+        self.lost = False
+
+    def next(self, x: Floats32, way: Floats32, pull: Floats32, left: float) -> Floats32:
+        """Return where to look next.
+
+        Args:
+            x: where it was looked now, shape (n,). way: that the stiffness at rest asks for from there, shape (n,).
+            pull: the forces of that, K way, shape (n,). left: how far from balance x is.
+        """
+        if self.best is None or left < self.best[1]:
+            self.best, self._way = (x, left), way
+        elif not left <= WORSE * self.best[1]:
+            self._share *= 0.5
+            self._learned, self._last = [], None
+            self.lost = self._share < LEAST
+            assert self._way is not None
+            return self.best[0] + np.float32(self._share) * self._way
+        if not np.isfinite(left):
+            self.lost = True
+            return x
+        if self._last is not None:
+            gone = x - self._last[0], way - self._last[1], pull - self._last[2]
+            self._learned = [*self._learned[1 - LEARNED :], gone]
+        self._last = x, way, pull
+        share = np.float32(self._share)
+        if not self._learned:
+            return x + share * way
+        gone, ways, pulls = (np.array(rows) for rows in zip(*self._learned, strict=True))
+        gram = (ways @ pulls.T).astype(np.float64)
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        firm = 0.5 * (gram + gram.T) * scale[:, None] * scale + FIRM * np.eye(len(gram))
+        mix = (scale * np.linalg.solve(firm, scale * (pulls @ way))).astype(np.float32)
+        return np.asarray(x + share * (way - mix @ ways) - mix @ gone)

@@ -1,0 +1,66 @@
+"""RestFactor: what forces on the nodes do to tissue at rest, for one vector after another, in single precision."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..arrays import Floats32, Indices
+from .condense import breadth_first_levels
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+
+class RestFactor:
+    """K^-1 as a product, K the stiffness of some nodes, three degrees each.
+
+    Nodes are sorted into breadth-first levels, in which K is block tridiagonal. What each level has after those before
+    it are eliminated is inverted once and read twice a product, in the order in which it lies in memory: that is five
+    to ten times as quick as solving with sparse triangles.
+
+    Args:
+        matrix: symmetric positive definite, shape (3 n, 3 n). pad: nodes that the levels begin or end at, shape (m,).
+    """
+
+    def __init__(self, matrix: csr_array, pad: Indices) -> None:
+        from scipy.sparse import csr_array as csr
+
+        levels = breadth_first_levels(matrix, pad)
+        order = np.concatenate(levels)
+        self._order = (3 * order[:, None] + np.arange(3)).ravel()
+        self._back = np.argsort(self._order)
+        permuted = matrix[self._order][:, self._order].tocsr()
+        self._ends = 3 * np.cumsum([0] + [len(level) for level in levels])
+        self._inverses: list[Floats32] = []
+        self._down: list[csr_array] = []
+        self._up: list[csr_array] = []
+        inverse = coupling = None
+        for i in range(len(levels)):
+            low, high = self._ends[i], self._ends[i + 1]
+            block = permuted[low:high, low:high].toarray()
+            if coupling is not None:
+                block -= coupling.T @ (inverse @ coupling)
+            inverse = np.linalg.inv(block)
+            inverse = 0.5 * (inverse + inverse.T)
+            self._inverses.append(np.ascontiguousarray(inverse, np.float32))
+            if i + 1 < len(levels):
+                part = permuted[low:high, high : self._ends[i + 2]]
+                coupling = part.toarray()
+                self._up.append(csr(part.astype(np.float32)))
+                self._down.append(csr(part.T.astype(np.float32)))
+
+    def solve(self, force: Floats32) -> Floats32:
+        """Return K^-1 force, shapes (3 n,)."""
+        right, ends, last = force[self._order], self._ends, len(self._inverses) - 1
+        out = np.empty_like(right)
+        parts = [self._inverses[0] @ right[: ends[1]]]
+        for i in range(1, last + 1):
+            parts.append(self._inverses[i] @ (right[ends[i] : ends[i + 1]] - self._down[i - 1] @ parts[-1]))
+        moved = parts[-1]
+        out[ends[last] :] = moved
+        for i in reversed(range(last)):
+            moved = parts[i] - self._inverses[i] @ (self._up[i] @ moved)
+            out[ends[i] : ends[i + 1]] = moved
+        return np.asarray(out[self._back])

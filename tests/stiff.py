@@ -31,9 +31,9 @@ MIRROR = np.array([-1.0, 1.0, 1.0])
 
 @functools.cache
 def stiff_skin(level: str = "draft") -> SkinModel:
-    """Return a standard fingertip whose tissue stiffens, in the patterns of a few presses and drags."""
+    """Return a standard fingertip whose tissue follows the law, with a series in a few patterns for devices."""
     skin = fingertip_skin(level=level)
-    return skin.with_stiffening(small_stiffening(skin))
+    return skin.with_law(small_stiffening(skin))
 
 
 def small_stiffening(skin: SkinModel) -> Stiffening:
@@ -73,15 +73,13 @@ def drained(run: Generator[Any, None, T]) -> T:
 
 
 def on_nodes(skin: SkinModel, tolerance: float = 1e-6, name: str = "finger") -> PathSolver:
-    """Return what follows a touch at the nodes of a skin, stiff or not, however deep."""
+    """Return what follows a touch at the nodes of a skin, stiff or not, however deep.
+
+    The law is followed as closely as contact is solved, or as single precision lets it be.
+    """
+    law = LawSkin.of(skin, None if tolerance >= 3e-5 else max(10.0 * tolerance, 2e-5))
     return PathSolver(
-        skin.compliance,
-        skin.positions,
-        areas=skin.areas,
-        tolerance=tolerance,
-        name=name,
-        depth_limit=np.inf,
-        law=LawSkin.of(skin),
+        skin.compliance, skin.positions, areas=skin.areas, tolerance=tolerance, name=name, depth_limit=np.inf, law=law
     )
 
 

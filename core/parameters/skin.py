@@ -154,9 +154,9 @@ SKIN_CONTACT = table(
             ),
         ),
         besides=("neo_hookean_exact",),
-        note="'neo_hookean_exact' is what files of older versions call it. Devices that press on the skin are matched"
-        " by a series of the same law, which needs a table of the fingertip's shape, made once in about two "
-        "minutes where it does not ship; until then, and on a mesh of one's own, they are matched on linear skin, and a "
+        note="'neo_hookean_exact' is what files of older versions call it. Devices that press on the skin are matched "
+        "by a series of the same law, which needs a table of the fingertip's shape, made once in about two minutes "
+        "where it does not ship; until then, and on a mesh of one's own, they are matched on linear skin, and a "
         "finding says so. Poisson's ratio and E mean what they mean in linear tissue, which is the law's limit under "
         "small loads",
     ),

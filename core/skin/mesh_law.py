@@ -1,8 +1,9 @@
 """MeshLaw: the forces of neo-Hookean tissue at E = 1, node by node, in a fraction of a millisecond.
 
 W = sum_e V_e mu/2 (I1 - 3 - 2 ln J_e) + sum_a V_a lambda/2 (ln J_a)^2, J_a the volume average of J around node a, in
-single precision. It is told in the gradient H of displacement, F = 1 + H: of J - 1 = tr H + ... no large numbers cancel,
-so that a light touch is as right as a deep one. `core/tissue/neo_hookean.py` has the same law in double precision, with its tangent.
+single precision. It is told in the gradient H of displacement, F = 1 + H: of J - 1 = tr H + ... no large numbers
+cancel, so that a light touch is as right as a deep one. `core/tissue/neo_hookean.py` has the same law in double
+precision, with its tangent.
 """
 
 from __future__ import annotations

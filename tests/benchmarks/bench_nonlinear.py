@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from core.parameters.error_bands import LINEAR, NEO_HOOKEAN, NEO_HOOKEAN_EXACT
+from core.parameters.error_bands import LINEAR, NEO_HOOKEAN
 
 from . import Result, benchmark, one_blas_thread, timing
 
@@ -25,7 +25,6 @@ EDGES = ("edge", "rib")
 # of the names of rows: what they measure, and what stands beside it
 PEERS = {
     "nl": {"": NEO_HOOKEAN, "linear": LINEAR},
-    "nl_exact": {"": NEO_HOOKEAN_EXACT, "series": NEO_HOOKEAN, "linear": LINEAR},
 }
 
 
@@ -136,14 +135,13 @@ def _shown(skin: object, taken: object) -> None:
 
 def table(name: str, tissue: str) -> Result:
     """Return the size of the table of a finger, as a file."""
-    from core.tissue.sampled_store import find_table
     from core.tissue.stiffening_store import SHIPPED, find_stiffening
 
     from .nonlinear_errors import reference
 
     skin = reference().skin
     assert skin.shape is not None
-    find = find_table if tissue == NEO_HOOKEAN_EXACT else find_stiffening
+    find = find_stiffening
     found = find(skin.shape, skin.material.poisson, shipped=SHIPPED)
     assert found is not None, f"no table of the standard finger's {tissue} tissue ships"
     with tempfile.TemporaryDirectory() as folder:
@@ -175,5 +173,5 @@ for _prefix, _tissues in PEERS.items():
         _name = f"{_prefix}_{_name}"
         benchmark(_name, _limit)(functools.partial(_measure, _name, _tissues[""]))
     benchmark(f"{_prefix}_stress_p90_2mm", 0.13)(functools.partial(late, f"{_prefix}_stress_p90_2mm", _tissues))
-for _name, _limit, _tissue in (("nl_frame_ratio", 2.0, NEO_HOOKEAN), ("nl_exact_frame_ratio", 10.0, NEO_HOOKEAN_EXACT)):
+for _name, _limit, _tissue in (("nl_frame_ratio", 2.0, NEO_HOOKEAN),):
     benchmark(_name, _limit)(functools.partial(frame_ratio, _name, _tissue))

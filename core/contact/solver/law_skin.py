@@ -16,7 +16,8 @@ from ...skin.law_tables import LawTables
 from ...skin.model import SkinModel
 from ...skin.relaxation import Relaxation
 
-TOLERANCE = 0.01  # of what the law leaves, see `Miss.left`, where a frame is done
+# Of what the law leaves, see `Miss.left`, where a frame is done: stress is then a hundredth off, force a third of that.
+TOLERANCE = 5e-3
 
 
 class LawState(NamedTuple):
@@ -37,21 +38,22 @@ class LawSkin:
     """The law on one finger's skin.
 
     Args:
-        tables: of its mesh. modulus: E alpha [Pa].
+        tables: of its mesh. modulus: E alpha [Pa]. tolerance: of what the law leaves.
 
     Attributes:
         left: what the law left of the last forces that it was asked about, over their own energy.
     """
 
-    def __init__(self, tables: LawTables, modulus: float) -> None:
+    def __init__(self, tables: LawTables, modulus: float, tolerance: float | None = None) -> None:
         self.tables, self.modulus = tables, modulus
+        self.tolerance = TOLERANCE if tolerance is None else tolerance
         self._none = np.zeros(tables.size, np.float32)
         self.reset()
 
     @classmethod
-    def of(cls, skin: SkinModel) -> LawSkin | None:
+    def of(cls, skin: SkinModel, tolerance: float | None = None) -> LawSkin | None:
         """Return that of a skin; None where it is linear."""
-        return cls(skin.law, skin.material.modulus) if skin.follows_law else None
+        return cls(skin.law, skin.material.modulus, tolerance) if skin.follows_law else None
 
     def reset(self) -> None:
         """Go back to rest."""
@@ -82,7 +84,7 @@ class LawSkin:
     @property
     def settled(self) -> bool:
         """Whether the law has what it wants."""
-        return self.left <= TOLERANCE
+        return self.left <= self.tolerance
 
     @property
     def lost(self) -> bool:

@@ -9,8 +9,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from core.contact.solver.path import PathSolver
 from core.contact.solver.law_skin import LawSkin
+from core.contact.solver.path import PathSolver
 from core.skin.assembly import degrees
 from core.skin.model import SkinModel, fingertip_skin
 from core.stiffening.patterns import Patterns

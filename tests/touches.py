@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.contact.solver.bodies import ContactBody
+from core.contact.solver.law_skin import LawSkin
 from core.contact.solver.path import PathSolver
 from core.contact.solver.point_path import PointSolver
 from core.skin.model import SkinModel
@@ -142,10 +143,10 @@ class Touch:
 
 def solver_on(skin: SkinModel, tolerance: float = 1e-6, name: str = "finger") -> PathSolver | PointSolver:
     """Return what follows a touch on points of a smooth skin, or at the nodes of a mesh that has none."""
-    pad = smooth_pad(skin)
+    pad, law = smooth_pad(skin), LawSkin.of(skin)
     if pad is None:
-        return PathSolver(skin.compliance, skin.positions, areas=skin.areas, tolerance=tolerance, name=name)
-    return PointSolver(pad, NodalForces(skin.mesh, pad.chart), name=name)
+        return PathSolver(skin.compliance, skin.positions, areas=skin.areas, tolerance=tolerance, name=name, law=law)
+    return PointSolver(pad, NodalForces(skin.mesh, pad.chart), name=name, law=law)
 
 
 def along(count: int, **keys: list[tuple[float, float]]) -> dict[str, Array]:

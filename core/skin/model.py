@@ -16,6 +16,7 @@ from ..cache import Cache, cache_key
 from ..errors import DermisError
 from ..parameters.error_bands import LINEAR, NEO_HOOKEAN
 from ..parameters.skin import LENGTHS, OWN_MESH, TISSUE
+from ..recent import Recent
 from .assembly import Element, degrees, stiffness
 from .condense import Condensed, condense
 from .fingertip import LEVELS, fingertip_mesh
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
     from ..stiffening.stiffening import Stiffening
 
 Floats = NDArray[np.floating[Any]]
+
+_laws: Recent[str, LawTables] = Recent(8)
 
 MODEL_VERSION = 1  # part of every key: raise it whenever mesh, assembly or condensation changes
 
@@ -224,8 +227,8 @@ class SkinModel:
 
     @cached_property
     def law(self) -> LawTables:
-        """The neo-Hookean law on this mesh."""
-        return LawTables(self.mesh, self.material.poisson, lambda: self.unit_response)
+        """The neo-Hookean law on this mesh, which fingers that are alike share."""
+        return _laws.make(self.key, lambda: LawTables(self.mesh, self.material.poisson, lambda: self.unit_response))
 
     @cached_property
     def stiff(self) -> StiffTables:

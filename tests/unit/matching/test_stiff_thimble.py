@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from core.contact.solver.stiff_skin import StiffSkin
 
 import core
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.path import PathSolver
-from core.contact.solver.stiff_skin import StiffSkin
 from core.devices.disc_pose import DiscSolution, FrictionState, placed
 from core.devices.first_contact import first_contact
 from core.devices.thimble import Thimble, mechanism

@@ -19,7 +19,7 @@ from core.skin.shape import FingertipShape
 from core.steps import drain
 from core.stiffening.stiffening import Stiffening
 from core.tissue import job, stiffening_fit, stiffening_store
-from core.tissue.stiffening_store import find_stiffening, make_stiffening, shipped_name, stiffened, stiffening_key
+from core.tissue.stiffening_store import find_series, find_stiffening, make_stiffening, shipped_name, stiffening_key
 from tests.problems import cube_mesh
 
 SMALL = stiffening_fit.Size("draft", 4, 6, 5, 4, 5, 5, 3)
@@ -52,8 +52,8 @@ def test_what_was_made_is_found(tmp_path: Path) -> None:
     q = np.full(made.count, 1e-5)
     force = made.energy.force(q)
     assert np.abs(found.energy.force(q) - force).max() <= 2e-3 * np.abs(force).max()
-    skin = stiffened(draft(cache))
-    assert skin is not None and skin.stiffening is not None and skin.stiffening.key == made.key
+    series = find_series(draft(cache))
+    assert series is not None and series.key == made.key
 
 
 def test_it_ships_as_a_file_beside_the_presets(tmp_path: Path) -> None:
@@ -111,9 +111,8 @@ def test_ratios_beyond_what_was_measured_and_own_meshes_are_refused(tmp_path: Pa
         with pytest.raises(DermisError, match=f"{low} to {high}") as refused:
             drain(make_stiffening(SHAPE, ratio, cache=cache_in(tmp_path)))
         assert refused.value.code == "stiffening-poisson"
-    with pytest.raises(DermisError) as refused:
-        stiffened(mesh_skin(cube_mesh(3)))
-    assert refused.value.code == "no-stiffening"
+        assert find_series(draft(None, ratio)) is None
+    assert find_series(mesh_skin(cube_mesh(3))) is None
 
 
 def test_a_child_process_leaves_the_file_in_the_cache(tmp_path: Path) -> None:

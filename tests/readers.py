@@ -39,7 +39,6 @@ from core.sweep import readings as sweep_readings
 from core.sweep import row as sweep_row
 from core.sweep import spec as sweep_spec
 from core.sweep import table as sweep_table
-from core.tissue.sampled_table import SampledTable
 from core.track import binary, c_header, check, csv, export, json_track
 from core.track.command_track import CommandTrack
 from core.work import parcel
@@ -247,10 +246,6 @@ _BLOCKS = [f"{name}_{block}" for name in ("energy", "series") for block in ("fir
 STIFFENING |= {name: np.ones((1, 1), "<f2") for name in _BLOCKS}
 STIFFENING |= {f"{name}_scale": np.ones(1, "<f4") for name in _BLOCKS}
 STIFFENING |= {f"{name}_scale": np.ones(2, "<f4") for name in ("fields", "squares", "cubes")}
-EXACT = {"version": np.array(1), "key": np.array("ab"), "pad": np.ones((2, 6), "<f4"), "reach": np.ones(2, "<f4")}
-EXACT |= {"elements": np.arange(3, dtype="<i4"), "weights": np.ones(3, "<f4")}
-EXACT |= {"beneath": np.ones((2, 12), "<f2"), "pressure": np.ones((2, 4), "<f2")}
-EXACT |= {f"{name}_scale": np.ones(2, "<f4") for name in ("beneath", "pressure")}
 SAMPLES = {"x": np.ones((4, 3)), "channels": np.ones((4, 2)), "memory": np.ones((4, 1)), "trajectory": np.arange(4)}
 STIMULI = {"times": np.arange(4.0), "stimuli": np.ones((4, 2))}
 ENDS = np.array([[0.0] * 3, [1.0] * 3])
@@ -354,13 +349,6 @@ READERS = (
         ".npz",
         lambda: [ex.npz(**STIFFENING)],
         lambda path: Stiffening.read(path).patterns.at(np.zeros((1, 3))),
-    ),
-    _reader(
-        "exact tissue of a skin",
-        "core.tissue.sampled_table:SampledTable.read",
-        ".npz",
-        lambda: [ex.npz(**EXACT)],
-        lambda path: SampledTable.read(path).beneath.sum(),
     ),
     _reader(
         "readings of a sweep",

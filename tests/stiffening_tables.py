@@ -1,7 +1,6 @@
 """The stiffening of the standard skins: `python -m tests.stiffening_tables [preset ...]` makes the files that ship.
 
-Of 10 MB each, one ships: the default preset's. Others are made where they are first wanted. With `--exact` first it
-makes those of the exact law instead, of 3 MB, from touches whose seed is in `core/tissue/sampled_table_fit.py`.
+Of 10 MB each, one ships: the default preset's. Others are made where a device first wants them.
 """
 
 from __future__ import annotations
@@ -15,21 +14,17 @@ from core.presets import Library
 from core.shipped import BUILT_IN
 from core.skin.model import shape_and_material
 from core.steps import drain
-from core.tissue.sampled_store import make_table
-from core.tissue.sampled_store import shipped_name as exact_name
 from core.tissue.stiffening_store import make_stiffening, shipped_name
 
 
 def main(presets: list[str]) -> None:
     """Write the stiffening of each skin preset beside it."""
-    exact = presets[:1] == ["--exact"]
-    make, name = (make_table, exact_name) if exact else (make_stiffening, shipped_name)
-    for key in presets[exact:] or [DEFAULT_SKIN]:
+    for key in presets or [DEFAULT_SKIN]:
         shape, material = shape_and_material(Library().skin(key))
         assert shape is not None
         start = time.perf_counter()
-        made = drain(make(shape, material.poisson))
-        path = Path(BUILT_IN) / "skins" / name(shape, material.poisson)
+        made = drain(make_stiffening(shape, material.poisson))
+        path = Path(BUILT_IN) / "skins" / shipped_name(shape, material.poisson)
         made.write(path)
         seconds = time.perf_counter() - start
         print(f"{key}: {path.name}, {path.stat().st_size / 1e6:.1f} MB, {seconds:.0f} s", flush=True)

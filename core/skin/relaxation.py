@@ -48,8 +48,8 @@ class Relaxation:
             self.lost = True
             return x
         if self._last is not None:
-            gone = x - self._last[0], way - self._last[1], pull - self._last[2]
-            self._learned = [*self._learned[1 - LEARNED :], gone]
+            change = x - self._last[0], way - self._last[1], pull - self._last[2]
+            self._learned = [*self._learned[1 - LEARNED :], change]
         self._last = x, way, pull
         share = np.float32(self._share)
         if not self._learned:

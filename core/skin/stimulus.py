@@ -56,7 +56,7 @@ class Stimulus:
         if self.given is not None or skin.tissue == LINEAR:
             return self.given
         if skin.follows_law:
-            return skin.law.loaded(self._load)
+            return skin.law.loaded(self._load).astype(np.float64)
         return skin.stiff.balanced(skin.stiff.pad.T @ np.asarray(self.force, float).ravel() / skin.material.modulus)
 
     @cached_property

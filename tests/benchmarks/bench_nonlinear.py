@@ -23,9 +23,7 @@ from . import Result, benchmark, one_blas_thread, timing
 FRAMES, RATE, SPEED, DEPTH, STROKE = 3, 240.0, 20e-3, 1e-3, 1.5e-3
 EDGES = ("edge", "rib")
 # of the names of rows: what they measure, and what stands beside it
-PEERS = {
-    "nl": {"": NEO_HOOKEAN, "linear": LINEAR},
-}
+PEERS = {"nl": {"": NEO_HOOKEAN, "linear": LINEAR}}
 
 
 class Row(NamedTuple):

@@ -22,8 +22,13 @@ FRICTION = 0.6
 
 
 @pytest.fixture(scope="module")
-def pad():
-    return smooth_pad(fingertip_skin(level="draft"))
+def skin():
+    return fingertip_skin(level="draft")
+
+
+@pytest.fixture(scope="module")
+def pad(skin):
+    return smooth_pad(skin)
 
 
 def disc(step):
@@ -89,8 +94,8 @@ def test_width_at_half_height():
     assert width(x, np.maximum(1.0 - np.abs(x) / 2.0, 0.0)) == pytest.approx(2.0)
 
 
-def test_a_plate_obeys_friction_and_holds_its_force(pad):
-    plate = Plate(pad, 0, FRICTION, np.radians(20.0))
+def test_a_plate_obeys_friction_and_holds_its_force(skin, pad):
+    plate = Plate(skin, pad, 0, FRICTION, np.radians(20.0))
     first, *more = plate.drag(1.0, (0.0, 1.0), 5.0 * MM, 0.2 * MM)
     assert abs(first.force[2] - 1.0) < 5e-3 and first.stuck > 0.9
     last = more[-1]
@@ -104,17 +109,17 @@ def test_a_plate_obeys_friction_and_holds_its_force(pad):
     np.testing.assert_allclose(forces[1], forces[0], atol=10.0 * TOLERANCE)  # from the press that was kept
 
 
-def test_a_plate_without_friction_pushes_along_its_normal(pad):
-    moments = Plate(pad, 0, 0.0, np.radians(20.0)).press([0.5 * MM, 1.0 * MM])
+def test_a_plate_without_friction_pushes_along_its_normal(skin, pad):
+    moments = Plate(skin, pad, 0, 0.0, np.radians(20.0)).press([0.5 * MM, 1.0 * MM])
     for moment in moments:
         np.testing.assert_allclose(moment.force[:2], 0.0, atol=1e-6 * moment.force[2])
     assert moments[1].skin > moments[0].skin and moments[1].force[2] > moments[0].force[2]
 
 
-def test_a_stiffer_skin_under_more_force_moves_alike(pad):
+def test_a_stiffer_skin_under_more_force_moves_alike(skin, pad):
     # u depends on f / E alone, so does what touches
-    soft = Plate(pad, 0, FRICTION).press([1.0 * MM])[0]
-    stiff = Plate(pad.with_material(young=2.0 * pad.material.modulus), 0, FRICTION).press([1.0 * MM])[0]
+    soft = Plate(skin, pad, 0, FRICTION).press([1.0 * MM])[0]
+    stiff = Plate(skin, pad.with_material(young=2.0 * pad.material.modulus), 0, FRICTION).press([1.0 * MM])[0]
     np.testing.assert_allclose(stiff.force[2], 2.0 * soft.force[2], rtol=1e-3)
     assert stiff.skin == pytest.approx(soft.skin, rel=1e-3)
 

@@ -77,9 +77,9 @@ class LawSkin:
         return self._c[self.tables.pad].reshape(-1, 3).astype(np.float64)
 
     @property
-    def amounts(self) -> Floats32:
+    def amounts(self) -> Array:
         """The same for the forces of the last frame, as a touch keeps it, shape (3 m,)."""
-        return self._state.felt[self.tables.pad]
+        return self._state.felt[self.tables.pad].astype(np.float64)
 
     @property
     def settled(self) -> bool:
@@ -117,6 +117,6 @@ class LawSkin:
             following, self.left = self._steps.best
         self._state = LawState(self._c, following, self._start.now, self.left)
         if self.settled:
-            tables.remember(load, self.amounts, pulled - self._c)
+            tables.remember(load, self._c[tables.pad], pulled - self._c)
         else:
             self._c = following

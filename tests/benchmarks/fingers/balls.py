@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from core.contact.solver.bodies import ContactBody
+from core.contact.solver.law_skin import LawSkin
 from core.contact.solver.point_path import PointSolver
 from core.skin.model import SkinModel
 from core.skin.nodal_forces import NodalForces
@@ -44,7 +45,8 @@ def ball_profiles(skin: SkinModel, radius: float, forces: Sequence[float], below
     """
     pad = smooth_pad(skin)
     assert pad is not None
-    solver = PointSolver(pad, NodalForces(skin.mesh, pad.chart), name="ball", depth_limit=np.inf)
+    law = LawSkin.of(skin)
+    solver = PointSolver(pad, NodalForces(skin.mesh, pad.chart), name="ball", depth_limit=np.inf, law=law)
     surface: Solid = ball(radius) if np.isfinite(radius) else flat()
     row = np.arange(pad.chart.starts[2], pad.chart.starts[3])
     where = pad.cells.positions[row]

@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.cone import OPEN, STICK
+from core.contact.solver.law_skin import LawSkin
 from core.contact.solver.path import PathSolver
-from core.contact.solver.stiff_skin import StiffSkin
+from core.skin.model import SkinModel
+from core.skin.nodal_forces import NodalForces
 from core.skin.surface_compliance import SurfaceCompliance
 from tests.touches import flat
 
@@ -57,15 +59,33 @@ class Moment:
     settled: bool
 
 
+class _Cells(PathSolver):
+    """Contact on some cells of a smooth pad, whose tissue's law is that of a mesh."""
+
+    def at(self, cells: NDArray[np.int64], nodes: NodalForces) -> _Cells:
+        """Tell which cells the points are, and what takes their forces to the nodes."""
+        self._cells, self._nodes = cells, nodes
+        return self
+
+    def beyond(self) -> Array:
+        assert self.law is not None
+        return self._nodes.gather(self._cells, self.law.beyond)
+
+    def nodal(self, force: Array) -> Array:
+        return self._nodes.spread(self._cells, force)
+
+
 class Plate:
     """A flat plate that presses along its normal and drags a fingertip.
 
     Args:
-        pad: the smooth skin. level: of its tree of cells, whose squares are the points of contact.
+        skin: of the fingertip. pad: it, smooth. level: of its tree of cells, whose squares are the points of contact.
         friction: Coulomb's coefficient. tilt: between plate and nail, the tip being nearer to it [rad].
     """
 
-    def __init__(self, pad: SurfaceCompliance, level: int = 1, friction: float = 0.6, tilt: float = 0.0) -> None:
+    def __init__(
+        self, skin: SkinModel, pad: SurfaceCompliance, level: int = 1, friction: float = 0.6, tilt: float = 0.0
+    ) -> None:
         c, s = np.cos(tilt), np.sin(tilt)
         self._turn = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
         starts = pad.chart.starts
@@ -75,18 +95,16 @@ class Plate:
         self.cells = every[above < above.min() + HIGH]
         self.patches, self.places, self.friction = pad.cells.take(self.cells), pad.chart.places[self.cells], friction
         compliance = pad.rows(self.cells, self.cells).astype(np.float64)
-        stiff = StiffSkin.of(pad)
-        if stiff is not None:
-            stiff.patterns = pad.patterns(self.cells)
-        self._solver = PathSolver(
+        solver = _Cells(
             0.5 * (compliance + compliance.T),
             self.patches.positions,
             areas=self.patches.areas,
             tolerance=TOLERANCE,
             name="plate",
             depth_limit=np.inf,
-            stiff=stiff,
+            law=LawSkin.of(skin),
         )
+        self._solver = solver.at(self.cells, NodalForces.of(skin.mesh, pad.chart))
         self._flat = flat()
         self._kept: dict[float, tuple[list[Moment], Any]] = {}  # of forces that were pressed to
 

@@ -50,7 +50,7 @@ def trials(skin: SkinModel, level: int = 1) -> Trials:
     pressed: list[Moment] = []
     dragged, gave_way = {}, set()
     for friction in FRICTIONS:
-        plate = Plate(pad, level, friction, TILT)
+        plate = Plate(skin, pad, level, friction, TILT)
         pressed = pressed or plate.press(DEPTHS.tolist())
         for name, direction in DIRECTIONS.items():
             moments = plate.drag(PULLED, direction, WAY, STEP)

@@ -4,10 +4,8 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from core.contact.solver.stiff_skin import StiffSkin
 
 from core.contact.solver.cone import natural_residual
-from core.contact.solver.path import PathSolver
 from core.devices.disc import DiscContact
 from core.devices.disc_pose import DiscSolution, FrictionState, placed
 from core.devices.first_contact import first_contact
@@ -20,7 +18,6 @@ from core.surrogate.dataset import felt_by
 from core.surrogate.forward import DirectModel
 from core.surrogate.press_points import press_points
 from core.surrogate.store import contact_of
-from tests import contact_laws
 from tests.stiff_skins import stiff_skin
 
 FRICTION = 0.6
@@ -80,22 +77,6 @@ def test_what_is_found_obeys_both_laws(on: str) -> None:
         flat = np.hypot(across[:, 0], across[:, 1]) < contact.disc.radius
         assert flat.any()
         np.testing.assert_allclose(across[flat, 2], 0.0, atol=1e-8)  # loaded skin lies on the disc [m]
-
-
-def test_path_solver_finds_the_same_contact(monkeypatch: pytest.MonkeyPatch) -> None:
-    contact_laws.at_frame_ends_alone(monkeypatch)
-    model = skin().on_nodes
-    contact = contact_of(device(), model, 0.3)
-    stiff = StiffSkin.of(model)
-    solver = PathSolver(model.compliance, model.positions, areas=model.areas, tolerance=1e-6, stiff=stiff)
-    for (_, found), x in zip(pressed(contact), way(contact), strict=True):
-        pose = placed(device(), device().pose(x))
-        other = solver.step([contact.disc.body(pose, 0.3)])
-        force = found.spread(contact.count)
-        off = np.linalg.norm(other.solution.force - force) / np.linalg.norm(force)
-        assert off < 5e-3  # the two look at the rim at different moments of a step
-        assert other.amounts is not None and found.amounts is not None
-        assert np.linalg.norm(other.amounts - found.amounts) < 5e-3 * np.linalg.norm(found.amounts)
 
 
 def test_stiffening_is_no_small_thing_here() -> None:

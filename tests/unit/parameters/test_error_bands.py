@@ -6,18 +6,9 @@ import pytest
 
 from core.errors import DermisError
 from core.parameters import error_bands
-from core.parameters.error_bands import (
-    DEPTHS,
-    LINEAR,
-    NEO_HOOKEAN,
-    NEO_HOOKEAN_EXACT,
-    SLID_AT,
-    SLIDES,
-    error_band,
-    validated,
-)
+from core.parameters.error_bands import DEPTHS, LINEAR, NEO_HOOKEAN, SLID_AT, SLIDES, error_band, validated
 
-TISSUES = (LINEAR, NEO_HOOKEAN, NEO_HOOKEAN_EXACT)
+TISSUES = (LINEAR, NEO_HOOKEAN)
 
 
 @pytest.mark.parametrize("tissue", TISSUES)

@@ -169,7 +169,8 @@ def _relaxed(x: Floats32, miss: Callable[[Floats32], tuple[Floats32, Floats32, f
     """Return where little is left, or the least that was found."""
     steps = Relaxation()
     for _ in range(STEPS):
-        way, pull, left = miss(x)
+        with np.errstate(all="ignore"):  # a step that goes astray is not taken
+            way, pull, left = miss(x)
         following = steps.next(x, way, pull, left)
         if left <= TOLERANCE or steps.lost:
             break

@@ -9,8 +9,8 @@ from ..arrays import Floats32
 # Of the way that the stiffness at rest asks for. Tissue that is pressed 2 mm is up to four times as stiff in places:
 # half of the way never leads farther off, and what is soft is then learned.
 SHARE = 0.5
-LEARNED = 5  # steps that a next one learns from
-FIRM = 1e-2  # of a step's size, below which what it taught is noise
+LEARNED = 8  # steps that a next one learns from
+FIRM = 3e-2  # of a step's size, below which what it taught is noise
 WORSE, LEAST = 3.0, 0.02  # what is left may grow so much before the way back, and a share so small leads nowhere
 
 

@@ -53,22 +53,24 @@ def observation_matrix(level: str) -> Any:
     from core.surrogate.learned import descriptors
     from core.surrogate.store import contact_of
 
-    data = drain(record(device(), contact_of(device(), skin(level), 0.6), DESCRIPTOR_MOVEMENTS))
-    return descriptors(data, stress_components(skin(level)), size=COMPONENTS).observation_matrix
+    own = skin(level).matched
+    data = drain(record(device(), contact_of(device(), own, 0.6), DESCRIPTOR_MOVEMENTS))
+    return descriptors(data, stress_components(own), size=COMPONENTS).observation_matrix
 
 
 @functools.cache
 def frames(level: str) -> dict[str, Any]:
     """Run the three touches once; times in ms of target and of search with friction update, and what was found."""
     from core.matching.stress import StressMatcher
-    from core.skin.felt_state import observed
+    from core.skin.felt_state import matched_amounts, observed
+    from core.skin.stimulus import Stimulus
     from core.surrogate.store import contact_of
     from tests import touches
 
-    model = skin(level)
+    model, own = skin(level), skin(level).matched
     out: dict[str, Any] = {"target": [], "thimble": [], "evaluations": [], "left": [], "size": []}
     with one_blas_thread():
-        follower = StressMatcher(device(), contact_of(device(), model, 0.6), observation_matrix(level))
+        follower = StressMatcher(device(), contact_of(device(), own, 0.6), observation_matrix(level))
         for touch in (touches.ball_roll(FRAMES), touches.edge_press(FRAMES), touches.slide(FRAMES)):
             path = touches.solver_on(model)
             follower.reset()
@@ -77,7 +79,8 @@ def frames(level: str) -> dict[str, Any]:
                 start = time.perf_counter()
                 step = path.step(bodies)
                 between = time.perf_counter()
-                frame = follower.step(observed(model, observation_matrix(level), step.nodal, step.amounts))
+                amounts = matched_amounts(Stimulus(model, step.nodal, given=step.amounts))
+                frame = follower.step(observed(own, observation_matrix(level), step.nodal, amounts))
                 end = time.perf_counter()
                 if frame.minimum is not None:
                     out["target"].append(1e3 * (between - start))

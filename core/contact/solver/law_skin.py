@@ -110,7 +110,8 @@ class LawSkin:
             self._state = LawState(self._none, self._none, self._none, 0.0)
             return
         pulled = tables.pulled(load)
-        miss = tables.miss(pulled - self._c, pulled, load)
+        with np.errstate(all="ignore"):  # a step that goes astray is not taken
+            miss = tables.miss(pulled - self._c, pulled, load)
         self.left = miss.left
         following = self._steps.next(self._c, miss.way, miss.pull, miss.left)
         if self.lost and self._steps.best is not None:

@@ -91,15 +91,15 @@ class LawTables:
         out[self._free] = moved
         return out.reshape(-1, 3)
 
-    def remember(self, beyond: Floats32, moved: Floats32) -> None:
-        """Keep the displacement of a state, by what its pad gives way less, shapes (3 m,) and (3 free,)."""
-        key = beyond.tobytes()
+    def remember(self, force: Floats32, beyond: Floats32, moved: Floats32) -> None:
+        """Keep the displacement of a state, see `state`; light forces of all kinds share the c that is none at all."""
+        key = force.tobytes() + beyond.tobytes()
         self._states.pop(key, None)
         self._states.make(key, lambda: moved)
 
     def state(self, force: Floats32, beyond: Floats32) -> Floats32:
         """Return the displacement under forces on the pad that gives way by so much less, (3 m,) each to (3 free,)."""
-        return self._states.make(beyond.tobytes(), lambda: self._held(force, beyond))
+        return self._states.make(force.tobytes() + beyond.tobytes(), lambda: self._held(force, beyond))
 
     def _held(self, force: Floats32, beyond: Floats32) -> Floats32:
         """Find what is beneath a pad that is held where it lies."""
@@ -135,7 +135,7 @@ class LawTables:
             return self.miss(pulled - beyond, pulled, force)
 
         beyond = _relaxed(np.zeros_like(pulled), miss)
-        self.remember(beyond[self.pad], pulled - beyond)
+        self.remember(force, beyond[self.pad], pulled - beyond)
         return beyond[self.pad]
 
     def stress(self, moved: Floats32) -> Array:

@@ -117,6 +117,6 @@ class LawSkin:
             following, self.left = self._steps.best
         self._state = LawState(self._c, following, self._start.now, self.left)
         if self.settled:
-            tables.remember(self.amounts, pulled - self._c)
+            tables.remember(load, self.amounts, pulled - self._c)
         else:
             self._c = following

@@ -108,6 +108,8 @@ class LawTables:
         if not held.any():
             return np.zeros_like(start)
         start[self.pad] = held
+        if not len(self._inner):
+            return start
         start[self._inner] -= self._beneath.solve((self._matrix @ start)[self._inner])  # linear tissue beneath it
 
         def miss(inner: Floats32) -> tuple[Floats32, Floats32, float]:
@@ -168,11 +170,12 @@ class LawTables:
 def _relaxed(x: Floats32, miss: Callable[[Floats32], tuple[Floats32, Floats32, float]]) -> Floats32:
     """Return where little is left, or the least that was found."""
     steps = Relaxation()
-    for _ in range(STEPS):
-        way, pull, left = miss(x)
-        following = steps.next(x, way, pull, left)
-        if left <= TOLERANCE or steps.lost:
-            break
-        x = following
+    with np.errstate(over="ignore", invalid="ignore"):  # of a step too far, which is taken back
+        for _ in range(STEPS):
+            way, pull, left = miss(x)
+            following = steps.next(x, way, pull, left)
+            if left <= TOLERANCE or steps.lost:
+                break
+            x = following
     assert steps.best is not None
     return steps.best[0]

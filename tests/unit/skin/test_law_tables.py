@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,11 @@ pytest.importorskip("scipy")
 from core.skin import law_tables
 from core.skin.assembly import degrees
 from core.skin.law_tables import KEPT, LawTables
-from core.skin.model import SkinModel, fingertip_skin
+from core.skin.mesh import TetraMesh
+from core.skin.model import SkinModel, fingertip_skin, mesh_skin
 from core.skin.stimulus import Stimulus
 from core.tissue.neo_hookean import NeoHookean
+from tests.problems import cube_mesh
 
 Floats32 = NDArray[np.float32]
 HEAVY = 2e-5  # of a spread force over E [m^2], 2 N at 100 kPa: it presses draft skin about 1.5 mm
@@ -155,6 +158,33 @@ def test_nothing_is_nothing(skin: SkinModel) -> None:
     tables, none = skin.law, np.zeros(3 * skin.pad_count, np.float32)
     assert not tables.loaded(none).any() and not tables.state(none, none).any()
     assert tables.energy(tables.state(none, none)) == 0.0 and not tables.stress(tables.state(none, none)).any()
+
+
+def thin() -> TetraMesh:
+    """Return a slab all of whose free nodes lie on the pad."""
+    mesh = cube_mesh(4, 0.02)
+    held = np.setdiff1d(np.arange(len(mesh.nodes)), mesh.pad).astype(np.int32)
+    return TetraMesh(mesh.nodes, mesh.tetrahedra, held, mesh.pad, mesh.surface)
+
+
+def test_a_mesh_with_nothing_beneath_its_pad_has_states_too(close: None) -> None:
+    slab = mesh_skin(thin()).with_law()
+    force = 1e-5 * np.random.default_rng(1).normal(size=3 * slab.pad_count).astype(np.float32)
+    beyond = slab.law.loaded(force)
+    moved = slab.law.state(force, beyond)
+    slab.law._states.clear()
+    assert np.linalg.norm(slab.law.state(force, beyond) - moved) <= 1e-5 * np.linalg.norm(moved)
+    assert unbalanced(slab.law, moved, force, slab.material.poisson) <= 1e-4
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e6])
+def test_under_loads_beyond_all_sense_what_comes_is_a_number(skin: SkinModel, size: float) -> None:
+    force = spread(skin, size)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        beyond = skin.law.loaded(force)
+        state = skin.law.state(force, beyond)
+    assert np.isfinite(beyond).all() and np.isfinite(state).all()
 
 
 def test_degrees_are_those_of_the_pad(skin: SkinModel) -> None:

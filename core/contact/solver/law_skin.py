@@ -106,8 +106,9 @@ class LawSkin:
         tables = self.tables
         load = (force.reshape(-1) / self.modulus).astype(np.float32)
         if not load.any():
-            self._c, self.left = self._none, 0.0
-            self._state = LawState(self._none, self._none, self._none, 0.0)
+            self.left = 1.0 if self._c.any() else 0.0  # without c something may touch all the same
+            self._c, self._steps = self._none, Relaxation()
+            self._state = LawState(self._none, self._none, self._none, self.left)
             return
         with np.errstate(over="ignore", invalid="ignore"):  # of a step too far, which is taken back
             pulled = tables.pulled(load)

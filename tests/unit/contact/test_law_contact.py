@@ -255,7 +255,7 @@ def sound(step: PathStep) -> bool:
     return all(np.isfinite(v).all() for v in values)
 
 
-@pytest.mark.parametrize("factor", [np.nan, np.inf])
+@pytest.mark.parametrize("factor", [np.nan, np.inf, -3.0, 50.0])
 def test_where_nothing_settles_it_is_linear_skin_and_says_so(
     skin: SkinModel, monkeypatch: pytest.MonkeyPatch, factor: float
 ) -> None:
@@ -346,6 +346,20 @@ def test_what_was_left_on_the_way_is_no_answer_at_its_end(skin: SkinModel, monke
     for bodies in [touch.bodies(i) for i in range(4)] + [moved]:
         expected = honest.step(bodies)
     assert off(step.solution.force, expected.solution.force) <= 5e-2
+
+
+def test_skin_that_is_let_go_touches_no_longer_than_linear_skin(skin: SkinModel) -> None:
+    """Of c of the last frame no node is left untouched that touches without it."""
+    for speed in (0.05e-3, 0.3e-3, 0.7e-3):
+        touch = press(skin, flat(), 1.5e-3, friction=0.0, step=0.3e-3)
+        back = touch.position[-1] - np.arange(0.0, 1.6e-3, speed)[:, None] * [0.0, 0.0, 1.0]
+        path, linear = on_nodes(skin, 3e-5), on_nodes(skin.with_stiffening(None), 3e-5)
+        follow(path, touch), follow(linear, touch)
+        for place in back:
+            body = [ContactBody(flat(), translation=place, friction=0.0)]
+            step, other = path.step(body), linear.step(body)
+            assert step.solution.converged
+            assert step.solution.force.any() == other.solution.force.any()
 
 
 def test_at_usual_tolerance_the_law_is_left_what_it_says(skin: SkinModel) -> None:

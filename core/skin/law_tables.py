@@ -92,7 +92,7 @@ class LawTables:
         return out.reshape(-1, 3)
 
     def remember(self, force: Floats32, beyond: Floats32, moved: Floats32) -> None:
-        """Keep the displacement of a state, by its forces and what its pad gives way less, shapes (3 m,), (3 free,)."""
+        """Keep the displacement of a state, see `state`; light forces of all kinds share the c that is none at all."""
         key = force.tobytes() + beyond.tobytes()
         self._states.pop(key, None)
         self._states.make(key, lambda: moved)
@@ -108,6 +108,8 @@ class LawTables:
         if not held.any():
             return np.zeros_like(start)
         start[self.pad] = held
+        if not len(self._inner):
+            return start
         start[self._inner] -= self._beneath.solve((self._matrix @ start)[self._inner])  # linear tissue beneath it
 
         def miss(inner: Floats32) -> tuple[Floats32, Floats32, float]:
@@ -168,12 +170,12 @@ class LawTables:
 def _relaxed(x: Floats32, miss: Callable[[Floats32], tuple[Floats32, Floats32, float]]) -> Floats32:
     """Return where little is left, or the least that was found."""
     steps = Relaxation()
-    for _ in range(STEPS):
-        with np.errstate(all="ignore"):  # a step that goes astray is not taken
+    with np.errstate(over="ignore", invalid="ignore"):  # of a step too far, which is taken back
+        for _ in range(STEPS):
             way, pull, left = miss(x)
-        following = steps.next(x, way, pull, left)
-        if left <= TOLERANCE or steps.lost:
-            break
-        x = following
+            following = steps.next(x, way, pull, left)
+            if left <= TOLERANCE or steps.lost:
+                break
+            x = following
     assert steps.best is not None
     return steps.best[0]

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..arrays import Array, Floats32
+from ..arrays import Array, Floats, Floats32
 from .assembly import geometry
 from .material import lame
 from .mesh import TetraMesh
@@ -86,12 +86,13 @@ class MeshLaw:
     def energy(self, displacement: Floats32) -> float:
         """Return the strain energy."""
         s = self._strain(displacement)
-        log, _ = _logarithm(s.widening)
+        wide = s.widening.astype(np.float64)
+        log, _ = _logarithm(wide)
         square = np.einsum("ije,ije->e", s.h, s.h)
         nodal, _ = _logarithm(self.mesh_average @ s.widening)
-        # I1 - 3 - 2 ln J = 2 (tr H - ln J) + H:H
-        own = self._shear * (s.trace - log + 0.5 * square)
-        whole = own.astype(np.float64) @ self._volumes
+        # I1 - 3 - 2 ln J = 2 (J - 1 - ln J) + H:H - 2 (J - 1 - tr H): each is of second order by itself
+        own = float(self._shear) * ((wide - log) + (0.5 * square - s.more))
+        whole = own @ self._volumes
         return float(whole + 0.5 * float(self._first) * (nodal.astype(np.float64) ** 2 @ self._nodal_volumes))
 
     def flattest(self, displacement: Floats32) -> float:
@@ -163,12 +164,12 @@ class MeshLaw:
         return len(self.mesh.nodes)
 
 
-def _logarithm(widening: Floats32) -> tuple[Floats32, Floats32]:
+def _logarithm(widening: Floats) -> tuple[Floats, Floats]:
     """Return ln J and its slope of J - 1, a parabola below `FLATTEST`."""
-    least = np.float32(FLATTEST)
+    least = widening.dtype.type(FLATTEST)
     if float(widening.min(initial=0.0)) >= FLATTEST - 1.0:
         return np.log1p(widening), 1.0 / (1.0 + widening)
     kept = np.maximum(1.0 + widening, least)
-    below = np.minimum(1.0 + widening - least, np.float32(0.0)) / least
+    below = np.minimum(1.0 + widening - least, 0.0) / least
     log = np.where(below < 0.0, np.log(least) + below - 0.5 * below * below, np.log1p(np.maximum(widening, least - 1)))
-    return np.asarray(log, np.float32), (1.0 - below) / kept
+    return np.asarray(log, widening.dtype), (1.0 - below) / kept

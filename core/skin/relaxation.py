@@ -18,7 +18,7 @@ class Relaxation:
     """One balance, sought from some x on (Anderson 1965, least in the energy's own norm).
 
     Attributes:
-        lost: no step leads nearer. best: the x that left least, and what it left.
+        lost: no step leads nearer. best: the x that left least, and what it left, inf where that is no number.
     """
 
     def __init__(self) -> None:
@@ -36,6 +36,8 @@ class Relaxation:
             x: where it was looked now, shape (n,). way: that the stiffness at rest asks for from there, shape (n,).
             pull: the forces of that, K way, shape (n,). left: how far from balance x is.
         """
+        if not np.isfinite(left):
+            left = np.inf
         if self.best is None or left < self.best[1]:
             self.best, self._way = (x, left), way
         elif not left <= WORSE * self.best[1]:
@@ -44,7 +46,7 @@ class Relaxation:
             self.lost = self._share < LEAST
             assert self._way is not None
             return self.best[0] + np.float32(self._share) * self._way
-        if not np.isfinite(left):
+        if left == np.inf:  # from the first: there is no way back
             self.lost = True
             return x
         if self._last is not None:
@@ -56,7 +58,8 @@ class Relaxation:
             return x + share * way
         gone, ways, pulls = (np.array(rows) for rows in zip(*self._learned, strict=True))
         gram = (ways @ pulls.T).astype(np.float64)
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        own = np.diag(gram)  # not above zero where it is rounding alone, which teaches nothing
+        scale = np.where(own > 0.0, 1.0 / np.sqrt(np.maximum(own, 1e-300)), 0.0)
         firm = 0.5 * (gram + gram.T) * scale[:, None] * scale + FIRM * np.eye(len(gram))
         mix = (scale * np.linalg.solve(firm, scale * (pulls @ way))).astype(np.float32)
         return np.asarray(x + share * (way - mix @ ways) - mix @ gone)

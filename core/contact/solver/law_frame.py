@@ -34,20 +34,26 @@ def solved_by_law(solver: PathSolver, law: LawSkin, b: Array, gaps: NodeGaps, so
     """
     before = law.save()
     found = _agreed(solver, law, b, gaps, soft, begin, 1.0)
-    way = np.zeros_like(b) if law.settled else _moved(solver, gaps)
-    for parts in () if law.settled else PARTS:
+    if law.settled:
+        return found
+    best, least = found, law.save()
+    way = _moved(solver, gaps)
+    for parts in PARTS if way.any() else PARTS[:1]:
         law.restore(before)
         start = begin
         for part in range(1, parts + 1):
             found = _agreed(solver, law, b + (1.0 - part / parts) * way, gaps, soft, start, float(part > 1))
-            start = Begin(found.solution.force, found.image + solver.beyond(), found.solution.force, found.y)
             if not law.settled:
                 break
+            start = Begin(found.solution.force, found.image + solver.beyond(), found.solution.force, found.y)
         if law.settled:
-            break
-    if law.settled or law.left <= USABLE:
-        return found
-    law.reset()  # what linear skin does, which says that it did not converge
+            return found
+        if part == parts and law.left < least.left:  # what was left on the way is no answer at its end
+            best, least = found, law.save()
+    if least.left <= USABLE:
+        law.restore(least)
+        return best
+    law.give_up()
     found = solver.iterated(b, gaps, soft, begin)
     return found._replace(solution=replace(found.solution, residual=max(found.solution.residual, 1.0)))
 
@@ -58,7 +64,7 @@ def _agreed(
     """Take turns until the law has what it wants, or no step leads nearer to it."""
     law.begin(ahead)
     iterations, told = 0, False
-    for _ in range(ROUNDS):
+    for again in range(ROUNDS):
         less = solver.beyond()
         found = solver.iterated(b - less, gaps, soft, begin)
         iterations += found.solution.iterations
@@ -68,6 +74,9 @@ def _agreed(
         if law.settled:
             break
         told = law.lost
+        if again == ROUNDS - 2 and not told:
+            law.take_best()
+            told = True
         begin = Begin(found.solution.force, found.image, found.solution.force, found.y)
     solution = replace(found.solution, iterations=iterations)
     if not law.settled:

@@ -106,18 +106,32 @@ class LawSkin:
         tables = self.tables
         load = (force.reshape(-1) / self.modulus).astype(np.float32)
         if not load.any():
-            self._c, self.left = self._none, 0.0
-            self._state = LawState(self._none, self._none, self._none, 0.0)
+            self.left = 1.0 if self._c.any() else 0.0  # without c something may touch all the same
+            self._c, self._steps = self._none, Relaxation()
+            self._state = LawState(self._none, self._none, self._none, self.left)
             return
-        pulled = tables.pulled(load)
-        with np.errstate(all="ignore"):  # a step that goes astray is not taken
+        with np.errstate(over="ignore", invalid="ignore"):  # of a step too far, which is taken back
+            pulled = tables.pulled(load)
             miss = tables.miss(pulled - self._c, pulled, load)
+            following = self._steps.next(self._c, miss.way, miss.pull, miss.left)
         self.left = miss.left
-        following = self._steps.next(self._c, miss.way, miss.pull, miss.left)
-        if self.lost and self._steps.best is not None:
-            following, self.left = self._steps.best
         self._state = LawState(self._c, following, self._start.now, self.left)
         if self.settled:
             tables.remember(load, self._c[tables.pad], pulled - self._c)
+        elif self.lost:
+            self.take_best()
         else:
             self._c = following
+
+    def take_best(self) -> None:
+        """Go to what left least of all that this frame has seen."""
+        if self._steps.best is None:  # nothing touched when it was asked last
+            return
+        self._c, self.left = self._steps.best
+        self._state = LawState(self._c, self._c, self._start.now, self.left)
+
+    def give_up(self) -> None:
+        """Go on as linear skin, which never has what the law wants."""
+        self.reset()
+        self.left = np.inf
+        self._state = self._start = self._state._replace(left=self.left)

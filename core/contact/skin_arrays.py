@@ -1,7 +1,7 @@
 """What a skin felt over a scene as plain arrays: for stored results, and from one process to another.
 
-Displacement and stress are not kept: they follow from the forces, and of skin that stiffens from how much of each
-pattern its contact found.
+Displacement and stress are not kept: they follow from the forces, and of skin that stiffens from what its contact found
+beside them (`Stimulus.given`).
 """
 
 from __future__ import annotations
@@ -31,7 +31,10 @@ def arrays_of(touch: SkinContact) -> dict[str, NDArray[Any]]:
     if touch.points is not None:
         arrays |= {f"point_{name}": getattr(touch.points, name) for name in POINTS}
     present = (*SERIES, *(name for name in LATER if getattr(touch, name) is not None))
-    return arrays | {name: np.asarray(getattr(touch, name)) for name in present}
+    arrays |= {name: np.asarray(getattr(touch, name)) for name in present}
+    if touch.amounts is not None:
+        arrays["amounts"] = arrays["amounts"].reshape(len(touch.contact), -1)
+    return arrays
 
 
 def touch_of(

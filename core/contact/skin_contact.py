@@ -91,7 +91,7 @@ class SkinContact:
         points: the same forces where they act, on points of the smooth skin: stress near the skin is read from them.
             None where contact was solved on nodes.
         amounts: what the samples in contact keep of tissue that stiffens, see `Stimulus.given`, float32, shape (k, a);
-            None of linear skin.
+            of a finished bake packed. None of linear skin.
         slide: how far friction has drawn the loaded skin along itself, see `PathStep.slide` [m], shape (n,); None in
             results of versions that did not measure it.
     """
@@ -110,7 +110,7 @@ class SkinContact:
     findings: tuple[Finding, ...]
     skipped: Mapping[str, int]
     points: PointRecord | PackedPoints | None = None
-    amounts: NDArray[np.float32] | None = None
+    amounts: NDArray[np.float32] | PackedForces | None = None
     slide: Array | None = None
 
     def __repr__(self) -> str:
@@ -159,6 +159,10 @@ class SkinContact:
         """
         if not isinstance(self.held, np.ndarray):
             return self
+        if self.model.follows_law and isinstance(self.amounts, np.ndarray):
+            nodes = np.arange(self.model.pad_count)
+            less = PackedForces(((nodes, row.reshape(-1, 3)) for row in self.amounts), self.model.pad_count)
+            return replace(self, amounts=less).packed()
         if isinstance(self.points, PointRecord):
             surface, record = self.points.surface, self.points
             parts = [slice(a, b) for a, b in zip(record.starts[:-1], record.starts[1:], strict=True)]
@@ -184,7 +188,7 @@ class SkinContact:
     def amounts_at(self, sample: int) -> Array | None:
         """Return what one sample keeps of tissue that stiffens, shape (a,); None without contact, or linear."""
         at = self._place_of(sample)
-        return None if at is None or self.amounts is None else self.amounts[at].astype(np.float64)
+        return None if at is None or self.amounts is None else self.amounts[at].astype(np.float64).ravel()
 
     def stimulus_at(self, sample: int) -> Stimulus:
         """Return what the forces of one sample do to the skin."""

@@ -31,10 +31,7 @@ def arrays_of(touch: SkinContact) -> dict[str, NDArray[Any]]:
     if touch.points is not None:
         arrays |= {f"point_{name}": getattr(touch.points, name) for name in POINTS}
     present = (*SERIES, *(name for name in LATER if getattr(touch, name) is not None))
-    arrays |= {name: np.asarray(getattr(touch, name)) for name in present}
-    if touch.amounts is not None:
-        arrays["amounts"] = arrays["amounts"].reshape(len(touch.contact), -1)
-    return arrays
+    return arrays | {name: np.asarray(getattr(touch, name)) for name in present}
 
 
 def touch_of(
@@ -47,7 +44,7 @@ def touch_of(
     Args:
         model: the same skin, made again.
     """
-    series: dict[str, Any] = {name: arrays[name] for name in SERIES} | {name: arrays.get(name) for name in LATER}
+    series: dict[str, Any] = {name: arrays[name] for name in SERIES}
     return SkinContact(
         model=model,
         contact=arrays["contact"].astype(np.intp),
@@ -55,6 +52,8 @@ def touch_of(
         findings=findings,
         skipped=skipped,
         points=_points(model, arrays),
+        given=arrays.get("amounts"),
+        slide=arrays.get("slide"),
         **series,
     )
 

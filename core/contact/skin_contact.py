@@ -90,8 +90,8 @@ class SkinContact:
         skipped: what was not computed, by name.
         points: the same forces where they act, on points of the smooth skin: stress near the skin is read from them.
             None where contact was solved on nodes.
-        amounts: what the samples in contact keep of tissue that stiffens, see `Stimulus.given`, float32, shape (k, a);
-            of a finished bake packed. None of linear skin.
+        given: what the samples in contact keep of tissue that stiffens, see `Stimulus.given`, float32, shape (k, a); of
+            a finished bake packed. `amounts` is the array. None of linear skin.
         slide: how far friction has drawn the loaded skin along itself, see `PathStep.slide` [m], shape (n,); None in
             results of versions that did not measure it.
     """
@@ -110,7 +110,7 @@ class SkinContact:
     findings: tuple[Finding, ...]
     skipped: Mapping[str, int]
     points: PointRecord | PackedPoints | None = None
-    amounts: NDArray[np.float32] | PackedForces | None = None
+    given: NDArray[np.float32] | PackedForces | None = None
     slide: Array | None = None
 
     def __repr__(self) -> str:
@@ -135,12 +135,17 @@ class SkinContact:
             points = replace(points, surface=smooth_pad(model) or points.surface.with_stiffening(model.stiffening))
         felt = [matched_amounts(self.stimulus_at(sample)) for sample in self.contact.tolist()]
         none = model.stiffening is None or not felt
-        return replace(self, model=model, amounts=None if none else np.array(felt, np.float32), points=points)
+        return replace(self, model=model, given=None if none else np.array(felt, np.float32), points=points)
 
     @property
     def force(self) -> NDArray[np.float32]:
         """The forces on the pad nodes in the samples in contact [N], shape (k, m, 3); unpacked anew each time."""
         return np.asarray(self.held)
+
+    @property
+    def amounts(self) -> NDArray[np.float32] | None:
+        """What the samples in contact keep of tissue that stiffens, shape (k, a); unpacked anew each time."""
+        return None if self.given is None else np.asarray(self.given).reshape(len(self.contact), -1)
 
     @property
     def nbytes(self) -> int:
@@ -159,10 +164,10 @@ class SkinContact:
         """
         if not isinstance(self.held, np.ndarray):
             return self
-        if self.model.follows_law and isinstance(self.amounts, np.ndarray):
-            nodes = np.arange(self.model.pad_count)
-            less = PackedForces(((nodes, row.reshape(-1, 3)) for row in self.amounts), self.model.pad_count)
-            return replace(self, amounts=less).packed()
+        if self.model.follows_law and isinstance(self.given, np.ndarray):
+            pad = np.arange(self.model.pad_count)
+            less = PackedForces(((pad, row.reshape(-1, 3)) for row in self.given), self.model.pad_count)
+            return replace(self, given=less).packed()
         if isinstance(self.points, PointRecord):
             surface, record = self.points.surface, self.points
             parts = [slice(a, b) for a, b in zip(record.starts[:-1], record.starts[1:], strict=True)]
@@ -188,7 +193,7 @@ class SkinContact:
     def amounts_at(self, sample: int) -> Array | None:
         """Return what one sample keeps of tissue that stiffens, shape (a,); None without contact, or linear."""
         at = self._place_of(sample)
-        return None if at is None or self.amounts is None else self.amounts[at].astype(np.float64).ravel()
+        return None if at is None or self.given is None else self.given[at].astype(np.float64).ravel()
 
     def stimulus_at(self, sample: int) -> Stimulus:
         """Return what the forces of one sample do to the skin."""

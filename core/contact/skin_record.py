@@ -70,7 +70,7 @@ class SkinRecord:
             findings=findings,
             skipped={name: count for name, count in skipped.items() if count},
             points=None if surface is None else self._point_record(surface),
-            amounts=np.array(self._amounts) if self._amounts else None,
+            given=np.array(self._amounts) if self._amounts else None,
             slide=scalars[:, 6],
         )
 

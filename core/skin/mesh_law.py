@@ -117,12 +117,13 @@ class MeshLaw:
     def _pressure(self, s: _Strain) -> Floats32:
         """Return lambda ln J / J of the nodes, shape (n,)."""
         log, over = _logarithm(self.mesh_average @ s.widening)
-        return self._first * log * over
+        return np.asarray(self._first * log * over, np.float32)
 
     @cached_property
     def mesh_average(self) -> csr_array:
         """Takes values of the elements to their volume average around each node, sparse (n, e)."""
-        return self.mesh.averaging.astype(np.float32)
+        out: csr_array = self.mesh.averaging.astype(np.float32)
+        return out
 
     @cached_property
     def _mean(self) -> csr_array:

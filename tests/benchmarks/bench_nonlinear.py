@@ -1,9 +1,9 @@
-"""Skin that stiffens against the exact neo-Hookean finger, on forty touches that no table has seen, and its price.
+"""Skin that follows the neo-Hookean law against the exact neo-Hookean finger, on forty touches, and its price.
 
-Each tissue solves its own contact at the nodes of the standard mesh, frame after frame; others stand beside it. `nl_*`
-is the series, `nl_exact_*` the exact law in a few fields, whose table was made of touches with a seed and ranges of
-their own (`core/tissue/sampled_table_fit.py`). Stress is compared in all elements by volume, force as the sum on the
-finger. Medians over paths; `p95` of these rows is the 90th percentile.
+Each tissue solves its own contact at the nodes of the standard mesh, frame after frame; linear skin stands beside it.
+The exact finger (`core/tissue/exact_finger.py`) is the same law, by Newton's method in double precision. Stress is
+compared in all elements by volume, force as the sum on the finger. Medians over paths; `p95` of these rows is the 90th
+percentile.
 """
 
 from __future__ import annotations
@@ -18,12 +18,10 @@ import numpy as np
 
 from core.parameters.error_bands import LINEAR, NEO_HOOKEAN
 
-from . import Result, benchmark, one_blas_thread, timing
+from . import Result, benchmark, measure, one_blas_thread, timing
 
 FRAMES, RATE, SPEED, DEPTH, STROKE = 3, 240.0, 20e-3, 1e-3, 1.5e-3
 EDGES = ("edge", "rib")
-# of the names of rows: what they measure, and what stands beside it
-PEERS = {"nl": {"": NEO_HOOKEAN, "linear": LINEAR}}
 
 
 class Row(NamedTuple):
@@ -38,59 +36,58 @@ class Row(NamedTuple):
 
 
 ROWS = (
-    Row("stress_error_2mm", 0.075, "stress", 2e-3),
-    Row("force_error_2mm", 0.01, "force", 2e-3),
-    Row("stress_error_1mm", 0.04, "stress", 1e-3),
-    Row("stress_error_shear", 0.10, "stress", 2e-3, 2e-3),  # the object was then drawn 2 mm across the finger
-    Row("stress_error_slide", 0.15, "stress", 2e-3, 6e-3),
-    Row("stress_error_edge", 0.20, "stress", 2e-3, kinds=EDGES),
+    Row("nl_stress_error_2mm", 0.075, "stress", 2e-3),
+    Row("nl_force_error_2mm", 0.01, "force", 2e-3),
+    Row("nl_stress_error_1mm", 0.04, "stress", 1e-3),
+    Row("nl_stress_error_shear", 0.10, "stress", 2e-3, 2e-3),  # the object was then drawn 2 mm across the finger
+    Row("nl_stress_error_slide", 0.15, "stress", 2e-3, 6e-3),
+    Row("nl_stress_error_edge", 0.20, "stress", 2e-3, kinds=EDGES),
 )
 
 
-def error(name: str, row: Row, tissues: dict[str, str]) -> Result:
-    """Return what a tissue is off by, named '', and others beside it, by their names."""
+def error(row: Row) -> Result:
+    """Return what skin with the law is off by, and linear skin beside it."""
     from .nonlinear_errors import at, spread
 
-    rows = {said: at(tissue, row.depth, row.slide, row.kinds) for said, tissue in tissues.items()}
-    found = {said: spread([getattr(e, row.what) for e in errors]) for said, errors in rows.items()}
-    ours, lost = found.pop(""), sum(not e.converged for e in rows[""])
-    failed = f"{lost} of {len(rows[''])} frames are not converged" if lost else None
-    peers = {
-        f"{said}{more}": value for said, both in found.items() for more, value in zip(("", ", p90"), both, strict=True)
-    }
-    return Result(name, ours[0], "1", ours[1], peers, failed)
+    ours, linear = (at(tissue, row.depth, row.slide, row.kinds) for tissue in (NEO_HOOKEAN, LINEAR))
+    (middle, late), (other, others) = (spread([getattr(e, row.what) for e in errors]) for errors in (ours, linear))
+    lost = sum(not e.converged for e in ours)
+    failed = f"{lost} of {len(ours)} frames are not converged" if lost else None
+    return Result(row.name, middle, "1", late, {"linear": other, "linear, p90": others}, failed)
 
 
-def late(name: str, tissues: dict[str, str]) -> Result:
-    """Return the 90th percentile of the stress 2 mm deep."""
-    found = error(name, ROWS[0], tissues)
-    peers = {said.removesuffix(", p90"): value for said, value in found.peers.items() if said.endswith(", p90")}
-    return Result(name, found.p95, "1", None, peers, found.error)
+@benchmark("nl_stress_p90_2mm", limit=0.13)
+def late() -> Result:
+    """The 90th percentile of the stress 2 mm deep."""
+    found = error(ROWS[0])
+    return Result("nl_stress_p90_2mm", found.p95, "1", None, {"linear": found.peers["linear, p90"]}, found.error)
 
 
-def worse(name: str, tissue: str) -> Result:
-    """Return the share of all frames, to 4 mm deep and 6 mm slid, whose stress is farther off than linear skin's."""
+@benchmark("nl_worse_than_linear", limit=0.0)
+def worse() -> Result:
+    """The share of all frames, to 4 mm deep and 6 mm slid, whose stress is farther off than linear skin's."""
     from .nonlinear_errors import measured
 
-    both = list(zip(measured(tissue).errors, measured(LINEAR).errors, strict=True))
+    both = list(zip(measured(NEO_HOOKEAN).errors, measured(LINEAR).errors, strict=True))
     share = float(np.mean([ours.stress > linear.stress for ours, linear in both]))
     force = float(np.mean([ours.force > linear.force for ours, linear in both]))
     lost = float(np.mean([not ours.converged for ours, _ in both]))
-    return Result(name, share, "1", None, {"of force": force, "not converged": lost})
+    return Result("nl_worse_than_linear", share, "1", None, {"of force": force, "not converged": lost})
 
 
-def frame_ratio(name: str, tissue: str) -> Result:
-    """Return a frame on points, contact and what a frame shows, over that of linear skin; at nodes beside it.
+@benchmark("nl_frame_ratio", limit=2.0)
+def frame_ratio() -> Result:
+    """A frame on points, contact and what a frame shows, over that of linear skin; at nodes beside it.
 
     A block is pressed 1 mm deep and drawn to and fro at 20 mm/s; linear and stiffening fingers take each frame in
     turn, so that both share what else the processor does. p95 is the ratio of the 95th percentiles.
     """
-    (median, last), (at_nodes, last_nodes) = (ratio(points, tissue) for points in (True, False))
-    return Result(name, median, "1", last, {"at nodes": at_nodes, "at nodes, p95": last_nodes})
+    (median, last), (at_nodes, last_nodes) = (ratio(points) for points in (True, False))
+    return Result("nl_frame_ratio", median, "1", last, {"at nodes": at_nodes, "at nodes, p95": last_nodes})
 
 
 @functools.cache
-def ratio(points: bool, stiff: str) -> tuple[float, float]:
+def ratio(points: bool) -> tuple[float, float]:
     """Return the ratio of the medians and of the 95th percentiles of the frames' times, of the processor."""
     from core.contact.compliant_bone import CompliantBone
     from core.contact.solver.bodies import ContactBody
@@ -100,7 +97,7 @@ def ratio(points: bool, stiff: str) -> tuple[float, float]:
     from .nonlinear_errors import skin_of
 
     bones, times = {}, {}
-    for tissue in (LINEAR, stiff):
+    for tissue in (LINEAR, NEO_HOOKEAN):
         skin = skin_of(tissue)
         surface = smooth_pad(skin) if points else None
         bones[tissue] = skin, CompliantBone.of(skin, {}, tissue, surface=surface)
@@ -117,7 +114,7 @@ def ratio(points: bool, stiff: str) -> tuple[float, float]:
                 started = time.process_time()
                 _shown(skin, bone.step([body], float(frame)))
                 times[tissue].append((time.process_time() - started) * 1e3)
-    ours, linear = (timing(times[tissue][pressing + 1 :]) for tissue in (stiff, LINEAR))
+    ours, linear = (timing(times[tissue][pressing + 1 :]) for tissue in (NEO_HOOKEAN, LINEAR))
     return ours.median / linear.median, ours.p95 / linear.p95
 
 
@@ -131,26 +128,48 @@ def _shown(skin: object, taken: object) -> None:
     assert felt.displacement.size
 
 
-def table(name: str, tissue: str) -> Result:
-    """Return the size of the table of a finger, as a file."""
+@benchmark("nl_table_mb", limit=10.0)
+def table() -> Result:
+    """The table that devices are matched by on such skin, as a file; touches need none."""
     from core.tissue.stiffening_store import SHIPPED, find_stiffening
 
     from .nonlinear_errors import reference
 
     skin = reference().skin
     assert skin.shape is not None
-    find = find_stiffening
-    found = find(skin.shape, skin.material.poisson, shipped=SHIPPED)
-    assert found is not None, f"no table of the standard finger's {tissue} tissue ships"
+    found = find_stiffening(skin.shape, skin.material.poisson, shipped=SHIPPED)
+    assert found is not None, "no table of the standard finger's tissue ships"
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "table.npz"
         found.write(file)
-        return Result(name, file.stat().st_size / 1e6, "MB")
+        return Result("nl_table_mb", file.stat().st_size / 1e6, "MB")
+
+
+@benchmark("nl_ready_ms", limit=1000.0)
+def ready() -> Result:
+    """From linear skin to the first frame of skin with the law: what a person waits for who chooses it."""
+    from core.contact.compliant_bone import CompliantBone
+    from core.contact.solver.bodies import ContactBody
+    from core.skin import model
+    from core.surface.gap import Surface
+
+    from .nonlinear_errors import reference
+
+    linear = reference().skin
+    body = ContactBody(Surface.block(), translation=linear.positions[linear.positions[:, 2].argmin()] + [0, 0, 1e-4])
+
+    def first() -> None:
+        model._laws.clear()
+        skin = linear.with_law()
+        _shown(skin, CompliantBone.of(skin, {}, "finger").step([body], 0.0))
+
+    with one_blas_thread():
+        return Result("nl_ready_ms", *measure(first, 5, warmup=1)[:1], "ms")
 
 
 @benchmark("nl_build_s", limit=150.0)
 def build() -> Result:
-    """Making the table of the standard finger, its mesh and all."""
+    """Making that table for the standard finger, its mesh and all."""
     from core.tissue.stiffening_store import make_stiffening
 
     from .nonlinear_reference import LEVEL, fingertip_skin
@@ -163,13 +182,5 @@ def build() -> Result:
     return Result("nl_build_s", time.perf_counter() - started, "s", None, {"of the processor": worked})
 
 
-for _prefix, _tissues in PEERS.items():
-    for _row in ROWS:
-        _name = f"{_prefix}_{_row.name}"
-        benchmark(_name, _row.limit)(functools.partial(error, _name, _row, _tissues))
-    for _name, _limit, _measure in (("worse_than_linear", 0.0, worse), ("table_mb", 10.0, table)):
-        _name = f"{_prefix}_{_name}"
-        benchmark(_name, _limit)(functools.partial(_measure, _name, _tissues[""]))
-    benchmark(f"{_prefix}_stress_p90_2mm", 0.13)(functools.partial(late, f"{_prefix}_stress_p90_2mm", _tissues))
-for _name, _limit, _tissue in (("nl_frame_ratio", 2.0, NEO_HOOKEAN),):
-    benchmark(_name, _limit)(functools.partial(frame_ratio, _name, _tissue))
+for _row in ROWS:
+    benchmark(_row.name, _row.limit)(functools.partial(error, _row))

@@ -1,8 +1,7 @@
 """Do to a skin what was done to measured fingers, draw it, and write the page 'measured fingers'.
 
-`python -m tests.benchmarks.figures_fingers --out presets --table FILE` writes skins/measured_fingers.md and
-pictures/fingers_*.png there, and the page's numbers beside the references of the benchmarks; some three minutes. The
-table says how the tissue of the index finger, medium, stiffens; without one the linear skin is alone.
+`python -m tests.benchmarks.figures_fingers --out presets` writes skins/measured_fingers.md and pictures/fingers_*.png
+there, and the page's numbers beside the references of the benchmarks; some minutes.
 """
 
 from __future__ import annotations
@@ -15,7 +14,6 @@ from pathlib import Path
 
 from core.files import write_bytes
 from core.skin.model import SkinModel, fingertip_skin
-from core.stiffening.stiffening import Stiffening
 
 from . import one_blas_thread
 from .fingers.numbers import numbers
@@ -26,10 +24,10 @@ from .fingers.trials import trials
 NUMBERS = Path(__file__).parent / "references" / "measured_fingers.json"
 
 
-def skins(level: str, table: Path | None) -> dict[str, SkinModel]:
+def skins(level: str) -> dict[str, SkinModel]:
     """Return a skin of each tissue that there is."""
     linear = fingertip_skin(level=level)
-    return {"linear": linear} | ({"neo-Hookean": linear.with_stiffening(Stiffening.read(table))} if table else {})
+    return {"linear": linear, "neo-Hookean": linear.with_law()}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -37,12 +35,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="figures_fingers", description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("presets"), metavar="DIR")
     parser.add_argument("--numbers", type=Path, default=NUMBERS, metavar="FILE", help="where the numbers go")
-    parser.add_argument("--table", type=Path, metavar="FILE", help="of how the skin stiffens")
     parser.add_argument("--level", default="standard", help="accuracy of the skin")
     parser.add_argument("--squares", type=int, default=1, help="how often the plate's squares are halved")
     options = parser.parse_args(arguments)
     with one_blas_thread():
-        found = {name: trials(skin, options.squares) for name, skin in skins(options.level, options.table).items()}
+        found = {name: trials(skin, options.squares) for name, skin in skins(options.level).items()}
     said = {"level": options.level, "tissues": {name: numbers(each) for name, each in found.items()}}
     write_bytes(options.numbers, (json.dumps(said, indent=1) + "\n").encode())
     (options.out / "pictures").mkdir(parents=True, exist_ok=True)

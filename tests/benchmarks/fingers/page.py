@@ -13,12 +13,12 @@ from core.parameters.error_bands import NEO_HOOKEAN
 from .trials import BELOW, RADII, WEIGHTS
 
 Cell = Callable[[Mapping[str, Any]], str]
-COMMAND = "python -m tests.benchmarks.figures_fingers --out presets --table FILE"
+COMMAND = "python -m tests.benchmarks.figures_fingers --out presets"
 YOUNG = 100.0  # of the skin [kPa]
 
 HEAD = """# Measured fingers
 
-What laboratories measured on people's fingertips, and what the skins here do under the same touch: the linear one and the neo-Hookean one, which stiffens. **What is theirs stands with its source; every number and picture of ours is simulated**, by `{command}` in the benchmarks' environment (some three minutes; FILE is the table of how the preset's tissue stiffens).
+What laboratories measured on people's fingertips, and what the skins here do under the same touch: the linear one and the neo-Hookean one, which stiffens. **What is theirs stands with its source; every number and picture of ours is simulated**, by `{command}` in the benchmarks' environment (some minutes).
 
 Skin: *Index Finger, Medium* as it ships, E {young:g} kPa, Poisson's ratio 0.48, {level} accuracy. The lengths of the preset are chosen, not measured, so shapes can be compared with people's and absolute numbers only in size. The plate is smooth and rigid, tilted by 20 degrees towards the tip, as in Pawluk and Howe's 20 to 40. It touches on even squares of 0.4 mm, solved together: {moments} moments, contact's laws unsettled in {unsettled}.
 
@@ -58,7 +58,7 @@ Measured: *area shrinks while the pull grows*, which the authors propose to expl
 """
 
 DRAG_AFTER = """
-Area on the plate when all of it slides, over that before the pull (of a drag that did not come so far within 5.5 mm, at its end, marked *; of one in which skin then gave way, so that contact could not be settled, where it last was, marked †). {verdict} Where skin is drawn more than {drawn:g} mm the neo-Hookean one, a series, is farther from its law than linear skin is in a press of 2 mm. How much people's shrinks is not in the abstract, so only the sign is compared. Adhesion, which would hold the rim longer and then let it peel, is not in the model.
+Area on the plate when all of it slides, over that before the pull (of a drag that did not come so far within 5.5 mm, at its end, marked *; of one in which skin then gave way, so that contact could not be settled, where it last was, marked †). {verdict} Up to {drawn:g} mm drawn the neo-Hookean one was held beside its law. How much people's shrinks is not in the abstract, so only the sign is compared. Adhesion, which would hold the rim longer and then let it peel, is not in the model.
 """
 
 SLIP = """
@@ -103,7 +103,7 @@ TAIL = """
 * **Adhesion.** Contact pulls nowhere. Clean glass holds moist skin; the rim then peels instead of opening.
 * **Ridges, layers, fat, fibres.** One smooth, uniform tissue on bone and nail; what stiffens is its geometry and the law of large strains, not fibres.
 * **Time.** No relaxation, creep or hysteresis; friction does not grow while sweat gathers (Dzidek, Bochereau, Johnson, Hayward and Adams 2017, *PNAS* 114: up to 20 s).
-* **Depth.** Stress is off the neo-Hookean law itself by 12 % at 1 mm and 24 % at 2 mm in the linear skin, by 5 and 9 % in the neo-Hookean one, which is a series (medians of forty touches); what is dragged far is farther off in both.
+* **Depth.** Stress is off the neo-Hookean law itself by 12 % at 1 mm and 24 % at 2 mm in the linear skin, by 1 % in the neo-Hookean one, which follows it (medians of forty touches); what is dragged far is farther off in linear skin.
 """
 
 

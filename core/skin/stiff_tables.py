@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Array, Floats32
 from ..errors import Finding
-from ..stiffening.balance import Balance
+from ..stiffening.balance import balanced
 from ..stiffening.stiffening import Stiffening
 from .displaced import displaced_stress, linear_pressure
 from .material import Elastic
@@ -45,10 +45,8 @@ class StiffTables:
         return np.asarray(self.loads.T @ self.pad)
 
     def balanced(self, work: Array) -> Array:
-        """Return how much there is of each pattern under forces, and of what is beneath, from their work, (k,)."""
-        balance = Balance(self.stiffening.energy.followed())
-        balance.settle(work)
-        return balance.amounts
+        """Return how much there is of each pattern under forces, from their work, shape (k,)."""
+        return balanced(self.stiffening.energy, work)
 
     def held(self, force: Array, beyond: Array) -> Array:
         """Return how much there is of each pattern where a pad lies, which the law has found, shape (k,).
@@ -128,7 +126,7 @@ class StiffTables:
         Beyond the reach of the series both grow no faster than q.
 
         Args:
-            q: how much there is of each pattern, and of what is beneath where that is kept, shape (k,) or more.
+            q: how much there is of each pattern, shape (k,).
 
         Returns:
             stress of the elements at E = 1, shape (e, 6), and displacement of the nodes [m], shape (n, 3).
@@ -154,7 +152,7 @@ class StiffTables:
         For no price where q is that of the last time.
         """
         if self._last is None or not np.array_equal(self._last[0], q):
-            amounts = np.stack([q[: self.stiffening.count], self.stiffening.energy.force(q)])
+            amounts = np.stack([q, self.stiffening.energy.force(q)])
             both = (amounts.astype(np.float32) @ self._nodes).astype(np.float64).reshape(2, -1, 3)
             self._last = q.copy(), both[0], both[1]
         return self._last[1:]

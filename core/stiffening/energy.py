@@ -62,11 +62,6 @@ class Energy:
         return cls(Cubic.of(cubic, even), Features.of(forms, even, 0), np.sign(values[kept]))
 
     @property
-    def astray(self) -> bool:
-        """Never: nothing is sought."""
-        return False
-
-    @property
     def count(self) -> int:
         """Number of patterns k."""
         return self.third.count
@@ -100,24 +95,6 @@ class Energy:
         _, force, stiffness = self._powers(q)
         self._last[""] = q.copy(), force, stiffness  # what is shown asks again for what contact was solved with
         return force, stiffness
-
-    def sharpened(self, q: Array) -> tuple[Array, Array]:
-        """Return the same: the stiffness is of that place."""
-        return self.force_and_stiffness(q)
-
-    def followed(self) -> Energy:
-        """Return itself: it depends on nothing but q."""
-        return self
-
-    def amounts(self, q: Array) -> Array:
-        """Return q: there is nothing else to keep."""
-        return q
-
-    def save(self) -> None:
-        """Nothing is remembered."""
-
-    def restore(self, state: None) -> None:
-        """Nothing is remembered."""
 
     @cached_property
     def _last(self) -> dict[str, tuple[Array, Array, Array]]:

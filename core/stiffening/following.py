@@ -3,26 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from ..arrays import Array, Floats32
 from .features import Features
 from .symmetric import polynomial
-
-
-class Follows(Protocol):
-    """What is asked of how tissue follows, told by powers or found."""
-
-    @property
-    def fields(self) -> Floats32:
-        """Displacement x, y, z [m] and pressure at the nodes of the stress series' mesh, shape (n, 4, r)."""
-        ...
-
-    def amounts(self, q: Array) -> Array:
-        """Return how much of each field there is, shape (r,)."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

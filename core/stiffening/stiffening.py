@@ -18,13 +18,11 @@ from ..arrays import Floats
 from ..errors import DermisError
 from ..files import write_npz
 from ..npz import opened_npz
-from ..parameters.error_bands import NEO_HOOKEAN
 from .cubic import Cubic
 from .energy import Energy
 from .features import Features
-from .following import Following, Follows, Learned
+from .following import Following, Learned
 from .patterns import Patterns
-from .stored_energy import StoredEnergy
 from .stress_series import StressSeries
 from .symmetric import entries, packed_cubic, packed_forms, side, whole_cubic, whole_forms
 
@@ -49,21 +47,11 @@ class Stiffening:
         following: how tissue follows; None where stress is told by its series alone.
     """
 
-    energy: StoredEnergy
+    energy: Energy
     patterns: Patterns
     stress: StressSeries
     key: str = ""
-    following: Follows | None = None
-
-    @property
-    def tissue(self) -> str:
-        """What tissue it is of."""
-        return NEO_HOOKEAN
-
-    @property
-    def matched(self) -> Stiffening:
-        """The same for what devices do, which ask for it hundreds of times a frame."""
-        return self
+    following: Following | None = None
 
     @property
     def count(self) -> int:
@@ -76,9 +64,7 @@ class Stiffening:
         Raises:
             DermisError: the file cannot be written.
         """
-        assert isinstance(self.energy, Energy)
         stress, third, known = self.stress, self.energy.third, self.following
-        assert known is None or isinstance(known, Following)
         learned = None if known is None else known.learned
         arrays: dict[str, NDArray[Any]] = {
             "version": np.array(VERSION),

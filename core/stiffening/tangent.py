@@ -8,7 +8,7 @@ import numpy as np
 
 from ..arrays import Array
 from .balance import softening
-from .stored_energy import StoredEnergy
+from .energy import Energy
 
 # Of M: patterns on points are told to some digits only, and their compliance must stay positive definite.
 STIFFEST = 0.95
@@ -39,7 +39,7 @@ class StiffTangent:
         return cls(zero, zero, none, none)
 
     @classmethod
-    def at(cls, energy: StoredEnergy, q: Array) -> StiffTangent:
+    def at(cls, energy: Energy, q: Array) -> StiffTangent:
         """Return that of given amounts."""
         return cls.of(q, *energy.force_and_stiffness(q))
 
@@ -64,7 +64,7 @@ class StiffTangent:
         """Return q for the work of other forces, shape (k,)."""
         return z - self.force_at(z)
 
-    def moved(self, energy: StoredEnergy, z: Array) -> StiffTangent:
+    def moved(self, energy: Energy, z: Array) -> StiffTangent:
         """Return the tangent where this one says that other forces lead: Newton's step, shorter where it is astray."""
         left, step, share = float(np.linalg.norm(z - self.q - self.force)), self.amounts_at(z) - self.q, 1.0
         while True:

@@ -48,26 +48,11 @@ class Touch:
             yield [ContactBody(self.surface, self.rotation, self.start + way, self.friction)]
 
 
-@dataclass(frozen=True)
-class Ranges:
-    """What touches are drawn from, on the standard finger.
-
-    Attributes:
-        depths: least and greatest [m]. slides: how far they are drawn, least and most, where there is friction [m].
-        frictions: coefficients. back: share of the way that they begin before where they would without it.
-    """
-
-    depths: tuple[float, float] = DEPTHS
-    slides: tuple[float, float] = (0.0, SLIDE)
-    frictions: tuple[float, ...] = FRICTIONS
-    back: float = 0.0
-
-
-def touches(skin: SkinModel, count: int, seed: int = 0, ranges: Ranges | None = None) -> list[Touch]:
+def touches(skin: SkinModel, count: int, seed: int = 0) -> list[Touch]:
     """Return touches of a skin; as deep and as wide as its pulp is thick against the standard finger's."""
     size = 1.0 if skin.shape is None else skin.shape.pulp / FingertipShape().pulp
     rng = np.random.default_rng(seed)
-    return [_drawn(skin, size, rng, ranges or Ranges()) for _ in range(count)]
+    return [_drawn(skin, size, rng) for _ in range(count)]
 
 
 def shown(drawn: Sequence[Touch], what: Callable[[Touch], Array]) -> Generator[tuple[int, int], None, list[Array]]:
@@ -96,7 +81,7 @@ def loads_of(skin: SkinModel, touch: Touch) -> Array:
     return np.array(out).reshape(-1, 3 * skin.pad_count)
 
 
-def _drawn(skin: SkinModel, size: float, rng: np.random.Generator, ranges: Ranges) -> Touch:
+def _drawn(skin: SkinModel, size: float, rng: np.random.Generator) -> Touch:
     kind = str(rng.choice(list(SHARES), p=list(SHARES.values())))
     radius = size * float(np.exp(rng.uniform(*np.log(RADII))))
     angle = rng.uniform(0.5, 1.1) if kind == "edge" else rng.uniform(0.1, 0.3)
@@ -104,11 +89,10 @@ def _drawn(skin: SkinModel, size: float, rng: np.random.Generator, ranges: Range
         kind, lambda: edge(size * rng.uniform(0.2e-3, 0.6e-3), angle)
     )()
     rotation = _turned(rng.uniform(*TILTS[0]), rng.uniform(*TILTS[1]), rng.uniform(0.0, np.pi))
-    aside, friction = size * rng.uniform(-ASIDE, ASIDE, 2), float(rng.choice(ranges.frictions))
-    depth, along = size * rng.uniform(*ranges.depths), rng.uniform(0.0, 2.0 * np.pi)
-    slide = size * rng.uniform(*ranges.slides) * (friction > 0.0)
+    aside, friction = size * rng.uniform(-ASIDE, ASIDE, 2), float(rng.choice(FRICTIONS))
+    depth, along = size * rng.uniform(*DEPTHS), rng.uniform(0.0, 2.0 * np.pi)
+    slide = size * rng.uniform(0.0, SLIDE) * (friction > 0.0)
     drag = slide * (np.cos(along) * rotation[:, 0] + np.sin(along) * rotation[:, 1])
-    aside = aside - ranges.back * drag[:2]
     lowest = skin.positions[skin.positions[:, 2].argmin()]
     top = skin.positions[np.linalg.norm(skin.positions[:, :2] - lowest[:2] - aside, axis=1).argmin()]
     up = rotation[:, 2]

@@ -7,25 +7,51 @@ help either, the frame keeps what left least, or what linear skin does, and says
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from ...arrays import Array
 from .between import matter_moved
-from .bodies import NodeGaps, owned
+from .bodies import ContactBody, NodeGaps, owned
 from .law_skin import LawSkin
 from .solved_frame import Begin, SolvedFrame
-
-if TYPE_CHECKING:
-    from .path import PathSolver
 
 ROUNDS = 40  # of both
 USABLE = 0.1  # of what the law leaves: what is nearer to it than that is better than linear skin
 PARTS = (1, 4, 16)  # of the way
 
 
-def solved_by_law(solver: PathSolver, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, begin: Begin) -> SolvedFrame:
+class LinearContact(Protocol):
+    """What solves contact on linear skin.
+
+    Attributes:
+        points: undeformed [m], shape (n, 3). bodies: what was near in the last frame.
+    """
+
+    points: Array
+
+    @property
+    def bodies(self) -> tuple[ContactBody, ...]:
+        """What was near in the last frame."""
+        ...
+
+    def iterated(self, b: Array, gaps: NodeGaps, soft: Array, begin: Begin) -> SolvedFrame:
+        """Solve a frame, from the offset b [m], shape (n, 3), and what lies below each point [m/N], shape (n,)."""
+        ...
+
+    def beyond(self) -> Array:
+        """Return by how much less than linear skin the points give way now [m], shape (n, 3)."""
+        ...
+
+    def nodal(self, force: Array) -> Array:
+        """Return forces on the points [N] as forces on the nodes of the skin's mesh, shape (m, 3)."""
+        ...
+
+
+def solved_by_law(
+    solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, begin: Begin
+) -> SolvedFrame:
     """Solve a frame.
 
     Args:
@@ -59,7 +85,7 @@ def solved_by_law(solver: PathSolver, law: LawSkin, b: Array, gaps: NodeGaps, so
 
 
 def _agreed(
-    solver: PathSolver, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, begin: Begin, ahead: float
+    solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, begin: Begin, ahead: float
 ) -> SolvedFrame:
     """Take turns until the law has what it wants, or no step leads nearer to it."""
     law.begin(ahead)
@@ -84,7 +110,7 @@ def _agreed(
     return SolvedFrame(solution, found.y, found.image - less, found.work)
 
 
-def _moved(solver: PathSolver, gaps: NodeGaps) -> Array:
+def _moved(solver: LinearContact, gaps: NodeGaps) -> Array:
     """Return how far what presses moved at each point since the last frame [m], shape (n, 3)."""
     out, last = np.zeros((len(gaps.body), 3)), solver.bodies
     for body, points in owned(gaps.body):

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from core.skin.model import SkinModel, fingertip_skin
-from core.tissue.touches import PRESSES, SLIDES, Ranges, Touch, touches
-
-LONG = Ranges(depths=(1.5e-3, 2.0e-3), slides=(4e-3, 6e-3), frictions=(0.6,), back=0.4)
+from core.tissue.touches import DEPTHS, FRICTIONS, PRESSES, SLIDE, SLIDES, Touch, touches
 
 
 @pytest.fixture(scope="module")
@@ -31,24 +29,14 @@ def test_the_same_seed_draws_the_same_touches(skin: SkinModel) -> None:
 
 
 def test_depths_slides_and_friction_lie_in_their_ranges(skin: SkinModel) -> None:
-    for touch in touches(skin, 40, 1, LONG):
-        depth, drag = touch.ways[PRESSES - 1] @ touch.rotation[:, 2], drag_of(touch)
-        assert 1.5e-3 <= depth <= 2.0e-3
-        assert 4e-3 <= np.linalg.norm(drag) <= 6e-3 and len(touch.ways) == PRESSES + SLIDES
+    drawn = touches(skin, 40, 1)
+    for touch in drawn:
+        depth = touch.ways[PRESSES - 1] @ touch.rotation[:, 2]
+        assert DEPTHS[0] <= depth <= DEPTHS[1] and touch.friction in FRICTIONS
+        if len(touch.ways) == PRESSES:
+            continue
+        drag = drag_of(touch)
+        assert np.linalg.norm(drag) <= SLIDE and len(touch.ways) == PRESSES + SLIDES and touch.friction > 0.0
         assert abs(drag @ touch.rotation[:, 2]) < 1e-12, "as deep all the way"
-        assert touch.friction == 0.6
-    assert any(len(touch.ways) == PRESSES for touch in touches(skin, 40, 1)), "without friction nothing is dragged"
-
-
-def test_a_drag_begins_before_the_place_that_it_would_begin_at(skin: SkinModel) -> None:
-    """So that its middle lies about as far from the pad's lowest point as other touches' beginnings."""
-    lowest = skin.positions[skin.positions[:, 2].argmin()][:2]
-
-    def off(back: float) -> tuple[float, float]:
-        drawn = touches(skin, 60, 2, Ranges(slides=(6e-3, 6e-3), frictions=(0.6,), back=back))
-        middles = [t.start[:2] + 0.5 * drag_of(t)[:2] - lowest for t in drawn]
-        ends = [t.start[:2] + drag_of(t)[:2] - lowest for t in drawn]
-        return tuple(float(np.median(np.linalg.norm(places, axis=1))) for places in (middles, ends))  # type: ignore[return-value]
-
-    (middle, end), (plain_middle, plain_end) = off(0.5), off(0.0)
-    assert middle < plain_middle and end < plain_end
+    assert any(len(touch.ways) == PRESSES for touch in drawn), "without friction nothing is dragged"
+    assert any(len(touch.ways) > PRESSES for touch in drawn)

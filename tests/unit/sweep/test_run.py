@@ -211,7 +211,9 @@ def test_leaving_early_writes_the_table_of_what_is_there(spec: Path, tmp_path: P
 # -- motors
 
 
-def test_the_trial_through_a_sweep_is_the_trial_to_the_bit(skin: SkinModel, tmp_path: Path) -> None:
+def test_the_trial_through_a_sweep_is_the_trial_to_the_bit(
+    skin: SkinModel, tmp_path: Path, short_touches: None
+) -> None:
     (tmp_path / "s2.toml").write_text(MOTORS)
     made = swept(tmp_path / "s2.toml", tmp_path / "out")
     assert (made.rows, made.done, made.refused) == (1, 1, 0)

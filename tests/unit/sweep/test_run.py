@@ -139,6 +139,7 @@ def test_what_is_there_is_not_done_again_and_what_is_missing_is(spec: Path, done
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
+@pytest.mark.real_time
 def test_a_killed_sweep_goes_on_where_it_stood(spec: Path, done: Path, tmp_path: Path) -> None:
     words = command("sweep", str(spec), "--out", str(tmp_path), "--workers", "1", "--quiet")
     running = subprocess.Popen(words, env=environment(), stderr=subprocess.DEVNULL)

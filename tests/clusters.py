@@ -64,9 +64,8 @@ class Cluster:
 
     def close(self) -> None:
         """End all of it."""
-        for process in reversed(self._started):
+        for process in reversed(self._started):  # the scheduler last: workers that have lost it wait for it
             process.terminate()
-        for process in self._started:
             try:
                 process.wait(20)
             except subprocess.TimeoutExpired:

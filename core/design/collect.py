@@ -31,16 +31,19 @@ from ..matching.readings import Counts, Readings, quantised, readings_of
 from ..matching.sweep import commands_swept, reached, sweep
 from ..matching.table import SkinTable, assemble, press_of, tabulate
 from ..npz import opened_npz
+from ..recent import Recent
 from ..skin.felt_state import felt_key
 from ..skin.material import Elastic
 from ..skin.model import SkinModel, fingertip_skin
 from ..skin.shape import FingertipShape
 from ..stiffening.stiffening import Stiffening
-from ..surrogate.press_points import press_points
+from ..surrogate.press_points import press_points, pressed_on
 from ..work.executor import POLL_SECONDS, InlineExecutor, JobExecutor
 
 PART = 1024  # rows in a part: a few seconds of work
 SPREAD_ROWS = 512  # rows that the reversed sweep is made for
+
+_spreads: Recent[tuple[str, str, str, str, int], dict[str, float]] = Recent(8)
 
 
 def collect(
@@ -101,9 +104,16 @@ def collect(
 def reversed_spread(spec: DeviceSpec, skin: SkinModel, rows: int = SPREAD_ROWS) -> dict[str, float]:
     """Return how far readings differ when a row is reached from deeper in instead of from rest: friction's doing.
 
+    Kept in memory, since it is the same whatever touches are asked about.
+
     Returns:
         'rms' and 'worst' over rows of the root mean square over channels [counts].
     """
+    key = original_key(spec), felt_key(skin), repr(skin.material), pressed_on(skin), rows
+    return dict(_spreads.make(key, lambda: _spread(spec, skin, rows)))
+
+
+def _spread(spec: DeviceSpec, skin: SkinModel, rows: int) -> dict[str, float]:
     press, sensor = press_of(skin, spec), readings_of(skin)
     commands, deeper = (commands_swept(each, press.points.positions, rows) for each in (spec, _deeper(spec)))
     within = reached(spec, commands) & reached(spec, deeper)

@@ -29,15 +29,14 @@ from ..recent import Recent
 from ..skin.felt_state import felt_key, observed, stress_components
 from ..skin.model import SkinModel
 from ..skin.store import read_table, write_table
-from ..steps import drain, in_words
-from ..surrogate.dataset import record
+from ..steps import in_words
 from ..surrogate.learned import descriptors
 from ..surrogate.press_points import pressed_on
 from ..surrogate.store import contact_of, device_key
 from ..version import version
 from .felt_errors import MEASURES, FeltErrors
 from .stress import StressMatcher, ThimbleFrame
-from .thimble import DESCRIPTOR_MOVEMENTS, Follower, follower, observation_of
+from .thimble import Follower, follower, movements_of, observation_of
 from .thimble_use import ThimbleUse
 from .trajectory import trajectory
 
@@ -192,7 +191,7 @@ class _Found:
 def _matrices(device: DiscDevice, use: ThimbleUse) -> list[Array]:
     """Return the components that a device is searched by, few and many: they lead to unlike poses."""
     skin = use.skin
-    data = drain(record(device, contact_of(device, skin, use.friction), DESCRIPTOR_MOVEMENTS))
+    data = movements_of(device, skin, use.friction)
     size = min(COMPONENTS, len(data.force), 3 * skin.pad_count)
     many = descriptors(data, stress_components(skin), size=size).observation_matrix
     return [observation_of(device, skin, use.friction), many]

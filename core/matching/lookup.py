@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import weakref
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -49,6 +48,7 @@ if TYPE_CHECKING:
 
 SLACK = 0.01  # of an original motor's range, that a coupling may drive it beyond unsaid
 ROWS = DEVICE["table_rows"].default
+TABLES = 8  # kept in this process
 
 
 def commands_of(table: SkinTable, readings: NDArray[Any], last: Array | None = None) -> Array:
@@ -294,7 +294,7 @@ def _ends(spec: DeviceSpec) -> tuple[Array, Array]:
     return low, np.array([np.inf if c.high is None else c.high for c in spec.channels])
 
 
-_TABLES: weakref.WeakKeyDictionary[SkinModel, dict[tuple[str, str, int], SkinTable]] = weakref.WeakKeyDictionary()
+_TABLES: Recent[tuple[str, str, int], SkinTable] = Recent(TABLES)  # by all that a sweep depends on
 
 
 def table_of(skin: SkinModel, spec: DeviceSpec, path: str = "", rows: int = ROWS) -> SkinTable:
@@ -318,19 +318,21 @@ def table_at_hand(skin: SkinModel, spec: DeviceSpec, path: str = "", rows: int =
     """
     if path:
         return _from_file(Path(path), spec)
-    kept, name = _TABLES.setdefault(skin, {}), _table_name(skin, spec, rows)
-    if name not in kept and skin.cache is not None:
+    name = _table_name(skin, spec, rows)
+    if name not in _TABLES and skin.cache is not None:
         found = skin.cache.get(cache_key("dermis-skin-table 2", *map(str, name)))
         if found is not None:
             with contextlib.suppress(DermisError):  # damaged: swept again
-                kept[name] = SkinTable.load(found)
-    return kept.get(name)
+                table = SkinTable.load(found)
+                _TABLES.make(name, lambda: table)
+    return _TABLES.get(name)
 
 
 def keep_table(skin: SkinModel, spec: DeviceSpec, rows: int, table: SkinTable) -> None:
-    """Keep a table with its skin: for as long as the skin lives, and in the skin's cache where it has one."""
+    """Keep a table for whoever needs it next in this process, and in the skin's cache where it has one."""
     name = _table_name(skin, spec, rows)
-    _TABLES.setdefault(skin, {})[name] = table
+    _TABLES.pop(name, None)
+    _TABLES.make(name, lambda: table)
     if skin.cache is not None:
         skin.cache.put(cache_key("dermis-skin-table 2", *map(str, name)), table.save)
 

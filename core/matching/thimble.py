@@ -29,7 +29,7 @@ from ..skin.felt_state import felt_key, observed, state_size, stress_components
 from ..skin.model import SkinModel
 from ..skin.store import kept
 from ..steps import drain
-from ..surrogate.dataset import record
+from ..surrogate.dataset import Dataset, record
 from ..surrogate.forward import DirectModel, ForwardModel
 from ..surrogate.learned import Descriptors, descriptors
 from ..surrogate.press_points import pressed_on
@@ -56,7 +56,14 @@ DOUBTFUL = 0.1  # of the touched samples: a surrogate that is replaced more ofte
 UNFINISHED = 0.05  # a KKT residual above it is worth a finding
 
 _known: Recent[tuple[str, str, str, float, float], Descriptors] = Recent(8)
+_movements: Recent[tuple[str, str, str, str, float, int], Dataset] = Recent(1)
 _tables: Recent[str, WarmStartTable] = Recent(8)
+
+
+def movements_of(device: DiscDevice, skin: SkinModel, friction: float) -> Dataset:
+    """Return what a device does to a skin between random configurations; the last is kept, since a floor asks again."""
+    key = (felt_key(skin), pressed_on(skin), repr(skin.material), device_key(device), friction, DESCRIPTOR_MOVEMENTS)
+    return _movements.make(key, lambda: drain(record(device, contact_of(device, skin, friction), DESCRIPTOR_MOVEMENTS)))
 
 
 def describe(device: DiscDevice, skin: SkinModel, friction: float, tolerance: float = TOLERANCE) -> Descriptors:
@@ -65,7 +72,7 @@ def describe(device: DiscDevice, skin: SkinModel, friction: float, tolerance: fl
     def made() -> Descriptors:
         # no part of the key: movements end at a force, so that without one stiffness for all the first finger decided
         nominal = skin.with_material(young=TISSUE["young"].default, alpha=1.0)
-        data = drain(record(device, contact_of(device, nominal, friction), DESCRIPTOR_MOVEMENTS))
+        data = movements_of(device, nominal, friction)
         return descriptors(data, stress_components(skin), tolerance=tolerance)
 
     return _known.make((felt_key(skin), pressed_on(skin), device_key(device), friction, tolerance), made)

@@ -17,6 +17,7 @@ from blender_addon.properties import object_properties
 from blender_addon.results import store
 from blender_addon.viewport import platform_card, platform_twin, twins
 from blender_addon.viewport import shown as views
+from core.recent import Recent
 from core.steps import drain
 
 ROWS = 216  # six steps a motor: coarse, and there in a moment
@@ -37,6 +38,7 @@ def own_folders(tmp_path, monkeypatch):
 
     for module in (preferences, platform_devices, skin_models, design_results):
         monkeypatch.setattr(module, "user_folder", folder)
+    monkeypatch.setattr(core.matching.lookup, "_TABLES", Recent(core.matching.lookup.TABLES))
     skin_models.forget()
     choices.refresh()
     yield tmp_path

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 import pytest
 
+from core.design import trial
+from core.design.interactions import interaction
 from core.skin.model import SkinModel, fingertip_skin
 from tests.clusters import MISSING, Cluster, has_dask
 
@@ -14,6 +17,12 @@ from tests.clusters import MISSING, Cluster, has_dask
 def skin() -> SkinModel:
     """The average fingertip, coarse enough for a test."""
     return fingertip_skin(level="draft")
+
+
+@pytest.fixture
+def short_touches(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The six interactions once instead of three times, where it is not how often that matters."""
+    monkeypatch.setattr(trial, "interaction", partial(interaction, repetitions=1))
 
 
 @pytest.fixture(scope="session")

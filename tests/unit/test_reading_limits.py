@@ -37,18 +37,18 @@ from core.matching.table import SkinTable
 from core.skin import file as skin
 from core.surrogate import table
 reader = eval(sys.argv[1])
-before, started = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.perf_counter()
+before, started = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
 try:
     reader(Path(sys.argv[2]))
     print("read")
 except DermisError as error:
     print(error)
-print(time.perf_counter() - started, (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)
+print(time.process_time() - started, (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)
 """
 
 
 def tried(reader: str, path: Path) -> tuple[str, float, float]:
-    """Read a file in a child; return its words, the seconds it took and the megabytes it added."""
+    """Read a file in a child; return its words, the seconds of a processor that it took and the megabytes it added."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
     done = subprocess.run(
         [sys.executable, "-c", CHILD, reader, str(path)], capture_output=True, text=True, timeout=120, env=environment

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
+
+import tests.conftest as rule
 
 pytest_plugins = ["pytester"]
 
 
-def outcome(pytester: pytest.Pytester, late: float, body: str) -> dict[str, int]:
-    """Run a test file in this process, with a sleeper that says how late it was."""
+def outcome(pytester: pytest.Pytester, late: float, body: str, crowded: float = 0.0) -> dict[str, int]:
+    """Run a test file in this process, with a sleeper that says how late it was, and a machine that says how full."""
     pytester.makeconftest(
         f"""
+        import time
         import tests.conftest as rule
         from tests.conftest import pytest_runtest_protocol
 
@@ -21,10 +26,11 @@ def outcome(pytester: pytest.Pytester, late: float, body: str) -> dict[str, int]
 
         def pytest_configure(config):
             config.addinivalue_line("markers", "real_time: as in the project")
-            config.was, rule._Sleeper = rule._Sleeper, Sleeper
+            config.was = rule._Sleeper, rule._waited
+            rule._Sleeper, rule._waited = Sleeper, lambda: {crowded} * time.perf_counter()
 
         def pytest_unconfigure(config):
-            rule._Sleeper = config.was
+            rule._Sleeper, rule._waited = config.was
         """
     )
     pytester.makepyfile(body)
@@ -47,8 +53,21 @@ def test_a_failure_on_a_starved_machine_is_tried_again(pytester: pytest.Pytester
     assert outcome(pytester, 0.1, SECOND_TIME) == {"passed": 1}
 
 
+def test_a_failure_where_others_want_the_processors_is_tried_again(pytester: pytest.Pytester) -> None:
+    assert outcome(pytester, 0.01, SECOND_TIME, crowded=0.2) == {"passed": 1}
+
+
 def test_a_failure_on_a_machine_that_runs_counts_at_once(pytester: pytest.Pytester) -> None:
-    assert outcome(pytester, 0.01, SECOND_TIME) == {"failed": 1}
+    assert outcome(pytester, 0.01, SECOND_TIME, crowded=0.05) == {"failed": 1}
+
+
+def test_a_machine_that_does_not_say_how_full_it_is_blames_nobody(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rule, "PRESSURE", tmp_path / "cpu")
+    assert rule._waited() == 0.0
+    (tmp_path / "cpu").write_text("some avg10=0.00 avg60=1.00 avg300=2.00 total=1500000\nfull avg10=0.00 total=7\n")
+    assert rule._waited() == 1.5
 
 
 def test_a_test_that_always_fails_fails_however_starved(pytester: pytest.Pytester) -> None:

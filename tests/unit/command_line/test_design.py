@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import os
 import subprocess
@@ -30,6 +32,15 @@ ROOT = Path(core.__file__).parents[1]
 
 
 def run(*arguments, cwd=None):
+    """Do what the verb does in this process, where imports and skins are there already."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), contextlib.chdir(cwd or Path.cwd()):
+        code = main(["design", *map(str, arguments)])
+    return subprocess.CompletedProcess(arguments, code, out.getvalue(), err.getvalue())
+
+
+def run_apart(*arguments, cwd=None):
+    """Do it as a person does, in a process of its own."""
     env = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONUTF8": "1"}
     env["PYTHONPATH"] = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
     return subprocess.run(
@@ -45,7 +56,7 @@ def run(*arguments, cwd=None):
 @pytest.fixture(scope="module")
 def reported(tmp_path_factory):
     folder = tmp_path_factory.mktemp("design")
-    made = run(
+    made = run_apart(
         "flat", "--rows", 512, "--out", folder / "out", "--save-table", folder / "table.npz", "--motors", 2, "--quiet"
     )
     assert made.returncode == 0, made.stderr
@@ -104,7 +115,7 @@ def test_mistakes_are_said_and_not_traced(reported, tmp_path):
         assert made.returncode != 0 and words in made.stderr and "Traceback" not in made.stderr, made.stderr
 
 
-def test_the_trial_prints_every_exception_of_the_skin_that_was_asked_for(reported, tmp_path):
+def test_the_trial_prints_every_exception_of_the_skin_that_was_asked_for(reported, tmp_path, short_touches):
     """A softer skin under the same table: the numbers that are printed must change with it."""
     (tmp_path / "skins").mkdir()
     given = json.loads(json.dumps(dict(Library().load("skins", "index_medium"))))
@@ -140,7 +151,7 @@ def test_the_interactions_own_poses_are_not_in_the_table(skin, device):
         assert tree.query(own / span)[0].min() > 1e-5, name
 
 
-def test_the_estimate_is_what_the_simulation_plays_back(skin):
+def test_the_estimate_is_what_the_simulation_plays_back(skin, short_touches):
     """Source: [S2] V.B: 1.3 % of full scale on the built device; 1.5 % is asked of ours, here with 3,375 rows."""
     spec = Library().device("cable_platform")
     sensor = readings_of(skin)

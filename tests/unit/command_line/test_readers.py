@@ -147,9 +147,9 @@ def test_a_place_that_cannot_be_written_is_refused_before_any_work(
     words: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "file").touch()
-    started = time.perf_counter()
+    started = time.process_time()
     assert main([w.replace("OUT", str(tmp_path / "file" / "x")) for w in words]) == REFUSED
-    assert "cannot be written" in capsys.readouterr().err and time.perf_counter() - started < 5.0
+    assert "cannot be written" in capsys.readouterr().err and time.process_time() - started < 5.0
     assert list(tmp_path.iterdir()) == [tmp_path / "file"]
 
 

@@ -184,14 +184,14 @@ def test_the_plot_of_a_sampled_scene(tmp_path, capsys, touching):
     fingertip_skin(level="draft")
     square = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * 0.05
     plate = Mesh(square, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
-    times = np.arange(13) / 24.0
-    fingers = np.tile(np.eye(4), (1, 13, 1, 1))
+    times = np.arange(7) / 12.0
+    fingers = np.tile(np.eye(4), (1, 7, 1, 1))
     fingers[0, :, 2, 3] = 2e-3 - (2.8e-3 * np.sin(np.pi * times / times[-1]) if touching else 0.0)
-    bodies = np.tile(np.eye(4), (1, 13, 1, 1))
+    bodies = np.tile(np.eye(4), (1, 7, 1, 1))
     use = DeviceUse("thimble_3rrs", {"thimble_method": "stress"})
     finger = Finger("index", (use,), {"skin": Library().skin("index_medium"), "skin_level": "draft"})
-    chunk = Chunk(times * 24, times, fingers, bodies, fingers[:0])
-    scene = TactileScene("s", Fraction(24), (0, 12), 24.0, (finger,), (Body("plate", plate, {}),), (), (chunk,))
+    chunk = Chunk(times * 12, times, fingers, bodies, fingers[:0])
+    scene = TactileScene("s", Fraction(12), (0, 6), 12.0, (finger,), (Body("plate", plate, {}),), (), (chunk,))
     scene_file.save(scene, tmp_path / "scene.npz")
     arguments = ["thimble", "plot", str(tmp_path / "scene.npz"), "--out"]
     floor = ["floor", str(tmp_path / "scene.npz"), "--quiet", "--out", str(tmp_path / "floor.json")]

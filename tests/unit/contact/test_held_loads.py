@@ -192,8 +192,8 @@ def test_kinks_that_are_left_as_they_are_are_told(skin, steps):
     assert jumps(steps)[0] <= 4e-3
 
 
-def test_what_is_shaken_at_its_limit_creeps_and_is_kept_near_its_path(skin, steps):
-    count = 480
+@pytest.mark.parametrize("count", [240, pytest.param(480, marks=pytest.mark.long)])
+def test_what_is_shaken_at_its_limit_creeps_and_is_kept_near_its_path(skin, steps, count):
     times = np.arange(count) / RATE
     path = np.stack([6e-3 * np.sin(8 * np.pi * times), 0 * times, 0 * times], axis=1)
     block, fingers = carried(path)

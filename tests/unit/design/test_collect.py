@@ -67,37 +67,37 @@ def test_rows_that_touch_nothing_are_one_rest_row(spec, skin, tmp_path):
 
 
 def test_a_stopped_collection_goes_on_where_it_was(spec, tmp_path, monkeypatch):
-    monkeypatch.setattr(collecting, "PART", 200)
-    whole, _ = drain(collect(spec, SHAPE, tmp_path / "a", rows=512))
-    steps, pressed = collect(spec, SHAPE, tmp_path / "b", rows=512), 512 - whole.meta["unreached_rows"]
+    monkeypatch.setattr(collecting, "PART", 80)
+    whole, _ = drain(collect(spec, SHAPE, tmp_path / "a", rows=216))
+    steps, pressed = collect(spec, SHAPE, tmp_path / "b", rows=216), 216 - whole.meta["unreached_rows"]
     assert next(steps) == (0, pressed)
-    assert next(steps) == (200, pressed)
+    assert next(steps) == (80, pressed)
     steps.close()
     (folder,) = (tmp_path / "b").iterdir()
     assert len(list(folder.iterdir())) == 1
     stamp = next(folder.iterdir()).stat().st_mtime_ns
-    again, said = drain(collect(spec, SHAPE, tmp_path / "b", rows=512))
-    assert said[0] == (200, pressed) and said[-1] == (pressed, pressed)
+    again, said = drain(collect(spec, SHAPE, tmp_path / "b", rows=216))
+    assert said[0] == (80, pressed) and said[-1] == (pressed, pressed)
     assert sorted(folder.iterdir())[0].stat().st_mtime_ns == stamp
     np.testing.assert_array_equal(again.commands, whole.commands)
     np.testing.assert_array_equal(again.readings, whole.readings)
 
 
 def test_a_damaged_part_is_pressed_again(spec, tmp_path):
-    whole, _ = drain(collect(spec, SHAPE, tmp_path, rows=512))
+    whole, _ = drain(collect(spec, SHAPE, tmp_path, rows=216))
     (part,) = tmp_path.rglob("*.npz")
     part.write_bytes(part.read_bytes()[:1000])
-    again, said = drain(collect(spec, SHAPE, tmp_path, rows=512))
-    assert said[0] == (0, 512 - whole.meta["unreached_rows"])
+    again, said = drain(collect(spec, SHAPE, tmp_path, rows=216))
+    assert said[0] == (0, 216 - whole.meta["unreached_rows"])
     np.testing.assert_array_equal(again.readings, whole.readings)
 
 
 def test_worker_processes_make_the_same_table(spec, tmp_path, monkeypatch):
-    monkeypatch.setattr(collecting, "PART", 256)
-    here, _ = drain(collect(spec, SHAPE, tmp_path / "here", rows=512))
+    monkeypatch.setattr(collecting, "PART", 108)
+    here, _ = drain(collect(spec, SHAPE, tmp_path / "here", rows=216))
     with ProcessExecutor(2) as executor:
-        there, said = drain(collect(spec, SHAPE, tmp_path / "there", rows=512, executor=executor))
-    assert said[-1] == (512 - here.meta["unreached_rows"],) * 2
+        there, said = drain(collect(spec, SHAPE, tmp_path / "there", rows=216, executor=executor))
+    assert said[-1] == (216 - here.meta["unreached_rows"],) * 2
     np.testing.assert_array_equal(there.commands, here.commands)
     # two BLAS builds, or thread counts, may round a product otherwise: at most the last count
     assert np.abs(there.readings.astype(int) - here.readings).max() <= 1
@@ -162,7 +162,7 @@ def test_interactions_press_where_they_say(skin):
     assert back[1] > 0.3 and left[0] > 0.3  # higher at the back, higher at the left
 
 
-def test_where_an_interaction_touches_is_where_its_name_says(skin):
+def test_where_an_interaction_touches_is_where_its_name_says(skin, short_touches):
     for name, axis, sign in (("back", 1, -1), ("tip", 1, 1), ("left", 0, -1), ("right", 0, 1)):
         touch = felt(skin, name, 0, Wobble(0.0, 0.0, 0.0, 0.0))
         first = touch.force[0, :, 2].astype(float)
@@ -170,7 +170,7 @@ def test_where_an_interaction_touches_is_where_its_name_says(skin):
         assert sign * centre[axis] > 1e-3, name
 
 
-def test_every_seed_wobbles_differently_and_the_same_seed_alike(skin):
+def test_every_seed_wobbles_differently_and_the_same_seed_alike(skin, short_touches):
     def poses(seed):
         (chunk,) = interaction("tip", skin.positions, seed=seed).chunks
         return chunk.bodies

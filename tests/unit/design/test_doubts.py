@@ -150,7 +150,7 @@ def test_no_original_motor_goes_faster_than_it_could(spec, table):
         assert (fastest <= own * (1 + 1e-9)).all() and (fastest / own).max() == pytest.approx(1.0)
 
 
-def test_a_coupling_beyond_the_original_range_is_found(spec, skin, table):
+def test_a_coupling_beyond_the_original_range_is_found(spec, skin, table, short_touches):
     from core.design.trial import felt
     from core.matching.lookup import render
     from core.scene.tactile_scene import DeviceUse
@@ -169,7 +169,7 @@ def test_a_coupling_beyond_the_original_range_is_found(spec, skin, table):
         parameters={**spec.parameters, **tight},
     )
     touch = felt(skin, "flat", 0)
-    scene = interaction("flat", skin.positions, seed=0)
+    scene = interaction("flat", skin.positions, seed=0, repetitions=1)
     found = render(None, scene, 0, DeviceUse("one", {"table_rows": 512}), one, touch)
     original = coupling_of(one).original(found.track.values)
     codes = {f.code: f for f in found.findings}

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 from core.errors import DermisError
-from core.matching import nearest
+from core.matching import lookup, nearest
 from core.matching.lookup import commands_of, readings_for
 from core.matching.nearest import NearestPoints
 from core.matching.table import SkinTable
+from core.presets import Library
+from core.recent import Recent
+from core.skin.model import fingertip_skin
 
 
 def table(commands, readings, noise_floor=0.0):
@@ -221,3 +224,16 @@ def test_a_scene_is_rendered_and_the_track_makes_the_skin_feel_alike(device):
     # a table of some thousand rows is dense for three motors and coarse for six
     coarse = {"cable_platform": 0.1, "hexapod": 0.2}[device]
     assert abs(felt[:, -1].max() - wanted[:, -1].max()) < coarse * (wanted[:, -1].max() - 500)
+
+
+def test_skins_that_are_alike_have_one_table_in_a_process(monkeypatch):
+    monkeypatch.setattr(lookup, "_TABLES", Recent(2))
+    spec = Library().device("cable_platform")
+    one, same, softer = (fingertip_skin(level="draft") for _ in range(3))
+    softer = softer.with_material(young=0.5 * softer.material.young)
+    made = lookup.table_of(one, spec, rows=64)
+    assert lookup.table_at_hand(same, spec, rows=64) is made and lookup.table_of(same, spec, rows=64) is made
+    assert lookup.table_at_hand(softer, spec, rows=64) is None and lookup.table_at_hand(one, spec, rows=125) is None
+    for rows in (125, 216):
+        lookup.keep_table(one, spec, rows, made)
+    assert lookup.table_at_hand(one, spec, rows=64) is None, "room for two"

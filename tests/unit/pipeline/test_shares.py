@@ -23,7 +23,7 @@ from core.scene.tactile_scene import DeviceUse
 from core.steps import drain
 from core.work.executor import InlineExecutor
 from core.work.processes import ProcessExecutor
-from tests.finger_rows import COUNT, holding, same, three
+from tests.finger_rows import COUNT, alone, holding, same, three
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +74,7 @@ def test_what_saves_no_time_is_done_here(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.undo()
     executor = InlineExecutor(2)
     monkeypatch.setattr(executor, "submit", lambda *_: pytest.fail("somebody was asked"))
-    same(run(three()), drain(render(three(), Library(), executor=executor)))
+    same(alone(), drain(render(three(), Library(), executor=executor)))
     assert saved({(0,): 1000, (1,): 400, (2,): 300}, 2) == 700 and saved({(0,): 1000, (1,): 1}, 1) == 0
     assert saved({}, 2) == 0
 
@@ -92,7 +92,7 @@ def test_what_deforms_is_not_sent(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_work_of_a_process_that_dies_is_done_here() -> None:
     line = [sys.executable, "-c", "raise SystemExit(3)"]
     with ProcessExecutor(2, line=line) as dying:
-        same(run(three()), drain(render(three(), Library(), executor=dying)))
+        same(alone(), drain(render(three(), Library(), executor=dying)))
 
 
 def test_leaving_a_bake_ends_its_processes(processes: ProcessExecutor) -> None:
@@ -101,7 +101,7 @@ def test_leaving_a_bake_ends_its_processes(processes: ProcessExecutor) -> None:
         pass
     steps.close()
     assert not processes._open, "a job went on"
-    same(run(three()), drain(render(three(), Library(), executor=processes)))
+    same(alone(), drain(render(three(), Library(), executor=processes)))
 
 
 def test_what_a_process_refuses_is_raised(processes: ProcessExecutor, monkeypatch: pytest.MonkeyPatch) -> None:

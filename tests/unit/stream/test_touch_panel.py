@@ -21,6 +21,7 @@ from core.errors import DermisError
 from core.stream.protocols.osc import bundle, padded
 from core.stream.touch_sources import touch_input, touch_of_line, touches_of_osc
 from core.work.child import command, environment
+from tests import exits
 from tests.unit.stream.stream_box import Box, posix
 from tests.unit.stream.stream_lab import ramp
 
@@ -65,6 +66,11 @@ def free_port() -> int:
         return int(one.getsockname()[1])
 
 
+def patient(box: Box) -> str:
+    """Return the address of a device that bears the longest silence: watchdogs are not what is tried here."""
+    return f"{box.url}?watchdog_ms=80"
+
+
 def latest(box: Box) -> dict[str, Any]:
     """Return the last of the reports that a device has given by now."""
     last = box.lines.get(timeout=10)
@@ -78,6 +84,20 @@ def stroke(port: int, start: float, end: float, seconds: float, rate: float = 20
         for x in np.linspace(start, end, round(seconds * rate)):
             one.sendto(touch(True, float(x), 0.0), ("127.0.0.1", port))
             time.sleep(1 / rate)
+
+
+def answered(one: subprocess.Popen[str], box: Box, volts: float, draw: Callable[[], object], what: str) -> None:
+    """Draw a stroke, and again until the device drives so many volts at the end of one.
+
+    A finger that is silent for 0.2 s counts as lifted: where the machine stood still for as long it has to move again.
+    """
+
+    def goes_on() -> None:
+        assert one.poll() is None, one.communicate()[1]
+        draw()
+
+    goes_on()
+    exits.until(lambda: latest(box)["values"]["amplitude"] == pytest.approx(volts, rel=1e-3), goes_on, what)
 
 
 def until_armed(one: subprocess.Popen[str], box: Box) -> None:
@@ -95,13 +115,11 @@ def test_a_finger_by_osc_is_answered_until_a_signal_brings_0_v(
     number: signal.Signals, screen: Path, boxes: Callable[..., Box]
 ) -> None:
     box, port = boxes("pty", "native", "electrovibration", every=0.05), free_port()
-    one = panel(screen, "--url", box.url, "--touch", f"osc://:{port}", "--yes")
+    one = panel(screen, "--url", patient(box), "--touch", f"osc://:{port}", "--yes")
     until_armed(one, box)
-    stroke(port, -0.04, 0.04, 0.8)
-    assert latest(box)["values"]["amplitude"] == pytest.approx(FULL, rel=1e-3), "uphill"
-    stroke(port, 0.04, -0.04, 0.8)
-    assert latest(box)["values"]["amplitude"] == 0.0, "downhill"
-    stroke(port, -0.04, 0.0, 0.6)
+    answered(one, box, FULL, lambda: stroke(port, -0.04, 0.04, 0.8), "uphill")
+    answered(one, box, 0.0, lambda: stroke(port, 0.04, -0.04, 0.8), "downhill")
+    answered(one, box, FULL, lambda: stroke(port, -0.04, 0.0, 0.6), "uphill again")
     one.send_signal(number)
     out, said = one.communicate(timeout=20)
     assert one.returncode == 0 and "Traceback" not in said, said
@@ -117,13 +135,17 @@ def test_a_finger_by_osc_is_answered_until_a_signal_brings_0_v(
 @posix
 def test_a_finger_on_the_devices_own_panel_is_the_default(screen: Path) -> None:
     one = panel(screen, "--url", "virtual:?finger=1")
-    assert one.stdin is not None
+    assert one.stdin is not None and one.stderr is not None
+    said = ""
+    while "Enter: arm" not in said:
+        said += (line := one.stderr.readline())
+        assert line, said
     one.stdin.write("\n")
     one.stdin.flush()
-    time.sleep(4.5)
+    time.sleep(4.0)  # the finger takes 3.1 s for a turn
     one.send_signal(signal.SIGINT)
-    out, said = one.communicate(timeout=20)
-    assert one.returncode == 0 and "Enter: arm" in said and "the device's own panel" in said
+    out, _ = one.communicate(timeout=20)
+    assert one.returncode == 0 and "the device's own panel" in said
     assert re.search(r"touches 1, reports \d\d+, 0 to 190\.\d V", out), out
 
 
@@ -132,19 +154,17 @@ def test_lines_on_standard_input_are_touches_and_bad_ones_are_counted(screen: Pa
     box = boxes("udp", "osc", "electrovibration", every=0.05)
     one = panel(screen, "--url", box.url, "--protocol", "osc", "--touch", "-", "--yes")
     assert one.stdin is not None
+
+    def draw(down: bool) -> None:
+        for x in np.linspace(-40, 30, 120):
+            one.stdin.write(f"{x:.3f} 0\n" if down and x < 0 else f"{x:.3f}, 1.0, {down:d}\r\n")
+            one.stdin.flush()
+            time.sleep(0.005)
+
     box.lines.get(timeout=20)
-    time.sleep(1.0)
     one.stdin.write("hello\n1 2 3 4\nnan 0\n0 0 2\n")
-    for x in np.linspace(-40, 30, 120):
-        one.stdin.write(f"{x:.3f} 0\n" if x < 0 else f"{x:.3f}, 1.0, 1\r\n")
-        one.stdin.flush()
-        time.sleep(0.005)
-    time.sleep(0.1)
-    assert latest(box)["values"]["amplitude"] == pytest.approx(FULL, rel=1e-3)
-    one.stdin.write("30 0 0\n")
-    one.stdin.flush()
-    time.sleep(0.15)
-    assert latest(box)["values"]["amplitude"] == 0.0, "lifted"
+    answered(one, box, FULL, lambda: draw(True), "uphill")
+    answered(one, box, 0.0, lambda: draw(False), "the same way, lifted")
     out, said = one.communicate(timeout=20)
     assert one.returncode == 0, "the end of the touches is the end"
     assert "bad touches 4" in out and "touches 1, reports" in out
@@ -160,13 +180,17 @@ def test_a_serial_touch_panel_that_is_unplugged_ends_at_0_v(screen: Path, boxes:
     box = boxes("pty", "native", "electrovibration", every=0.05)
     mine, theirs = pty.openpty()
     tty.setraw(theirs)
-    one = panel(screen, "--url", box.url, "--touch", f"serial:{os.ttyname(theirs)}?baud=9600", "--unit", "m", "--yes")
+    one = panel(
+        screen, "--url", patient(box), "--touch", f"serial:{os.ttyname(theirs)}?baud=9600", "--unit", "m", "--yes"
+    )
     until_armed(one, box)
-    for x in np.linspace(-0.04, 0.0, 100):
-        os.write(mine, f"{x:.6f} 0 1\n".encode())
-        time.sleep(0.005)
-    time.sleep(0.1)
-    assert latest(box)["values"]["amplitude"] == pytest.approx(FULL, rel=1e-3)
+
+    def draw() -> None:
+        for x in np.linspace(-0.04, 0.0, 100):
+            os.write(mine, f"{x:.6f} 0 1\n".encode())
+            time.sleep(0.005)
+
+    answered(one, box, FULL, draw, "uphill")
     os.close(theirs)
     os.close(mine)
     out, said = one.communicate(timeout=20)

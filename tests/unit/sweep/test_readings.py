@@ -42,7 +42,7 @@ class Counting(InlineExecutor):
         return future
 
 
-def test_what_is_read_is_what_the_trial_reads(skin: SkinModel) -> None:
+def test_what_is_read_is_what_the_trial_reads(skin: SkinModel, short_touches: None) -> None:
     wanted = sense(felt(skin, "flat", 3), seed=300 + NAMES.index("flat"))
     assert np.array_equal(sensed(row(0).given), wanted)
     assert not np.array_equal(sensed(row(0, wobble=0.0).given), wanted)

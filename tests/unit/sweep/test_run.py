@@ -139,6 +139,7 @@ def test_what_is_there_is_not_done_again_and_what_is_missing_is(spec: Path, done
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
+@pytest.mark.real_time
 def test_a_killed_sweep_goes_on_where_it_stood(spec: Path, done: Path, tmp_path: Path) -> None:
     words = command("sweep", str(spec), "--out", str(tmp_path), "--workers", "1", "--quiet")
     running = subprocess.Popen(words, env=environment(), stderr=subprocess.DEVNULL)
@@ -211,7 +212,9 @@ def test_leaving_early_writes_the_table_of_what_is_there(spec: Path, tmp_path: P
 # -- motors
 
 
-def test_the_trial_through_a_sweep_is_the_trial_to_the_bit(skin: SkinModel, tmp_path: Path) -> None:
+def test_the_trial_through_a_sweep_is_the_trial_to_the_bit(
+    skin: SkinModel, tmp_path: Path, short_touches: None
+) -> None:
     (tmp_path / "s2.toml").write_text(MOTORS)
     made = swept(tmp_path / "s2.toml", tmp_path / "out")
     assert (made.rows, made.done, made.refused) == (1, 1, 0)

@@ -89,9 +89,8 @@ def test_five_commands_go_from_one_machine_to_a_cluster(home: Path) -> None:
         assert "8 rows: 8 done" in run(words_of(sweep, home, address), home)
         assert "8 rows: 0 done, 8 there before" in run(words_of(sweep, home, address), home)
     finally:
-        for process in reversed(started):
+        for process in reversed(started):  # the scheduler last: a worker that has lost it waits for it
             process.terminate()
-        for process in started:
             process.wait(30)
 
 

@@ -39,13 +39,14 @@ def executor(request: Any) -> Iterator[JobExecutor]:
         yield made
 
 
-def gone(pid: int, seconds: float = 10.0) -> bool:
-    """Wait until a process has ended."""
+def gone(pid: int, seconds: float = 60.0) -> bool:
+    """Wait until a process has ended, with all its threads."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         try:
             os.kill(pid, 0)
-            if Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z":
+            dead = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+            if dead and len(os.listdir(f"/proc/{pid}/task")) <= 1:  # the others may be there longer than the first
                 return True
         except (ProcessLookupError, FileNotFoundError):
             return True
@@ -55,7 +56,7 @@ def gone(pid: int, seconds: float = 10.0) -> bool:
 
 def begun(file: Path) -> int:
     """Wait until a dawdling job has begun; return its process."""
-    end = time.monotonic() + 10.0
+    end = time.monotonic() + 60.0
     while not (file.exists() and file.read_text()):
         assert time.monotonic() < end, "it never began"
         time.sleep(0.005)
@@ -66,7 +67,7 @@ def test_arrays_go_there_and_back_to_the_bit(executor: JobExecutor) -> None:
     assert isinstance(executor, Executor)
     arrays = {"a": np.random.default_rng(0).normal(size=(3, 4)), "b": np.arange(5, dtype=np.int16), "c": np.array("é")}
     future = executor.submit("echo", arrays, {"k": [1, "x"]})
-    found = future.result(10)
+    found = future.result(60)
     assert future.progress() == (1, 1) and future.done() and not future.cancelled()
     assert {k: (found[k].dtype, found[k].tolist()) for k in arrays} == {
         k: (v.dtype, v.tolist()) for k, v in arrays.items()
@@ -74,45 +75,45 @@ def test_arrays_go_there_and_back_to_the_bit(executor: JobExecutor) -> None:
     report = json.loads(str(found["found"]))
     assert report["parameters"] == {"k": [1, "x"]}
     assert report["python"] == sys.version.split()[0] and report["numpy"] == np.__version__
-    assert int(executor.submit("echo").result(10)["pid"]) == int(found["pid"]), "one worker does many jobs"
+    assert int(executor.submit("echo").result(60)["pid"]) == int(found["pid"]), "one worker does many jobs"
 
 
 def test_refusals_come_back_whole_and_the_worker_lives(executor: JobExecutor) -> None:
-    pid = int(executor.submit("echo").result(10)["pid"])
+    pid = int(executor.submit("echo").result(60)["pid"])
     with pytest.raises(DermisError) as caught:
-        executor.submit("refuse").result(10)
+        executor.submit("refuse").result(60)
     error = caught.value
     assert (error.code, error.what, error.where) == ("too-thick", "the disc is too thick", "disc")
     assert (str(error.value), error.limit, error.remedy) == ("x", "1 mm", "File it")
-    assert int(executor.submit("echo").result(10)["pid"]) == pid
+    assert int(executor.submit("echo").result(60)["pid"]) == pid
 
 
 def test_a_defect_in_a_job_is_named_not_swallowed(executor: JobExecutor) -> None:
-    error = executor.submit("fail").exception(10)
+    error = executor.submit("fail").exception(60)
     assert isinstance(error, DermisError) and error.code == "job-failed"
     assert error.what == "the job failed: KeyError" and "missing" in error.value and error.where == "job 'fail'"
 
 
 def test_what_a_careless_job_returns_is_made_an_array_or_refused(executor: JobExecutor) -> None:
     future = executor.submit("plain", {}, {"what": "numbers"})
-    found = future.result(10)
+    found = future.result(60)
     assert {k: (type(v), v.tolist()) for k, v in found.items()} == {"x": (np.ndarray, [1, 2]), "3": (np.ndarray, 4.5)}
     assert future.progress() == (1, 1), "numpy's numbers are numbers"
-    pid = int(executor.submit("echo").result(10)["pid"])
+    pid = int(executor.submit("echo").result(60)["pid"])
     for what, code in (("nothing", "job-failed"), ("object", "not-plain")):
-        error = executor.submit("plain", {}, {"what": what}).exception(10)
+        error = executor.submit("plain", {}, {"what": what}).exception(60)
         assert isinstance(error, DermisError) and error.code == code
-    error = executor.submit("leave").exception(10)
+    error = executor.submit("leave").exception(60)
     assert isinstance(error, DermisError) and (error.code, error.what) == ("job-failed", "the job failed: SystemExit")
-    assert int(executor.submit("echo").result(10)["pid"]) == pid
+    assert int(executor.submit("echo").result(60)["pid"]) == pid
 
 
 def test_after_nonsense_in_the_pipe_no_reply_goes_to_another_job() -> None:
     with processes() as executor:
         futures = [executor.submit(name, {"i": np.array(i)}) for i, name in enumerate(("echo", "babble", "echo"))]
-        error = futures[1].exception(10)
+        error = futures[1].exception(60)
         assert isinstance(error, DermisError) and error.code == "job-crashed" and "cannot be read" in error.what
-        assert [int(futures[i].result(10)["i"]) for i in (0, 2)] == [0, 2]
+        assert [int(futures[i].result(60)["i"]) for i in (0, 2)] == [0, 2]
 
 
 @pytest.mark.parametrize("workers", [0, -1])
@@ -136,6 +137,7 @@ def test_wrong_names_and_python_objects_are_refused_before_anything_starts(execu
     assert not getattr(executor, "_threads", [])
 
 
+@pytest.mark.real_time
 def test_results_keep_their_order_and_may_be_taken_as_they_come() -> None:
     """`map` and `as_completed` of the standard library work as ever: the first job here is the last to be done."""
     waits = [{"seconds": s} for s in (1.0, 0.3, 0.0)]
@@ -149,6 +151,7 @@ def test_results_keep_their_order_and_may_be_taken_as_they_come() -> None:
         assert [int(f.result()["i"]) for f in as_completed(futures)] == [1, 2, 0]
 
 
+@pytest.mark.real_time
 def test_progress_is_followed_to_the_end_and_callbacks_are_called() -> None:
     called: list[object] = []
     with processes() as executor:
@@ -160,6 +163,7 @@ def test_progress_is_followed_to_the_end_and_callbacks_are_called() -> None:
 
 
 @posix
+@pytest.mark.real_time
 @pytest.mark.parametrize("stopped", [False, True])
 def test_cancelling_a_running_job_ends_its_process_at_once(stopped: bool, tmp_path: Path) -> None:
     with processes() as executor:
@@ -173,37 +177,38 @@ def test_cancelling_a_running_job_ends_its_process_at_once(stopped: bool, tmp_pa
         with pytest.raises(CancelledError):
             future.result()
         assert future.cancel(), "safe to call twice"
-        assert int(executor.submit("echo").result(10)["pid"]) != pid, "the next job gets another process"
+        assert int(executor.submit("echo").result(60)["pid"]) != pid, "the next job gets another process"
 
 
+@pytest.mark.real_time
 def test_a_job_cancelled_before_it_began_is_never_begun(tmp_path: Path) -> None:
     with processes() as executor:
         first = executor.submit("dawdle", {}, {"seconds": 0.3, "file": str(tmp_path / "first")})
         second = executor.submit("dawdle", {}, {"file": str(tmp_path / "second")})
         pid = begun(tmp_path / "first")
         assert second.cancel() and second.cancelled()
-        assert int(first.result(10)["pid"]) == pid
-        assert int(executor.submit("echo").result(10)["pid"]) == pid
+        assert int(first.result(60)["pid"]) == pid
+        assert int(executor.submit("echo").result(60)["pid"]) == pid
     assert not (tmp_path / "second").exists()
 
 
 def test_cancelling_what_is_done_changes_nothing(executor: JobExecutor) -> None:
     future = executor.submit("echo")
-    pid = int(future.result(10)["pid"])
+    pid = int(future.result(60)["pid"])
     assert not future.cancel() and not future.cancelled() and int(future.result()["pid"]) == pid
-    assert int(executor.submit("echo").result(10)["pid"]) == pid
+    assert int(executor.submit("echo").result(60)["pid"]) == pid
 
 
 def test_no_job_is_ended_in_anothers_place() -> None:
     """Cancelled at any moment, the end of the job included, a job takes nobody with it."""
     with processes() as executor:
-        executor.submit("echo").result(10)
+        executor.submit("echo").result(60)
         for i in range(12):
             one = executor.submit("dawdle", {}, {"seconds": 1e-3 * (i % 4)})
             other = executor.submit("dawdle", {"i": np.array(i)})
             time.sleep(5e-4 * i)
             cancelled = one.cancel()
-            assert cancelled == one.cancelled() and int(other.result(10)["i"]) == i
+            assert cancelled == one.cancelled() and int(other.result(60)["i"]) == i
 
 
 def test_leaving_the_progress_half_way_ends_the_job(tmp_path: Path) -> None:
@@ -221,18 +226,17 @@ def test_shutdown_waits_for_what_was_given() -> None:
     futures = [executor.submit("dawdle", {}, {"seconds": 0.1}) for _ in range(2)]
     executor.shutdown()
     executor.shutdown()
-    assert all(f.done() and gone(int(f.result()["pid"]), 0.1) for f in futures)
+    assert all(f.done() and gone(int(f.result()["pid"]), 1.0) for f in futures)
     with pytest.raises(RuntimeError, match="after shutdown"):
         executor.submit("echo")
 
 
 def test_shutdown_without_waiting_lets_the_process_end_with_its_job(tmp_path: Path) -> None:
     executor = processes()
-    future = executor.submit("dawdle", {}, {"seconds": 0.3, "file": str(tmp_path / "pid")})
-    began = time.monotonic()
+    future = executor.submit("dawdle", {}, {"seconds": 1.0, "file": str(tmp_path / "pid")})
     executor.shutdown(wait=False)
-    assert time.monotonic() - began < 0.2 and not future.done()
-    assert gone(int(future.result(10)["pid"]))
+    assert not future.done()
+    assert gone(int(future.result(60)["pid"]))
 
 
 def test_an_exception_in_the_block_ends_running_and_waiting_jobs(tmp_path: Path) -> None:
@@ -247,11 +251,11 @@ def test_an_exception_in_the_block_ends_running_and_waiting_jobs(tmp_path: Path)
 def test_a_crash_is_told_with_the_last_words_and_the_next_job_goes_on() -> None:
     with processes() as executor:
         futures = [executor.submit("die"), executor.submit("echo")]
-        error = futures[0].exception(10)
+        error = futures[0].exception(60)
         assert isinstance(error, DermisError) and error.code == "job-crashed"
         assert error.value.startswith("status 3: ") and error.value.endswith("last words")
         assert futures[0].progress() == (1, 3)
-        assert futures[1].result(10)
+        assert futures[1].result(60)
 
 
 @posix
@@ -259,20 +263,19 @@ def test_kill_9_of_a_worker_is_told(tmp_path: Path) -> None:
     with processes() as executor:
         future = executor.submit("dawdle", {}, {"seconds": 60.0, "file": str(tmp_path / "pid")})
         os.kill(begun(tmp_path / "pid"), signal.SIGKILL)
-        error = future.exception(10)
+        error = future.exception(60)
         assert isinstance(error, DermisError) and error.code == "job-crashed" and "status -9" in error.value
-        assert not future.cancelled() and executor.submit("echo").result(10)
-        idle = int(executor.submit("echo").result(10)["pid"])
+        assert not future.cancelled() and executor.submit("echo").result(60)
+        idle = int(executor.submit("echo").result(60)["pid"])
         os.kill(idle, signal.SIGKILL)
         assert gone(idle)
-        time.sleep(0.2)  # its first thread is gone, and the system says that the process is when the others are, too
-        assert int(executor.submit("echo").result(10)["pid"]) != idle, "one that died while it had nothing to do"
+        assert int(executor.submit("echo").result(60)["pid"]) != idle, "one that died while it had nothing to do"
 
 
 def test_a_worker_that_cannot_be_started_is_told(tmp_path: Path) -> None:
     with ProcessExecutor(table=TABLE, line=[str(tmp_path / "no-such-python")]) as executor:
         with pytest.raises(DermisError, match="a worker cannot be started"):
-            executor.submit("echo").result(10)
+            executor.submit("echo").result(60)
 
 
 def test_nothing_is_left_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -280,9 +283,9 @@ def test_nothing_is_left_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     with processes() as executor:
         wait([executor.submit(name) for name in ("echo", "refuse", "die", "fail")])
         executor.submit("dawdle", {}, {"seconds": 60.0}).cancel()
-        executor.submit("echo").result(10)
+        executor.submit("echo").result(60)
         executors = [processes(), executor]
-        pids = [int(e.submit("echo").result(10)["pid"]) for e in executors]
+        pids = [int(e.submit("echo").result(60)["pid"]) for e in executors]
         child.close_all()
         assert all(gone(pid) for pid in pids)
     assert not list(tmp_path.iterdir())
@@ -297,7 +300,7 @@ def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
         "os.kill(os.getpid(), signal.SIGKILL)\n"
     )
     line = [sys.executable, "-c", code, str(tmp_path / "pid")]
-    done = subprocess.run(line, env=child.environment() | {"TMPDIR": str(tmp_path)}, timeout=20)
+    done = subprocess.run(line, env=child.environment() | {"TMPDIR": str(tmp_path)}, timeout=60)
     assert done.returncode == -signal.SIGKILL and gone(int((tmp_path / "pid").read_text()))
 
 
@@ -308,10 +311,10 @@ def test_a_process_that_splits_off_ends_by_itself_and_ends_nobody() -> None:
         "future = processes().submit('dawdle', {}, {'seconds': 1.0})\n"
         "while future.progress() == (0, 0): time.sleep(0.01)\n"
         "if os.fork() == 0: sys.exit(3)\n"
-        "print(os.waitstatus_to_exitcode(os.wait()[1]), 'span' in future.result(10))\n"
+        "print(os.waitstatus_to_exitcode(os.wait()[1]), 'span' in future.result(60))\n"
     )
     line = [sys.executable, "-W", "ignore", "-c", code]  # from 3.12 on Python warns of forks beside threads
-    done = subprocess.run(line, env=child.environment(), timeout=20, capture_output=True, text=True)
+    done = subprocess.run(line, env=child.environment(), timeout=60, capture_output=True, text=True)
     assert done.stdout == "3 True\n", done.stderr
 
 
@@ -322,7 +325,7 @@ def test_the_end_of_python_ends_what_runs(tmp_path: Path) -> None:
         "while not (Path(sys.argv[1]).exists() and Path(sys.argv[1]).read_text()): time.sleep(0.01)\n"
     )
     line = [sys.executable, "-c", code, str(tmp_path / "pid")]
-    done = subprocess.run(line, env=child.environment(), timeout=20, capture_output=True)
+    done = subprocess.run(line, env=child.environment(), timeout=60, capture_output=True)
     assert done.returncode == 0 and not done.stderr and gone(int((tmp_path / "pid").read_text()))
 
 

@@ -6,6 +6,7 @@ Nothing here measures speed; limits of time are those that safety promises, with
 from __future__ import annotations
 
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from core.stream.links.open_link import open_link
 from core.stream.links.url import Url
 from core.stream.virtual.faults import Faults
 from core.stream.virtual.link import open_any_link
+from tests import exits
 from tests.unit.stream.stream_box import HAPTIP, beating, posix, ready
 
 pytestmark = pytest.mark.real_time
@@ -108,9 +110,15 @@ def test_a_stuck_actuator_shows_in_what_the_device_reports() -> None:
         client.heartbeat()
         client.wait("ready", 10)
         client.arm()
-        beating(client, 0.5, values=(0.2, 0.2))
-        told = client.status()["received"]["values"]
-        assert told["pulley_1"] == pytest.approx(0.2, abs=1e-3) and abs(told["pulley_2"]) < 1e-3
+        told: dict[str, float] = {}
+
+        def beat() -> None:
+            beating(client, 0.1, values=(0.2, 0.2))
+            told.update(client.status()["received"]["values"])
+
+        exits.until(lambda: told.get("pulley_1") == pytest.approx(0.2, abs=1e-3), beat, "the other one arrives")
+        beat()
+        assert abs(told["pulley_2"]) < 1e-3
 
 
 def test_what_is_reported_is_as_commanded_whatever_the_calibration() -> None:
@@ -125,10 +133,11 @@ def test_what_is_reported_is_as_commanded_whatever_the_calibration() -> None:
         client.heartbeat()
         client.wait("ready", 10)
         client.arm()
-        beating(client, 0.5, values=(0.2, 0.1))
+        wanted = pytest.approx({"pulley_1": 0.2, "pulley_2": 0.1}, abs=1e-4)
+        beat = partial(beating, client, 0.1, values=(0.2, 0.1))
+        exits.until(lambda: client.status().get("reported", {}) == wanted, beat, "as asked")
         status = client.status()
         assert status["received"]["values"] == pytest.approx({"pulley_1": -0.15, "pulley_2": 0.2}, abs=1e-4)
-        assert status["reported"] == pytest.approx({"pulley_1": 0.2, "pulley_2": 0.1}, abs=1e-4)
 
 
 def test_loss_and_corruption_are_counted_and_survived(track_file: Path) -> None:
@@ -166,6 +175,7 @@ def test_a_finger_on_the_virtual_panel_is_answered_through_a_real_sender(tmp_pat
         heights, (0.1, 0.1), 1.0, screen, scale=120.0, lowest=float(heights.min()), highest=float(heights.max())
     )
     made.save(tmp_path / "ramp.map.npz")
+    steepest = 10 ** (1.05 / 1.24) * 60 ** (1 / 1.24)  # log10 f = 1.24 log10 V - 1.05 at f = 120 * 0.5
     preset = Library().load("devices", "electrovibration")
     with SenderClient() as client:
         client.connect(
@@ -183,9 +193,13 @@ def test_a_finger_on_the_virtual_panel_is_answered_through_a_real_sender(tmp_pat
         assert client.status()["received"]["values"]["amplitude"] == 0.0, "nothing before arming"
         client.arm()
         seen = []
-        for _ in range(70):  # a turn takes 3.1 s
+
+        def beat() -> None:
             beating(client, 0.05)
             seen.append(client.status()["received"]["values"]["amplitude"])
+
+        for _ in range(70):  # a turn takes 3.1 s
+            beat()
+        exits.until(lambda: max(seen) > 0.98 * steepest and min(seen) == 0.0, beat, "uphill and downhill")
         assert client.status()["armed"], client.status()["message"]
-    steepest = 10 ** (1.05 / 1.24) * 60 ** (1 / 1.24)  # log10 f = 1.24 log10 V - 1.05 at f = 120 * 0.5
     assert max(seen) == pytest.approx(steepest, rel=0.02) and min(seen) == 0.0

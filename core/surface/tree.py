@@ -88,15 +88,20 @@ class TriangleTree:
         upper = np.full(len(points), limit)
         if place.nodes.size > 1:
             some = self._some(x, place.nodes.take(square.argmin(axis=1)), place.depth)
-            np.minimum(upper, np.sqrt(self._table.closest(np.ascontiguousarray(points.T), some)[0]), out=upper)
+            np.minimum(upper, np.sqrt(self._table.within(np.ascontiguousarray(points.T), some)), out=upper)
         upper *= 1.0 + ROUNDED
         upper += ROUNDED * (self._extent + float(np.abs(x).max()))
         bound = np.square(upper, dtype=np.float32)
-        below = _below(square, height, place.shapes)
-        below -= place.slack
-        near = (below <= (bound + slack)[:, None]).reshape(-1).nonzero()[0]
+        # the ways to their middles leave few, for which more is worked out
+        farthest = (upper + np.sqrt(slack)).astype(np.float32)[:, None] + place.sizes
+        farthest *= farthest
+        near = (square <= farthest).reshape(-1).nonzero()[0]
         owner = near // place.nodes.size
-        node = place.nodes.take(near - owner * place.nodes.size)
+        part = near - owner * place.nodes.size
+        below = _below(square.take(near), height.take(near), place.shapes.take(part, axis=1))
+        below -= place.slack.take(part)
+        near = (below <= (bound + slack).take(owner)).nonzero()[0]
+        owner, node = owner.take(near), place.nodes.take(part.take(near))
         deeper = self._levels[place.depth + 1 :]
         if deeper and owner.size * GATHER > square.size:  # groups tell little apart: measure to their members at once
             place.coarse = square.size * deeper[0].shape[2] <= AT_MOST
@@ -168,6 +173,7 @@ class _Place:
 
     Attributes:
         slack: by how much squared distances to each shape may be rounded, for where it is [m^2], shape (k,).
+        sizes: how far from its middle anything of a shape may seem to be [m], shape (k,).
     """
 
     def __init__(
@@ -181,6 +187,8 @@ class _Place:
         away = (centre * centre).sum(axis=0)
         # how far squared distances may be rounded [m^2], by each shape's part: what is near is told apart most finely
         self.slack = (ROUNDED_PRODUCT * away).astype(np.float32)
+        size = np.sqrt(shapes[6] ** 2 + shapes[7] ** 2) + np.sqrt(self.slack)
+        self.sizes = (size * (1.0 + ROUNDED)).astype(np.float32)
         rows = [[*(-2.0 * centre), away, np.ones_like(away)]]
         rows += [
             [*axis, -(centre * axis).sum(axis=0), np.zeros_like(centre[0])]

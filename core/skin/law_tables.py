@@ -57,6 +57,8 @@ class LawTables:
         self.pad = np.searchsorted(self._free, degrees(mesh.pad))  # of a vector
         self._inner = np.setdiff1d(np.arange(len(self._free)), self.pad)
         self._states: Recent[bytes, Floats32] = Recent(KEPT)
+        # pad nodes that carried force last, their degrees and rows of the response
+        self._touched = (np.zeros(0, bool), np.zeros(0, np.int64), np.zeros((0, len(self._free)), np.float32))
 
     @property
     def size(self) -> int:
@@ -65,9 +67,14 @@ class LawTables:
 
     def pulled(self, force: Floats32) -> Floats32:
         """Return how forces on the pad nodes displace linear tissue, shapes (3 m,) to (3 free,)."""
-        loaded = np.flatnonzero(force.reshape(-1, 3).any(axis=1))
-        rows = degrees(loaded) if 2 * len(loaded) < len(self.mesh.pad) else slice(None)
-        return np.asarray(force[rows] @ self._response()[rows])
+        touched = force.reshape(-1, 3).any(axis=1)
+        if 2 * np.count_nonzero(touched) >= len(self.mesh.pad):
+            return np.asarray(force @ self._response())
+        if not np.array_equal(touched, self._touched[0]):  # what touches seldom changes from look to look
+            rows = degrees(np.flatnonzero(touched))
+            self._touched = touched, rows, self._response()[rows]
+        _, rows, response = self._touched
+        return np.asarray(force[rows] @ response)
 
     def miss(self, moved: Floats32, pulled: Floats32, force: Floats32) -> Miss:
         """Return what a displacement is off under forces on the pad.

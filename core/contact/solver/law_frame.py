@@ -1,7 +1,8 @@
 """One frame of skin that follows the neo-Hookean law: contact on linear skin and the law, by turns until both agree.
 
-Where they do not, as after a long drag in one frame, what presses is led there in parts of its way; where that does not
-help either, the frame keeps what left least, or what linear skin does, and says that it did not converge.
+Where they do not, as after a long drag in one frame, what presses is led there in parts of its way, and where nothing
+near is found, as where a finger begins deep in something, straight in from where it touches nothing. Where that does
+not help either, the frame keeps what left least, or what linear skin does, and says that it did not converge.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from .solved_frame import Begin, SolvedFrame
 
 ROUNDS = 40  # of both
 USABLE = 0.1  # of what the law leaves: what is nearer to it than that is better than linear skin
-PARTS = (1, 4, 16)  # of the way
+PARTS, STRAIGHT = (1, 4, 16), (4, 16)  # of the way since the last frame, and of the straight one
 
 
 class LinearContact(Protocol):
@@ -66,22 +67,37 @@ def solved_by_law(
     way = _moved(solver, gaps)
     for parts in PARTS if way.any() else PARTS[:1]:
         law.restore(before)
-        start = begin
-        for part in range(1, parts + 1):
-            found = _agreed(solver, law, b + (1.0 - part / parts) * way, gaps, soft, start, float(part > 1))
-            if not law.settled:
-                break
-            start = Begin(found.solution.force, found.image + solver.beyond(), found.solution.force, found.y)
+        found, ends = _walked(solver, law, b, gaps, soft, begin, way, parts)
         if law.settled:
             return found
-        if part == parts and law.left < least.left:  # what was left on the way is no answer at its end
+        if ends and law.left < least.left:
             best, least = found, law.save()
+    none = np.zeros_like(b)
+    for parts in STRAIGHT if least.left > USABLE else ():
+        law.reset()
+        found, ends = _walked(solver, law, b, gaps, soft, Begin(none, none, none, none), _depth(gaps), parts)
+        if ends and law.left < least.left:
+            best, least = found, law.save()
+        if law.settled:
+            break
     if least.left <= USABLE:
         law.restore(least)
         return best
     law.give_up()
     found = solver.iterated(b, gaps, soft, begin)
     return found._replace(solution=replace(found.solution, residual=max(found.solution.residual, 1.0)))
+
+
+def _walked(
+    solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, begin: Begin, way: Array, parts: int
+) -> tuple[SolvedFrame, bool]:
+    """Lead what presses along a way to its end [m], shape (n, 3); return where that ends, and whether it is the end."""
+    for part in range(1, parts + 1):
+        found = _agreed(solver, law, b + (1.0 - part / parts) * way, gaps, soft, begin, float(part > 1))
+        if not law.settled:
+            break
+        begin = Begin(found.solution.force, found.image + solver.beyond(), found.solution.force, found.y)
+    return found, part == parts
 
 
 def _agreed(
@@ -108,6 +124,11 @@ def _agreed(
     if not law.settled:
         solution = replace(solution, residual=max(solution.residual, law.left))
     return SolvedFrame(solution, found.y, found.image - less, found.work)
+
+
+def _depth(gaps: NodeGaps) -> Array:
+    """Return the way straight in from where nothing touches [m], shape (n, 3)."""
+    return max(0.0, -float(gaps.gap.min(initial=0.0))) * gaps.normal
 
 
 def _moved(solver: LinearContact, gaps: NodeGaps) -> Array:

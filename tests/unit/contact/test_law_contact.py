@@ -197,6 +197,21 @@ def test_a_whole_press_in_one_frame_is_the_end_of_its_path(skin: SkinModel, shap
     assert off(ends[1].displacement, ends[0].displacement) <= 5e-3
 
 
+@pytest.mark.parametrize(("pitch", "roll"), [(-0.36, 0.29), (-0.5, 0.0), (0.0, 0.5)])
+def test_a_finger_that_begins_where_linear_skin_is_inside_out_is_led_in(
+    skin: SkinModel, exact: ExactFinger, pitch: float, roll: float
+) -> None:
+    """Linear skin, from which the law is asked first, folds there: what presses comes straight in, in parts."""
+    touch = press(skin, ball(5e-3), 3e-3, friction=0.0, pitch=pitch, roll=roll, step=3e-3)
+    linear = on_nodes(skin.with_stiffening(None), 3e-5).step(touch.bodies(0))
+    moved = skin.displacement(linear.solution.force).astype(np.float32)
+    assert skin.law.law.flattest(moved) < 0.0
+    step = on_nodes(skin, CLOSE).step(touch.bodies(0))
+    assert step.solution.converged
+    felt = Stimulus(skin, step.solution.force, None, step.amounts)
+    assert off(exact.reaction(felt.displacement), step.solution.force) <= 1e-2
+
+
 def test_the_rate_of_frames_changes_nothing(skin: SkinModel) -> None:
     """A plane is pressed, drawn and turned for a quarter of a second, at 60, 240 and 960 frames a second."""
     forces = []
@@ -266,6 +281,7 @@ def test_where_nothing_settles_it_is_linear_skin_and_says_so(
         turned = honest(tables, moved)
         return turned * np.float32(factor) if calls[0] % 3 or not np.isfinite(factor) else -turned
 
+    monkeypatch.setattr(law_frame, "ROUNDS", 8)
     path, touch = hopeless(skin, monkeypatch, forces)
     linear = on_nodes(skin.with_stiffening(None), 3e-5)
     for i in range(4):

@@ -187,6 +187,17 @@ def test_under_loads_beyond_all_sense_what_comes_is_a_number(skin: SkinModel, si
     assert np.isfinite(beyond).all() and np.isfinite(state).all()
 
 
+def test_what_forces_do_to_linear_skin_does_not_depend_on_what_was_asked_before(skin: SkinModel) -> None:
+    tables, rng = LawTables(skin.mesh, skin.material.poisson, lambda: skin.unit_response), np.random.default_rng(4)
+    for count in (3, 3, skin.pad_count, 5, 0, 1, skin.pad_count // 2, 5):
+        force = np.zeros((skin.pad_count, 3), np.float32)
+        force[rng.permutation(skin.pad_count)[:count]] = rng.normal(size=(count, 3))
+        for scale in (1.0, 2.0):  # of the same nodes
+            flat = np.float32(scale) * force.reshape(-1)
+            expected = skin.unit_response.T.astype(np.float64) @ flat
+            assert np.linalg.norm(tables.pulled(flat) - expected) <= 1e-6 * np.linalg.norm(expected)
+
+
 def test_degrees_are_those_of_the_pad(skin: SkinModel) -> None:
     tables, mesh = skin.law, skin.mesh
     moved = np.arange(tables.size, dtype=np.float32)

@@ -39,6 +39,9 @@ from .stiff_points import StiffPoints
 
 MAX_STEPS = 10
 MAX_TANGENTS = 8
+# A tangent of skin that stiffens serves again where it is off by no more than this share of the forces, and these have
+# changed by no more than that share: the series that it is of is off the law by many times as much.
+BENT, FAR = 1e-3, 0.3
 _UNIT, _NO_LAW = np.eye(3), np.zeros((0, 3, 3))
 _STICKS, _SLIPS = np.int8(STICK), np.int8(SLIP)
 NEAR, MARGIN = 0.9e-3, 0.3e-3  # candidates have gaps below NEAR; they are chosen anew when others come to MARGIN
@@ -151,22 +154,22 @@ class DiscContact:
 
     def _settled(self, stiff: StiffPoints, pose: DiscPose, found: DiscSolution) -> DiscSolution:
         """Lay the tangent of skin that stiffens anew through what it led to, until both agree."""
-        bend, off = np.inf, 0.0  # what a tangent leaves out falls with the square of the way from where it was laid
+        off = 0.0
         for _ in range(MAX_TANGENTS):
             if not found.touching or found.tangent is None:
                 return found
             columns, force = _degrees(found.near), found.force.ravel()
             z = stiff.work(columns, force)
             way = _apart(found.tangent, z)
-            if bend * way**2 <= TOLERANCE:
+            # what a tangent leaves out falls with the square of the way from where it was laid
+            if way <= FAR and found.tangent.bend * way**2 <= BENT:
                 return found
             new = stiff.moved(found.tangent, z)
             beyond = stiff.patterns[columns] @ (new.force_at(z) - found.tangent.force_at(z))
             off = self._stiffness * float(np.linalg.norm(beyond) / np.linalg.norm(force))
             if off <= TOLERANCE:
                 return found
-            bend = off / max(way, 1e-300) ** 2
-            self.tangent, self._line = new, None
+            self.tangent, self._line = replace(new, bend=off / max(way, 1e-300) ** 2), None
             found = self.tried(pose)
         return replace(found, residual=max(found.residual, off))
 

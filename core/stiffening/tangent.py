@@ -25,12 +25,15 @@ class StiffTangent:
     Attributes:
         q: amounts, shape (k,). force: n(q), shape (k,).
         stiffness: n'(q). softening: M = 1 - (1 + n')^-1, shapes (k, k).
+        bend: what it is off by, as whoever laid it measures that, over the square of how far off forces are; inf where
+            nobody measured it.
     """
 
     q: Array
     force: Array
     stiffness: Array
     softening: Array
+    bend: float = np.inf
 
     @classmethod
     def rest(cls, count: int) -> StiffTangent:

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from core.contact.solver.cone import natural_residual
-from core.devices.disc import DiscContact
-from core.devices.disc_pose import DiscSolution, FrictionState, placed
+from core.devices.disc import BENT, DiscContact
+from core.devices.disc_pose import TOLERANCE, DiscSolution, FrictionState, placed
 from core.devices.first_contact import first_contact
+from core.devices.stiff_points import StiffPoints
 from core.devices.thimble import Thimble, mechanism
 from core.presets import Library
 from core.skin.felt_state import state_of, stress_components
@@ -22,6 +23,12 @@ from tests.stiff_skins import stiff_skin
 
 FRICTION = 0.6
 DEPTHS = (0.2e-3, 0.5e-3, 0.8e-3, 1.1e-3)
+
+
+@pytest.fixture(autouse=True)
+def to_the_last_digit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lay tangents anew until nothing is left, as the laws are held to here."""
+    monkeypatch.setattr("core.devices.disc.BENT", TOLERANCE)
 
 
 @lru_cache
@@ -77,6 +84,22 @@ def test_what_is_found_obeys_both_laws(on: str) -> None:
         flat = np.hypot(across[:, 0], across[:, 1]) < contact.disc.radius
         assert flat.any()
         np.testing.assert_allclose(across[flat, 2], 0.0, atol=1e-8)  # loaded skin lies on the disc [m]
+
+
+def test_a_tangent_serves_for_many_poses_and_is_off_by_no_more_than_it_may(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A slow press, as frames are: few tangents are laid, and forces stay beside those of the law."""
+    model, laid = skin(), []
+    slow = np.linspace(DEPTHS[0], DEPTHS[-1], 60)
+    monkeypatch.setattr(f"{__name__}.DEPTHS", tuple(slow))
+    moved = StiffPoints.moved
+    monkeypatch.setattr(StiffPoints, "moved", lambda *given: laid.append(1) or moved(*given))
+    exact = [found.force.sum(axis=0) for _, found in pressed(contact_of(device(), model, FRICTION))]
+    often, laid[:] = len(laid), []
+    monkeypatch.setattr("core.devices.disc.BENT", BENT)
+    found = [found.force.sum(axis=0) for _, found in pressed(contact_of(device(), model, FRICTION))]
+    assert len(laid) <= 0.5 * often
+    off = np.linalg.norm(np.array(found) - exact, axis=1) / np.linalg.norm(exact, axis=1)
+    assert off.max() <= 3.0 * BENT
 
 
 def test_stiffening_is_no_small_thing_here() -> None:

@@ -10,7 +10,7 @@ import core
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.law_skin import LawSkin
 from core.contact.solver.path import PathSolver
-from core.devices.disc_pose import DiscSolution, FrictionState, placed
+from core.devices.disc_pose import TOLERANCE, DiscSolution, FrictionState, placed
 from core.devices.first_contact import first_contact
 from core.devices.thimble import Thimble, mechanism
 from core.matching.press_test import press_loads
@@ -87,7 +87,8 @@ def begun(sample: int) -> Follower:
     return following
 
 
-def test_a_disc_that_pressed_is_found_again() -> None:
+def test_a_disc_that_pressed_is_found_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("core.devices.disc.BENT", TOLERANCE)
     (x, _, _), (forces, amounts), first = pressed(), touch(), 3
     found = begun(first).follow(forces[first + 1 :], amounts[first + 1 :])
     assert found.mismatch.max() < 2e-3 and found.amounts is not None

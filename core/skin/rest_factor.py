@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..arrays import Floats32, Indices
+from .blas import one_thread
 from .condense import breadth_first_levels
 
 if TYPE_CHECKING:
@@ -34,8 +35,14 @@ class RestFactor:
         self._inverses: list[Floats32] = []
         self._down: list[csr_array] = []
         self._up: list[csr_array] = []
+        with one_thread():
+            self._eliminate(permuted)
+
+    def _eliminate(self, permuted: csr_array) -> None:
+        """Invert what each level has after those before it are eliminated."""
+        count = len(self._ends) - 1
         inverse = coupling = None
-        for i in range(len(levels)):
+        for i in range(count):
             low, high = self._ends[i], self._ends[i + 1]
             block = permuted[low:high, low:high].toarray()
             if coupling is not None:
@@ -43,7 +50,7 @@ class RestFactor:
             inverse = np.linalg.inv(block)
             inverse = 0.5 * (inverse + inverse.T)
             self._inverses.append(np.asfortranarray(inverse, np.float32))
-            if i + 1 < len(levels):
+            if i + 1 < count:
                 part = permuted[low:high, high : self._ends[i + 2]]
                 coupling = part.toarray()
                 self._up.append(_small(part))

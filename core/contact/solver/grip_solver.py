@@ -128,7 +128,7 @@ class GripSolver:
             for law in laws:
                 law.go_back()
             return None
-        before = self._displacement
+        before, lost = self._displacement, 0
         for again in range(LAW_ROUNDS if laws else MAX_ROUNDS):
             required = self._required(rotation, acceleration, angular_velocity, angular_acceleration)
             asked = required.copy()
@@ -145,7 +145,8 @@ class GripSolver:
                 self._more_torque = torque - asked[3:] if found.holds else np.zeros(3)
             agreed = all(law.settled or law.lost for law in laws)
             still = found.size <= STILL and agreed
-            if not agreed:
+            if not agreed or lost < sum(law.lost for law in laws):  # what left least is balanced with once more
+                lost = sum(law.lost for law in laws)
                 continue
             turned = np.abs(torque - required[3:]).max() > TORQUE
             if again + 1 >= MAX_ROUNDS or not found.holds or ((still or again > MEASURED) and not turned):

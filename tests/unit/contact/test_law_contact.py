@@ -12,6 +12,7 @@ from core.contact.compliant_bone import CompliantBone
 from core.contact.solver import law_frame
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.cone import natural_residual
+from core.contact.solver.grip import HoldingFinger
 from core.contact.solver.law_skin import TOLERANCE, LawSkin
 from core.contact.solver.path import PathSolver
 from core.contact.solver.path_step import PathStep
@@ -21,8 +22,10 @@ from core.skin.stimulus import Stimulus
 from core.skin.surface_store import smooth_pad
 from core.tissue.exact_finger import ExactFinger
 from tests.contact_laws import at_frame_ends_alone
+from tests.grips import LoneGrip
 from tests.stiff import MIRROR, mirrored, on_nodes, press
 from tests.touches import Touch, ball, edge, flat, rod
+from tests.unit.contact.solver.test_grip_solver import GRAVITY, MU, setup
 
 Array = NDArray[np.float64]
 SHAPES = {"plane": flat, "ball": lambda: ball(4e-3), "rod": lambda: rod(6e-3), "edge": lambda: edge(0.3e-3)}
@@ -340,6 +343,31 @@ def test_where_a_step_leads_nowhere_what_is_kept_is_what_left_least(
     assert path.law.left <= law_frame.USABLE
     kept = np.asarray(step.amounts).reshape(-1, 3)
     assert kept.any() and off(skin.pad_displacement(step.solution.force) - kept, step.displacement) <= 1e-5
+
+
+def test_a_grip_whose_laws_are_lost_is_balanced_with_what_is_kept_of_them(
+    skin: SkinModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    laws = [LawSkin(skin.law, skin.material.modulus) for _ in range(2)]
+    linear, poses = setup(skin, 0.05)
+    fingers = [HoldingFinger(skin.compliance, skin.positions, law=law) for law in laws]
+    grip = LoneGrip(linear.solver.surface, 0.05, fingers, MU, GRAVITY)
+    for _ in range(3):
+        assert grip.step(np.eye(4), poses).residual < 1e-5
+    honest, calls = LawTables.forces, [0]
+
+    def forces(tables: LawTables, moved: NDArray[np.float32]) -> NDArray[np.float32]:
+        calls[0] += 1
+        return honest(tables, moved) * np.float32(1.0 if calls[0] <= 2 else np.nan)
+
+    monkeypatch.setattr(LawTables, "forces", forces)
+    for law in laws:
+        law.tolerance = 1e-7
+    step = grip.step(np.eye(4), poses)
+    assert all(law.lost for law in laws) and step.holds and step.residual == max(law.left for law in laws)
+    for law, force, deformed in zip(laws, step.forces, grip.solver._deformed, strict=True):
+        kept = skin.positions + skin.pad_displacement(force) - law.amounts.reshape(-1, 3)
+        assert np.abs(kept - deformed).max() <= 1e-12
 
 
 def test_what_was_left_on_the_way_is_no_answer_at_its_end(skin: SkinModel, monkeypatch: pytest.MonkeyPatch) -> None:

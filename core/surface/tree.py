@@ -88,7 +88,7 @@ class TriangleTree:
         upper = np.full(len(points), limit)
         if place.nodes.size > 1:
             some = self._some(x, place.nodes.take(square.argmin(axis=1)), place.depth)
-            np.minimum(upper, np.sqrt(self._table.closest(np.ascontiguousarray(points.T), some)[0]), out=upper)
+            np.minimum(upper, np.sqrt(self._table.within(np.ascontiguousarray(points.T), some)), out=upper)
         upper *= 1.0 + ROUNDED
         upper += ROUNDED * (self._extent + float(np.abs(x).max()))
         bound = np.square(upper, dtype=np.float32)

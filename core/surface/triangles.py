@@ -72,29 +72,36 @@ class TriangleTable:
 
         Weights on an edge or a corner are exactly 0, or sum exactly to 1, so the feature can be read off them.
         """
+        v, rows, weights = self._projected(x, triangle)
+        if self.slivers is not None:
+            _measure(self.slivers.take(triangle), v, rows, weights)
+        square = _square(_left(v, rows, weights))
+        _measure(square < NEAR * (rows[9] + rows[10]), v, rows, weights, square)
+        return square, weights[0], weights[1]
+
+    def within(self, x: Array, triangle: Indices) -> Array:
+        """Return squared distances within which triangles are of points, but for rounding: mostly the least, (n,).
+
+        Args:
+            x, triangle: as for `closest`.
+        """
+        return _square(_left(*self._projected(x, triangle)))
+
+    def _projected(self, x: Array, triangle: Indices) -> tuple[Array, Array, Array]:
+        """Return points seen from corner a [m], shape (3, n), their triangles' rows and the closest points' weights.
+
+        The weights, shape (2, n), have as many digits as squared distances tell edges apart.
+        """
         rows = self.rows.take(triangle, axis=1)
-        ab, ac = rows[3:6], rows[6:9]
-        g11, g22, _, g12, scale = rows[9:14]
         v = x - rows[0:3]
-        d1, d2 = _dot(v, ab), _dot(v, ac)
-        u = g22 * d1
-        u -= g12 * d2
-        u *= scale
-        w = g11 * d2
-        w -= g12 * d1
-        w *= scale
-        off = np.minimum(u, w)
-        np.minimum(off, 1.0 - u - w, out=off)
+        along = _dot(v, rows[3:9].reshape(2, 3, -1))
+        weights = _solved(rows, along)
+        off = np.minimum(weights[0], weights[1])
+        np.minimum(off, 1.0 - weights[0] - weights[1], out=off)
         outside = (off < 0.0).nonzero()[0]
         if outside.size:
-            u[outside], w[outside] = _closest_on_edges(
-                d1.take(outside), d2.take(outside), rows[9:13].take(outside, axis=1)
-            )
-        if self.slivers is not None:
-            _measure(self.slivers.take(triangle), v, rows[3:], u, w)
-        square = _square(v - u * ab - w * ac)
-        _measure(square < NEAR * (g11 + g22), v, rows[3:], u, w, square)
-        return square, u, w
+            weights[:, outside] = _closest_on_edges(along.take(outside, axis=1), rows[9:13].take(outside, axis=1))
+        return v, rows, weights
 
     def point(self, triangle: Indices, u: Array, w: Array) -> Array:
         """Return the points with the given weights [m], shape (n, 3)."""
@@ -102,13 +109,17 @@ class TriangleTable:
         return (rows[0:3] + u * rows[3:6] + w * rows[6:9]).T
 
 
-def _closest_on_edges(d1: Array, d2: Array, gram: Array) -> tuple[Array, Array]:
-    """Closest of the edges ab, ac and bc, for points whose projection falls outside the triangle."""
+def _closest_on_edges(to: Array, gram: Array) -> Array:
+    """Weights on the closest of ab, ac and bc, for points whose projection falls outside the triangle, shape (2, n).
+
+    Args:
+        to: products of points, seen from corner a, with ab and ac [m^2], shape (2, n). gram: rows 9 to 12 of a table.
+    """
     square = gram[0:3]
     along = np.empty_like(square)
-    along[0], along[1] = d1, d2
-    from_b = square[0] - d1
-    np.add(d2, from_b, out=along[2])
+    along[:2] = to
+    from_b = square[0] - to[0]
+    np.add(to[1], from_b, out=along[2])
     along[2] -= gram[3]
     t = along / square
     np.maximum(t, 0.0, out=t)
@@ -118,55 +129,80 @@ def _closest_on_edges(d1: Array, d2: Array, gram: Array) -> tuple[Array, Array]:
     along *= 2.0
     excess -= along
     excess *= t
-    from_b -= d1
+    from_b -= to[0]
     excess[2] += from_b
     first = excess[0] <= np.minimum(excess[1], excess[2])
     second = excess[1] <= excess[2]
-    u = np.where(first, t[0], np.where(second, 0.0, 1.0 - t[2]))
-    w = np.where(first, 0.0, np.where(second, t[1], t[2]))
-    return u, w
+    out = np.empty_like(to)
+    out[0] = np.where(first, t[0], np.where(second, 0.0, 1.0 - t[2]))
+    out[1] = np.where(first, 0.0, np.where(second, t[1], t[2]))
+    return out
 
 
-def _measure(which: NDArray[np.bool_], v: Array, rows: Array, u: Array, w: Array, square: Array | None = None) -> None:
-    """Measure the ways to all edges and the face of some triangles, and put the closest into u, w and square.
+def _measure(which: NDArray[np.bool_], v: Array, rows: Array, weights: Array, square: Array | None = None) -> None:
+    """Measure the ways to all edges and the face of some triangles, and put the closest into weights and square.
 
     Args:
-        v: points seen from corner a [m], shape (3, n). rows: as those of a table from the third on.
+        v: points seen from corner a [m], shape (3, n). rows: of the triangles. weights: first guess, shape (2, n).
     """
     some = which.nonzero()[0]
     if some.size:
-        least, u[some], w[some] = _measured(v[:, some], rows.take(some, axis=1), u[some], w[some])
+        least, weights[:, some] = _measured(v.take(some, axis=1), rows.take(some, axis=1), weights.take(some, axis=1))
         if square is not None:
             square[some] = least
 
 
-def _measured(v: Array, rows: Array, u: Array, w: Array) -> tuple[Array, Array, Array]:
+def _measured(v: Array, rows: Array, weights: Array) -> tuple[Array, Array]:
     """Return squared distances and weights of the closest points, where squares alone would not tell.
 
     Args:
-        v: points seen from corner a [m], shape (3, n). rows: as those of a table from the third on. u, w: first guess.
+        v: points seen from corner a [m], shape (3, n). rows: of the triangles. weights: first guess, shape (2, n).
     """
-    ab, ac, (g11, g22, g33, g12, scale) = rows[:3], rows[3:6], rows[6:]
-    bc, from_b = ac - ab, v - ab
-    one, two, three = (
-        np.clip(_dot(p, edge) / np.maximum(square, 1e-300), 0.0, 1.0)
-        for p, edge, square in ((v, ab, g11), (v, ac, g22), (from_b, bc, g33))
-    )
+    n = v.shape[1]
+    edges, starts = np.empty((3, 3, n)), np.empty((3, 3, n))  # ab, ac, bc, and points seen from where they begin
+    edges[:2] = rows[3:9].reshape(2, 3, n)
+    np.subtract(edges[1], edges[0], out=edges[2])
+    starts[:2] = v
+    np.subtract(v, edges[0], out=starts[2])
+    share = _dot(starts, edges)
+    share /= np.maximum(rows[9:12], 1e-300)
+    np.maximum(share, 0.0, out=share)
+    np.minimum(share, 1.0, out=share)
     for _ in range(2):  # what a guess leaves along the face tells by how much it is off
-        left = v - u * ab - w * ac
-        d1, d2 = _dot(left, ab), _dot(left, ac)
-        u, w = u + (g22 * d1 - g12 * d2) * scale, w + (g11 * d2 - g12 * d1) * scale
-    within = (np.minimum(u, w) > 0.0) & (u + w < 1.0)
-    face = np.where(within, _square(v - u * ab - w * ac), np.inf)
-    off = [_square(v - one * ab), _square(v - two * ac), _square(from_b - three * bc), face]
-    best, zero = np.argmin(off, axis=0), np.zeros_like(one)
-    return (np.choose(best, off), np.choose(best, [one, zero, 1.0 - three, u]), np.choose(best, [zero, two, three, w]))
+        weights = weights + _solved(rows, _dot(_left(v, rows, weights), edges[:2]))
+    u, w = weights
+    squares = np.empty((4, n))
+    squares[:3] = _square(starts - share[:, None] * edges)
+    squares[3] = np.where((np.minimum(u, w) > 0.0) & (u + w < 1.0), _square(_left(v, rows, weights)), np.inf)
+    of_each = np.zeros((2, 4, n))
+    of_each[0, 0], of_each[1, 1], of_each[1, 2] = share
+    np.subtract(1.0, share[2], out=of_each[0, 2])
+    of_each[:, 3] = weights
+    best, column = squares.argmin(axis=0), np.arange(n)
+    return squares[best, column], of_each[:, best, column]
+
+
+def _solved(rows: Array, along: Array) -> Array:
+    """Return the weights of points of a plane, from their products with ab and ac [m^2], shape (2, n) each."""
+    weights = rows[10:8:-1] * along
+    weights -= rows[12] * along[::-1]
+    weights *= rows[13]
+    return weights
+
+
+def _left(v: Array, rows: Array, weights: Array) -> Array:
+    """Return the ways from points of triangles to points seen from corner a [m], shape (3, n)."""
+    part = weights[:, None] * rows[3:9].reshape(2, 3, -1)
+    left: Array = v - part[0]
+    left -= part[1]
+    return left
 
 
 def _dot(a: Array, b: Array) -> Array:
+    """Return products of columns, shapes (..., 3, n)."""
     product = a * b
-    out: Array = product[0] + product[1]
-    out += product[2]
+    out: Array = product[..., 0, :] + product[..., 1, :]
+    out += product[..., 2, :]
     return out
 
 

@@ -35,7 +35,7 @@ class Box:
         self._ends = np.array([0.0, *self.uniform[::-1]]) if self.uniform else None  # by status; -1 is the last
         self.span = max(float(np.abs(self.low).max(initial=0.0)), float(np.abs(self.high).max(initial=0.0)))
 
-    def fixed(self, status: NDArray[np.int8]) -> Array:
+    def fixed(self, status: NDArray[np.integer]) -> Array:
         """Return variables at the bounds they sit on, 0 where they are free."""
         if self._ends is not None:
             return self._ends.take(status)
@@ -74,10 +74,11 @@ class ActiveBounds:
     @classmethod
     def of(cls, h: Array, status: NDArray[np.int8], box: Box) -> ActiveBounds:
         """Return what a guess needs of H, which is symmetric, in C order."""
-        free = (status == 0).nonzero()[0]
+        free = np.logical_not(status).nonzero()[0]
         rows = h.take(free, axis=0)
         low, high = box.uniform or (box.low[free], box.high[free])
-        return cls(status, free, rows.take(free, axis=1).T, rows.T, _SIGNS.take(status), box.fixed(status), low, high)
+        at = status.astype(np.intp)  # which `take` would make of it every time
+        return cls(status, free, rows.take(free, axis=1).T, rows.T, _SIGNS.take(at), box.fixed(at), low, high)
 
     def beyond(self, inner: Array) -> tuple[float, float]:
         """Return how far free variables are below and above their bounds; not above 0 where none is."""

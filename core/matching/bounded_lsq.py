@@ -162,11 +162,12 @@ class BoundedLeastSquares:
         gradient: Array,
     ) -> int:
         """Put the free variables that are past a bound onto it, in place, the gradient with them; return how many."""
-        moved = factor.free.take(past.nonzero()[0])
-        onto = (self.box.low if side < 0 else self.box.high).take(moved)
-        for i, step in zip(moved.tolist(), (onto - x.take(moved)).tolist(), strict=True):  # one or two
-            self._axpy(self._solved[i], gradient, a=step)
-        x[moved], status[moved] = onto, side
+        ends = self.box.low if side < 0 else self.box.high
+        moved = factor.free.take(past.nonzero()[0]).tolist()
+        for i in moved:  # one or two, which numbers are quicker for than arrays
+            end = ends.item(i)
+            self._axpy(self._solved[i], gradient, a=end - x.item(i))
+            x[i], status[i] = end, side
         return len(moved)
 
     def _onward(self, factor: ActiveBounds, x: Array, gradient: Array) -> tuple[Array, Array]:

@@ -25,6 +25,7 @@ TURNED = 0.3
 OPPOSITE = -0.7
 # Cells may do so in the next frame that are so many times as far off as those that do now, or turned by this share.
 FARTHER, LESS = 1.5, 0.6
+LESS_COSINE = 1.0 - 0.5 * (0.999 * LESS * TURNED) ** 2  # most cells have no neighbour that is turned by as much
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,15 +136,17 @@ def _turned(gaps: NodeGaps, sides: Array, beside: Indices) -> tuple[_Turned, Ind
     Where there is no cell, a cell stands for its own neighbour.
     """
     others = np.where(beside == NONE, np.arange(len(beside))[:, None], beside)
-    cosine = np.einsum("nkj,nj->nk", gaps.normal[others], gaps.normal)
-    alike = (gaps.body[others] == gaps.body[:, None]) & (gaps.body[:, None] >= 0) & (cosine > OPPOSITE)
+    cosine = np.einsum("nkj,nj->nk", gaps.normal.take(others, axis=0), gaps.normal)
+    rows = (cosine <= LESS_COSINE).any(axis=1).nonzero()[0]
+    others, cosine, body = others[rows], cosine[rows], gaps.body[rows, None]
+    alike = (gaps.body[others] == body) & (body >= 0) & (cosine > OPPOSITE)
     turned = np.where(alike, 2.0 - 2.0 * cosine, 0.0).reshape(-1, 2, 2)
-    width = np.linalg.norm(sides, axis=2)
+    width = np.sqrt((sides[rows] ** 2).sum(axis=2))
     # across an edge cells are narrow, and both neighbours tell of it: along it one may by chance
     axis = (turned.sum(axis=2) / width).argmax(axis=1)
-    rows = np.arange(len(axis))
-    off = gaps.clearance / width[rows, axis]
-    most = turned[rows, axis].max(axis=1)
+    each = np.arange(len(axis))
+    off = gaps.clearance[rows] / width[each, axis]
+    most = turned[each, axis].max(axis=1)
     own = np.flatnonzero((off < FARTHER) & (most > (LESS * TURNED) ** 2))
     touching = np.flatnonzero((off[own] < 1.0) & (most[own] > TURNED**2))
-    return _Turned(own, axis[own], others.reshape(-1, 2, 2)[own, axis[own]].T), touching
+    return _Turned(rows[own], axis[own], others.reshape(-1, 2, 2)[own, axis[own]].T), touching

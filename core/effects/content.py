@@ -54,7 +54,7 @@ def pendulum(
     g = float(np.sqrt(np.dot(gravity, gravity)))
     _check(length, damping, g)
     step = _step(times)
-    offset = np.empty((len(times), 3))
+    places: list[float] = []  # three a sample: a list takes a fifth of the time that rows of an array do
     ux, uy, uz = (float(v) / g for v in gravity)
     wx = wy = wz = 0.0
     keep = math.exp(-2.0 * damping * math.sqrt(g / length) * step)
@@ -64,10 +64,10 @@ def pendulum(
         impulses[0] *= 0.5  # velocities live between the samples
     else:
         ux, uy, uz, wx, wy, wz = carry.start
-    sin, cos, sqrt = math.sin, math.cos, math.sqrt
+    sin, cos, sqrt, index = math.sin, math.cos, math.sqrt, carry.index
     for k, (ax, ay, az) in enumerate(impulses.tolist()):
-        offset[k] = ux, uy, uz
-        if k == carry.index:
+        places += (ux, uy, uz)
+        if k == index:
             carry.found = ux, uy, uz, wx, wy, wz
         wx, wy, wz = wx * keep + ax, wy * keep + ay, wz * keep + az
         along = wx * ux + wy * uy + wz * uz  # what would stretch the rod, rounding of the arc before included
@@ -88,7 +88,7 @@ def pendulum(
             # Rounding that leaves the sphere would grow from arc to arc: back to unit length.
             unit = 1.5 - 0.5 * (ux * ux + uy * uy + uz * uz)
             ux, uy, uz = ux * unit, uy * unit, uz * unit
-    return length * offset
+    return length * np.array(places).reshape(-1, 3)
 
 
 def slosh(
@@ -214,8 +214,7 @@ def loose(
     changes = (np.diff(turn, axis=0) / step).tolist() if turns else []
     carry = carry or Carry()
     place, speed = ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0]) if carry.start is None else map(list, carry.start)
-    local = np.zeros((len(times), 3))
-    local[0] = place
+    places = [*place]
     for k, push in enumerate(mean.tolist()):
         if k == carry.index:
             carry.found = tuple(place), tuple(speed)
@@ -233,8 +232,8 @@ def loose(
                 place[i], speed[i] = end, v + a * step
             else:
                 place[i], speed[i] = bounce(x, v, a, step, size, restitution)
-        local[k + 1] = place
-    return np.einsum("nij,nj->ni", rotation, local)
+        places += place
+    return np.einsum("nij,nj->ni", rotation, np.array(places).reshape(-1, 3))
 
 
 def bounce(x: float, v: float, a: float, step: float, size: float, restitution: float) -> tuple[float, float]:

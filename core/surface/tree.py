@@ -33,6 +33,8 @@ ROUNDED_SQUARE, ROUNDED, ROUNDED_PRODUCT = np.float32(4e-6), 2e-6, 3e-6
 AT_ONCE, AROUND, PLACES = 100_000, 0.1, 8
 # A pair of a point and a group that is measured by itself costs so many times as much; at the most so many are at once.
 GATHER, AT_MOST = 7, 400_000
+# Of so many groups or more at once most are left out by the way to their middle alone, if they are about as large.
+MANY = 50
 
 _GROUPS: weakref.WeakKeyDictionary[Topology, Indices] = weakref.WeakKeyDictionary()
 
@@ -92,16 +94,8 @@ class TriangleTree:
         upper *= 1.0 + ROUNDED
         upper += ROUNDED * (self._extent + float(np.abs(x).max()))
         bound = np.square(upper, dtype=np.float32)
-        # the ways to their middles leave few, for which more is worked out
-        farthest = (upper + np.sqrt(slack)).astype(np.float32)[:, None] + place.sizes
-        farthest *= farthest
-        near = (square <= farthest).reshape(-1).nonzero()[0]
-        owner = near // place.nodes.size
-        part = near - owner * place.nodes.size
-        below = _below(square.take(near), height.take(near), place.shapes.take(part, axis=1))
-        below -= place.slack.take(part)
-        near = (below <= (bound + slack).take(owner)).nonzero()[0]
-        owner, node = owner.take(near), place.nodes.take(part.take(near))
+        owner, part = place.close(square, height, upper, bound + slack, np.sqrt(slack))
+        node = place.nodes.take(part)
         deeper = self._levels[place.depth + 1 :]
         if deeper and owner.size * GATHER > square.size:  # groups tell little apart: measure to their members at once
             place.coarse = square.size * deeper[0].shape[2] <= AT_MOST
@@ -173,7 +167,8 @@ class _Place:
 
     Attributes:
         slack: by how much squared distances to each shape may be rounded, for where it is [m^2], shape (k,).
-        sizes: how far from its middle anything of a shape may seem to be [m], shape (k,).
+        sizes: how far from its middle a shape may seem to reach [m], shape (k,).
+        told: whether the ways to their middles leave few shapes.
     """
 
     def __init__(
@@ -187,8 +182,9 @@ class _Place:
         away = (centre * centre).sum(axis=0)
         # how far squared distances may be rounded [m^2], by each shape's part: what is near is told apart most finely
         self.slack = (ROUNDED_PRODUCT * away).astype(np.float32)
-        size = np.sqrt(shapes[6] ** 2 + shapes[7] ** 2) + np.sqrt(self.slack)
-        self.sizes = (size * (1.0 + ROUNDED)).astype(np.float32)
+        sizes = np.sqrt(shapes[6] ** 2 + shapes[7] ** 2) + np.sqrt(self.slack)
+        self.sizes = (sizes * (1.0 + ROUNDED)).astype(np.float32)
+        self.told = len(nodes) >= MANY
         rows = [[*(-2.0 * centre), away, np.ones_like(away)]]
         rows += [
             [*axis, -(centre * axis).sum(axis=0), np.zeros_like(centre[0])]
@@ -209,6 +205,34 @@ class _Place:
         if along:
             _beside(square, along[0], self.shapes[11])
         return square, height, columns[4] * np.float32(ROUNDED_PRODUCT)
+
+    def close(
+        self, square: Single, height: Single, upper: Array, bound: Single, rounded: Single
+    ) -> tuple[Indices, Indices]:
+        """Return all pairs of a point and a shape that may be as near as a bound, and some more; points rise.
+
+        Args:
+            square, height: as `measured` says, which are overwritten.
+            upper: the bound [m], and `bound` its square with what the point's part is rounded by [m^2], shape (n,).
+            rounded: the root of the latter [m], shape (n,).
+        """
+        count = len(self.nodes)
+        if self.told:
+            farthest = (upper + rounded).astype(np.float32)[:, None] + self.sizes
+            farthest *= farthest
+            near = (square <= farthest).reshape(-1).nonzero()[0]
+            self.told = near.size * GATHER <= square.size
+            owner = near // count
+            part = near - owner * count
+            below = _below(square.take(near), height.take(near), self.shapes.take(part, axis=1))
+            below -= self.slack.take(part)
+            near = (below <= bound.take(owner)).nonzero()[0]
+            return owner.take(near), part.take(near)
+        below = _below(square, height, self.shapes)
+        below -= self.slack
+        near = (below <= bound[:, None]).reshape(-1).nonzero()[0]
+        owner = near // count
+        return owner, near - owner * count
 
 
 def _measured(x: Single, shapes: Single) -> tuple[Single, Single, Single]:

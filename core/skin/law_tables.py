@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -58,7 +58,7 @@ class LawTables:
         self._inner = np.setdiff1d(np.arange(len(self._free)), self.pad)
         self._states: Recent[bytes, Floats32] = Recent(KEPT)
         # pad nodes that carried force last, their degrees and rows of the response
-        self._touched = (np.zeros(0, bool), np.zeros(0, np.int64), np.zeros((0, len(self._free)), np.float32))
+        self._touched: tuple[Any, ...] = np.zeros(0, bool), np.zeros(0, np.int64), np.zeros((0, len(self._free)))
 
     @property
     def size(self) -> int:
@@ -111,25 +111,31 @@ class LawTables:
     def _held(self, force: Floats32, beyond: Floats32) -> Floats32:
         """Find what is beneath a pad that is held where it lies."""
         start = self.pulled(force)
-        held = start[self.pad] - beyond
-        if not held.any():
-            return np.zeros_like(start)
-        start[self.pad] = held
-        if not len(self._inner):
-            return start
-        start[self._inner] -= self._beneath.solve((self._matrix @ start)[self._inner])  # linear tissue beneath it
+        start[self.pad] -= beyond
+        if len(self._inner):
+            start[self._inner] -= self._beneath.solve((self._matrix @ start)[self._inner])  # linear tissue beneath it
+        return self.held(start)[0]
+
+    def held(self, start: Floats32, tolerance: float | None = None) -> tuple[Floats32, float]:
+        """Return the displacement by the law of tissue whose pad stays where it lies, and what is left of its balance.
+
+        Args:
+            start: a displacement with this pad, shape (3 free,). tolerance: of what is left, see `Miss.left`.
+        """
+        held, out = start[self.pad], start.copy()
+        if not held.any() or not len(self._inner):
+            return out if held.any() else np.zeros_like(out), 0.0
 
         def miss(inner: Floats32) -> tuple[Floats32, Floats32, float]:
-            moved = start.copy()
-            moved[self._inner] = inner
-            forces = self.forces(moved)
+            out[self._inner] = inner
+            forces = self.forces(out)
             pull = -forces[self._inner]
             way = self._beneath.solve(pull)
             own = abs(float(forces[self.pad] @ held))
             return way, pull, (abs(float(way @ pull)) / max(own, 1e-30)) ** 0.5
 
-        start[self._inner] = _relaxed(start[self._inner], miss)
-        return start
+        out[self._inner], left = _relaxed(out[self._inner], miss, TOLERANCE if tolerance is None else tolerance)
+        return out, left
 
     def loaded(self, force: Floats32) -> Floats32:
         """Return by how much less a pad gives way to forces that nothing else is known of, shapes (3 m,) to (3 m,).
@@ -143,7 +149,7 @@ class LawTables:
         def miss(beyond: Floats32) -> tuple[Floats32, Floats32, float]:
             return self.miss(pulled - beyond, pulled, force)
 
-        beyond = _relaxed(np.zeros_like(pulled), miss)
+        beyond, _ = _relaxed(np.zeros_like(pulled), miss, TOLERANCE)
         self.remember(force, beyond[self.pad], pulled - beyond)
         return beyond[self.pad]
 
@@ -174,15 +180,17 @@ class LawTables:
         return stiffness(self.mesh, Elastic(1.0, self._poisson, 1.0), "anp")[self._free][:, self._free].tocsr()
 
 
-def _relaxed(x: Floats32, miss: Callable[[Floats32], tuple[Floats32, Floats32, float]]) -> Floats32:
-    """Return where little is left, or the least that was found."""
+def _relaxed(
+    x: Floats32, miss: Callable[[Floats32], tuple[Floats32, Floats32, float]], tolerance: float
+) -> tuple[Floats32, float]:
+    """Return where little is left, or the least that was found, and what that is."""
     steps = Relaxation()
     with np.errstate(over="ignore", invalid="ignore"):  # of a step too far, which is taken back
         for _ in range(STEPS):
             way, pull, left = miss(x)
             following = steps.next(x, way, pull, left)
-            if left <= TOLERANCE or steps.lost:
+            if left <= tolerance or steps.lost:
                 break
             x = following
     assert steps.best is not None
-    return steps.best[0]
+    return steps.best

@@ -50,8 +50,8 @@ class Relaxation:
             self.lost = True
             return x
         if self._last is not None:
-            change = x - self._last[0], way - self._last[1], pull - self._last[2]
-            self._learned = [*self._learned[1 - LEARNED :], change]
+            taught = x - self._last[0], way - self._last[1], pull - self._last[2]
+            self._learned = [*self._learned[1 - LEARNED :], taught]
         self._last = x, way, pull
         share = np.float32(self._share)
         if not self._learned:

@@ -73,7 +73,8 @@ def solved_by_law(
         if ends and law.left < least.left:
             best, least = found, law.save()
     none = np.zeros_like(b)
-    for parts in STRAIGHT if least.left > USABLE else ():
+    tried = before.left == np.inf  # given up in the last frame: to try it in every one would take seconds each
+    for parts in STRAIGHT if least.left > USABLE and not tried else ():
         law.reset()
         found, ends = _walked(solver, law, b, gaps, soft, Begin(none, none, none, none), _depth(gaps), parts)
         if ends and law.left < least.left:

@@ -301,7 +301,8 @@ def _solve(f: int, finger: Any, posed: core.contact.posed_scene.PosedScene, fram
     where = f"finger '{finger.name}'"
     level = str(finger.parameters["skin_level"])
     try:
-        lacking = _followed(finger) and skin_models.wants_series(finger.parameters)
+        followed = _followed(finger)
+        lacking = followed and skin_models.wants_series(finger.parameters)
         model = skin_models.of(finger.parameters, where=f"{where}, skin")
     except DermisError as error:  # the other fingers go on
         return SkinState(finger.name, None, np.zeros((0, 3)), note=str(error))
@@ -321,11 +322,12 @@ def _solve(f: int, finger: Any, posed: core.contact.posed_scene.PosedScene, fram
         made = skin_models.make_pad(finger.parameters["skin"])
         waits = made is not None
         note += "; at the mesh's nodes" + (f" while the smooth skin is made: {made:.0%}" if made is not None else "")
+    if followed and model.matched.tissue != model.tissue:
+        note += "; devices on linear tissue"
     if lacking:
         made = skin_models.make_series(finger.parameters["skin"])
         waits = waits or made is not None
         why = skin_models.refusal(finger.parameters["skin"], skin_models.STIFFENING)
-        note += "; devices on linear tissue"
         note += f" while their table is made: {made:.0%}" if made is not None else f": {why}"
     state = SkinState.of(finger.name, model, step, "live", note, _counters(path.stepper))
     return replace(state, coarse=path.stepper.cut, waits=waits)

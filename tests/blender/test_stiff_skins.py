@@ -376,6 +376,9 @@ def test_a_table_that_cannot_be_made_is_told_where_a_device_wants_it(
     wear(pressing)
     (state,) = skin_preview.step(bpy.context)
     assert "devices on linear tissue: the folder is full" in state.note and not state.waits
+    pressing.objects["Finger"].dermis.finger.skin.poisson = 0.497  # that no table is made for
+    (state,) = skin_preview.step(bpy.context)
+    assert state.note.endswith("; devices on linear tissue") and not state.waits
 
 
 def test_what_devices_take_of_a_touch_is_what_the_engine_says(pressing: bpy.types.Scene, skins: Cache) -> None:

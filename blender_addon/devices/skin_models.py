@@ -183,6 +183,11 @@ def _unmade(skin: Mapping[str, Any], table: str, find: Callable[..., object | No
     return False
 
 
+def tables_there() -> int:
+    """Return how many tables are known to be there: where it rises, a skin may be another to devices."""
+    return len(_there)
+
+
 def make_pad(skin: Mapping[str, float]) -> float | None:
     """Let a child process make the table of a skin's smooth pad; return how far it is, None where that failed."""
     return _made(skin, PAD)

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from blender_addon import reporting
-from blender_addon.devices import skin_models
-from blender_addon.preview import pin_preview, skin_preview, thimble_preview
+from blender_addon.devices import platform_devices, readiness, skin_models
+from blender_addon.preview import pin_preview, platform_preview, skin_preview, thimble_preview
 from blender_addon.preview.skin_state import SkinState
 from blender_addon.properties import skin_properties
 from blender_addon.results import store
@@ -343,6 +343,9 @@ def test_devices_go_on_with_linear_tissue_and_say_so_until_their_table_is_made(
 ) -> None:
     """Nobody has to go to another frame to see how far the table is, or what it brings; the touch goes on as it was."""
     wear(pressing)
+    wear(pressing, "thimble_3rrs")
+    known = readiness.of(pressing.objects["Finger"])
+    assert "thimble" in known and readiness.of(pressing.objects["Finger"]) is known
     for frame in range(1, 6):
         pressing.frame_set(frame)
         for made in (0.34, 0.6):
@@ -355,6 +358,7 @@ def test_devices_go_on_with_linear_tissue_and_say_so_until_their_table_is_made(
     table(pressing, skins)
     (after,) = skin_preview.step(bpy.context)
     assert "linear tissue" not in after.note and not after.waits and after.matched.tissue == "neo_hookean"
+    assert readiness.of(pressing.objects["Finger"]) is not known  # what is at hand is that of another skin now
     assert skin_preview._live.paths["Finger"] is path and np.array_equal(after.force, state.force)
     (stiff,) = pin_preview.live_rows(pressing, (after,))
     assert np.abs(stiff.numbers - linear.numbers).max() > 0.01 * stiff.numbers.max()
@@ -402,6 +406,33 @@ def test_what_devices_take_of_a_touch_is_what_the_engine_says(pressing: bpy.type
     baked = views.skins(pressing)[0]
     assert baked.source == "bake"
     assert baked.matched.amounts == pytest.approx(wanted, abs=1e-5 * np.abs(wanted).max())
+
+
+def test_a_platforms_table_is_swept_once_the_skins_own_are_there(pressing: bpy.types.Scene) -> None:
+    wear(pressing, "cable_platform")
+    hand = pressing.objects["Finger"]
+    steps = platform_devices.make(hand, hand.dermis.finger.devices[0])
+    assert [next(steps).stage for _ in range(2)] == ["skin", "tissue"]
+    steps.close()
+    assert not skin_models._making
+
+
+def test_a_platform_previews_what_its_bake_does_on_stiff_skin(pressing: bpy.types.Scene, skins: Cache) -> None:
+    table(pressing, skins)
+    wear(pressing, "cable_platform")
+    hand = pressing.objects["Finger"]
+    device = hand.dermis.finger.devices[0]
+    device.table_rows = 60
+    assert platform_devices.model_of(hand).tissue == "neo_hookean" and not platform_devices.model_of(hand).follows_law
+    assert bpy.ops.dermis.bake() == {"FINISHED"}
+    output = store.current(pressing).bake.outputs[0]
+    assert not platform_devices.missing(hand, device)
+    skin_preview.reset()
+    for frame in range(1, 10):
+        pressing.frame_set(frame)
+        (state,) = skin_preview.step(bpy.context)
+    (row,) = platform_preview.live_rows(pressing, (state,))
+    assert row.numbers == pytest.approx(output.track.values[-1], abs=0.02 * np.abs(output.track.values).max())
 
 
 def test_a_tissue_that_older_versions_offered_opens_as_neo_hookean(tmp_path: Path) -> None:

@@ -77,6 +77,7 @@ if TYPE_CHECKING:
     import core.scene.sliding
     import core.scene.tactile_scene
     import core.skin.blas
+    import core.skin.felt_state
     import core.skin.model
     import core.skin.own_mesh
     import core.skin.shape
@@ -92,7 +93,6 @@ if TYPE_CHECKING:
     import core.surface.curved
     import core.surrogate.store
     import core.tissue.finger_skin
-    import core.tissue.sampled_store
     import core.tissue.stiffening_store
     import core.track.binary
     import core.track.check

@@ -231,7 +231,7 @@ def _to_nail_and_bone(finger: bpy.types.Object) -> tuple[float, float]:
 
 def _trusted(finger: bpy.types.Object) -> float:
     """Return the depth that a finger's tissue is trusted at [m]."""
-    tissue = finger.dermis.finger.skin.tissue
+    tissue = skin_properties.tissue(finger.dermis.finger.skin)
     return _DEEPEST if tissue == "linear" else float(core.contact.trusted.trusted(tissue).depth)
 
 

@@ -13,6 +13,7 @@ from bpy.app.handlers import persistent
 from . import baking, changes, reporting
 from .devices import skin_models
 from .preview import skin_preview
+from .properties import skin_properties
 from .properties.scene_properties import stamp
 from .results import exported, recall, store
 from .streaming import finger_ids
@@ -40,6 +41,7 @@ def _on_history(*_: Any) -> None:
 
 @persistent
 def _on_load(*_: Any) -> None:
+    skin_properties.settle()
     changes.note_file()
     store.forget()
     baking.forget()
@@ -48,6 +50,11 @@ def _on_load(*_: Any) -> None:
     shown.forget()
     reporting.clear()
     finger_ids.note()
+
+
+@persistent
+def _on_import(*_: Any) -> None:
+    skin_properties.settle()
 
 
 @persistent
@@ -67,6 +74,7 @@ def table() -> tuple[tuple[list[Any], Any], ...]:
         (on.undo_post, _on_history),
         (on.redo_post, _on_history),
         (on.load_post, _on_load),
+        (on.blend_import_post, _on_import),
         (on.save_pre, _on_save),
     )
 

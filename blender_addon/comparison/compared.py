@@ -83,7 +83,7 @@ def asked(job_name: str, stage: str, scene: bpy.types.Scene, finger: str, **opti
     yield core.pipeline.bake.Progress("preparing", 0, 1)
     with film_objects.paused(scene):
         tactile = yield from _sampled(scene)
-    yield from skin_models.make_tables(tactile, library())
+    yield from skin_models.make_tables(tactile, library(), (finger,))
     with tempfile.TemporaryDirectory(prefix="dermis-compare-", ignore_cleanup_errors=True) as folder:
         path = Path(folder) / "scene.npz"
         core.scene.scene_file.save(tactile, path)

@@ -28,13 +28,14 @@ def absolute(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def model_of(obj: bpy.types.Object) -> core.skin.model.SkinModel | None:
-    """Return a finger's skin; None while it is being made.
+    """Return a finger's skin as devices are matched on it; None while it is being made.
 
     Raises:
         DermisError: a size that leaves no room for tissue.
     """
     skin = skin_properties.parameters(obj.dermis.finger.skin)
-    return skin_models.of(skin, where=f"finger '{obj.name}', skin")
+    model = skin_models.of(skin, where=f"finger '{obj.name}', skin")
+    return None if model is None else model.matched
 
 
 def table(obj: bpy.types.Object, device: Any) -> core.matching.table.SkinTable | None:
@@ -74,6 +75,7 @@ def make(obj: bpy.types.Object, device: Any) -> Generator[Any, None, Any]:
         raise DermisError("the finger wears no platform", where=f"finger '{obj.name}'", remedy="Add one under Devices")
     yield core.pipeline.bake.Progress("skin", 0, 1)
     skin, rows = skin_properties.parameters(obj.dermis.finger.skin), int(device.table_rows)
+    yield from skin_models.tables_made(skin, followed=True)  # a bake makes them, and would look for one of that skin
     steps = swept(spec, skin["skin"], skin["skin_level"], rows, skin["tissue"])
     model, made = yield from steps
     core.matching.lookup.keep_table(model, spec, rows, made)

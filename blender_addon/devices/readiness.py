@@ -9,7 +9,7 @@ import bpy
 
 from .. import changes
 from .._core import DermisError, core
-from . import active_presets, platform_devices, thimble_adaptation, thimble_devices
+from . import active_presets, platform_devices, skin_models, thimble_adaptation, thimble_devices
 
 SEARCHED = "searched"  # beside the families: the device whose pose is searched for
 ActiveDevices = Mapping[str, Mapping[str, int]]
@@ -23,7 +23,8 @@ class Ready(NamedTuple):
 
 
 _active: core.recent.Recent[tuple[int, int], ActiveDevices] = core.recent.Recent(4)  # by scene and edits
-_ready: core.recent.Recent[tuple[int, int], Mapping[str, Ready]] = core.recent.Recent(1)  # by finger and edits
+# by finger, edits and tables of skins
+_ready: core.recent.Recent[tuple[int, int, int], Mapping[str, Ready]] = core.recent.Recent(1)
 
 
 def active_devices(scene: bpy.types.Scene) -> ActiveDevices:
@@ -36,11 +37,11 @@ def active_devices(scene: bpy.types.Scene) -> ActiveDevices:
 
 
 def of(obj: bpy.types.Object) -> Mapping[str, Ready]:
-    """Return what a finger's 'thimble' and 'platform' have, looked up once after each change.
+    """Return what a finger's 'thimble' and 'platform' have, looked up once after each change, and when a table comes.
 
     What the finger does not wear is left out, and everything while its skin is being made.
     """
-    key = (obj.session_uid, changes.edits())
+    key = (obj.session_uid, changes.edits(), skin_models.tables_there())
     if key in _ready:
         return _ready[key]
     found: dict[str, Ready] = {}

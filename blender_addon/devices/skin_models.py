@@ -1,17 +1,18 @@
 """The skins at hand: made once, shared by all fingers of the same size, kept on disk in the extension's user folder.
 
 Draft and standard skins are made where they are first asked for (some tenths of a second, once per size). A fine one
-takes seconds: in a window a child process makes it, and whoever asked gets None until it is there. So do the tables of
-a smooth pad, and of how tissue stiffens, for lengths that no preset has: a preview goes on without them, a bake waits.
+takes seconds: in a window a child process makes it, and whoever asked gets None until it is there. So does the table of
+a smooth pad, for lengths that no preset has, and where devices follow skin that stiffens the series that these are
+matched by: a preview goes on without them, a bake waits.
 """
 
 from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Collection, Generator, Mapping
 from contextlib import AbstractContextManager
-from typing import Any, Literal, overload
+from typing import Any, Literal, NamedTuple, overload
 
 import bpy
 
@@ -19,11 +20,18 @@ from .._core import DermisError, core
 from ..preferences import user_folder
 
 LIMIT_BYTES = 4_000_000_000
-EXACT_TISSUE = core.parameters.error_bands.NEO_HOOKEAN_EXACT
 SLOW = ("fine",)
-# in place of a level, and jobs: tables of the smooth pad, of its tissue, and of that tissue's exact law
-PAD, STIFFENING, EXACT = "pad", "stiffening", "exact tissue"
+PAD, STIFFENING = "pad", "stiffening"  # in place of a level, and jobs: tables of the smooth pad, and of its tissue
 POLL = 0.1
+
+
+class _Stiff(NamedTuple):
+    """A skin that stiffens, made of a linear one, and whether its series was there to be looked for."""
+
+    linear: core.skin.model.SkinModel
+    made: core.skin.model.SkinModel
+    looked: bool
+
 
 on_made: Callable[[], None] | None = None
 """Called whenever a skin that is being made has come further: `handlers` hooks the preview in."""
@@ -32,7 +40,7 @@ _models: core.recent.Recent[str, core.skin.model.SkinModel] = core.recent.Recent
 _making: dict[str, core.work.executor.JobFuture] = {}
 _progress: dict[str, float] = {}
 _failed: dict[str, BaseException] = {}
-_stiff: core.recent.Recent[str, tuple[core.skin.model.SkinModel, core.skin.model.SkinModel]] = core.recent.Recent(8)
+_stiff: core.recent.Recent[str, _Stiff] = core.recent.Recent(8)
 _there: set[str] = set()  # tables
 
 
@@ -52,8 +60,11 @@ def solved_in(tactile: core.scene.tactile_scene.TactileScene, presets: core.pres
 
 
 def _solved(finger: core.scene.tactile_scene.Finger, presets: core.presets.Library) -> bool:
-    if finger.parameters.get("skin_shown"):
-        return True
+    return bool(finger.parameters.get("skin_shown")) or _followed(finger, presets)
+
+
+def _followed(finger: core.scene.tactile_scene.Finger, presets: core.presets.Library) -> bool:
+    """Return whether a device that a finger wears follows its skin."""
     for key in {device.preset for device in finger.devices}:
         try:
             if presets.device(key).follows_skin:
@@ -78,8 +89,7 @@ def get(
 
     Args:
         skin: size and material in SI, as in a skin preset.
-        tissue: 'linear', 'neo_hookean', which is linear until its table is there (see `wants_stiffening`), or
-            'neo_hookean_exact', which is 'neo_hookean' until then.
+        tissue: 'linear', or 'neo_hookean', whose `matched` is linear until its series is there (see `wants_series`).
         wait: make it now, however long it takes.
 
     Raises:
@@ -99,28 +109,32 @@ def get(
     if (young, alpha) != (model.material.young, model.material.alpha):
         model = model.with_material(young=young, alpha=alpha)
         _models[key] = model
-    return model if tissue == "linear" else _stiffened(key, model, tissue)
+    return model if tissue == "linear" else _stiffened(key, model, tissue, _key(skin, STIFFENING) in _there)
 
 
 def of(parameters: Mapping[str, Any], *, where: str = "skin", wait: bool = False) -> core.skin.model.SkinModel | None:
-    """Return the skin of a finger's parameters, as `get` does, for what is live: the exact law is for bakes."""
-    tissue = live_tissue(parameters)
+    """Return the skin of a finger's parameters, as `get` does."""
+    tissue = str(parameters.get("tissue", "linear"))
     return get(parameters["skin"], str(parameters["skin_level"]), tissue, where=where, wait=wait)
 
 
-def live_tissue(parameters: Mapping[str, Any]) -> str:
-    """Return the tissue that previews and devices go by: a series, where a bake follows the exact law."""
-    tissue = str(parameters.get("tissue", "linear"))
-    return "neo_hookean" if tissue == EXACT_TISSUE else tissue
+def _stiffened(key: str, model: core.skin.model.SkinModel, tissue: str, there: bool) -> core.skin.model.SkinModel:
+    """Return a skin of tissue that stiffens, the same as long as the skin is, and until its series comes.
 
-
-def _stiffened(key: str, model: core.skin.model.SkinModel, tissue: str) -> core.skin.model.SkinModel:
-    """Return a skin of a tissue that stiffens, the same as long as the skin is: a preview goes on with it."""
-    key = f"{key} {tissue}"
+    Args:
+        there: whether its series is.
+    """
     kept = _stiff.get(key)
-    if kept is None or kept[0] is not model or kept[1].tissue != tissue:
-        kept = _stiff[key] = model, core.tissue.finger_skin.of_tissue(model, tissue)
-    return kept[1]
+    if kept is not None and kept.linear is model and kept.looked >= there:
+        return kept.made
+    if kept is None or kept.linear.mesh is not model.mesh:
+        made = model
+    elif kept.linear is model:
+        made = kept.made
+    else:  # of another stiffness: what was made for its law serves on
+        made = kept.made.with_material(young=model.material.young, alpha=model.material.alpha)
+    _stiff[key] = _Stiff(model, core.tissue.finger_skin.of_tissue(made, tissue), there)
+    return _stiff[key].made
 
 
 def wants_pad(parameters: Mapping[str, Any]) -> bool:
@@ -138,28 +152,27 @@ def wants_pad(parameters: Mapping[str, Any]) -> bool:
     return False
 
 
-def wants_stiffening(parameters: Mapping[str, Any]) -> bool:
-    """Return whether a finger's tissue is to stiffen, and the table of how it does is not made yet.
+def wants_series(parameters: Mapping[str, Any]) -> bool:
+    """Return whether the series of a finger's tissue, which devices that follow it are matched by, is not made yet.
+
+    A mesh of one's own has none, nor has an unusual Poisson's ratio: nothing waits for them.
 
     Raises:
         DermisError: a size that leaves no room for tissue.
     """
-    find = core.tissue.stiffening_store.find_stiffening
-    return parameters.get("tissue", "linear") != "linear" and _unmade(parameters["skin"], STIFFENING, find)
+    store = core.tissue.stiffening_store
+    low, high = store.POISSON
+    if parameters.get("tissue", "linear") == "linear" or not low <= _poisson(parameters["skin"]) <= high:
+        return False
+    return _unmade(parameters["skin"], STIFFENING, store.find_stiffening)
 
 
-def wants_exact(parameters: Mapping[str, Any]) -> bool:
-    """Return whether a finger's tissue is to follow the exact law in a bake, and its table is not made yet.
-
-    Raises:
-        DermisError: a size that leaves no room for tissue.
-    """
-    find = core.tissue.sampled_store.find_table
-    return parameters.get("tissue", "linear") == EXACT_TISSUE and _unmade(parameters["skin"], EXACT, find)
+def _poisson(skin: Mapping[str, Any]) -> float:
+    return float(skin.get("poisson", core.parameters.skin.TISSUE["poisson"].absent))
 
 
 def _unmade(skin: Mapping[str, Any], table: str, find: Callable[..., object | None]) -> bool:
-    """Return whether a table of a fingertip's tissue is not made yet, which is asked until it is."""
+    """Return whether a table of a fingertip is not made yet, which is asked until it is."""
     if "mesh" in skin or _key(skin, table) in _there:
         return False
     shape, material = core.skin.model.shape_and_material(skin)
@@ -170,19 +183,19 @@ def _unmade(skin: Mapping[str, Any], table: str, find: Callable[..., object | No
     return False
 
 
+def tables_there() -> int:
+    """Return how many tables are known to be there: where it rises, a skin may be another to devices."""
+    return len(_there)
+
+
 def make_pad(skin: Mapping[str, float]) -> float | None:
     """Let a child process make the table of a skin's smooth pad; return how far it is, None where that failed."""
     return _made(skin, PAD)
 
 
-def make_stiffening(skin: Mapping[str, float]) -> float | None:
-    """Let a child process make the table of how a skin stiffens; return how far it is, None where that failed."""
+def make_series(skin: Mapping[str, float]) -> float | None:
+    """Let a child process make the series of a skin's tissue; return how far it is, None where that failed."""
     return _made(skin, STIFFENING)
-
-
-def make_exact(skin: Mapping[str, float]) -> float | None:
-    """Let a child process make the table of a skin's exact law; return how far it is, None where that failed."""
-    return _made(skin, EXACT)
 
 
 def refusal(skin: Mapping[str, float], table: str) -> str:
@@ -201,30 +214,33 @@ def _made(skin: Mapping[str, float], table: str) -> float | None:
 
 
 def make_tables(
-    tactile: core.scene.tactile_scene.TactileScene, presets: core.presets.Library
+    tactile: core.scene.tactile_scene.TactileScene, presets: core.presets.Library, tried_on: Collection[str] = ()
 ) -> Generator[core.pipeline.bake.Progress, None, None]:
     """Make the tables of skins that a bake will need; yield progress.
 
-    What cannot be made is left to the bake, which solves contact at the mesh's nodes, or linear tissue, and says so.
+    What cannot be made is left to the bake, which solves contact at the mesh's nodes, or matches devices on linear
+    skin, and says so.
+
+    Args:
+        tried_on: names of fingers that devices are tried on, whatever they wear.
     """
     for finger in tactile.fingers:
-        if _solved(finger, presets):
-            yield from tables_made(finger.parameters, exact=True)
+        followed = finger.name in tried_on or _followed(finger, presets)
+        if followed or finger.parameters.get("skin_shown"):
+            yield from tables_made(finger.parameters, followed=followed)
 
 
-def tables_made(
-    parameters: Mapping[str, Any], *, exact: bool = False
-) -> Generator[core.pipeline.bake.Progress, None, None]:
+def tables_made(parameters: Mapping[str, Any], *, followed: bool) -> Generator[core.pipeline.bake.Progress, None, None]:
     """Make the tables of a finger's skin that are wanted and not there, see `wants_pad`; yield progress.
 
     Args:
-        exact: also that of the exact law, which only a bake follows.
+        followed: also the series that devices are matched by, which nothing else asks for.
 
     Closing the generator ends a child process that it began.
     """
     skin = parameters["skin"]
-    tables = [(PAD, wants_pad, make_pad), (STIFFENING, wants_stiffening, make_stiffening)]
-    for table, wants, make in [*tables, (EXACT, wants_exact, make_exact)][: 3 if exact else 2]:
+    tables = [(PAD, wants_pad, make_pad), (STIFFENING, wants_series, make_series)]
+    for table, wants, make in tables[: 2 if followed else 1]:
         try:
             if not wants(parameters):
                 continue
@@ -277,7 +293,7 @@ def _begin(key: str, skin: Mapping[str, float], level: str) -> None:
         return
     executor = core.work.processes.ProcessExecutor()
     parameters = {"skin": dict(skin), "folder": str(cache().folder), "limit": LIMIT_BYTES}
-    job, more = (level, {}) if level in (PAD, STIFFENING, EXACT) else ("skin", {"level": level})
+    job, more = (level, {}) if level in (PAD, STIFFENING) else ("skin", {"level": level})
     _making[key] = executor.submit(job, {}, parameters | more)
     executor.shutdown(wait=False)  # its process ends with the job
     _progress[key] = 0.0

@@ -47,11 +47,12 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
         **less,
     }
     where = f"finger '{obj.name}', skin"
-    yield from skin_models.tables_made(skin)  # a bake makes it, and would then look for what was learned on points
+    # a bake makes them, and would then look for what was learned on points
+    yield from skin_models.tables_made(skin, followed=True)
     yield core.pipeline.bake.Progress("starting", 0, 1)
     with skin_models.one_thread():
         model = thimble_devices.pressed(obj, skin_models.of(skin, where=where, wait=True))
-        parameters["tissue"] = model.tissue  # linear where no table could be made
+        parameters["tissue"] = model.tissue  # linear where there is no series
         mechanism = core.matching.thimble_use.disc_device(spec, model, use)
         target = core.surrogate.store.place_of(folder, model, *mechanism)
     older, done = target.is_file(), False

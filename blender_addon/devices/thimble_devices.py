@@ -37,8 +37,9 @@ def method_of(device: Any) -> str:
 
 
 def pressed(finger: bpy.types.Object, model: Any) -> Any:
-    """Return a finger's skin as its touches are solved: a thimble's disc follows them there."""
-    return model.on_nodes if finger.dermis.finger.skin.contact == "nodes" else model
+    """Return a finger's skin as a thimble is matched on it: where its touches are solved, the disc follows them."""
+    matched = model.matched
+    return matched.on_nodes if finger.dermis.finger.skin.contact == "nodes" else matched
 
 
 def use_of(device: Any) -> dict[str, Any]:

@@ -119,6 +119,7 @@ def _matched(target: SkinState, device: Any, spec: Any) -> tuple[SkinState, Arra
         force=force,
         normal_force=float(total[2]),
         note=note,
+        points=None,  # pins act on nodes
         amounts=None,
         sticking=0,
         slipping=0,

@@ -101,6 +101,11 @@ def solved(finger: core.scene.tactile_scene.Finger) -> bool:
     return _is_solved(bool(finger.parameters.get("skin_shown")), (device.preset for device in finger.devices))
 
 
+def _followed(finger: core.scene.tactile_scene.Finger) -> bool:
+    """Return whether a device that a sampled finger wears follows its skin."""
+    return any(active_presets.follows_skin(device.preset) for device in finger.devices)
+
+
 def own(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
     """Return the skins at the current frame as they are touched, hidden ones that a thimble follows among them."""
     if not any_solved(scene):
@@ -296,6 +301,8 @@ def _solve(f: int, finger: Any, posed: core.contact.posed_scene.PosedScene, fram
     where = f"finger '{finger.name}'"
     level = str(finger.parameters["skin_level"])
     try:
+        followed = _followed(finger)
+        lacking = followed and skin_models.wants_series(finger.parameters)
         model = skin_models.of(finger.parameters, where=f"{where}, skin")
     except DermisError as error:  # the other fingers go on
         return SkinState(finger.name, None, np.zeros((0, 3)), note=str(error))
@@ -315,29 +322,28 @@ def _solve(f: int, finger: Any, posed: core.contact.posed_scene.PosedScene, fram
         made = skin_models.make_pad(finger.parameters["skin"])
         waits = made is not None
         note += "; at the mesh's nodes" + (f" while the smooth skin is made: {made:.0%}" if made is not None else "")
-    if skin_models.wants_stiffening(finger.parameters):
-        made = skin_models.make_stiffening(finger.parameters["skin"])
+    if followed and model.matched.tissue != model.tissue:
+        note += "; devices on linear tissue"
+    if lacking:
+        made = skin_models.make_series(finger.parameters["skin"])
         waits = waits or made is not None
         why = skin_models.refusal(finger.parameters["skin"], skin_models.STIFFENING)
-        note += "; linear tissue" + (f" while its table is made: {made:.0%}" if made is not None else f": {why}")
-    if finger.parameters.get("tissue") == skin_models.EXACT_TISSUE:
-        note += "; by the series, a bake follows the exact law"
+        note += f" while their table is made: {made:.0%}" if made is not None else f": {why}"
     state = SkinState.of(finger.name, model, step, "live", note, _counters(path.stepper))
     return replace(state, coarse=path.stepper.cut, waits=waits)
 
 
 def _path_of(f: int, finger: Any, model: Any, posed: core.contact.posed_scene.PosedScene) -> _FingerPath:
     p = finger.parameters
-    # a table that has been made since, of the smooth skin or of its tissue, begins a new path
-    waits = skin_models.wants_pad(p)
-    key = (id(model), p["depth_mode"], p["bone_stiffness"], p["force_limit"], p["contact"], waits)
+    # a smooth skin whose table has been made since begins a new path; what devices are matched by changes none
+    waits, skin = skin_models.wants_pad(p), (model.key, model.tissue, model.material)
+    key = (skin, p["depth_mode"], p["bone_stiffness"], p["force_limit"], p["contact"], waits)
     path = _live.paths.get(finger.name)
     if path is not None and path.key != key:  # what was seen is of another skin
         _live.seen.clear()
         _live.kept.clear()
     if path is None or path.key != key:
-        own = replace(finger, parameters={**p, "tissue": skin_models.live_tissue(p)})
-        stepper = core.contact.skin_stepper.SkinStepper(model, f, own, posed)
+        stepper = core.contact.skin_stepper.SkinStepper(model, f, finger, posed)
         path = _live.paths[finger.name] = _FingerPath(key, stepper, stepper.save())
     return path
 

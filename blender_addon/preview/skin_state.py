@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 from .._core import Array, core
@@ -26,7 +27,7 @@ class SkinState:
         converged: whether the frame passed the solver's own check.
         counters: what was solved and what was skipped, by name.
         points: the same forces where they act, on points of the smooth skin; None where contact is solved on nodes.
-        amounts: how much of each pattern skin that stiffens is displaced by, shape (k,); None of linear skin.
+        amounts: what a touch keeps of tissue that stiffens, see the engine's `Stimulus.given`; None of linear skin.
         slide: how far friction has drawn the loaded skin along itself [m].
         coarse: the way to the frame was walked in fewer steps than it takes. waits: a table of it is being made.
     """
@@ -64,15 +65,22 @@ class SkinState:
         """Return the state of a skin from one sample of the engine's."""
         return cls(finger, model, source=source, note=note, counters=counters, **vars(step))
 
-    @property
+    @cached_property
     def matched(self) -> SkinState:
-        """The same as devices are matched with it: of tissue that is exact, in the series of the same tissue."""
-        same = self.model is None or self.model.matched is self.model
-        return self if same else replace(self, model=self.model.matched, amounts=None)
+        """The same as devices are matched with it: where tissue follows a law, in the series of it, or of linear skin.
+
+        Worked out when a device first asks.
+        """
+        model = self.model
+        if model is None or model.matched is model:
+            return self
+        felt = core.skin.stimulus.Stimulus(model, self.force, None, self.amounts)
+        amounts = core.skin.felt_state.matched_amounts(felt) if self.touching else None
+        return replace(self, model=model.matched, amounts=amounts)
 
     @property
     def tissue(self) -> str:
-        """What the tissue is: 'linear', 'neo_hookean' or 'neo_hookean_exact'."""
+        """What the tissue is: 'linear' or 'neo_hookean'."""
         return "linear" if self.model is None else str(self.model.tissue)
 
     @property

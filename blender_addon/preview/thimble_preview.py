@@ -152,7 +152,7 @@ def _step(path: _FingerPath, target: SkinState, frame: float, fps: float) -> Non
             matching.reset()
             matching.change = None  # the first frame shows where it would be, not the way there
     path.before = matching.save()
-    path.rendered, path.error = path.follower.step(target.force, target.amounts), ""
+    path.rendered, path.error = path.follower.step(target.force, target.matched.amounts), ""
 
 
 def _live_state(scene: bpy.types.Scene, target: SkinState, device: Any, kind: str) -> SkinState | None:

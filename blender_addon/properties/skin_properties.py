@@ -196,7 +196,19 @@ def shape_and_material(skin: Any) -> dict[str, Any]:
 
 def parameters(skin: Any) -> dict[str, Any]:
     """Return what the engine wants to know about a finger's skin, by the names of `Finger.parameters`."""
-    return {"skin": shape_and_material(skin), **_rounded(skin, _skin.SKIN_CONTACT)}
+    return {"skin": shape_and_material(skin), **_rounded(skin, _skin.SKIN_CONTACT), "tissue": tissue(skin)}
+
+
+def tissue(skin: Any) -> str:
+    """Return a finger's tissue: of a choice that older versions had besides, Blender says none, and it is this one."""
+    return str(skin.tissue) or core.parameters.error_bands.NEO_HOOKEAN
+
+
+def settle() -> None:
+    """Set what files of older versions say by a choice that there is no more."""
+    for obj in bpy.data.objects:
+        if obj.dermis.role == "FINGER" and not obj.dermis.finger.skin.tissue:
+            obj.dermis.finger.skin.tissue = core.parameters.error_bands.NEO_HOOKEAN
 
 
 def apply_preset(skin: Any, values: dict[str, Any]) -> None:

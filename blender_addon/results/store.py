@@ -23,8 +23,8 @@ from ..properties import skin_properties
 from ..sampling.frames import frame_range, frames_per_second
 from . import stored_skins
 
-RESULT_VERSION = 2
-READ = (2, 1)  # versions; in the first skin does not stiffen
+RESULT_VERSION = 3
+READ = (3, 2, 1)  # versions; in the first skin does not stiffen, in the second it does so by a series
 NOTES = {
     "fresh": "from the bake",
     "stale": "from a bake that is out of date",

@@ -1,7 +1,8 @@
 """Skins in a stored result: contact forces in single precision, and what their model is made from again.
 
 Forces on points of the smooth skin are kept beside those on nodes, as cells of its tree; where its table is gone, a
-result is read with those on nodes alone.
+result is read with those on nodes alone. Skin that follows its tissue's law is read with what its contact kept of it.
+Versions before went by a series: what they felt is shown by it as they had it, where its table is at hand.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from .._core import DermisError, Finding, core
 from ..devices import skin_models
 
 PREFIX = "skin_"  # of the names of their arrays
+EXACT, EARLIER = "neo_hookean_exact", "earlier-tissue"  # a tissue of earlier versions; code of what is told of such
 SMALL = ("_times", "_normal_force")  # what is read at once
 
 
@@ -28,14 +30,15 @@ def pack(
             continue
         own = core.contact.skin_arrays.arrays_of(touch)
         arrays.update({f"{PREFIX}{i}_{name}": array for name, array in own.items()})
-        stiffening = touch.model.stiffening
+        law, stiffening = touch.model.follows_law, touch.model.stiffening
         entries.append(
             {
                 "finger": finger,
                 "number": i,
                 **made_of[finger],
                 "tissue": touch.model.tissue,
-                "stiffening": "" if stiffening is None else stiffening.key,
+                "law": law,
+                "stiffening": "" if law or stiffening is None else stiffening.key,
                 "nodes": touch.model.pad_count,
                 "findings": [f.as_dict() for f in touch.findings],
                 "skipped": dict(touch.skipped),
@@ -82,14 +85,16 @@ class StoredSkins(Mapping[str, Any]):
 
     def _skins(self) -> dict[str, Any]:
         if self._read is None:
-            self._read, refused = {}, []
+            self._read, told = {}, []
             for finger, entry in self._entries.items():
                 try:
                     self._read[finger] = _unpacked(self._path, entry)
+                    if _by_series(entry):
+                        told.append(_as_it_was(finger))
                 except DermisError as error:
-                    refused.append(error.as_finding())
-            if refused:
-                reporting.show((*reporting.findings(), *refused), reporting.source())
+                    told.append(error.as_finding())
+            if told:
+                reporting.show((*reporting.findings(), *told), reporting.source())
         return self._read
 
 
@@ -106,7 +111,7 @@ def _unpacked(path: Path, entry: Mapping[str, Any]) -> Any:
 
     Raises:
         DermisError: the file is gone or damaged, the skin is made otherwise by this version, so that the forces do
-            not belong to its nodes, or how it stiffened is not known any more.
+            not belong to its nodes, or the series that it went by is not known any more.
     """
     i, finger = int(entry["number"]), str(entry["finger"])
     tissue, where = str(entry.get("tissue", "linear")), f"finger '{finger}', skin"
@@ -119,20 +124,40 @@ def _unpacked(path: Path, entry: Mapping[str, Any]) -> Any:
             limit=str(model.pad_count),
             remedy="Bake again",
         )
-    if model.tissue != tissue or (model.stiffening is not None and model.stiffening.key != entry["stiffening"]):
-        raise DermisError(
-            "the table of how the skin stiffens is gone, or another one",
-            where=f"finger '{finger}'",
-            remedy="Bake again",
-            code="tissue-linear",
-        )
+    exact = tissue == EXACT
+    if _by_series(entry):
+        model = model.matched
+        if model.stiffening is None or (model.stiffening.key != entry["stiffening"] and not exact):
+            raise DermisError(
+                "it was felt by a series of an earlier version, whose table is gone, or another one",
+                where=f"finger '{finger}'",
+                remedy="Bake again",
+                code=EARLIER,
+            )
     with core.foreign.damage_told("the stored result cannot be read", str(path), remedy="Bake again"):
         with core.npz.opened_npz(path, kind="a stored result", trusted=True) as archive:
             prefix = f"{PREFIX}{i}_"
             file = archive.arrays([name for name in archive.names if name.startswith(prefix)])
         own = {name.removeprefix(prefix): array for name, array in file.items()}
+        if exact:  # of other patterns: how much there is of the series' is found from the forces
+            own.pop("amounts", None)
         findings = tuple(Finding(**f) for f in entry["findings"])
         return core.contact.skin_arrays.touch_of(model, own, findings, entry["skipped"]).packed()
+
+
+def _by_series(entry: Mapping[str, Any]) -> bool:
+    """Return whether a skin was felt by a series, as in versions before skin followed the law."""
+    return entry.get("tissue", "linear") != "linear" and not entry.get("law", False)
+
+
+def _as_it_was(finger: str) -> Finding:
+    return Finding(
+        "info",
+        EARLIER,
+        "it was felt by the series of an earlier version, and is shown so",
+        f"finger '{finger}'",
+        remedy="Bake again: skin follows the law itself now",
+    )
 
 
 def export(bake: Any, folder: Path) -> list[Path]:

@@ -116,23 +116,22 @@ def draw_of(state: SkinState, quantity: str, exaggeration: float = 1.0) -> Drawn
         lifted = surface.rest + (0.0, 0.0, state.lift)
         return Drawn(surface, lifted, surface.at_rest, zero, 0.0, 0.0, surface.middle, np.zeros(2))
     stimulus = core.skin.stimulus.Stimulus(state.model, state.force, state.points, state.amounts)
-    beyond = _beyond(own, stimulus)
-    if state.model.pad_count <= SMALL and quantity != "energy":
-        moved, stress = _by_shortcut(own, state.model, state.force)
+    stressed = quantity == "von_mises" or quantity in SIGNED
+    more: Array | None = None  # stress beyond linear skin's
+    if state.model.follows_law:
+        moved = stimulus.displacement[surface.nodes]
+        stress = np.asarray(own.averaging @ stimulus.stress, float) if stressed else np.zeros((len(moved), 6))
+        if stressed and state.points is not None:
+            more = stress - _linear(own, state, quantity, stressed)[1]
     else:
-        linear = state.model.displacement(state.force)
-        moved = linear[surface.nodes]
-        stressed = quantity == "von_mises" or quantity in SIGNED
-        stress = np.zeros((len(moved), 6))
-        if stressed:
-            flat = _stress_of(own, state.model) @ linear.ravel()
-            stress = state.model.material.modulus * flat.reshape(-1, 6)
-    if beyond is not None:
-        moved, stress = moved + beyond.moved, stress + beyond.stress
+        moved, stress = _linear(own, state, quantity, stressed)
+        beyond = _beyond(own, stimulus)
+        if beyond is not None:
+            moved, stress, more = moved + beyond.moved, stress + beyond.stress, beyond.stress
     nodal = _nodal(own, stimulus, quantity, moved, stress)
     positions, normals, values = surface.deformed(own.points, exaggeration * moved, nodal)
-    if state.points is not None and (quantity == "von_mises" or quantity in SIGNED):
-        near, stress = _beneath(own, state.points, beyond)
+    if stressed and state.points is not None:
+        near, stress = _beneath(own, state.points, more)
         values[near] = _read(quantity, stress)
         nodal = values
     positions[:, 2] += state.lift
@@ -142,8 +141,20 @@ def draw_of(state: SkinState, quantity: str, exaggeration: float = 1.0) -> Drawn
     return Drawn(surface, positions, normals, values, float(nodal.min()), float(nodal.max()), centre, shear)
 
 
+def _linear(own: _Kit, state: SkinState, quantity: str, stressed: bool) -> tuple[Array, Array]:
+    """Return displacement (s, 3) and averaged stress (s, 6) of the surface's nodes of linear skin."""
+    model = state.model
+    if model.pad_count <= SMALL and quantity != "energy":
+        return _by_shortcut(own, model, state.force)
+    linear = model.displacement(state.force)
+    moved = linear[own.surface.nodes]
+    if not stressed:
+        return moved, np.zeros((len(moved), 6))
+    return moved, model.material.modulus * (_stress_of(own, model) @ linear.ravel()).reshape(-1, 6)
+
+
 def _beyond(own: _Kit, stimulus: core.skin.stimulus.Stimulus) -> _Beyond | None:
-    """Return what a skin does beyond linear skin; None where it is linear."""
+    """Return what a skin that goes by a series does beyond linear skin; None where it is linear."""
     model, amounts = stimulus.skin, stimulus.amounts
     if model.stiffening is None or amounts is None:
         return None
@@ -152,11 +163,14 @@ def _beyond(own: _Kit, stimulus: core.skin.stimulus.Stimulus) -> _Beyond | None:
 
 
 def _beneath(
-    own: _Kit, points: core.skin.point_forces.PointForces, beyond: _Beyond | None
+    own: _Kit, points: core.skin.point_forces.PointForces, more: Array | None
 ) -> tuple[NDArray[np.intp], Array]:
     """Return which drawn vertices are near what presses, and the stress as deep below them as the first receptors lie.
 
     An edge is finer than the mesh, whose stress is smeared over its elements; farther off that is right.
+
+    Args:
+        more: stress of the surface's nodes beyond linear skin's, shape (s, 6).
     """
     from scipy.spatial import cKDTree
 
@@ -171,9 +185,9 @@ def _beneath(
     apart = cKDTree(cells[points.cells]).query(own.surface.rest[below.vertices], distance_upper_bound=NEAR)[0]
     near = np.flatnonzero(apart < NEAR)
     stress = below.table.stress(points.cells, points.force, near)
-    if beyond is not None:
+    if more is not None:
         # what stiffening adds is smooth, and varies no more over the first receptors' depth than between nodes
-        stress = stress + own.surface.refine[below.vertices[near]] @ beyond.stress
+        stress = stress + own.surface.refine[below.vertices[near]] @ more
     return below.vertices[near], stress
 
 

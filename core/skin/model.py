@@ -147,7 +147,12 @@ class SkinModel:
     @cached_property
     def matched(self) -> SkinModel:
         """The same skin as devices are matched on it: where it follows a law, in the series of the same tissue."""
-        return self.with_stiffening(self.stiffening) if self.follows_law else self
+        if not self.follows_law:
+            return self
+        made = self.with_stiffening(self.stiffening)
+        if self.stiffening is not None:
+            made.__dict__["stiff"] = self.stiff  # which tells in what patterns it lies: one for both
+        return made
 
     @cached_property
     def on_nodes(self) -> SkinModel:
@@ -234,8 +239,8 @@ class SkinModel:
     def stiff(self) -> StiffTables:
         """What `stiffening` is on this mesh; only of skin that has one."""
         assert self.stiffening is not None
-        response, poisson = self.unit_response, self.material.poisson
-        return StiffTables(self.stiffening, self.mesh, self.unit_compliance, response, poisson)
+        poisson = self.material.poisson
+        return StiffTables(self.stiffening, self.mesh, self.unit_compliance, lambda: self.unit_response, poisson)
 
     def stress_components(self, count: int | None = None, forces: Floats | None = None) -> Array:
         """Return W: few numbers whose norm is the stress's, sigma_k = W f.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -23,7 +24,7 @@ class StiffTables:
 
     Args:
         stiffening: of the skin's shape. mesh: of that shape, at any level.
-        unit_compliance: of its pad at E = 1 [1/m], shape (3 m, 3 m). unit_response: as `SkinModel.unit_response`.
+        unit_compliance: of its pad at E = 1 [1/m], shape (3 m, 3 m). response: tells `SkinModel.unit_response`.
         poisson: ratio.
     """
 
@@ -32,11 +33,11 @@ class StiffTables:
         stiffening: Stiffening,
         mesh: TetraMesh,
         unit_compliance: Array,
-        unit_response: NDArray[np.float32],
+        response: Callable[[], NDArray[np.float32]],
         poisson: float,
     ) -> None:
         self.stiffening, self.mesh, self.poisson = stiffening, mesh, poisson
-        self._compliance, self._response = unit_compliance, unit_response
+        self._compliance, self._response = unit_compliance, response
         self._last: tuple[Array, Array, Array] | None = None
 
     @cached_property
@@ -86,7 +87,7 @@ class StiffTables:
     def _nodes(self) -> Floats32:
         """The patterns at all nodes, with what is beneath the pad free to follow, shape (k, 3 n): read in rows."""
         out = np.zeros((len(self.mesh.nodes), 3, self.stiffening.count), np.float32)
-        moved = self._response.T @ self.loads.astype(np.float32)
+        moved = self._response().T @ self.loads.astype(np.float32)
         out[self.mesh.free] = moved.reshape(-1, 3, self.stiffening.count)
         out[self.mesh.pad] = self.pad.reshape(-1, 3, self.stiffening.count)
         return np.ascontiguousarray(out.reshape(-1, self.stiffening.count).T)

@@ -32,11 +32,11 @@ def counts() -> list[int]:
 
 def test_one_of_each_after_three_times_off_and_on() -> None:
     for _ in range(3):
-        assert counts() == [1] * 6
+        assert counts() == [1] * 7
         blender_addon.unregister()
-        assert counts() == [0] * 6
+        assert counts() == [0] * 7
         blender_addon.register()
-    assert counts() == [1] * 6
+    assert counts() == [1] * 7
 
 
 def test_registering_loads_nothing_that_can_wait() -> None:
@@ -61,7 +61,7 @@ def test_they_survive_file_open(tmp_path) -> None:
     path = str(tmp_path / "a.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)
-    assert counts() == [1] * 6
+    assert counts() == [1] * 7
 
 
 @pytest.fixture

@@ -139,6 +139,7 @@ def test_the_rendered_skin_stands_beside_the_target(demo) -> None:
     solver = core.matching.deformation.PinSolver(ready.matcher, "DM2")
     expected = pins.rendered_force(ready, solver.solve(target.force).forces)
     np.testing.assert_allclose(rendered.force, expected, atol=1e-12)
+    assert target.points is not None and rendered.points is None  # what is drawn beneath is not the target's
     assert rendered.finger == "Index: DM2 pins" and target.finger == "Index"
 
 

@@ -301,7 +301,8 @@ class PathSolver:
         friction = FrameFriction(gaps, self.history, self.loaded, self._matrix, self._own, soft)
         if not from_rest:
             friction.foresee(self._force, b, self._image, self._rubbing.changing)
-        solved = self._solve(b, gaps, soft)
+        with np.errstate(over="ignore", invalid="ignore"):  # what goes astray is told by what it leaves, and begun anew
+            solved = self._solve(b, gaps, soft)
         solution, image, work = solved.solution, solved.image, solved.work
         if not from_rest and work == "solved":
             friction.notice(solution)
@@ -398,7 +399,11 @@ class PathSolver:
             force = np.zeros_like(self._zero)
             force[members] = iteration.state.z
             if iteration.lost:
-                return self._fall_back(start, b, gaps, soft, iterations)
+                if not self._candidates.drifts():
+                    return self._fall_back(start, b, gaps, soft, iterations)
+                self._candidates.rebuild(members, soft)  # many updates in single precision can go wrong
+                reference, image, force, y, iterations, rounds = start, begin.image, start, self._y, 0, 0
+                continue
             image = self.linear(force)
             w = image + soft[:, None] * force + b
             y = w / -rho
@@ -414,8 +419,7 @@ class PathSolver:
             elif iterations >= MAX_ITERATIONS or rounds >= MAX_ROUNDS:
                 if not self._candidates.drifts():
                     return self._fall_back(force, b, gaps, soft, iterations)
-                # many small updates in single precision can go wrong: begin again, from the last frame
-                self._candidates.rebuild(members, soft)
+                self._candidates.rebuild(members, soft)  # many updates in single precision can go wrong
                 force, y, iterations, rounds = start, self._y, 0, 0
 
     def _allowed(self, bodies: tuple[ContactBody, ...]) -> float:

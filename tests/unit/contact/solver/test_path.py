@@ -427,3 +427,16 @@ def test_candidates_join_ahead_of_time_by_the_dozen(skin):
     rows = (3 * kept.members[:, None] + np.arange(3)).reshape(-1)
     exact = np.linalg.inv(skin.compliance[np.ix_(rows, rows)] + np.diag(0.02 + np.repeat(soft[kept.members], 3)))
     assert kept.rebuilds == 1 and np.abs(kept.matrix - exact).max() < 1e-5 * np.abs(exact).max()
+
+
+def test_an_inverse_that_went_wrong_is_made_anew_and_no_frame_is_lost_to_it(skin):
+    """Many updates of it in single precision can overflow: the iteration says so, and begins again."""
+    whole, broken = (PathSolver(skin.compliance, skin.positions) for _ in range(2))
+    for k, (depth, shift) in enumerate(press_and_slide(12)):
+        if k == 16:
+            broken._candidates.updates = 1
+            broken._candidates._store[:] = np.inf
+        force, other = (s.step([plane(skin, depth, (0.0, shift))]).solution.force for s in (whole, broken))
+        np.testing.assert_allclose(other, force, atol=1e-3 * np.abs(force).max() + 1e-12)
+    assert broken.counters["fallback"] == 0 and broken.counters["unconverged"] == 0
+    assert broken._candidates.rebuilds > whole._candidates.rebuilds

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
+import tempfile
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,7 +17,7 @@ from _pytest.runner import runtestprotocol
 _status = 1
 STARVED = 0.03  # [s] by which a thread that only sleeps may wake too late before the machine is to blame
 CROWDED = 0.1  # part of a test's time in which somebody waited for a processor, from which the machine is to blame
-TRIES = 4
+TRIES = 5
 PRESSURE = Path("/proc/pressure/cpu")
 
 
@@ -62,6 +65,19 @@ def _waited() -> float:
         return 0.0
 
 
+@contextlib.contextmanager
+def _turn(alone: bool) -> Iterator[None]:
+    """Take part in real time, or have it alone: two lines of tests on one machine would starve each other's senders."""
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        yield
+        return
+    with open(Path(tempfile.gettempdir()) / f"dermis-real-time-{os.getuid()}.lock", "a") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
+        yield
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
     """Run a test marked `real_time`; where it fails while the machine let nobody run, it has not been tried yet.
@@ -69,17 +85,18 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
     A watchdog of 50 ms acts when a process gets no processor for so long: that is its task, and no defect. A failure
     counts at once where a thread that only sleeps always woke in time, and hardly anybody waited for a processor: of
     two processes that work the one that sleeps more is served first, so the sleeper alone does not see what the
-    sender, the device and their starts are kept from.
+    sender, the device and their starts are kept from. It is tried again while no other of its kind runs.
     """
     if item.get_closest_marker("real_time") is None:
         return None
     item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
     for attempt in range(TRIES):
-        sleeper, began, waited = _Sleeper(), time.perf_counter(), _waited()
-        sleeper.start()
-        reports = runtestprotocol(item, log=False, nextitem=nextitem)
-        crowded = _waited() - waited >= CROWDED * (time.perf_counter() - began)
-        starved = sleeper.end() >= STARVED or crowded
+        with _turn(alone=attempt > 0):
+            sleeper, began, waited = _Sleeper(), time.perf_counter(), _waited()
+            sleeper.start()
+            reports = runtestprotocol(item, log=False, nextitem=nextitem)
+            crowded = _waited() - waited >= CROWDED * (time.perf_counter() - began)
+            starved = sleeper.end() >= STARVED or crowded
         if attempt == TRIES - 1 or not starved or not any(report.failed for report in reports):
             break
     for report in reports:

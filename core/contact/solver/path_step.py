@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -30,7 +31,7 @@ class PathStep:
         from_rest: there was no history: the first frame, or a jump.
         nodal: the forces on the nodes of the skin's mesh [N]: those of the solution, brought to the nodes where the
             solver's points are others, shape (m, 3); none of a part of a frame.
-        amounts: how much of each pattern skin that stiffens is displaced by, shape (k,); None of linear skin.
+        amounts: by how much less than linear skin the pad nodes give way [m], shape (3 m,); None where skin is linear.
     """
 
     solution: Solution
@@ -41,7 +42,7 @@ class PathStep:
     nodal: Array
     amounts: Array | None = None
 
-    @property
+    @cached_property
     def slide(self) -> float:
         """How far what is loaded of the skin is drawn along itself, on average by its load [m].
 

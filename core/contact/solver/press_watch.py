@@ -36,7 +36,8 @@ class PressWatch:
             came: the bodies in the frame before. points: of the skin, undeformed [m], shape (m, 3).
         """
         pushed = float(step.solution.force[:, 2].sum())
-        self.most = max(self.most, pushed) if _deeper(came, step, points) else pushed
+        if pushed >= self.most or not _deeper(came, step, points):
+            self.most = pushed
         missing = self.most - pushed
         return missing / self.most if missing > max(LOST * self.most, LEAST) else 0.0
 

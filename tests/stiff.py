@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from core.contact.solver.bodies import ContactBody
 from core.contact.solver.law_skin import LawSkin
 from core.contact.solver.path import PathSolver
 from core.skin.assembly import degrees
@@ -133,3 +134,25 @@ def mirrored(skin: SkinModel) -> NDArray[np.intp]:
     far, other = cKDTree(skin.positions).query(skin.positions * MIRROR)
     assert far.max() < 1e-9, "the pad is not symmetric"
     return np.asarray(other)
+
+
+def closed_loop(skin: SkinModel, depth: Array, slide: Array, friction: float, tolerance: float) -> tuple[float, float]:
+    """Return the work of a plane on the finger over press, slide, return and release, and of the press alone [J].
+
+    Args:
+        depth, slide: of the plane on its way [m], from zero on.
+    """
+    foot = skin.positions[skin.positions[:, 2].argmin()]
+    ways = [(0.0, d) for d in depth] + [(x, depth[-1]) for x in slide[1:]] + [(x, depth[-1]) for x in slide[-2::-1]]
+    ways += [(0.0, d) for d in depth[-2::-1]]
+    path, work, pressing, place, force = on_nodes(skin, tolerance), 0.0, 0.0, foot, np.zeros(3)
+    for n, (x, z) in enumerate(ways):
+        now = foot + np.array([x, 0.0, z])
+        step = path.step([ContactBody(flat(), translation=now, friction=friction)])
+        assert step.solution.converged
+        total = step.solution.force.sum(axis=0)
+        work += 0.5 * float((force + total) @ (now - place))
+        place, force = now, total
+        if n == len(depth) - 1:
+            pressing = work
+    return work, pressing

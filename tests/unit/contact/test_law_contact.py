@@ -23,7 +23,7 @@ from core.skin.surface_store import smooth_pad
 from core.tissue.exact_finger import ExactFinger
 from tests.contact_laws import at_frame_ends_alone
 from tests.grips import LoneGrip
-from tests.stiff import MIRROR, mirrored, on_nodes, press
+from tests.stiff import MIRROR, closed_loop, mirrored, on_nodes, press
 from tests.touches import Touch, ball, edge, flat, rod
 from tests.unit.contact.solver.test_grip_solver import GRAVITY, MU, setup
 
@@ -121,21 +121,7 @@ def test_a_frame_that_is_taken_back_and_taken_again_gives_the_same_bytes(skin: S
 
 
 def loop(skin: SkinModel, friction: float) -> tuple[float, float]:
-    """Return the work of a plane over press, slide, return and release, and of the press alone [J]."""
-    foot = skin.positions[skin.positions[:, 2].argmin()]
-    depth, slide = np.linspace(0.0, 1.5e-3, 11), np.linspace(0.0, 3e-3, 11)
-    ways = [(0.0, d) for d in depth] + [(x, depth[-1]) for x in slide[1:]] + [(x, depth[-1]) for x in slide[-2::-1]]
-    ways += [(0.0, d) for d in depth[-2::-1]]
-    path, work, pressing, place, force = on_nodes(skin, 3e-5), 0.0, 0.0, foot, np.zeros(3)
-    for n, (x, z) in enumerate(ways):
-        now = foot + np.array([x, 0.0, z])
-        step = path.step([ContactBody(flat(), translation=now, friction=friction)])
-        total = step.solution.force.sum(axis=0)
-        work += 0.5 * float((force + total) @ (now - place))
-        place, force = now, total
-        if n == len(depth) - 1:
-            pressing = work
-    return work, pressing
+    return closed_loop(skin, np.linspace(0.0, 1.5e-3, 11), np.linspace(0.0, 3e-3, 11), friction, 3e-5)
 
 
 def test_a_closed_loop_gives_no_energy_and_friction_takes_some(skin: SkinModel) -> None:

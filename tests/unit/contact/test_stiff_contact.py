@@ -18,7 +18,7 @@ from core.skin.stimulus import Stimulus
 from core.surface.gap import Surface
 from core.tissue.exact_finger import ExactFinger
 from core.tissue.neo_hookean import NeoHookean
-from tests.stiff import MIRROR, mirrored, on_nodes, press, stiff_skin
+from tests.stiff import MIRROR, closed_loop, mirrored, on_nodes, press, stiff_skin
 from tests.touches import Solid, Touch, ball, edge, flat, rod, solver_on
 
 Array = NDArray[np.float64]
@@ -75,23 +75,7 @@ def test_a_touch_that_begins_in_contact_is_the_end_of_its_path(skin: SkinModel) 
 
 
 def loop(skin: SkinModel, friction: float) -> tuple[float, float]:
-    """Return the work of a body on the finger over press, slide, return and release, and of the press alone [J]."""
-    foot = skin.positions[skin.positions[:, 2].argmin()]
-    depth, slide = np.linspace(0.0, 1.5e-3, 16), np.linspace(0.0, 2e-3, 21)
-    ways = [(0.0, d) for d in depth] + [(x, depth[-1]) for x in slide[1:]] + [(x, depth[-1]) for x in slide[-2::-1]]
-    ways += [(0.0, d) for d in depth[-2::-1]]
-    path, work, pressing = on_nodes(skin), 0.0, 0.0
-    place, force = foot, np.zeros(3)
-    for n, (x, z) in enumerate(ways):
-        now = foot + np.array([x, 0.0, z])
-        step = path.step([ContactBody(flat(), translation=now, friction=friction)])
-        assert step.solution.converged
-        total = step.solution.force.sum(axis=0)
-        work += 0.5 * float((force + total) @ (now - place))
-        place, force = now, total
-        if n == len(depth) - 1:
-            pressing = work
-    return work, pressing
+    return closed_loop(skin, np.linspace(0.0, 1.5e-3, 16), np.linspace(0.0, 2e-3, 21), friction, 1e-6)
 
 
 def test_a_closed_loop_gives_no_energy_and_friction_takes_some(skin: SkinModel) -> None:

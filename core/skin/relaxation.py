@@ -14,16 +14,24 @@ FIRM = 3e-2  # of a step's size, below which what it taught is noise
 WORSE, LEAST = 3.0, 0.02  # what is left may grow so much before the way back, and a share so small leads nowhere
 
 
+# From one step to the next: how x, the way that was asked for from there and the forces of that changed.
+Taught = tuple[Floats32, Floats32, Floats32]
+
+
 class Relaxation:
     """One balance, sought from some x on (Anderson 1965, least in the energy's own norm).
 
+    Args:
+        learned: what another balance near this one taught.
+
     Attributes:
         lost: no step leads nearer. best: the x that left least, and what it left, inf where that is no number.
+        learned: what steps taught, the last of them last.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, learned: tuple[Taught, ...] = ()) -> None:
         self._share = SHARE
-        self._learned: list[tuple[Floats32, Floats32, Floats32]] = []
+        self.learned = learned
         self._last: tuple[Floats32, Floats32, Floats32] | None = None
         self._way: Floats32 | None = None  # from the best
         self.best: tuple[Floats32, float] | None = None
@@ -42,7 +50,7 @@ class Relaxation:
             self.best, self._way = (x, left), way
         elif not left <= WORSE * self.best[1]:
             self._share *= 0.5
-            self._learned, self._last = [], None
+            self.learned, self._last = (), None
             self.lost = self._share < LEAST
             assert self._way is not None
             return self.best[0] + np.float32(self._share) * self._way
@@ -51,12 +59,12 @@ class Relaxation:
             return x
         if self._last is not None:
             taught = x - self._last[0], way - self._last[1], pull - self._last[2]
-            self._learned = [*self._learned[1 - LEARNED :], taught]
+            self.learned = (*self.learned[1 - LEARNED :], taught)
         self._last = x, way, pull
         share = np.float32(self._share)
-        if not self._learned:
+        if not self.learned:
             return x + share * way
-        gone, ways, pulls = (np.array(rows) for rows in zip(*self._learned, strict=True))
+        gone, ways, pulls = (np.array(rows) for rows in zip(*self.learned, strict=True))
         gram = (ways @ pulls.T).astype(np.float64)
         own = np.diag(gram)  # not above zero where it is rounding alone, which teaches nothing
         scale = np.where(own > 0.0, 1.0 / np.sqrt(np.maximum(own, 1e-300)), 0.0)

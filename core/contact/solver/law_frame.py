@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ...arrays import Array
+from ...arrays import Array, Indices
 from .between import matter_moved
 from .bodies import ContactBody, NodeGaps, owned
 from .law_skin import LawSkin
@@ -60,11 +60,11 @@ def solved_by_law(
         b, gaps, soft: as in `PathSolver.iterated`. begin: forces to begin with, and their displacement on linear skin.
     """
     before = law.save()
-    found = _agreed(solver, law, b, gaps, soft, begin, 1.0)
+    found = _agreed(solver, law, b, gaps, soft, begin, _went(solver, gaps, begin.reference))
     if law.settled:
         return found
     best, least = found, law.save()
-    way = _moved(solver, gaps)
+    way = np.nan_to_num(_moved(solver, gaps, gaps.body))
     for parts in PARTS if way.any() else PARTS[:1]:
         law.restore(before)
         found, ends = _walked(solver, law, b, gaps, soft, begin, way, parts)
@@ -93,8 +93,10 @@ def _walked(
     solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, begin: Begin, way: Array, parts: int
 ) -> tuple[SolvedFrame, bool]:
     """Lead what presses along a way to its end [m], shape (n, 3); return where that ends, and whether it is the end."""
+    going = way.any(axis=1)
+    went = np.append(way[going].mean(axis=0), np.zeros(3)) / parts if going.any() else None
     for part in range(1, parts + 1):
-        found = _agreed(solver, law, b + (1.0 - part / parts) * way, gaps, soft, begin, float(part > 1))
+        found = _agreed(solver, law, b + (1.0 - part / parts) * way, gaps, soft, begin, went)
         if not law.settled:
             break
         begin = Begin(found.solution.force, found.image + solver.beyond(), found.solution.force, found.y)
@@ -102,10 +104,10 @@ def _walked(
 
 
 def _agreed(
-    solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, begin: Begin, ahead: float
+    solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, begin: Begin, went: Array | None
 ) -> SolvedFrame:
     """Take turns until the law has what it wants, or no step leads nearer to it."""
-    law.begin(ahead)
+    law.begin(went)
     iterations, told = 0, False
     for again in range(ROUNDS):
         less = solver.beyond()
@@ -132,11 +134,26 @@ def _depth(gaps: NodeGaps) -> Array:
     return max(0.0, -float(gaps.gap.min(initial=0.0))) * gaps.normal
 
 
-def _moved(solver: LinearContact, gaps: NodeGaps) -> Array:
-    """Return how far what presses moved at each point since the last frame [m], shape (n, 3)."""
-    out, last = np.zeros((len(gaps.body), 3)), solver.bodies
-    for body, points in owned(gaps.body):
+def _went(solver: LinearContact, gaps: NodeGaps, force: Array) -> Array | None:
+    """Return how what presses moved where skin carried force, and turned about there [m], shape (6,), if known."""
+    touched = force.any(axis=1)
+    way = _moved(solver, gaps, np.where(touched, gaps.body, -1))[touched]
+    if not len(way) or np.isnan(way).any():
+        return None
+    arm = solver.points[touched] - solver.points[touched].mean(axis=0)
+    size = float((arm * arm).sum(axis=1).mean()) ** 0.5
+    return np.append(way.mean(axis=0), np.cross(arm, way).mean(axis=0) / max(size, 1e-12))
+
+
+def _moved(solver: LinearContact, gaps: NodeGaps, bodies: Indices) -> Array:
+    """Return how far what presses moved since the last frame, nan where that is not known [m], shape (n, 3).
+
+    Args:
+        bodies: that is asked about at each point, -1 for none, shape (n,).
+    """
+    out, last = np.zeros((len(bodies), 3)), solver.bodies
+    for body, points in owned(bodies):
         if body < len(last) and not last[body].away and not gaps.bodies[body].away:
             way = matter_moved(last[body], gaps.bodies[body], solver.points[points], gaps.triangle[points])
-            out[points] = 0.0 if way is None else way
+            out[points] = np.nan if way is None else way
     return out

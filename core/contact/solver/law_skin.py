@@ -2,7 +2,8 @@
 
 Contact is solved on linear skin from where the law leaves it: u = C f - c. The law then says what c the displacement
 wants (`LawTables`); a frame is done when that is nearly the c that contact was solved with. The next frame expects c to
-go on changing as it did, so that on smooth ways one look is enough, at little more than the price of linear skin.
+go on changing as it did, as far as what presses goes on as it did, so that on smooth ways one look is enough, at little
+more than the price of linear skin; and what looks taught of the law goes from frame to frame.
 """
 
 from __future__ import annotations
@@ -14,10 +15,11 @@ import numpy as np
 from ...arrays import Array, Floats32
 from ...skin.law_tables import LawTables
 from ...skin.model import SkinModel
-from ...skin.relaxation import Relaxation
+from ...skin.relaxation import Relaxation, Taught
 
 # Of what the law leaves, see `Miss.left`, where a frame is done: stress is then a hundredth off, force a third of that.
 TOLERANCE = 5e-3
+FASTER = 2.0  # times as far as in the last frame what presses may go before more is not expected of c either
 
 
 class LawState(NamedTuple):
@@ -26,12 +28,15 @@ class LawState(NamedTuple):
     Attributes:
         felt: c that contact was solved with. now: what the law wants of it, and before: wanted in the frame before,
             shapes (3 free,). left: see `LawSkin.left`.
+        went: how what presses moved [m], shape (6,), None where that is not known. taught: what looks taught.
     """
 
     felt: Floats32
     now: Floats32
     before: Floats32
     left: float
+    went: Array | None = None
+    taught: tuple[Taught, ...] = ()
 
 
 class LawSkin:
@@ -59,6 +64,7 @@ class LawSkin:
         """Go back to rest."""
         self._state = self._start = LawState(self._none, self._none, self._none, 0.0)
         self._c = self._none
+        self._went: Array | None = None
         self._steps = Relaxation()
         self.left = 0.0
 
@@ -69,7 +75,7 @@ class LawSkin:
     def restore(self, state: LawState) -> None:
         """Go back to a saved state."""
         self._state = self._start = state
-        self._c, self.left = state.felt, state.left
+        self._c, self.left, self._went = state.felt, state.left, state.went
 
     @property
     def beyond(self) -> Array:
@@ -91,11 +97,20 @@ class LawSkin:
         """Whether no step leads nearer to what it wants."""
         return self._steps.lost
 
-    def begin(self, ahead: float = 1.0) -> None:
-        """Begin a frame: c is expected to go on as it did, by a share `ahead` of its last change."""
-        self._start = self._state
-        self._c = self._state.now + np.float32(ahead) * (self._state.now - self._state.before)
-        self._steps = Relaxation()
+    def begin(self, went: Array | None = None) -> None:
+        """Begin a frame.
+
+        Args:
+            went: how what presses moved where it touched, and turned about there [m], shape (6,). c is expected to
+                change as that does to the last frame's; where either is not known, as it did.
+        """
+        self._start = last = self._state
+        ahead = 1.0
+        if went is not None and last.went is not None:
+            ahead = min(max(float(went @ last.went) / max(float(last.went @ last.went), 1e-30), 0.0), FASTER)
+        self._went = went
+        self._c = last.now + np.float32(ahead) * (last.now - last.before)
+        self._steps = Relaxation(last.taught)
 
     def go_back(self) -> None:
         """Go back to where the frame began."""
@@ -115,7 +130,7 @@ class LawSkin:
             miss = tables.miss(pulled - self._c, pulled, load)
             following = self._steps.next(self._c, miss.way, miss.pull, miss.left)
         self.left = miss.left
-        self._state = LawState(self._c, following, self._start.now, self.left)
+        self._state = self._reached(following)
         if self.settled:
             tables.remember(load, self._c[tables.pad], pulled - self._c)
         elif self.lost:
@@ -128,7 +143,11 @@ class LawSkin:
         if self._steps.best is None:  # nothing touched when it was asked last
             return
         self._c, self.left = self._steps.best
-        self._state = LawState(self._c, self._c, self._start.now, self.left)
+        self._state = self._reached(self._c)
+
+    def _reached(self, now: Floats32) -> LawState:
+        """Return the state where contact was solved with c, and the law wants `now`."""
+        return LawState(self._c, now, self._start.now, self.left, self._went, self._steps.learned)
 
     def give_up(self) -> None:
         """Go on as linear skin, which never has what the law wants."""

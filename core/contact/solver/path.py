@@ -157,15 +157,16 @@ class PathSolver:
         """Return the state between two frames, for `restore`: a step may then be tried and taken back."""
         state = {name: getattr(self, name) for name in _STATE}
         state.update(history=self.history.copy(), counters=dict(self.counters), _notes=self.notes.copy())
+        state["inverse"] = self._candidates.save()
         return state if self.law is None else {**state, "law": self.law.save()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go back to a saved state. The inverse of the candidates stays: it holds no history."""
+        """Go back to a saved state: what follows is the same to the last bit."""
         for name in _STATE:
             setattr(self, name, state[name])
         self.history = state["history"].copy()
         self.counters, self.notes = dict(state["counters"]), state["_notes"].copy()
-        self._candidates.rho = self._rho[:, 0]
+        self._candidates.restore(state["inverse"], self._matrix, self._rho[:, 0])
         if self.law is not None:
             self.law.restore(state["law"])
 

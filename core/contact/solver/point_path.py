@@ -136,16 +136,14 @@ class PointSolver(PathSolver):
 
     def save(self) -> dict[str, Any]:
         """Return the state between two frames, for `restore`."""
-        own = {"points": self._points.save(), "inverse": self._candidates.save(), "tree": self._tree.save()}
-        more = {"asked": self._asked, "new": self._new, "turned": self._cell_gaps.last}
-        return {**super().save(), **own, **more}
+        own = {"points": self._points.save(), "tree": self._tree.save(), "turned": self._cell_gaps.last}
+        return {**super().save(), **own, "asked": self._asked, "new": self._new}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go back to a saved state: what follows is the same to the last bit."""
+        """Go back to a saved state, its points and all."""
         self._points.restore(state["points"])
         self._soft = state["_soft"]
         self._number()
-        self._candidates.restore(state["inverse"], self._points.matrix.matrix, self._rho[:, 0])
         self._tree.restore(state["tree"])
         self._asked, self._new, self._cell_gaps.last = state["asked"], state["new"], state["turned"]
         super().restore(state)

@@ -13,7 +13,7 @@ from core.contact.solver import law_frame
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.cone import natural_residual
 from core.contact.solver.grip import HoldingFinger
-from core.contact.solver.law_skin import TOLERANCE, LawSkin
+from core.contact.solver.law_skin import TOLERANCE, LawSkin, LawState
 from core.contact.solver.path import PathSolver
 from core.contact.solver.path_step import PathStep
 from core.skin.law_tables import LawTables
@@ -113,8 +113,6 @@ def test_a_frame_that_is_taken_back_and_taken_again_gives_the_same_bytes(skin: S
         steps = [path.step(touch.bodies(i)) for i in range(4, len(touch.position))]
         return [s.solution.force.tobytes() + np.asarray(s.amounts).tobytes() + s.displacement.tobytes() for s in steps]
 
-    rest()  # the inverse of the nodes that may touch stays, as it does of linear skin: it knows all of them by now
-    path.restore(state)
     first = rest()
     path.restore(state)
     assert rest() == first
@@ -228,6 +226,58 @@ def test_on_smooth_ways_one_look_is_enough(skin: SkinModel, monkeypatch: pytest.
     touch = press(skin, ball(6e-3), 1.5e-3, slide=1.5e-3, step=0.01e-3)
     follow(on_nodes(skin, 3e-5), touch)
     assert looks[0] <= 1.3 * len(touch.position)
+
+
+def test_where_a_drag_turns_the_law_is_not_sent_on(skin: SkinModel) -> None:
+    """What presses goes on, stands, turns back or leaps: c is expected to change as far as that goes on as it did."""
+    law, c = LawSkin(skin.law, skin.material.modulus), np.arange(skin.law.size, dtype=np.float32)
+    way = np.array([2e-5, 0.0, 1e-5, 0.0, 0.0, 3e-6])
+    for share, expected in ((1.0, 3.0), (0.5, 2.5), (2.0, 4.0), (9.0, 4.0), (0.0, 2.0), (-1.0, 2.0)):
+        law.restore(LawState(c, 2.0 * c, c, 0.0, way))
+        law.begin(share * way)
+        assert np.allclose(law._c, np.float32(expected) * c, rtol=1e-6)
+    law.begin(None)
+    assert np.allclose(law._c, 3.0 * c, rtol=1e-6)
+
+
+def test_a_drag_to_and_fro_takes_few_looks(skin: SkinModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    looks, look = [0], LawSkin.look
+
+    def counted(law: LawSkin, force: Array) -> None:
+        looks[-1] += 1
+        look(law, force)
+
+    monkeypatch.setattr(LawSkin, "look", counted)
+    path, foot = on_nodes(skin, 3e-5), skin.positions[skin.positions[:, 2].argmin()]
+    along = 1e-3 * np.concatenate([np.zeros(100), np.tile(np.sin(np.arange(80) * np.pi / 40), 2)])
+    for i, x in enumerate(along):
+        place = foot + np.array([x, 0.0, 1e-3 * min((i + 1) / 100, 1.0)])
+        assert path.step([ContactBody(flat(), translation=place, friction=0.6)]).solution.converged
+        looks.append(0)
+    drawn = np.array(looks[100:-1])
+    assert drawn.mean() <= 1.6 and drawn.max() <= 7
+
+
+def test_what_looks_taught_is_kept_with_a_frame(skin: SkinModel) -> None:
+    touch = press(skin, ball(4e-3), 1.5e-3, slide=0.8e-3, step=0.2e-3)
+    law, force = LawSkin.of(skin, 2e-5), [s.solution.force for s in follow(on_nodes(skin, 3e-5), touch)]
+    assert law is not None
+
+    def seen(law: LawSkin, force: Array) -> LawState:
+        law.begin()
+        for _ in range(4):
+            law.look(force)
+        return law.save()
+
+    for one in force[:4]:
+        seen(law, one)
+    before = law.save()
+    assert before.taught
+    after = seen(law, force[4])
+    law.reset()
+    law.restore(before)
+    again = seen(law, force[4])
+    assert (again.now == after.now).all() and again.left == after.left
 
 
 def test_points_agree_with_nodes_as_they_do_on_linear_skin(skin: SkinModel) -> None:

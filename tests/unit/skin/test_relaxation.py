@@ -79,7 +79,7 @@ def test_the_best_is_what_left_least_of_all_it_was_shown() -> None:
         x = relaxation.next(x, way, pull, left)
         least, at = min(seen, key=lambda one: one[0])
         assert relaxation.best is not None and relaxation.best[1] == least and relaxation.best[0] is at
-        assert len(relaxation._learned) <= LEARNED
+        assert len(relaxation.learned) <= LEARNED
 
 
 def test_where_every_step_leaves_more_it_says_so_and_keeps_where_it_began() -> None:

@@ -68,7 +68,7 @@ KNOWN: tuple[Known, ...] = (
         0.06,
         lambda v: v["contact"] == "points" and v["shape"] in ("pillar", "edge", "hull") and float(v["size"]) < 5e-3,
     ),
-    Known("rate", "rate", (508, 2017), _SMALL, covers=lambda v: _small(v) and v["friction"] == 0.0),
+    Known("rate", "rate", (508, 2017, 510000), _SMALL, covers=_small),
     Known("inside", "inside", (16,), _CORNER, 0.6, lambda v: v["contact"] == "points" and v["shape"] != "block"),
     Known("inside", "inside", (60,), _FACETS, 0.15, lambda v: v["contact"] == "nodes" and v["shape"] != "block"),
     Known(

@@ -42,11 +42,13 @@ class Rubbing:
             bodies: of the next frame. history, force, loaded: of the last one; [N], shapes (m, 3) and (m,).
         """
         at, drift, owner = loaded.nonzero()[0], self.drift, history.body
-        at = at[owner[at] >= 0]
-        if drift is STILL or not at.size or any(bodies[k].away for k in set(owner[at].tolist())):
+        owners = owner.take(at)
+        at = at[owners >= 0]
+        if drift is STILL or not at.size or any(bodies[k].away for k in set(owners.tolist()) - {-1}):
             return None
-        load = np.sqrt(along(force[at], force[at]))
-        return lambda moved: drift.next(-(load @ moved[at]) / load.sum())
+        some = force.take(at, axis=0)
+        load = np.sqrt(along(some, some))
+        return lambda moved: drift.next(-(load @ moved.take(at, axis=0)) / load.sum())
 
 
 UNMOVED = Rubbing(STILL, 0.0)

@@ -36,11 +36,13 @@ class ContactHistory:
         self.gap = np.zeros(count)
         self.sticking = np.zeros(count, dtype=bool)
         self.slip, self.swept = np.zeros((count, 3)), np.zeros((count, 3))
+        self._seen: tuple[Sequence[ContactBody], Array] | None = None  # bodies, and where the anchors are on them
 
     def clear(self) -> None:
         """Forget everything: the next frame starts from rest."""
         self.body[:] = -1
         self.sticking[:] = False
+        self._seen = None
 
     def copy(self) -> ContactHistory:
         """Return a copy that shares nothing with this one."""
@@ -83,12 +85,17 @@ class ContactHistory:
             search_radius: a body that moved farther than this takes nothing along [m].
             ahead: says how far skin that slips is expected to move [m], shape (3,), for how far the anchors moved.
         """
-        anchors = from_material(bodies, self.body, self._material, self._triangle)
-        normal = self.normals(bodies)
+        anchors, normal = self._anchors(bodies), self.normals(bodies)
         moved = anchors - deformed
         carried = self.sticking & (np.einsum("ij,ij->i", moved, moved) <= search_radius * search_radius)
         places = np.where(carried[:, None], anchors, deformed if ahead is None else deformed + ahead(moved))
         return Expected(places, anchors + self.gap[:, None] * normal, normal, self.body)
+
+    def _anchors(self, bodies: Sequence[ContactBody]) -> Array:
+        """Return where the anchors are on bodies [m], shape (m, 3), nan without any: a frame asks for it twice."""
+        if self._seen is None or self._seen[0] is not bodies:
+            self._seen = bodies, from_material(bodies, self.body, self._material, self._triangle)
+        return self._seen[1]
 
     def normals(self, bodies: Sequence[ContactBody]) -> Array:
         """Return the normals of the surfaces that points were above, turned with their bodies, shape (m, 3)."""
@@ -115,13 +122,9 @@ class ContactHistory:
             level = np.einsum("ij,ij->i", self.normals(gaps.bodies)[other], normal[other]) > LEVEL
             anchored[other[there & level]] = True
         if anchored.all():
-            moved = points - from_material(gaps.bodies, self.body, self._material, self._triangle)
+            moved = points - self._anchors(gaps.bodies)
         else:
-            moved = np.zeros_like(points)
-            at = np.flatnonzero(anchored)
-            if at.size:
-                anchors = from_material(gaps.bodies, self.body[at], self._material[at], self._triangle[at])
-                moved[at] = points[at] - anchors
+            moved = np.where(anchored[:, None], points - self._anchors(gaps.bodies), 0.0)
         gap = np.where(gaps.body >= 0, gaps.gap, 0.0)
         gap = gap - np.einsum("ij,ij->i", moved, normal)
         moved += gap[:, None] * normal
@@ -142,8 +145,9 @@ class ContactHistory:
             renewed[some] = near[some]
         nodes = np.flatnonzero(renewed)
         if nodes.size:
-            self._put(gaps.bodies, nodes, gaps.body[nodes], gaps.triangle[nodes], positions[nodes])
-        self.body = np.where(near, gaps.body, -1)
+            body, triangle = gaps.body.take(nodes), gaps.triangle.take(nodes)
+            self._put(gaps.bodies, nodes, body, triangle, positions.take(nodes, axis=0))
+        self._seen, self.body = None, np.where(near, gaps.body, -1)
         self.sticking = near & sticking
         self.gap = np.maximum(gap, 0.0)
         for index, own in owned(self.body):
@@ -152,5 +156,6 @@ class ContactHistory:
     def _put(
         self, bodies: Sequence[ContactBody], nodes: Indices, body: Indices, triangle: Indices, positions: Array
     ) -> None:
+        self._seen = None
         self._material[nodes] = to_material(bodies, body, triangle, positions)
         self._triangle[nodes] = triangle

@@ -50,7 +50,7 @@ class MovedSkin:
         """Return how far skin has moved at cells [m], shape (n, 3), and a point under each, `NONE` where none is."""
         found = self.points.map.under(cells)
         owner = found.max(axis=1)
-        shift = self.raised[found].sum(axis=1) / np.maximum((found != NONE).sum(axis=1), 1)[:, None]
+        shift = self.raised.take(found, axis=0).sum(axis=1) / np.maximum((found != NONE).sum(axis=1), 1)[:, None]
         afar = np.flatnonzero(owner == NONE)
         if len(afar) and self.force.any():
             shift[afar] = self._far[self.points.pad.chart.tiles.root[cells[afar]]]

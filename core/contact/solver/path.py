@@ -371,7 +371,7 @@ class PathSolver:
         self._candidates.follow(gaps.clearance, self.loaded, self._spacing, soft)
         force, y = self._extrapolated(start, w)
         if self.law is not None:
-            return solved_by_law(self, self.law, b, gaps, soft, Begin(start, self.linear(start), force, y))
+            return solved_by_law(self, self.law, b, gaps, soft, Begin(start, image + self.beyond(), force, y))
         return self.iterated(b, gaps, soft, Begin(start, image, force, y))
 
     def iterated(self, b: Array, gaps: NodeGaps, soft: Array, begin: Begin) -> SolvedFrame:
@@ -382,16 +382,16 @@ class PathSolver:
         reference, iterations, rounds = start, 0, 0
         while True:
             members = self._candidates.members
-            z = reference[members]
+            z = reference.take(members, axis=0)
             iteration = iterate(
                 self._candidates.matrix,
-                np.repeat(rho[members, 0], 3),
-                b[members].reshape(-1),
-                normal[members],
-                mu[members],
-                State(force[members], y[members]),
+                np.repeat(rho.take(members), 3),
+                b.take(members, axis=0).reshape(-1),
+                normal.take(members, axis=0),
+                mu.take(members),
+                State(force.take(members, axis=0), y.take(members, axis=0)),
                 State(z, z),
-                (image[members] + soft[members, None] * z).reshape(-1),
+                (image.take(members, axis=0) + soft.take(members)[:, None] * z).reshape(-1),
                 self.tolerance,
                 MAX_ITERATIONS,
             )

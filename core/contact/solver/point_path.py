@@ -84,6 +84,7 @@ class PointSolver(PathSolver):
         self._candidates = CandidateInverse(self._points.matrix.matrix, np.zeros(0), *MEMBERS)
         self.history = ContactHistory(0)
         self._asked: Asked | None = None
+        self._calm: NodeGaps | None = None  # the last that were measured, where the tree asked for no other points
         starts = surface.chart.starts
         self._pad = surface.cells.positions[starts[1] : starts[2]]
         self._sample = self._pad[:: max(len(self._pad) // 32, 1)]
@@ -156,11 +157,11 @@ class PointSolver(PathSolver):
         far, which = 0.0, gaps.body[nodes]
         for i in np.unique(which).tolist():
             a, b, own = start[i], gaps.bodies[i], nodes[which == i]
-            way = matter_moved(a, b, self.points[own], gaps.triangle[own])
+            way = matter_moved(a, b, self.points.take(own, axis=0), gaps.triangle.take(own))
             if way is None:
                 far = max(far, super().pressing(start, gaps, own))
             else:
-                far = max(far, float(np.abs(np.einsum("ij,ij->i", way, gaps.normal[own])).max()))
+                far = max(far, float(np.abs(np.einsum("ij,ij->i", way, gaps.normal.take(own, axis=0))).max()))
         return far
 
     def nodal(self, force: Array) -> Array:
@@ -189,7 +190,7 @@ class PointSolver(PathSolver):
     ) -> PathStep:
         """Solve the next frame, as `PathSolver.step` does."""
         # gaps of a frame that moves far were measured at the points of the last one
-        late = gaps is None or not part and self._asks(self._moved(tuple(bodies)))
+        late = gaps is None or not (part or gaps is self._calm) and self._asks(self._moved(tuple(bodies)))
         if late and (part or not self.unmoved(bodies)):
             gaps = self._looked(tuple(bodies), True)
         return super().step(bodies, scene_frame=scene_frame, gaps=gaps, part=part)
@@ -209,10 +210,12 @@ class PointSolver(PathSolver):
             if order is not None:
                 expected = self._expected(bodies)
                 gaps = completed(gaps, order, self.points, bodies, expected, self.search_radius, self.bone)
-        if not len(self.cells):
-            return gaps
-        gaps = self._cell_gaps.over(gaps, self._points, expected.places)
-        return over_rims(gaps, self.points, expected.places, -self._points.normals, self.search_radius, self.bone)
+        if len(self.cells):
+            gaps = self._cell_gaps.over(gaps, self._points, expected.places)
+            over = expected.places, -self._points.normals
+            gaps = over_rims(gaps, self.points, *over, self.search_radius, self.bone)
+        self._calm = None if asks else gaps
+        return gaps
 
     # -- the points ----------------------------------------------------------------------------------------------
 
@@ -226,7 +229,7 @@ class PointSolver(PathSolver):
         loaded = self.loaded.nonzero()[0]
         points, normal = self._sample, None
         if loaded.size and self._step is not None and self._step.gaps is not None:
-            points, normal = self.points[loaded], self._step.gaps.normal[loaded]
+            points, normal = self.points.take(loaded, axis=0), self._step.gaps.normal.take(loaded, axis=0)
         return self._asked.moved(bodies, self._skin().common, points, normal)
 
     def _asks(self, moved: Array | None) -> bool:

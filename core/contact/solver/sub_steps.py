@@ -189,11 +189,11 @@ class SubStepper:
         pressed = np.flatnonzero((gaps.body >= 0) & ((gaps.clearance < 0.0) | self.solver.loaded))
         if pressed.size == 0:
             return 1
-        same = pressed[last.body[pressed] == gaps.body[pressed]]
+        same = pressed[(last.body == gaps.body).take(pressed)]
         if same.size == 0:
             return int(np.ceil(self._travel(start, bodies, gaps, pressed) / PRESSING))
         parts = np.ceil(self.solver.pressing(start, gaps, same) / PRESSING)
-        if np.einsum("ij,ij->i", gaps.normal[same], last.normal[same]).min() < STRAIGHT:
+        if np.einsum("ij,ij->i", gaps.normal.take(same, axis=0), last.normal.take(same, axis=0)).min() < STRAIGHT:
             parts = max(parts, np.ceil(self._travel(start, bodies, gaps, same) / TURNING))
         return max(int(parts), 1)
 

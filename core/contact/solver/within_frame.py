@@ -86,16 +86,18 @@ class WithinFrame:
         self, gaps: NodeGaps, history: ContactHistory, force: Array, loaded: NDArray[np.bool_], way: Array
     ) -> None:
         at = loaded.nonzero()[0]
-        normal, load = gaps.normal[at], force[at]
-        swept = across(way[at], normal)
+        normal, load = gaps.normal.take(at, axis=0), force.take(at, axis=0)
+        swept = across(way.take(at, axis=0), normal)
         size = np.sqrt(along(load, load))
         self.passed: Array = size @ swept / max(float(size.sum()), TINY)
-        slid = (~history.sticking[at] & (history.body[at] == gaps.body[at]) & (gaps.friction[at] > 0.0)).nonzero()[0]
-        self.nodes: Indices = at[slid]
-        self._normal, tangential = normal[slid], across(load[slid], normal[slid])
+        slid = (~history.sticking & (history.body == gaps.body) & (gaps.friction > 0.0)).take(at).nonzero()[0]
+        self.nodes: Indices = at.take(slid)
+        self._normal = normal.take(slid, axis=0)
+        tangential = across(load.take(slid, axis=0), self._normal)
         self._length = np.sqrt(along(tangential, tangential))
         self._back = tangential / np.maximum(self._length, TINY)[:, None]
-        self._way, self._slip, self._before = swept[slid], history.slip[self.nodes], history.swept[self.nodes]
+        self._way, self._slip = swept.take(slid, axis=0), history.slip.take(self.nodes, axis=0)
+        self._before = history.swept.take(self.nodes, axis=0)
         self.swept = np.zeros_like(force)
         self.swept[at] = swept
 
@@ -153,12 +155,12 @@ class Drift:
     def of(cls, gaps: NodeGaps, force: Array, moved: Array, passed: Array) -> Drift:
         """Return it for a frame: forces [N] and ways of nodes [m], shape (m, 3) each."""
         at = np.flatnonzero(force.any(axis=1))
-        load, normal = force[at], gaps.normal[at]
+        load, normal = force.take(at, axis=0), gaps.normal.take(at, axis=0)
         size = np.sqrt(along(load, load))
         share = size / max(float(size.sum()), TINY)
         mean, (low, high) = share @ normal, ROUND
         smooth = min(max((float(np.sqrt(mean @ mean)) - low) / (high - low), 0.0), 1.0)
-        return cls(smooth * (share @ across(moved[at], normal)), passed)
+        return cls(smooth * (share @ across(moved.take(at, axis=0), normal)), passed)
 
     def next(self, passed: Array) -> Array:
         """Return how far skin is expected to go along in the next frame [m], shape (3,).

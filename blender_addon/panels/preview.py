@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..layouts import paragraph
+from ..layouts import Pairs, paragraph
 from ..polls import needs
 from ..preview.rows import Row
 from ..quantities import quantity
@@ -64,10 +64,9 @@ class DERMIS_PT_preview_values(DermisPanel, bpy.types.Panel):
             box = self.layout.box().column(align=True)
             box.scale_y = 0.85
             box.label(text=f"{row_of.finger}: {row_of.title}")
+            pairs = Pairs(box, 0.5)
             for name, value in row_of.values.items():
-                split = box.split(factor=0.5)
-                split.label(text=name.replace("_", " "))
-                split.label(text=quantity(value, row_of.units[name]))
+                pairs.add(name.replace("_", " "), quantity(value, row_of.units[name]))
 
 
 CLASSES: tuple[type, ...] = (DERMIS_PT_preview, DERMIS_PT_preview_values)

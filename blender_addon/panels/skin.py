@@ -6,13 +6,15 @@ import bpy
 
 from .. import choices
 from .._core import core
-from ..layouts import editable, paragraph, preset, properties
+from ..layouts import Pairs, editable, paragraph, preset, properties
 from ..polls import needs
 from ..preview import skin_preview
 from ..preview.skin_state import SkinState
 from ..viewport import shown, skin_cards, skin_field, skin_shown
 from . import summary
 from .main import DermisPanel
+
+SHARE = 0.55  # of the width, for names
 
 
 def _states(context: bpy.types.Context) -> tuple[SkinState, ...]:
@@ -169,12 +171,13 @@ class DERMIS_PT_skin_work(DermisPanel, bpy.types.Panel):
         column.scale_y = 0.85
         for state in _states(context):
             column.label(text=state.finger)
+            pairs = Pairs(column, SHARE)
             for name, count in state.counters.items():
                 if count:
                     bad = name in ("not converged", "solved by the fallback")
-                    _pair(column, name, f"{count:,}", "ERROR" if bad else "BLANK1")
+                    pairs.add(name, f"{count:,}", "ERROR" if bad else "BLANK1")
         view = {**skin_shown.counters(), "overlays_kept": shown.draws()}
-        _pair(column, "stress computed", f"{view.pop('stress_computed'):,}", "BLANK1")
+        Pairs(column, SHARE).add("stress computed", f"{view.pop('stress_computed'):,}", "BLANK1")
         for part, words in core.pipeline.skipping.told(view):
             column.label(text=f"Skipped, {part}: {words}")
 
@@ -187,26 +190,21 @@ def _figures(column: Any, context: bpy.types.Context, state: SkinState, said: st
         paragraph(column, context, state.note[:1].upper() + state.note[1:], inset=20.0)
     if not state.touching:
         return
-    _pair(column, "normal force", skin_cards.force(state.normal_force))
-    _pair(column, "tangential force", skin_cards.force(state.tangential_force))
-    _pair(column, "tissue", core.contact.trusted.WORDS[state.tissue])
-    _pair(column, "touch depth", f"{1e3 * state.depth:.2f} mm", "ERROR" if state.too_deep else "NONE")
+    pairs = Pairs(column, SHARE)
+    pairs.add("normal force", skin_cards.force(state.normal_force))
+    pairs.add("tangential force", skin_cards.force(state.tangential_force))
+    pairs.add("tissue", core.contact.trusted.WORDS[state.tissue])
+    pairs.add("touch depth", f"{1e3 * state.depth:.2f} mm", "ERROR" if state.too_deep else "NONE")
     if state.dragged:
-        _pair(column, "dragged by friction", f"{1e3 * state.slide:.2f} mm", "ERROR" if state.too_far else "NONE")
+        pairs.add("dragged by friction", f"{1e3 * state.slide:.2f} mm", "ERROR" if state.too_far else "NONE")
     if state.lift > 0.0:
-        _pair(column, "bone gave way", f"{1e3 * state.lift:.2f} mm")
-    _pair(column, "nodes", skin_cards.friction(state))
+        pairs.add("bone gave way", f"{1e3 * state.lift:.2f} mm")
+    pairs.add("nodes", skin_cards.friction(state))
     if state.model is not None:
-        _pair(column, "mesh", f"{len(state.model.mesh.tetrahedra):,} tetrahedra")
+        pairs.add("mesh", f"{len(state.model.mesh.tetrahedra):,} tetrahedra")
     if not state.converged:
         where = "some frames of the bake" if state.work == "baked" else "this frame"
         paragraph(column, context, f"Did not converge in {where}: use smaller steps, or less friction.", "ERROR")
-
-
-def _pair(layout: Any, name: str, value: str, icon: str = "NONE") -> None:
-    split = layout.split(factor=0.55)
-    split.label(text=name, icon=icon)
-    split.label(text=value)
 
 
 class DERMIS_MT_skins(bpy.types.Menu):

@@ -53,16 +53,18 @@ class CompliantBone:
         stiffness: of the spring [N/m], 0 for a bone that follows the animation exactly.
         force_limit: largest force on the bone along Z [N], inf without a limit.
         name: for findings.
-        tissue: of the finger, 'linear' or 'neo_hookean'.
+        tissue: of the finger, 'linear' or 'neo_hookean'. modulus: of its skin [Pa].
 
     Attributes:
         sub_steps: walks the solver from frame to frame.
     """
 
-    def __init__(self, solver: PathSolver, stiffness: float, force_limit: float, name: str, tissue: str) -> None:
+    def __init__(
+        self, solver: PathSolver, stiffness: float, force_limit: float, name: str, tissue: str, modulus: float
+    ) -> None:
         self.solver, self.stiffness, self.force_limit, self.name = solver, stiffness, force_limit, name
         self._tissue, self._range = WORDS[tissue], trusted(tissue)
-        self.sub_steps = SubStepper(solver, float(np.linalg.norm(solver.bone)))
+        self.sub_steps = SubStepper(solver, float(np.linalg.norm(solver.bone)), modulus)
         self._retraction = 0.0  # by the force limit, beyond what the spring gives way [m]
         self._slope = 0.0
         self._before: Callable[[], Sequence[ContactBody] | None] = lambda: None
@@ -95,7 +97,7 @@ class CompliantBone:
             points = PointSolver(surface, nodes, name=name, depth_limit=depth_limit, law=LawSkin.of(skin))
             if tolerance is not None:
                 points.tolerance = tolerance
-            return cls(points, stiffness, limit, name, skin.tissue)
+            return cls(points, stiffness, limit, name, skin.tissue, skin.material.modulus)
         compliance = skin.compliance
         if stiffness:
             compliance = compliance.copy()
@@ -109,7 +111,7 @@ class CompliantBone:
             depth_limit=depth_limit,
             law=LawSkin.of(skin),
         )
-        return cls(solver, stiffness, limit, name, skin.tissue)
+        return cls(solver, stiffness, limit, name, skin.tissue, skin.material.modulus)
 
     @property
     def findings(self) -> tuple[Finding, ...]:

@@ -54,14 +54,6 @@ KNOWN: tuple[Known, ...] = (
     Known(
         "press",
         "fall",
-        (70033,),
-        "at nodes something small falls between two of them by less than a thousandth of a newton, which is not told",
-        0.2,
-        lambda v: _small(v) and float(v["young"]) < 3e3,
-    ),
-    Known(
-        "press",
-        "fall",
         (110067,),
         "few points at the rim of something narrow bear most of its force: where one of them slides over the rim, its "
         "share goes with it",
@@ -133,7 +125,7 @@ KNOWN: tuple[Known, ...] = (
 # Cases that failed and were mended: family -> seeds.
 MENDED: dict[str, tuple[int, ...]] = {
     "card": (40052,),
-    "press": (47, 2007, 40007, 40040, 40044),
+    "press": (47, 2007, 40007, 40040, 40044, 70033, 510149),
     "surface": (25, 193, 223, 273, 480, 111588),
     "stretched": (1049,),
     "pins": (13649,),

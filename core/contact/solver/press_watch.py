@@ -15,19 +15,25 @@ from ...arrays import Array
 from .bodies import ContactBody, moved
 from .path_step import PathStep
 
-# So much of the largest force may be lost while everything presses deeper, and so much in any case [N].
-LOST, LEAST = 0.02, 1e-3
+# So much of the largest force may be lost while everything presses deeper, and so much in any case, over the skin's
+# modulus [m^2]: of skin of 100 kPa a thousandth of a newton.
+LOST, LEAST = 0.02, 1e-8
+MODULUS = 1e5  # of the preset fingers [Pa]
 
 
 class PressWatch:
     """Follows the force on a finger from frame to frame.
 
+    Args:
+        modulus: of its skin [Pa].
+
     Attributes:
         most: the largest since everything that touches began to press deeper [N].
     """
 
-    def __init__(self) -> None:
+    def __init__(self, modulus: float = MODULUS) -> None:
         self.most = 0.0
+        self._least = LEAST * modulus
 
     def lost(self, came: Sequence[ContactBody], step: PathStep, points: Array) -> float:
         """Return which share of the force a frame has lost although it presses deeper; zero where that is little.
@@ -39,7 +45,7 @@ class PressWatch:
         if pushed >= self.most or not _deeper(came, step, points):
             self.most = pushed
         missing = self.most - pushed
-        return missing / self.most if missing > max(LOST * self.most, LEAST) else 0.0
+        return missing / self.most if missing > max(LOST * self.most, self._least) else 0.0
 
     def pulling(self, came: Sequence[ContactBody], step: PathStep, points: Array) -> tuple[int, ...]:
         """Return which bodies a finger draws in, friction aside, although they press deeper; as for `lost`."""

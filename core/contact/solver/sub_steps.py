@@ -21,7 +21,7 @@ from .bodies import AWAY, ContactBody, NodeGaps, same_places, travel
 from .near_surface import NearTriangles
 from .path import PathSolver
 from .path_step import PathStep
-from .press_watch import PressWatch
+from .press_watch import MODULUS, PressWatch
 
 # A part of a frame presses by no more than this [m]; where the surface turns, it moves by no more than TURNING.
 PRESSING, TURNING = 0.1e-3, 0.1e-3
@@ -48,16 +48,17 @@ class SubStepper:
     Args:
         solver: of one finger.
         deepest: depth at which an object that the bone has left again went through the finger [m].
+        modulus: of its skin [Pa].
 
     Attributes:
         coarse: walk frames in few parts. cut: whether that was fewer than it takes, since this was set to False.
     """
 
-    def __init__(self, solver: PathSolver, deepest: float) -> None:
+    def __init__(self, solver: PathSolver, deepest: float, modulus: float = MODULUS) -> None:
         self.solver, self.deepest = solver, deepest
         self._left: frozenset[int] = frozenset()  # bodies that are not felt until the finger is outside of them
         self._facing: dict[int, float] = {}  # above zero where a body's normals point out of it, below where in
-        self._press = PressWatch()
+        self._press = PressWatch(modulus)
         self._number = 0.0  # of the frame, for findings
         self.coarse = self.cut = False
 

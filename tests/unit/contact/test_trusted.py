@@ -84,3 +84,14 @@ def _narrow(depth: float, slide: float) -> object:
     off = 0.1 if depth <= 2e-3 and slide <= 1e-3 and (depth <= 1e-3 or depth == 2e-3) else 0.5
     off = 0.5 if depth == 2e-3 and slide == 0.0 else off
     return ErrorBand(Spread(off, off), Spread(0.0, 0.0))
+
+
+def test_what_slips_in_is_told_of_skin_of_any_stiffness(skin: SkinModel) -> None:
+    """A frictionless ball of 1.5 mm slips in between the nodes of skin of 100 kPa and of 100 Pa in the same frame."""
+    ball, told = Surface.sphere(1.5e-3, 2000), []
+    for young in (1e5, 1e2):
+        bone, lowest = CompliantBone.of(skin.with_material(young=young), {}, "finger"), skin.positions[:, 2].min()
+        for frame, depth in enumerate(np.arange(0.05e-3, 2e-3, 0.05e-3)):
+            bone.step([ContactBody(ball, translation=np.array([0.3e-3, 0.0, lowest + depth]))], float(frame))
+        told.append([finding.frame for finding in bone.solver.findings if finding.code == "slips-in"])
+    assert told[0] and told[0] == told[1]

@@ -101,15 +101,22 @@ def work(_arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], rep
     cache = None if parameters["cache"] is None else Cache(Path(parameters["cache"][0]), int(parameters["cache"][1]))
     library = Library(own[0] if own else None, built_in)
     steps = render_share(scene, library, parameters["fingers"], cache, parameters["beside"])
-    samples = scene.sample_count
 
-    def tell(step: Progress) -> None:  # contact and devices take about as long
-        if step.stage in ("sampling", "skin contact"):
-            report(step.done, 2 * samples)
-        elif step.stage == "devices":
-            report(samples + samples * step.done // max(1, step.total), 2 * samples)
+    def tell(step: Progress) -> None:
+        done = done_of(step, scene.sample_count)
+        if done is not None:
+            report(*done)
 
     return arrays_of(drain(steps, tell))
+
+
+def done_of(step: Progress, samples: int) -> tuple[int, int] | None:
+    """Return how much of a share of so many samples is done, and of how much, where a step tells of it."""
+    if step.stage in ("sampling", "skin contact"):  # contact and devices take about as long
+        return step.done, 2 * samples
+    if step.stage == "devices":
+        return samples + samples * step.done // max(1, step.total), 2 * samples
+    return None
 
 
 def arrays_of(share: Share) -> dict[str, NDArray[Any]]:

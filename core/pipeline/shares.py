@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import tempfile
 import threading
+from collections import deque
 from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -23,7 +24,7 @@ from .bake import Progress
 from .device_tracks import Driven
 from .felt import felt_by, touched
 from .kept_shares import KeptShares, keys_of
-from .share_job import Share, asked, driven_by, made_of, render_share
+from .share_job import Share, asked, done_of, driven_by, made_of, render_share
 from .stages import Stages
 
 if TYPE_CHECKING:
@@ -36,6 +37,9 @@ if TYPE_CHECKING:
 # Samples of a finger in reach of something that must be saved: a process takes as long to begin as some 150.
 SAVED = 300
 LOOK = 0.02  # seconds between two looks at what is under way
+# Of so few processes this one is one, for a scene of so many samples: to begin another takes a third of a second. Of
+# more, or for longer, it is left to its window: the devices of a finger are a step that nothing interrupts.
+FEW, SHORT = 2, 1200
 
 
 class Touched(NamedTuple):
@@ -80,7 +84,7 @@ def touched_in_shares(
         made = {lot: share for lot, share in known.items() if share is not None}
     left = {lot: load for lot, load in shares.items() if lot not in made}
     if executor is not None and saved(left, executor.workers) >= SAVED:
-        rendered = yield from _rendered(whole, list(left), models, library, cache, executor)
+        rendered = yield from _rendered(whole, list(left), models, library, cache, executor, pad_contact, clock)
     elif left:
         rendered = yield from _rendered_here(whole, list(left), models, library, pad_contact, clock)
     else:
@@ -148,8 +152,10 @@ def _rendered(
     library: Library,
     cache: Cache | None,
     executor: JobExecutor,
+    pad_contact: PadContact,
+    clock: Stages,
 ) -> Generator[Progress, None, list[Share]]:
-    """Let the shares be rendered; leaving early ends them."""
+    """Let the shares be rendered, one after the other here where there are few to do it; leaving early ends them."""
     with tempfile.TemporaryDirectory(prefix="dermis-shares-", ignore_cleanup_errors=True) as folder:
         path = Path(folder) / "scene.npz"
         scene_file.save(scene, path)
@@ -157,13 +163,25 @@ def _rendered(
         try:
             ended = threading.Event()  # `wait` sets all of them up anew for every look, a thirtieth of a processor
             parts = [([f for f in lot if f in models], [f for f in lot if f not in models]) for lot in shares]
-            for k, part in enumerate(parts):
-                job = executor.submit("share", {}, asked(path, library, cache, *part))
-                job.add_done_callback(lambda _job: ended.set())
-                jobs[job] = k
             told, made = [(0, 0)] * len(parts), dict[int, Share]()
-            while jobs:
-                ended.wait(LOOK)
+            others = executor.workers - (executor.workers <= FEW and scene.sample_count <= SHORT)
+            left, own = deque(range(len(parts))), -1
+            here: Generator[Progress, None, list[Share]] | None = None
+            while left or jobs or here is not None:
+                while left and len(jobs) < others:
+                    job = executor.submit("share", {}, asked(path, library, cache, *parts[left[0]]))
+                    job.add_done_callback(lambda _job: ended.set())
+                    jobs[job] = left.popleft()
+                if here is None and left and others < executor.workers:
+                    own = left.popleft()
+                    here = _rendered_here(scene, [shares[own]], models, library, pad_contact, clock)
+                if here is None:
+                    ended.wait(LOOK)
+                else:
+                    try:
+                        told[own] = done_of(next(here), scene.sample_count) or told[own]
+                    except StopIteration as stop:
+                        made[own], here = stop.value[0].packed(), None
                 ended.clear()
                 _raise_if_refused(jobs)
                 for job, k in jobs.items():

@@ -64,7 +64,7 @@ class ProcessExecutor(JobExecutor):
                 raise RuntimeError("cannot schedule new futures after shutdown")
             self._open.add(future)
             self._jobs.put((future, job))
-            if len(self._threads) < self.workers:
+            if len(self._threads) < min(self.workers, sum(not job.done() for job in list(self._open))):
                 self._threads.append(threading.Thread(target=self._work, daemon=True))
                 self._threads[-1].start()
         future.add_done_callback(self._open.discard)

@@ -77,15 +77,6 @@ KNOWN: tuple[Known, ...] = (
     Known(
         "rate",
         "rate",
-        (504,),
-        "neo-Hookean tissue, pressed or dragged farther than it is trusted ('too-deep', 'slid-far'), lets go on "
-        "another way than it came, as its steps have it",
-        1.0,
-        lambda v: v["tissue"] == "neo_hookean" and max(float(v["depth"]), 0.4 * float(v["slide"])) > 2e-3,
-    ),
-    Known(
-        "rate",
-        "rate",
         (70005,),
         "a ball of 1 to 3 mm, with holes or without, that skin is drawn across with friction: the skin lets go of it "
         "sooner or later, as steps have it",

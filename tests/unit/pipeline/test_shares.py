@@ -48,6 +48,19 @@ def test_processes_give_the_same_bytes(processes: ProcessExecutor, tmp_path: Pat
     assert "skin contact" in together.stage_seconds
 
 
+@pytest.mark.parametrize(("workers", "short", "children"), [(2, COUNT, 1), (2, COUNT - 1, 2), (3, COUNT, 3)])
+def test_of_two_processes_this_is_one(workers: int, short: int, children: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three shares: one child renders one at least and this process one; of more, or for longer, this one waits."""
+    monkeypatch.setattr(shares, "SHORT", short)
+    here, rendered = [], shares._rendered_here
+    monkeypatch.setattr(shares, "_rendered_here", lambda *given: (here.append(given[1]), rendered(*given))[1])
+    with ProcessExecutor(workers) as executor:
+        found = drain(render(three(), Library(), executor=executor))
+        assert len(executor._threads) == children
+    assert bool(here) == (children < workers) and len(here) < 3
+    same(alone(), found)
+
+
 def test_a_device_that_fails_in_a_process_is_told_as_ever() -> None:
     scene = three()
     broken = DeviceUse("pin_array_128", {"pin_method": "no such method"})

@@ -167,7 +167,9 @@ class PngCanvas:
 def _font(size: float) -> FreeTypeFont:
     from PIL import ImageFont
 
-    return ImageFont.load_default(size)
+    font = ImageFont.load_default(size)
+    assert isinstance(font, ImageFont.FreeTypeFont)
+    return font
 
 
 def _printable(text: str) -> str:

@@ -33,6 +33,8 @@ class DERMIS_PT_compare(DermisPanel, bpy.types.Panel):
         if found.edits != changes.edits():
             paragraph(layout, context, "The scene changed since: compare again.", "ERROR")
         layout.label(text=f"{found.table['finger']}: how far off, target → rendered", icon="VIEW_PAN")
+        for finding in found.table["findings"]:
+            paragraph(layout, context, f"{finding[:1].upper()}{finding[1:]}.", "ERROR")
         for row in found.table["rows"]:
             _device(layout.box().column(align=True), row)
         row = layout.row(align=True)

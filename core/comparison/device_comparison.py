@@ -53,6 +53,7 @@ class Comparison:
     Attributes:
         scene, finger: names. duration: of the touch's scene [s]. content_hash: of the rendering.
         rows: devices, the least off in its main measure first among those of one measure. skipped: and why.
+        findings: warnings about the touch, and about what all devices are matched on.
     """
 
     scene: str
@@ -61,6 +62,7 @@ class Comparison:
     content_hash: str
     rows: tuple[Row, ...]
     skipped: tuple[Skipped, ...]
+    findings: tuple[Finding, ...] = ()
 
 
 def compare_devices(
@@ -110,7 +112,9 @@ def compare_devices(
         why = "; ".join(f"{s.title}: {s.why}" for s in skipped)
         raise DermisError("no device fits this touch", where=f"finger '{name}'", value=why, remedy="Let it touch")
     rows.sort(key=lambda row: (row.judged.measures[0].name != "stress", row.judged.measures[0].off))
-    return Comparison(scene.name, name, scene.duration, bake.content_hash, tuple(rows), tuple(skipped))
+    said = (*bake.findings, *(bake.skins[name].findings if name in bake.skins else ()))
+    told = tuple(f for f in said if f.severity != "info" and f.where == f"finger '{name}'")
+    return Comparison(scene.name, name, scene.duration, bake.content_hash, tuple(rows), tuple(skipped), told)
 
 
 def _share(step: int, steps: int, now: Progress) -> Progress:

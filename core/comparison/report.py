@@ -80,16 +80,17 @@ def _floor_by(row: Row) -> str:
 
 
 def text(found: Comparison) -> str:
-    """Return the table for a terminal, and what was skipped."""
+    """Return the table for a terminal, what was skipped and what is to be known of the touch."""
     rows = [columns(found), *lines(found)]
     wide = [max(len(r[i]) for r in rows) for i in range(len(rows[0]))]
     made = ["  ".join(cell.ljust(w) for cell, w in zip(row, wide, strict=True)).rstrip() for row in rows]
-    return "\n".join([*made, *(f"skipped: {s.title}: {s.why}" for s in found.skipped)])
+    return "\n".join([*made, *(f"skipped: {s.title}: {s.why}" for s in found.skipped), *map(str, found.findings)])
 
 
 def csv(found: Comparison) -> str:
     """Return the table as CSV, in SI, with `# key: value` lines before it as in a track."""
     head = ["# dermis-comparison 1", *(f"# {k}: {v}" for k, v in _about(found)), *map(_comment, found.skipped)]
+    head += [f"# {finding}".replace("\n", " ") for finding in found.findings]
     floors = _has_floors(found)
     head.append("device,kind,method,measure,unit,target_rms,rendered_rms,off,clipped,out_of_reach" + floors * _FLOORS)
     for row in found.rows:
@@ -121,6 +122,8 @@ def html(found: Comparison) -> str:
         "</table>",
         "<p class=faint>" + "<br>".join(f"<b>{escape(k)}</b>: {escape(v)}" for k, v in words) + "</p>",
     ]
+    if found.findings:
+        parts.append("<ul>" + "".join(f"<li>{escape(str(f))}</li>" for f in found.findings) + "</ul>")
     if found.skipped:
         items = "".join(f"<li>{escape(s.title)}: {escape(s.why)}</li>" for s in found.skipped)
         parts.append(f"<h2>Skipped</h2><ul>{items}</ul>")
@@ -142,6 +145,7 @@ def as_dict(found: Comparison) -> dict[str, Any]:
         "content_hash": found.content_hash,
         "rows": [_plain(row) for row in found.rows],
         "skipped": [{"title": s.title, "why": s.why} for s in found.skipped],
+        "findings": [f"{f.what}. {f.remedy}".rstrip(". ") for f in found.findings],
     }
 
 

@@ -123,6 +123,19 @@ def test_table_and_page(found: device_comparison.Comparison, tmp_path: Path) -> 
     assert json.loads(json.dumps(report.as_dict(found)))["rows"][0]["device"] == found.rows[0].device
 
 
+def test_what_devices_are_matched_on_is_told(cache: Cache, tmp_path: Path) -> None:
+    """Tissue that stiffens, of a Poisson's ratio that no table is of: felt so, and matched on linear skin."""
+    scene, told = touch(), "devices are matched on linear skin"
+    soft = {**SKIN, "tissue": "neo_hookean", "skin": {"poisson": 0.45}}
+    stiffening = replace(scene, fingers=(replace(scene.fingers[0], parameters=soft),))
+    found = drain(device_comparison.compare_devices(stiffening, Library(), "Index", cache=cache))
+    assert [f.code for f in found.findings] == ["matched-linear"]
+    table, page = report.write(found, tmp_path)
+    assert told in table.read_text() and told in page.read_text() and told in report.text(found)
+    assert told in report.as_dict(found)["findings"][0]
+    assert csv.DictReader(line for line in table.read_text().splitlines() if not line.startswith("#")).fieldnames
+
+
 def test_floors_stand_beside_the_devices_that_are_searched(
     found: device_comparison.Comparison, cache: Cache, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -13,6 +13,7 @@ from .case import Dice, Values
 from .contacts import Felt, Thing, feel, first_touch, most_force, skin_of
 
 Array = NDArray[np.float64]
+ALMOST = 0.499  # incompressible: steps of tissue that stiffens come to an end there, but not always to the same one
 
 
 def draw_skin(dice: Dice) -> Values:
@@ -20,13 +21,17 @@ def draw_skin(dice: Dice) -> Values:
     contact = dice.one_of("points", "nodes")
     shipped = contact == "points" or dice.rng.uniform() < 0.3
     tissue = dice.one_of(*["linear"] * 5, "neo_hookean") if shipped else "linear"
-    return {
+    drawn = {
         "contact": contact,
         "level": dice.one_of(*["draft"] * 14, "standard"),
         "poisson": 0.48 if shipped else dice.one_of(0.0, 0.2, 0.3, 0.4, 0.45, 0.49, 0.499),
         "young": dice.decades(1e2, 1e8),
         "tissue": tissue,
     }
+    aside = dice.rng.spawn(1)[0]  # what is drawn after it stays what it was
+    if not shipped and drawn["poisson"] < ALMOST and aside.uniform() < 1.0 / 6.0:
+        drawn["tissue"] = "neo_hookean"
+    return drawn
 
 
 def draw_touch(dice: Dice, kinds: tuple[str, ...], deepest: float = 6e-3, aside: float = 3e-3) -> Values:

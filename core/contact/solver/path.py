@@ -41,6 +41,9 @@ UNCHANGED = 1.0
 MAX_ITERATIONS = 300
 # An iteration that stands still at once, while the check fails, so many times in a frame gets no further.
 MAX_ROUNDS = 30
+# Where nothing helps, a frame is not worth more sweeps from node to node; and one that is solved from a guess of what
+# skin with a law leaves, which may be far off, is worth none.
+FAIRLY, GUESSED = {"last_resort": 100}, {"last_resort": 0, "max_iterations": 1000}
 # Iterations up to which a frame counts as easy: the next may need none.
 EASY = 3
 # Depth that linear skin is still trusted at [m]: against a neo-Hookean one its stress is then off by a third.
@@ -457,6 +460,7 @@ class PathSolver:
             softness=soft,
             start=start,
             tolerance=self.tolerance,
+            **(FAIRLY if self.law is None or np.isinf(self.law.left) else GUESSED),
         )
         return found.force, found.iterations, found.method
 

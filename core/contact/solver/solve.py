@@ -72,6 +72,7 @@ def solve(
     start: Array | None = None,
     tolerance: float = ACCURATE,
     max_iterations: int = 20_000,
+    last_resort: int = LAST_RESORT_SWEEPS,
 ) -> Solution:
     """Return the forces of frictional contact.
 
@@ -84,6 +85,7 @@ def solve(
         softness: compliance of the object's own surface at each node [m/N], added to the diagonal.
         start: forces to start from [N], shape (m, 3).
         tolerance: of the residual, see `Solution.residual`.
+        last_resort: sweeps from node to node where all else fails, some milliseconds each.
 
     Raises:
         DermisError: shapes that do not fit, values that are not finite, negative friction or softness, or a
@@ -130,8 +132,8 @@ def solve(
         done = consider(polished, "newton")
         if done:
             break
-    if not done:
-        force, sweeps = gauss_seidel(matrix, b, axes, mu, best, 0.1 * tolerance, LAST_RESORT_SWEEPS)
+    if not done and last_resort:
+        force, sweeps = gauss_seidel(matrix, b, axes, mu, best, 0.1 * tolerance, last_resort)
         iterations += sweeps
         consider(force, "gauss-seidel")
     w = (matrix @ best.reshape(-1) + b).reshape(-1, 3)

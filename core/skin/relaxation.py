@@ -9,7 +9,7 @@ from ..arrays import Floats32
 # Of the way that the stiffness at rest asks for. Tissue that is pressed 2 mm is up to four times as stiff in places:
 # half of the way never leads farther off, and what is soft is then learned.
 SHARE = 0.5
-LEARNED = 8  # steps that a next one learns from
+LEARNED, HANDED = 16, 8  # steps that a next one learns from, and those of them that come from another balance at most
 FIRM = 3e-2  # of a step's size, below which what it taught is noise
 WORSE, LEAST = 3.0, 0.02  # what is left may grow so much before the way back, and a share so small leads nowhere
 
@@ -31,7 +31,7 @@ class Relaxation:
 
     def __init__(self, learned: tuple[Taught, ...] = ()) -> None:
         self._share = SHARE
-        self.learned = learned
+        self.learned = learned[-HANDED:]
         self._last: tuple[Floats32, Floats32, Floats32] | None = None
         self._way: Floats32 | None = None  # from the best
         self.best: tuple[Floats32, float] | None = None

@@ -18,7 +18,7 @@ from .bodies import ContactBody, NodeGaps, owned
 from .law_skin import LawSkin
 from .solved_frame import Begin, SolvedFrame
 
-ROUNDS = 40  # of both
+ROUNDS = 80  # of both
 USABLE = 0.1  # of what the law leaves: what is nearer to it than that is better than linear skin
 PARTS, STRAIGHT = (1, 4, 16), (4, 16)  # of the way since the last frame, and of the straight one
 

@@ -61,7 +61,7 @@ KNOWN: tuple[Known, ...] = (
         lambda v: v["contact"] == "points" and v["shape"] in ("pillar", "edge", "hull") and float(v["size"]) < 5e-3,
     ),
     Known("rate", "rate", (508, 2017, 510000), _SMALL, covers=_small),
-    Known("inside", "inside", (16,), _CORNER, 0.6, lambda v: v["contact"] == "points" and v["shape"] != "block"),
+    Known("inside", "inside", (16, 610025), _CORNER, 0.65, lambda v: v["contact"] == "points" and v["shape"] != "block"),
     Known("inside", "inside", (60,), _FACETS, 0.15, lambda v: v["contact"] == "nodes" and v["shape"] != "block"),
     Known(
         "inside",

@@ -54,6 +54,15 @@ KNOWN: tuple[Known, ...] = (
     Known(
         "press",
         "fall",
+        (610128,),
+        "at nodes something small is held by few of them: where it comes to bear on another, less is lost than "
+        "'slips-in' tells of",
+        0.02,
+        _small,
+    ),
+    Known(
+        "press",
+        "fall",
         (110067,),
         "few points at the rim of something narrow bear most of its force: where one of them slides over the rim, its "
         "share goes with it",
@@ -61,7 +70,9 @@ KNOWN: tuple[Known, ...] = (
         lambda v: v["contact"] == "points" and v["shape"] in ("pillar", "edge", "hull") and float(v["size"]) < 5e-3,
     ),
     Known("rate", "rate", (508, 2017, 510000), _SMALL, covers=_small),
-    Known("inside", "inside", (16, 610025), _CORNER, 0.65, lambda v: v["contact"] == "points" and v["shape"] != "block"),
+    Known(
+        "inside", "inside", (16, 610025), _CORNER, 0.65, lambda v: v["contact"] == "points" and v["shape"] != "block"
+    ),
     Known("inside", "inside", (60,), _FACETS, 0.15, lambda v: v["contact"] == "nodes" and v["shape"] != "block"),
     Known(
         "inside",
@@ -72,7 +83,7 @@ KNOWN: tuple[Known, ...] = (
         1.5,
         lambda v: v["contact"] == "nodes" and v["shape"] == "hull" and float(v["depth"]) < 1e-3,
     ),
-    Known("again", "again", (15,), _CORNER, 0.6, lambda v: v["contact"] == "points" and v["shape"] != "block"),
+    Known("again", "again", (15, 610043), _CORNER, 1.0, lambda v: v["contact"] == "points" and v["shape"] != "block"),
     Known("again", "again", (1,), _FACETS, 1.0, lambda v: v["contact"] == "nodes" and v["shape"] != "block"),
     Known(
         "rate",
@@ -103,6 +114,15 @@ KNOWN: tuple[Known, ...] = (
         "force differs by some hundredths, and stays about the same",
         0.05,
         lambda v: v["contact"] == "points" and v["shape"] in ("pillar", "edge", "hull") and float(v["friction"]) > 0.0,
+    ),
+    Known(
+        "drift",
+        "drift",
+        (610016,),
+        "skin that a narrow, tilted pillar is pressed into over and over comes off its rim within some cycles, with a "
+        "sixth of the force, and then stays",
+        0.15,
+        lambda v: v["contact"] == "points" and v["shape"] == "pillar" and float(v["size"]) < 5e-3,
     ),
     Known(
         "drift",

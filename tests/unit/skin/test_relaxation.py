@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from core.skin.relaxation import LEARNED, LEAST, SHARE, WORSE, Relaxation
+from core.skin.relaxation import HANDED, LEARNED, LEAST, SHARE, WORSE, Relaxation, Taught
 
 Array = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
@@ -80,6 +80,27 @@ def test_the_best_is_what_left_least_of_all_it_was_shown() -> None:
         least, at = min(seen, key=lambda one: one[0])
         assert relaxation.best is not None and relaxation.best[1] == least and relaxation.best[0] is at
         assert len(relaxation.learned) <= LEARNED
+
+
+def test_what_one_balance_taught_helps_with_one_near_it() -> None:
+    """On nearly the same tissue it takes fewer steps with some of what the first taught."""
+    look, _ = linear(0.3, 3.5, 3)
+    first, _ = walk(look, SOON)
+    assert len(first.learned) > 2
+
+    def steps(learned: tuple[Taught, ...]) -> int:
+        near, _ = linear(0.31, 3.4, 3)
+        relaxation, x = Relaxation(learned), np.zeros(SIZE, np.float32)
+        assert len(relaxation.learned) <= HANDED
+        for count in range(1, SOON):
+            way, pull, left = near(x)
+            if left <= 5e-3:
+                return count
+            x = relaxation.next(x, way, pull, left)
+        return SOON
+
+    assert steps(first.learned) < steps(())
+    assert len(Relaxation(first.learned * LEARNED).learned) == HANDED
 
 
 def test_where_every_step_leaves_more_it_says_so_and_keeps_where_it_began() -> None:

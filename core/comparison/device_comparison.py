@@ -112,9 +112,10 @@ def compare_devices(
         why = "; ".join(f"{s.title}: {s.why}" for s in skipped)
         raise DermisError("no device fits this touch", where=f"finger '{name}'", value=why, remedy="Let it touch")
     rows.sort(key=lambda row: (row.judged.measures[0].name != "stress", row.judged.measures[0].off))
-    said = (*bake.findings, *(bake.skins[name].findings if name in bake.skins else ()))
-    told = tuple(f for f in said if f.severity != "info" and f.where == f"finger '{name}'")
-    return Comparison(scene.name, name, scene.duration, bake.content_hash, tuple(rows), tuple(skipped), told)
+    touch = bake.skins[name].findings if name in bake.skins else ()
+    told = (*touch, *(f for f in bake.findings if f.where == f"finger '{name}'" and f not in touch))
+    warnings = tuple(f for f in told if f.severity != "info")
+    return Comparison(scene.name, name, scene.duration, bake.content_hash, tuple(rows), tuple(skipped), warnings)
 
 
 def _share(step: int, steps: int, now: Progress) -> Progress:

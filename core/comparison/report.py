@@ -90,7 +90,7 @@ def text(found: Comparison) -> str:
 def csv(found: Comparison) -> str:
     """Return the table as CSV, in SI, with `# key: value` lines before it as in a track."""
     head = ["# dermis-comparison 1", *(f"# {k}: {v}" for k, v in _about(found)), *map(_comment, found.skipped)]
-    head += [f"# {finding}".replace("\n", " ") for finding in found.findings]
+    head += [f"# {_line(str(finding))}" for finding in found.findings]
     floors = _has_floors(found)
     head.append("device,kind,method,measure,unit,target_rms,rendered_rms,off,clipped,out_of_reach" + floors * _FLOORS)
     for row in found.rows:
@@ -163,8 +163,8 @@ def write(found: Comparison, folder: Path) -> tuple[Path, Path]:
 
 
 def _about(found: Comparison) -> Iterator[tuple[str, str]]:
-    yield "scene", found.scene.replace("\n", " ")
-    yield "finger", found.finger.replace("\n", " ")
+    yield "scene", _line(found.scene)
+    yield "finger", _line(found.finger)
     yield "generator", f"dermis {version()}"
     yield "content_hash", found.content_hash
 
@@ -204,7 +204,12 @@ def _number(value: float | None) -> str:
 
 
 def _comment(skipped: Any) -> str:
-    return f"# skipped {skipped.device}: {skipped.why}".replace("\n", " ")
+    return f"# skipped {_line(skipped.device)}: {_line(skipped.why)}"
+
+
+def _line(words: str) -> str:
+    """Return words in a single line, whatever a name has in it."""
+    return " ".join(words.splitlines())
 
 
 def _percent(share: float) -> str:

@@ -103,20 +103,21 @@ def work(_arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], rep
     steps = render_share(scene, library, parameters["fingers"], cache, parameters["beside"])
 
     def tell(step: Progress) -> None:
-        done = done_of(step, scene.sample_count)
-        if done is not None:
-            report(*done)
+        report(done_of(step, scene.sample_count), whole(scene.sample_count))
 
     return arrays_of(drain(steps, tell))
 
 
-def done_of(step: Progress, samples: int) -> tuple[int, int] | None:
-    """Return how much of a share of so many samples is done, and of how much, where a step tells of it."""
-    if step.stage in ("sampling", "skin contact"):  # contact and devices take about as long
-        return step.done, 2 * samples
-    if step.stage == "devices":
-        return samples + samples * step.done // max(1, step.total), 2 * samples
-    return None
+def whole(samples: int) -> int:
+    """Return what a share of so many samples is in all, for progress: contact and devices take about as long."""
+    return 2 * samples
+
+
+def done_of(step: Progress, samples: int) -> int:
+    """Return how much of that is done at a step; 0 where that does not tell."""
+    if step.stage in ("sampling", "skin contact"):
+        return min(step.done, samples)
+    return samples + samples * step.done // max(1, step.total) if step.stage == "devices" else 0
 
 
 def arrays_of(share: Share) -> dict[str, NDArray[Any]]:

@@ -24,7 +24,7 @@ from .bake import Progress
 from .device_tracks import Driven
 from .felt import felt_by, touched
 from .kept_shares import KeptShares, keys_of
-from .share_job import Share, asked, done_of, driven_by, made_of, render_share
+from .share_job import Share, asked, done_of, driven_by, made_of, render_share, whole
 from .stages import Stages
 
 if TYPE_CHECKING:
@@ -163,7 +163,7 @@ def _rendered(
         try:
             ended = threading.Event()  # `wait` sets all of them up anew for every look, a thirtieth of a processor
             parts = [([f for f in lot if f in models], [f for f in lot if f not in models]) for lot in shares]
-            told, made = [(0, 0)] * len(parts), dict[int, Share]()
+            told, each, made = [0] * len(parts), whole(scene.sample_count), dict[int, Share]()
             others = executor.workers - (executor.workers <= FEW and scene.sample_count <= SHORT)
             left, own = deque(range(len(parts))), -1
             here: Generator[Progress, None, list[Share]] | None = None
@@ -179,14 +179,14 @@ def _rendered(
                     ended.wait(LOOK)
                 else:
                     try:
-                        told[own] = done_of(next(here), scene.sample_count) or told[own]
+                        told[own] = max(told[own], done_of(next(here), scene.sample_count))
                     except StopIteration as stop:
-                        made[own], here = stop.value[0].packed(), None
+                        made[own], here, told[own] = stop.value[0].packed(), None, each
                 ended.clear()
                 _raise_if_refused(jobs)
                 for job, k in jobs.items():
-                    told[k] = job.progress()
-                yield Progress("fingers", sum(done for done, _ in told), max(1, sum(total for _, total in told)))
+                    told[k] = max(told[k], job.progress()[0], each * job.done())
+                yield Progress("fingers", sum(told), max(1, each * len(told)))
                 for job in [job for job in jobs if job.done()]:  # packed while others go on, and then let go
                     k = jobs.pop(job)
                     if job.exception() is None:

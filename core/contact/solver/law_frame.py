@@ -153,7 +153,8 @@ def _moved(solver: LinearContact, gaps: NodeGaps, bodies: Indices) -> Array:
     """
     out, last = np.zeros((len(bodies), 3)), solver.bodies
     for body, points in owned(bodies):
+        way = None
         if body < len(last) and not last[body].away and not gaps.bodies[body].away:
             way = matter_moved(last[body], gaps.bodies[body], solver.points[points], gaps.triangle[points])
-            out[points] = np.nan if way is None else way
+        out[points] = np.nan if way is None else way
     return out

@@ -98,19 +98,21 @@ class PointTree:
         """Return what a survey changes."""
         cells = self._present
         kept = tuple(table[cells] for table in self._tables)
-        return cells, *kept, self._moved, self._next, self.finest
+        # a cell that comes back has its edge from an earlier life
+        return cells, *kept, self._moved, self._next, self.finest, self._sharp.copy()
 
     def restore(self, state: tuple[Any, ...]) -> None:
         """Go back to a saved state."""
         self._due[self._present], self._ways[self._present] = NEVER, 0
-        self._present, *kept, self._moved, self._next, self.finest = state
+        self._present, *kept, self._moved, self._next, self.finest, sharp = state
+        self._sharp[:] = sharp
         for table, values in zip(self._tables, kept, strict=True):
             table[self._present] = values
 
     @property
     def _tables(self) -> tuple[NDArray[Any], ...]:
         """What is known of cells."""
-        return self._due, self._ways, self._turning, self._sharp, self._clearance
+        return self._due, self._ways, self._turning, self._clearance
 
     def asks(self, moved: Array) -> bool:
         """Return whether any cell is to be looked at again.

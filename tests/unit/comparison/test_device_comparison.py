@@ -123,6 +123,17 @@ def test_table_and_page(found: device_comparison.Comparison, tmp_path: Path) -> 
     assert json.loads(json.dumps(report.as_dict(found)))["rows"][0]["device"] == found.rows[0].device
 
 
+def test_what_is_told_of_a_touch_is_told_once_and_in_a_line(cache: Cache, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(globals(), "DEPTH", 3.5e-3)
+    deep = touch()
+    deep = replace(deep, fingers=(replace(deep.fingers[0], name="In\rd\nex, left"),))
+    found = drain(device_comparison.compare_devices(deep, Library(), cache=cache))
+    assert [f.code for f in found.findings].count("too-deep") == 1
+    head = report.csv(found).splitlines()
+    assert [line[:6] for line in head if not line.startswith("#")][0] == "device"
+    assert sum("sinks deeper" in line for line in head) == 1
+
+
 def test_what_devices_are_matched_on_is_told(cache: Cache, tmp_path: Path) -> None:
     """Tissue that stiffens, of a Poisson's ratio that no table is of: felt so, and matched on linear skin."""
     scene, told = touch(), "devices are matched on linear skin"

@@ -240,6 +240,22 @@ def test_where_a_drag_turns_the_law_is_not_sent_on(skin: SkinModel) -> None:
     assert np.allclose(law._c, 3.0 * c, rtol=1e-6)
 
 
+def test_of_what_takes_the_place_of_something_no_way_is_known(skin: SkinModel) -> None:
+    path, foot, plane = on_nodes(skin, 3e-5), skin.positions[skin.positions[:, 2].argmin()], flat()
+
+    def there(depth: float, *, away: bool = False) -> ContactBody:
+        return ContactBody(plane, translation=foot + [0.0, 0.0, depth], friction=0.6, away=away)
+
+    ways = []
+    for bodies in ([there(0.4e-3)], [there(0.5e-3)], [there(0.5e-3, away=True), there(0.6e-3)]):
+        path.step(bodies)
+        assert path.law is not None
+        ways.append(path.law.save().went)
+    path.step([there(0.5e-3, away=True), there(0.7e-3)])
+    assert ways[1] == pytest.approx([0.0, 0.0, 1e-4, 0.0, 0.0, 0.0], abs=1e-9) and ways[2] is None
+    assert path.law.save().went == pytest.approx(ways[1], abs=1e-9)
+
+
 def test_a_drag_to_and_fro_takes_few_looks(skin: SkinModel, monkeypatch: pytest.MonkeyPatch) -> None:
     looks, look = [0], LawSkin.look
 
@@ -248,11 +264,11 @@ def test_a_drag_to_and_fro_takes_few_looks(skin: SkinModel, monkeypatch: pytest.
         look(law, force)
 
     monkeypatch.setattr(LawSkin, "look", counted)
-    path, foot = on_nodes(skin, 3e-5), skin.positions[skin.positions[:, 2].argmin()]
+    path, foot, plane = on_nodes(skin, 3e-5), skin.positions[skin.positions[:, 2].argmin()], flat()
     along = 1e-3 * np.concatenate([np.zeros(100), np.tile(np.sin(np.arange(80) * np.pi / 40), 2)])
     for i, x in enumerate(along):
         place = foot + np.array([x, 0.0, 1e-3 * min((i + 1) / 100, 1.0)])
-        assert path.step([ContactBody(flat(), translation=place, friction=0.6)]).solution.converged
+        assert path.step([ContactBody(plane, translation=place, friction=0.6)]).solution.converged
         looks.append(0)
     drawn = np.array(looks[100:-1])
     assert drawn.mean() <= 1.6 and drawn.max() <= 7

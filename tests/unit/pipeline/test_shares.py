@@ -45,6 +45,9 @@ def test_processes_give_the_same_bytes(processes: ProcessExecutor, tmp_path: Pat
     assert any(o.signals["contact"].any() for o in alone.outputs)
     same(alone, together)
     assert {"sampling", "fingers", "devices"} <= {step.stage for step in told}, "no process was asked"
+    shares = [step for step in told if step.stage == "fingers"]
+    assert {step.total for step in shares} == {shares[0].total} and shares[-1].done == shares[-1].total
+    assert all(a.done <= b.done for a, b in zip(shares, shares[1:], strict=False)), "progress went back"
     assert "skin contact" in together.stage_seconds
 
 

@@ -10,6 +10,8 @@ import pytest
 
 pytest.importorskip("scipy")
 
+from scipy.spatial.transform import Rotation
+
 from core.contact.solver.bodies import ContactBody, node_gaps
 from core.contact.solver.cone import OPEN
 from core.contact.solver.point_history import succession
@@ -161,6 +163,25 @@ def test_a_state_can_be_gone_back_to(pad):
         solver.restore(state)
         assert np.array_equal(solver.cells, cells)
         assert walked() == first
+
+
+@pytest.mark.parametrize("seed", [2, 3, 6])
+def test_a_leap_that_is_tried_and_taken_back_leaves_no_trace(pad, seed):
+    """Up to three things jump about by millimetres, and come and go: each frame is solved twice from the same state."""
+    surfaces = Surface.sphere(5e-3, 1500), Surface.sphere(2.5e-3, 900), Surface.block(0.02, 0.02, 0.01)
+    rng, steps = np.random.default_rng(seed), SubStepper(PointSolver(pad), 6e-3)
+    foot = np.array([0.0, 0.0, pad.cells.positions[:, 2].min()])
+    count = int(rng.integers(1, 4))
+    for _ in range(9):
+        gone, turns = rng.random(count) < 0.25, Rotation.from_rotvec(0.3 * rng.normal(size=(count, 3))).as_matrix()
+        places = foot + rng.normal(size=(count, 3)) * [2e-3, 2e-3, 1e-3] + [0.0, 0.0, 1e-3]
+        things = [
+            ContactBody(surfaces[(i + seed) % 3], turns[i], places[i], 0.6, away=bool(gone[i])) for i in range(count)
+        ]
+        state = steps.save()
+        first = steps.step(things).solution.force.tobytes()
+        steps.restore(state)
+        assert steps.step(things).solution.force.tobytes() == first
 
 
 def test_an_edge_takes_few_points_along(pad):

@@ -103,12 +103,12 @@ def work(_arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], rep
     steps = render_share(scene, library, parameters["fingers"], cache, parameters["beside"])
 
     def tell(step: Progress) -> None:
-        report(done_of(step, scene.sample_count), whole(scene.sample_count))
+        report(done_of(step, scene.sample_count), size_of(scene.sample_count))
 
     return arrays_of(drain(steps, tell))
 
 
-def whole(samples: int) -> int:
+def size_of(samples: int) -> int:
     """Return what a share of so many samples is in all, for progress: contact and devices take about as long."""
     return 2 * samples
 

@@ -24,7 +24,7 @@ from .bake import Progress
 from .device_tracks import Driven
 from .felt import felt_by, touched
 from .kept_shares import KeptShares, keys_of
-from .share_job import Share, asked, done_of, driven_by, made_of, render_share, whole
+from .share_job import Share, asked, done_of, driven_by, made_of, render_share, size_of
 from .stages import Stages
 
 if TYPE_CHECKING:
@@ -163,7 +163,7 @@ def _rendered(
         try:
             ended = threading.Event()  # `wait` sets all of them up anew for every look, a thirtieth of a processor
             parts = [([f for f in lot if f in models], [f for f in lot if f not in models]) for lot in shares]
-            told, each, made = [0] * len(parts), whole(scene.sample_count), dict[int, Share]()
+            told, each, made = [0] * len(parts), size_of(scene.sample_count), dict[int, Share]()
             others = executor.workers - (executor.workers <= FEW and scene.sample_count <= SHORT)
             left, own = deque(range(len(parts))), -1
             here: Generator[Progress, None, list[Share]] | None = None

@@ -42,6 +42,19 @@ def exact(skin: SkinModel) -> ExactFinger:
     return ExactFinger(skin)
 
 
+@pytest.fixture
+def looks(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Return how often laws are asked: the last number counts."""
+    looks, look = [0], LawSkin.look
+
+    def counted(law: LawSkin, force: Array) -> None:
+        looks[-1] += 1
+        look(law, force)
+
+    monkeypatch.setattr(LawSkin, "look", counted)
+    return looks
+
+
 def follow(path: PathSolver, touch: Touch) -> list[PathStep]:
     return [path.step(touch.bodies(i)) for i in range(len(touch.position))]
 
@@ -215,14 +228,7 @@ def test_the_rate_of_frames_changes_nothing(skin: SkinModel) -> None:
             assert off(one, other) < 3e-3
 
 
-def test_on_smooth_ways_one_look_is_enough(skin: SkinModel, monkeypatch: pytest.MonkeyPatch) -> None:
-    looks, look = [0], LawSkin.look
-
-    def counted(law: LawSkin, force: Array) -> None:
-        looks[0] += 1
-        look(law, force)
-
-    monkeypatch.setattr(LawSkin, "look", counted)
+def test_on_smooth_ways_one_look_is_enough(skin: SkinModel, looks: list[int]) -> None:
     touch = press(skin, ball(6e-3), 1.5e-3, slide=1.5e-3, step=0.01e-3)
     follow(on_nodes(skin, 3e-5), touch)
     assert looks[0] <= 1.3 * len(touch.position)
@@ -256,14 +262,7 @@ def test_of_what_takes_the_place_of_something_no_way_is_known(skin: SkinModel) -
     assert path.law.save().went == pytest.approx(ways[1], abs=1e-9)
 
 
-def test_a_drag_to_and_fro_takes_few_looks(skin: SkinModel, monkeypatch: pytest.MonkeyPatch) -> None:
-    looks, look = [0], LawSkin.look
-
-    def counted(law: LawSkin, force: Array) -> None:
-        looks[-1] += 1
-        look(law, force)
-
-    monkeypatch.setattr(LawSkin, "look", counted)
+def test_a_drag_to_and_fro_takes_few_looks(skin: SkinModel, looks: list[int]) -> None:
     path, foot, plane = on_nodes(skin, 3e-5), skin.positions[skin.positions[:, 2].argmin()], flat()
     along = 1e-3 * np.concatenate([np.zeros(100), np.tile(np.sin(np.arange(80) * np.pi / 40), 2)])
     for i, x in enumerate(along):

@@ -168,18 +168,16 @@ class DERMIS_PT_skin_work(DermisPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the counters of each finger."""
         column = self.layout.column(align=True)
-        column.scale_y = 0.85
         for state in _states(context):
             column.label(text=state.finger)
-            pairs = Pairs(column, SHARE)
             for name, count in state.counters.items():
                 if count:
                     bad = name in ("not converged", "solved by the fallback")
-                    pairs.add(name, f"{count:,}", "ERROR" if bad else "BLANK1")
+                    paragraph(column, context, f"{name}: {count:,}", "ERROR" if bad else "BLANK1")
         view = {**skin_shown.counters(), "overlays_kept": shown.draws()}
-        Pairs(column, SHARE).add("stress computed", f"{view.pop('stress_computed'):,}", "BLANK1")
+        paragraph(column, context, f"Stress computed: {view.pop('stress_computed'):,}")
         for part, words in core.pipeline.skipping.told(view):
-            column.label(text=f"Skipped, {part}: {words}")
+            paragraph(column, context, f"Skipped, {part}: {words}")
 
 
 def _figures(column: Any, context: bpy.types.Context, state: SkinState, said: str) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...arrays import Array
 from ...surface.gap import Surface
-from .bodies import ContactBody, moved
+from .bodies import ContactBody, moved, paired
 
 
 class Asked(NamedTuple):
@@ -25,10 +25,8 @@ class Asked(NamedTuple):
             bodies: where they are now. common: how far the skin has moved along itself by now [m], shape (3,).
             points: of the skin [m], shape (n, 3). normal: of what they lie on, shape (n, 3); None where on nothing.
         """
-        if len(self.bodies) != len(bodies):
-            return None
         far = near = 0.0
-        for a, b in zip(self.bodies, bodies, strict=True):
+        for a, b in paired(self.bodies, bodies):
             if a is b or (a.away and b.away):
                 continue
             if a.away or b.away:

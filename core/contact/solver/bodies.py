@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from math import isfinite
 
 import numpy as np
@@ -138,9 +139,14 @@ class Expected:
     body: Indices
 
 
+def paired(one: Sequence[ContactBody], other: Sequence[ContactBody]) -> Iterator[tuple[ContactBody, ContactBody]]:
+    """Yield each body at two instants; one that was not there yet was away: when it is first seen changes nothing."""
+    return zip_longest(one, other, fillvalue=AWAY)
+
+
 def same_places(one: Sequence[ContactBody], other: Sequence[ContactBody]) -> bool:
     """Return whether all bodies are where they were, with the same properties."""
-    return len(one) == len(other) and all(a.same_place(b) for a, b in zip(one, other, strict=True))
+    return all(a.same_place(b) for a, b in paired(one, other))
 
 
 def travel(a: ContactBody, b: ContactBody, points: Array) -> float:

@@ -21,7 +21,7 @@ from ...surface.plane import Plane
 from .admm import State, iterate
 from .asked import Asked
 from .between import matter_moved
-from .bodies import ContactBody, NodeGaps, node_gaps, same_places, travel
+from .bodies import ContactBody, NodeGaps, node_gaps, paired, same_places, travel
 from .candidates import CandidateInverse
 from .cell_gaps import CellGaps
 from .compliance import Linear, own_compliance
@@ -174,10 +174,7 @@ class PointSolver(PathSolver):
 
     def look(self, bodies: Sequence[ContactBody]) -> NodeGaps:
         """Measure the next frame's gaps, without taking it."""
-        before, some = self._bodies, self._sample
-        slow = len(before) == len(bodies) and all(
-            travel(a, b, some) <= SLOW for a, b in zip(before, bodies, strict=True)
-        )
+        slow = all(travel(a, b, self._sample) <= SLOW for a, b in paired(self._bodies, bodies))
         return self._looked(tuple(bodies), slow)
 
     def step(

@@ -12,7 +12,7 @@ pytest.importorskip("scipy")
 
 from scipy.spatial.transform import Rotation
 
-from core.contact.solver.bodies import ContactBody, node_gaps
+from core.contact.solver.bodies import AWAY, ContactBody, node_gaps
 from core.contact.solver.cone import OPEN
 from core.contact.solver.point_history import succession
 from core.contact.solver.point_matrix import PointMatrix
@@ -294,6 +294,20 @@ def test_the_smallest_gap_is_that_of_all_skin(pad, height):
     ):
         all_of_it = node_gaps(solver.pad, bodies, np.inf, solver.bone).gap.min()
         assert solver.outside(bodies) == pytest.approx(all_of_it, abs=1e-15)
+
+
+@pytest.mark.parametrize("since", [0, 2, 5])
+def test_what_is_away_changes_nothing_wherever_it_is_first_seen(pad, since):
+    """Which boxes meet depends on how the scene lies in the world, and must not be felt."""
+
+    def forces(others):
+        steps = SubStepper(PointSolver(pad), 8e-3)
+        ways = [body(Surface.edge(), d, 0.6, (3.0 * d, 0.0)) for d in np.arange(-0.1e-3, 0.7e-3, 0.1e-3)]
+        return np.array([steps.step([way, *others(k)]).solution.force.sum(axis=0) for k, way in enumerate(ways)])
+
+    alone = forces(lambda k: [])
+    assert alone.any()
+    assert forces(lambda k: [AWAY] if k >= since else []).tobytes() == alone.tobytes()
 
 
 def test_nothing_near_is_idle(pad):

@@ -19,6 +19,7 @@ from core.shipped import BUILT_IN
 from . import Result, benchmark, one_blas_thread, timing
 
 MU, DEPTH, RATE, STROKE, PRESS = 0.6, 1e-3, 240.0, 1.5e-3, 2e-3
+_ANGLES = {f"{angle:.0f} degrees": angle for angle in (90.0, 60.0, 120.0)}
 RIB, PERIOD, RIBS, GROOVE = 0.75e-3, 1.5e-3, 21, 1.5e-3
 
 
@@ -46,6 +47,44 @@ def contact_points_plane() -> Result:
     nodes, ball = (timing(_times(*case)).median for case in (("block", 20e-3, 2, True), ("ball", 20e-3, 2, False)))
     plane = timing(_times("block", 20e-3, 2, False)).median
     return Result("contact_points_plane_ratio", plane / nodes, "1", None, {"ball": ball / nodes, "nodes, ms": nodes})
+
+
+@benchmark("contact_edge_slid_error", quick=True)
+def contact_edge_slid() -> Result:
+    """A finger without friction slid over an edge of 90 degrees, against one pressed where it is: mean, worst beside.
+
+    Nothing remembers how it came there, so both forces ought to be the same.
+    """
+    errors = {name: _slid_errors(angle) for name, angle in _ANGLES.items()}
+    means = {name: float(np.mean(found)) for name, found in errors.items()}
+    worst = {f"{name}, worst place": max(found) for name, found in errors.items()}
+    return Result("contact_edge_slid_error", means.pop("90 degrees"), "1", None, {**means, **worst})
+
+
+def _slid_errors(angle: float) -> list[float]:
+    """Return how far the force is off at places along a stroke there and back in steps of 0.1 mm, over its size."""
+    from core.contact.solver.bodies import ContactBody
+    from core.contact.solver.point_path import PointSolver
+    from core.contact.solver.sub_steps import SubStepper
+    from core.presets import Library
+    from core.skin.surface_store import surface_compliance
+    from core.surface.gap import Surface
+
+    pad = surface_compliance(Library().skin("index_medium"), shipped=BUILT_IN / "skins")
+    assert pad is not None
+    surface = Surface.edge(np.radians(angle))
+
+    def forces(ways: Any) -> Any:
+        stepper = SubStepper(PointSolver(pad), 8e-3)
+        bodies = (ContactBody(surface, translation=np.array([x, 0.0, z]), friction=0.0) for x, z in ways)
+        return np.array([stepper.step([body]).solution.force.sum(axis=0) for body in bodies])
+
+    down, there = np.linspace(0.0, DEPTH, 11), 0.1e-3 * np.arange(1, 13)
+    along = np.concatenate([there, there[-2::-1]])
+    with one_blas_thread():
+        slid = forces([*((0.0, z) for z in down), *((x, DEPTH) for x in along)])[len(down) :]
+        pressed = np.array([forces([(x, z) for z in down])[-1] for x in there])[np.rint(along / 0.1e-3).astype(int) - 1]
+    return [float(e) for e in np.linalg.norm(slid - pressed, axis=1) / np.linalg.norm(pressed, axis=1)]
 
 
 def _result(name: str, shape: str, speed: float, strokes: int = 2) -> Result:

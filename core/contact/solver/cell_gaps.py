@@ -12,10 +12,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
 from .bodies import ContactBody, Expected, NodeGaps, node_gaps
-from .point_gaps import PER_POINT
+from .point_gaps import some_of
 from .point_map import NONE
 from .point_set import PointSet
 
@@ -78,23 +79,42 @@ class CellGaps:
         self.last = _Turned(own, self.last.axis, others).take(kept) if len(kept) else None
         self._found = self._found and (self._found[0][:, kept], self._found[1][:, kept])
 
-    def centres(self, points: PointSet, bodies: Sequence[ContactBody], expected: Expected) -> NodeGaps:
-        """Return the gaps of the cells' centres, where they are expected."""
+    def beside_edges(self, some: NDArray[np.bool_]) -> Indices:
+        """Return which of some points are cells that a surface turned beside when they were last measured, (k,)."""
+        return np.zeros(0, dtype=np.int64) if self.last is None else self.last.own[some[self.last.own]]
+
+    def across(self, cells: Indices, count: int) -> Indices:
+        """Return the cells before and behind each of some across an edge, itself where there is none, shape (2, k).
+
+        Args:
+            count: of all cells.
+        """
+        out = np.tile(np.arange(count), (2, 1))
+        if self.last is not None:
+            out[:, self.last.own] = self.last.others
+        return out[:, cells]
+
+    def centres(
+        self, points: PointSet, bodies: Sequence[ContactBody], expected: Expected, more: Array
+    ) -> tuple[NodeGaps, NodeGaps]:
+        """Return the gaps of cells' centres, where they are expected, and those of more places [m], shape (k, 3)."""
         at, last, n = points.positions, self.last, len(points)
         self._found = None
-        if last is None:
-            return node_gaps(at, bodies, self._search_radius, self._bone, expected)
-        halves = last.halves(at, expected.places, points.sides).reshape(-1, 3)
-        none = np.zeros((len(halves), 3))
+        if last is None and not len(more):
+            return node_gaps(at, bodies, self._search_radius, self._bone, expected), NodeGaps.nothing(tuple(bodies), 0)
+        halves = more[:0] if last is None else last.halves(at, expected.places, points.sides).reshape(-1, 3)
+        beside = np.concatenate([halves, more])
+        none = np.zeros((len(beside), 3))
         both = Expected(
-            np.concatenate([expected.places, halves]),
+            np.concatenate([expected.places, beside]),
             np.concatenate([expected.origins, none]),
             np.concatenate([expected.normal, none]),
-            np.concatenate([expected.body, np.full(len(halves), -1)]),
+            np.concatenate([expected.body, np.full(len(beside), -1)]),
         )
-        gaps = node_gaps(np.concatenate([at, halves]), bodies, self._search_radius, self._bone, both)
-        self._found = gaps.clearance[n:].reshape(2, -1), gaps.body[n:].reshape(2, -1)
-        return NodeGaps(gaps.bodies, *(getattr(gaps, name)[:n] for name in PER_POINT))
+        gaps = node_gaps(np.concatenate([at, beside]), bodies, self._search_radius, self._bone, both)
+        k = n + len(halves)
+        self._found = gaps.clearance[n:k].reshape(2, -1), gaps.body[n:k].reshape(2, -1)
+        return some_of(gaps, slice(0, n)), some_of(gaps, slice(k, None))
 
     def over(self, gaps: NodeGaps, points: PointSet, places: Array) -> NodeGaps:
         """Return gaps with those of cells that a surface turns beside taken over the whole cell.

@@ -11,6 +11,11 @@ from .point_sight import OPPOSITE
 PER_POINT = ("gap", "clearance", "normal", "body", "triangle", "friction", "softness")
 
 
+def some_of(gaps: NodeGaps, which: slice | Indices) -> NodeGaps:
+    """Return the gaps of some points."""
+    return NodeGaps(gaps.bodies, *(getattr(gaps, name)[which] for name in PER_POINT))
+
+
 def passed_on(gaps: NodeGaps, count: int, heirs: Indices, sources: Indices) -> NodeGaps:
     """Return the gaps of so many points, of which some have those of others, and others nothing near."""
     out = NodeGaps.nothing(gaps.bodies, count)

@@ -29,6 +29,7 @@ from .cone import project
 from .history import ContactHistory
 from .law_skin import LawSkin
 from .moved_skin import MovedSkin
+from .over_edges import HELD, NOTHING, Freed, over_edges
 from .path import BONE, CHECK, DEPTH_LIMIT, PathSolver, PathStep
 from .point_gaps import completed, passed_on
 from .point_history import Succession, succession
@@ -201,18 +202,35 @@ class PointSolver(PathSolver):
         if self.fresh and not len(self.cells):
             return NodeGaps.nothing(bodies, 0)
         expected = self._expected(bodies)
-        gaps = self._cell_gaps.centres(self._points, bodies, expected)
+        freed = self._freed(bodies, expected.places)
+        gaps, found = self._cell_gaps.centres(self._points, bodies, expected, freed.places)
+        freed = freed._replace(gaps=found)
         if slow and asks and not self.fresh:
-            order = self._survey(bodies, moved, gaps)
+            count, order = len(self.cells), self._survey(bodies, moved, gaps)
             if order is not None:
+                freed = freed.renumbered(order, count)
                 expected = self._expected(bodies)
                 gaps = completed(gaps, order, self.points, bodies, expected, self.search_radius, self.bone)
         if len(self.cells):
+            across = self._cell_gaps.across(freed.nodes, len(self.cells))
+            gaps = over_edges(gaps, freed, across, self.points, expected.places)
             gaps = self._cell_gaps.over(gaps, self._points, expected.places)
             over = expected.places, -self._points.normals
             gaps = over_rims(gaps, self.points, *over, self.search_radius, self.bone)
         self._calm = None if asks else gaps
         return gaps
+
+    def _freed(self, bodies: tuple[ContactBody, ...], places: Array) -> Freed:
+        """Return the points that slide beside an edge, where they would be without their own force."""
+        if all(body.away or body.friction >= HELD for body in bodies):
+            return NOTHING
+        some = self._cell_gaps.beside_edges(self.loaded & ~self.history.sticking)
+        if not some.size:
+            return NOTHING
+        rows = 3 * some[:, None] + np.arange(3)
+        own = self._matrix[rows[:, :, None], rows[:, None, :]] + self._soft[some, None, None] * np.eye(3)
+        moved = np.einsum("kij,kj->ki", own, self._force.take(some, axis=0))
+        return Freed(some, places.take(some, axis=0) - moved)
 
     # -- the points ----------------------------------------------------------------------------------------------
 

@@ -271,10 +271,17 @@ def test_what_is_measured_together_is_what_is_measured_apart(pad, monkeypatch):
     def slid(apart):
         asked.clear()
         solver = PointSolver(pad)
+        if apart:
+            centres = solver._cell_gaps.centres
+
+            def forgotten(*a):
+                found = centres(*a)
+                solver._cell_gaps._found = None
+                return found
+
+            monkeypatch.setattr(solver._cell_gaps, "centres", forgotten)
         stepper, surface = SubStepper(solver, 6e-3), Surface.edge()
         for depth, shift in [(1e-4 * k, 0.0) for k in range(9)] + [(8e-4, 3e-5 * k) for k in range(1, 12)]:
-            if apart:
-                solver._cell_gaps.last = None
             force = stepper.step([body(surface, depth, 0.6, (shift, 0.0))]).solution.force
         return force, len(asked)
 
@@ -294,6 +301,23 @@ def test_the_smallest_gap_is_that_of_all_skin(pad, height):
     ):
         all_of_it = node_gaps(solver.pad, bodies, np.inf, solver.bone).gap.min()
         assert solver.outside(bodies) == pytest.approx(all_of_it, abs=1e-15)
+
+
+@pytest.mark.parametrize(("angle", "rounding", "most"), [(90, 0.2e-3, 0.2), (120, 0.2e-3, 0.14), (90, 0.5e-3, 0.06)])
+def test_a_finger_without_friction_that_slid_over_an_edge_is_as_one_that_was_pressed_there(pad, angle, rounding, most):
+    """Nothing remembers where it came from: the way back asks for as much."""
+    surface = Surface.edge(np.radians(angle), rounding)
+
+    def force(*ways):
+        steps = SubStepper(PointSolver(pad), 8e-3)
+        return [steps.step([body(surface, d, shift=(x, 0.0))]).solution.force.sum(axis=0) for x, d in ways]
+
+    down, there = np.arange(0.0, 1.01e-3, 0.1e-3), 0.1e-3 * np.arange(1, 13)
+    along = np.concatenate([there, there[-2::-1]])
+    slid = force(*((0.0, d) for d in down), *((x, 1e-3) for x in along))[len(down) :]
+    for k in (7, 11, 14, 22):
+        pressed = force(*((along[k], d) for d in down))[-1]
+        assert np.linalg.norm(slid[k] - pressed) < most * np.linalg.norm(pressed)
 
 
 @pytest.mark.parametrize("since", [0, 2, 5])

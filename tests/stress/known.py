@@ -96,7 +96,15 @@ KNOWN: tuple[Known, ...] = (
     ),
     Known("rate", "rate", (3,), _ENTERS, 0.3, lambda v: float(v["friction"]) > 0.0),
     Known("rate", "rate", (1, 17), _CORNER, 0.1, lambda v: v["friction"] == 0.0 and v["shape"] != "block"),
-    Known("meshed", "same", (1022,), _CORNER, 0.2, lambda v: v["shape"] in ("pillar", "edge", "hull")),
+    Known(
+        "rate",
+        "rate",
+        (720004,),
+        "a card that gives way by more than it is thick: skin comes about its lower face, sooner or later, as steps "
+        "have it",
+        1.0,
+        lambda v: v["shape"] == "card" and 0.0 < float(v["stiffness"]) < 1e7,
+    ),
     Known(
         "card",
         "same",

@@ -64,7 +64,9 @@ class ContactBody:
         return tuple((p - self.translation) @ self.rotation for p in points)
 
     def same_place(self, other: ContactBody) -> bool:
-        """Whether another state of this body has the same surface, pose and properties."""
+        """Whether another state of this body has the same surface, pose and properties, or is as far away."""
+        if self.away and other.away:
+            return True
         return (
             self.surface is other.surface
             and self.friction == other.friction

@@ -21,7 +21,8 @@ from ...surface.plane import Plane
 from .admm import State, iterate
 from .asked import Asked
 from .between import matter_moved
-from .bodies import ContactBody, NodeGaps, node_gaps, paired, same_places, travel
+from .bodies import ContactBody, NodeGaps, node_gaps, owned, paired, same_places, travel
+from .bodies import moved as body_moved
 from .candidates import CandidateInverse
 from .cell_gaps import CellGaps
 from .compliance import Linear, own_compliance
@@ -206,14 +207,13 @@ class PointSolver(PathSolver):
         gaps, found = self._cell_gaps.centres(self._points, bodies, expected, freed.places)
         freed = freed._replace(gaps=found)
         if slow and asks and not self.fresh:
-            count, order = len(self.cells), self._survey(bodies, moved, gaps)
+            order = self._survey(bodies, moved, gaps)
             if order is not None:
-                freed = freed.renumbered(order, count)
+                freed = NOTHING  # they are others now, and elsewhere
                 expected = self._expected(bodies)
                 gaps = completed(gaps, order, self.points, bodies, expected, self.search_radius, self.bone)
         if len(self.cells):
-            across = self._cell_gaps.across(freed.nodes, len(self.cells))
-            gaps = over_edges(gaps, freed, across, self.points, expected.places)
+            gaps = over_edges(gaps, freed, self.points, expected.places)
             gaps = self._cell_gaps.over(gaps, self._points, expected.places)
             over = expected.places, -self._points.normals
             gaps = over_rims(gaps, self.points, *over, self.search_radius, self.bone)
@@ -221,16 +221,21 @@ class PointSolver(PathSolver):
         return gaps
 
     def _freed(self, bodies: tuple[ContactBody, ...], places: Array) -> Freed:
-        """Return the points that slide beside an edge, where they would be without their own force."""
+        """Return the points that slide beside an edge, and where they would be without their own force."""
         if all(body.away or body.friction >= HELD for body in bodies):
             return NOTHING
         some = self._cell_gaps.beside_edges(self.loaded & ~self.history.sticking)
         if not some.size:
             return NOTHING
+        places, owner, ways = places.take(some, axis=0), self.history.body.take(some), np.zeros((len(some), 3))
+        for index, own in owned(owner):
+            before, now = self._bodies[index], bodies[index]
+            if before.surface is now.surface and not (before.away or now.away):
+                ways[own] = body_moved(before, now, places[own])
         rows = 3 * some[:, None] + np.arange(3)
-        own = self._matrix[rows[:, :, None], rows[:, None, :]] + self._soft[some, None, None] * np.eye(3)
-        moved = np.einsum("kij,kj->ki", own, self._force.take(some, axis=0))
-        return Freed(some, places.take(some, axis=0) - moved)
+        to_own = self._matrix[rows[:, :, None], rows[:, None, :]]
+        force = self._force.take(some, axis=0)
+        return Freed(some, places - np.einsum("kij,kj->ki", to_own, force), ways)
 
     # -- the points ----------------------------------------------------------------------------------------------
 

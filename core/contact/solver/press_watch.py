@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...arrays import Array
-from .bodies import ContactBody, moved
+from .bodies import ContactBody, moved, paired
 from .path_step import PathStep
 
 # So much of the largest force may be lost while everything presses deeper, and so much in any case, over the skin's
@@ -61,7 +61,7 @@ class PressWatch:
 def _deeper(came: Sequence[ContactBody], step: PathStep, points: Array) -> bool:
     """Return whether all that touches came nearer to the nail, and moved less to the side."""
     gaps, loaded = step.gaps, np.flatnonzero(step.solution.force.any(axis=1))
-    if gaps is None or loaded.size == 0 or [body.away for body in came] != [body.away for body in gaps.bodies]:
+    if gaps is None or loaded.size == 0 or any(a.away != b.away for a, b in paired(came, gaps.bodies)):
         return False
     for index in np.unique(gaps.body[loaded]).tolist():
         before, now = came[index], gaps.bodies[index]

@@ -12,7 +12,7 @@ pytest.importorskip("scipy")
 
 from scipy.spatial.transform import Rotation
 
-from core.contact.solver.bodies import AWAY, ContactBody, node_gaps
+from core.contact.solver.bodies import AWAY, ContactBody, node_gaps, same_places
 from core.contact.solver.cone import OPEN
 from core.contact.solver.point_history import succession
 from core.contact.solver.point_matrix import PointMatrix
@@ -303,7 +303,9 @@ def test_the_smallest_gap_is_that_of_all_skin(pad, height):
         assert solver.outside(bodies) == pytest.approx(all_of_it, abs=1e-15)
 
 
-@pytest.mark.parametrize(("angle", "rounding", "most"), [(90, 0.2e-3, 0.2), (120, 0.2e-3, 0.14), (90, 0.5e-3, 0.06)])
+@pytest.mark.parametrize(
+    ("angle", "rounding", "most"), [(60, 0.2e-3, 0.35), (90, 0.2e-3, 0.2), (120, 0.2e-3, 0.14), (90, 0.5e-3, 0.08)]
+)
 def test_a_finger_without_friction_that_slid_over_an_edge_is_as_one_that_was_pressed_there(pad, angle, rounding, most):
     """Nothing remembers where it came from: the way back asks for as much."""
     surface = Surface.edge(np.radians(angle), rounding)
@@ -320,6 +322,17 @@ def test_a_finger_without_friction_that_slid_over_an_edge_is_as_one_that_was_pre
         assert np.linalg.norm(slid[k] - pressed) < most * np.linalg.norm(pressed)
 
 
+@pytest.mark.parametrize("there", [0.25e-3, 0.5e-3, 0.75e-3])
+def test_skin_that_slid_over_an_edge_comes_to_rest(pad, there):
+    """What goes over an edge goes with it, and not back again when it stands."""
+    steps, edge = SubStepper(PointSolver(pad), 8e-3), Surface.edge()
+    for depth in np.linspace(0.0, 1e-3, 11):
+        steps.step([body(edge, depth, 0.02)])
+    for x in np.arange(0.05e-3, there + 1e-9, 0.05e-3):
+        steps.step([body(edge, 1e-3, 0.02, (x, 0.0))])
+    assert "same" in [steps.step([body(edge, 1e-3, 0.02, (there, 0.0))]).work for _ in range(15)]
+
+
 @pytest.mark.parametrize("since", [0, 2, 5])
 def test_what_is_away_changes_nothing_wherever_it_is_first_seen(pad, since):
     """Which boxes meet depends on how the scene lies in the world, and must not be felt."""
@@ -331,6 +344,8 @@ def test_what_is_away_changes_nothing_wherever_it_is_first_seen(pad, since):
 
     alone = forces(lambda k: [])
     assert alone.any()
+    assert same_places([AWAY], [replace(AWAY, translation=np.ones(3))])
+    assert same_places([], [AWAY])
     assert forces(lambda k: [AWAY] if k >= since else []).tobytes() == alone.tobytes()
 
 

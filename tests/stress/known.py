@@ -32,7 +32,7 @@ class Known:
 
 _CORNER = (
     "a finger without friction slides off a sharp corner or edge to one side or the other, as the way there has it: "
-    "each point of skin keeps the face that it came to"
+    "what is sharper than a cell of skin is catches it, or lets it go, as a whole"
 )
 _FACETS = "at the few nodes of a mesh, which facet of a ball or face of a hull holds a node depends on the way there"
 _ENTERS = (

@@ -83,6 +83,17 @@ class CellGaps:
         """Return which of some points are cells that a surface turned beside when they were last measured, (k,)."""
         return np.zeros(0, dtype=np.int64) if self.last is None else self.last.own[some[self.last.own]]
 
+    def across(self, cells: Indices, count: int) -> Indices:
+        """Return the cells before and behind each of some across an edge, itself where there is none, shape (2, k).
+
+        Args:
+            count: of all cells.
+        """
+        out = np.tile(np.arange(count), (2, 1))
+        if self.last is not None:
+            out[:, self.last.own] = self.last.others
+        return out[:, cells]
+
     def centres(
         self, points: PointSet, bodies: Sequence[ContactBody], expected: Expected, more: Array
     ) -> tuple[NodeGaps, NodeGaps]:

@@ -14,6 +14,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
 from .bodies import NodeGaps
@@ -22,6 +23,10 @@ from .sides import dot
 # Faces are others where their normals differ by more than the first cosine says, and by less than the second: beyond
 # that, 53 degrees between the faces, they are the two sides of a blade.
 OTHER, BLADE = 0.9, -0.6
+# ... and has no farther to come out there than so many widths of its cell.
+WIDTHS = 1.0
+# It goes to where the skin beside it lies, on a face whose normal is alike by this cosine: others may be covered.
+ALIKE = 0.9
 # A face comes on by more than the other where it does by this share of the way that the body goes.
 COMES = 0.2
 # A point goes over this share of the way from where its face ends to where the other is as near; the more friction
@@ -34,41 +39,52 @@ class Freed(NamedTuple):
 
     Attributes:
         nodes: which, shape (k,). places: where each would be, had it no force of its own [m], shape (k, 3).
-        ways: of what it lies on, since the last frame [m], shape (k, 3). gaps: at those places; None until measured.
+        ways: of what it lies on, since the last frame [m], shape (k, 3). widths: of its cell [m], shape (k,).
+        gaps: at those places; None until measured.
     """
 
     nodes: Indices
     places: Array
     ways: Array
+    widths: Array
     gaps: NodeGaps | None = None
 
 
-NOTHING = Freed(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3)))
+NOTHING = Freed(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
 
 
-def over_edges(gaps: NodeGaps, freed: Freed, points: Array, places: Array) -> NodeGaps:
+def over_edges(
+    gaps: NodeGaps, freed: Freed, beside: Indices, loaded: NDArray[np.bool_], points: Array, places: Array
+) -> NodeGaps:
     """Return gaps with those of points that go over an edge taken to what lies beyond it.
 
     Args:
-        gaps: of points. freed: some of them.
+        gaps: of points. freed: some of them. beside: the points before and behind each of those, across the edge,
+            itself where there is none, shape (2, k). loaded: which points carry force, shape (n,).
         points: at rest [m], shape (n, 3). places: where they were looked for [m], shape (n, 3).
     """
-    some, free, ways, found = freed
+    some, free, ways, widths, found = freed
     if found is None or not len(some):
         return gaps
-    own = gaps.normal.take(some, axis=0)
+    own, normal = gaps.normal.take(some, axis=0), found.normal
     depth = gaps.clearance[some] - dot(places.take(some, axis=0) - free, own)  # below zero in what they are pressed by
-    turned = dot(found.normal, own)
+    foot = free - found.clearance[:, None] * normal
+    turned = dot(normal, own)
     # a face ends where the other is at `turned` times the depth
     share = GOES * np.maximum(1.0 - gaps.friction.take(some) / HELD, 0.0)
     goes = found.clearance > (turned + share * (1.0 - turned)) * depth
     goes &= (found.body == gaps.body[some]) & (depth < 0.0) & (turned < OTHER) & (turned > BLADE) & (share > 0.0)
-    goes &= dot(ways, own - found.normal) > COMES * np.sqrt(dot(ways, ways))
+    goes &= dot(ways, own - normal) > COMES * np.sqrt(dot(ways, ways))
+    goes &= dot(foot - free, own) + depth < 0.0  # in a hollow faces lie above each other
+    goes &= found.clearance > -WIDTHS * widths  # deep below a rim it is not the cell that catches
+    there = np.zeros(len(some), dtype=np.bool_)
+    for next_ in beside:
+        there |= loaded[next_] & (gaps.body[next_] == found.body) & (dot(gaps.normal[next_], normal) > ALIKE)
+    goes &= there
     which = goes.nonzero()[0]
     if not len(which):
         return gaps
-    nodes, normal = some[which], found.normal[which]
-    foot = free[which] - found.clearance[which, None] * normal
+    nodes, normal, foot = some[which], normal[which], foot[which]
     out = replace(gaps, **{name: getattr(gaps, name).copy() for name in ("gap", "clearance", "normal", "triangle")})
     out.clearance[nodes], out.gap[nodes] = dot(places[nodes] - foot, normal), dot(points[nodes] - foot, normal)
     out.normal[nodes], out.triangle[nodes] = normal, found.triangle[which]

@@ -213,7 +213,8 @@ class PointSolver(PathSolver):
                 expected = self._expected(bodies)
                 gaps = completed(gaps, order, self.points, bodies, expected, self.search_radius, self.bone)
         if len(self.cells):
-            gaps = over_edges(gaps, freed, self.points, expected.places)
+            across = self._cell_gaps.across(freed.nodes, len(self.cells))
+            gaps = over_edges(gaps, freed, across, self.loaded, self.points, expected.places)
             gaps = self._cell_gaps.over(gaps, self._points, expected.places)
             over = expected.places, -self._points.normals
             gaps = over_rims(gaps, self.points, *over, self.search_radius, self.bone)
@@ -235,7 +236,8 @@ class PointSolver(PathSolver):
         rows = 3 * some[:, None] + np.arange(3)
         to_own = self._matrix[rows[:, :, None], rows[:, None, :]]
         force = self._force.take(some, axis=0)
-        return Freed(some, places - np.einsum("kij,kj->ki", to_own, force), ways)
+        widths = np.sqrt((self._points.sides.take(some, axis=0) ** 2).sum(axis=2)).min(axis=1)
+        return Freed(some, places - np.einsum("kij,kj->ki", to_own, force), ways, widths)
 
     # -- the points ----------------------------------------------------------------------------------------------
 

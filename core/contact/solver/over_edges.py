@@ -2,10 +2,12 @@
 
 A point of skin that is pressed by one face of an edge is held by it until that face ends, however far the edge has
 moved on beneath: a single point comes out of a wedge to either side. Points stand for cells, and real skin has no
-cells: each bit of it is held up by the next, lies hardly deeper than the edge, and goes over as the edge passes. So a
-cell goes over half way between where both faces are as near and where its own face ends, while its face is the one that
-comes on. Without that skin is ploughed aside, and a finger without friction is dragged by up to 0.4 of its load. What
-friction holds stays, and what stands still rests.
+cells: each bit of it is held up by the next, lies hardly deeper than the edge, and goes over as the edge passes.
+Without that skin is ploughed aside, and a finger without friction is dragged by up to 0.4 of its load.
+
+So a cell goes over half way between where both faces are as near and where its own ends: to a face that skin beside it
+lies on, from one that comes on by more, and over what is no farther than it is wide. What friction holds stays, and
+what stands still rests.
 """
 
 from __future__ import annotations
@@ -18,20 +20,21 @@ from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
 from .bodies import NodeGaps
+from .point_gaps import some_of
 from .sides import dot
 
 # Faces are others where their normals differ by more than the first cosine says, and by less than the second: beyond
 # that, 53 degrees between the faces, they are the two sides of a blade.
 OTHER, BLADE = 0.9, -0.6
-# ... and has no farther to come out there than so many widths of its cell.
-WIDTHS = 1.0
-# It goes to where the skin beside it lies, on a face whose normal is alike by this cosine: others may be covered.
-ALIKE = 0.9
-# A face comes on by more than the other where it does by this share of the way that the body goes.
-COMES = 0.2
 # A point goes over this share of the way from where its face ends to where the other is as near; the more friction
-# holds it, the nearer to the end, and at this coefficient there.
+# holds it, the nearer to the end, and from this coefficient on it stays.
 GOES, HELD = 0.5, 0.5
+# Skin beside it lies on the other face where normals are alike by this cosine.
+ALIKE = 0.9
+# A face comes on by more than another where it does by this share of the way that the body goes.
+COMES = 0.2
+# Deeper below a rim than so many of its widths it is not the cell that catches.
+WIDTHS = 1.0
 
 
 class Freed(NamedTuple):
@@ -63,28 +66,27 @@ def over_edges(
             itself where there is none, shape (2, k). loaded: which points carry force, shape (n,).
         points: at rest [m], shape (n, 3). places: where they were looked for [m], shape (n, 3).
     """
-    some, free, ways, widths, found = freed
-    if found is None or not len(some):
+    if freed.gaps is None or not len(freed.nodes):
         return gaps
-    own, normal = gaps.normal.take(some, axis=0), found.normal
+    mine = ((freed.gaps.body >= 0) & (freed.gaps.body == gaps.body.take(freed.nodes))).nonzero()[0]
+    some, free, ways, widths = (values[mine] for values in freed[:4])
+    found, beside, own = some_of(freed.gaps, mine), beside[:, mine], gaps.normal.take(some, axis=0)
     depth = gaps.clearance[some] - dot(places.take(some, axis=0) - free, own)  # below zero in what they are pressed by
-    foot = free - found.clearance[:, None] * normal
-    turned = dot(normal, own)
-    # a face ends where the other is at `turned` times the depth
+    normal, turned = found.normal, dot(found.normal, own)
     share = GOES * np.maximum(1.0 - gaps.friction.take(some) / HELD, 0.0)
-    goes = found.clearance > (turned + share * (1.0 - turned)) * depth
-    goes &= (found.body == gaps.body[some]) & (depth < 0.0) & (turned < OTHER) & (turned > BLADE) & (share > 0.0)
+    # a face ends where the other is at `turned` times the depth
+    goes = found.clearance > np.maximum((turned + share * (1.0 - turned)) * depth, -WIDTHS * widths)
+    goes &= (depth < 0.0) & (share > 0.0) & (turned < OTHER) & (turned > BLADE)
+    goes &= depth < found.clearance * turned  # in a hollow faces lie above each other
     goes &= dot(ways, own - normal) > COMES * np.sqrt(dot(ways, ways))
-    goes &= dot(foot - free, own) + depth < 0.0  # in a hollow faces lie above each other
-    goes &= found.clearance > -WIDTHS * widths  # deep below a rim it is not the cell that catches
     there = np.zeros(len(some), dtype=np.bool_)
     for next_ in beside:
         there |= loaded[next_] & (gaps.body[next_] == found.body) & (dot(gaps.normal[next_], normal) > ALIKE)
-    goes &= there
-    which = goes.nonzero()[0]
+    which = (goes & there).nonzero()[0]
     if not len(which):
         return gaps
-    nodes, normal, foot = some[which], normal[which], foot[which]
+    nodes, normal = some[which], normal[which]
+    foot = free[which] - found.clearance[which, None] * normal
     out = replace(gaps, **{name: getattr(gaps, name).copy() for name in ("gap", "clearance", "normal", "triangle")})
     out.clearance[nodes], out.gap[nodes] = dot(places[nodes] - foot, normal), dot(points[nodes] - foot, normal)
     out.normal[nodes], out.triangle[nodes] = normal, found.triangle[which]

@@ -12,7 +12,6 @@ what stands still rests.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
 from .bodies import NodeGaps
-from .point_gaps import some_of
+from .point_gaps import laid_on, some_of
 from .sides import dot
 
 # Faces are others where their normals differ by more than the first cosine says, and by less than the second: beyond
@@ -86,8 +85,5 @@ def over_edges(
     if not len(which):
         return gaps
     nodes, normal = some[which], normal[which]
-    foot = free[which] - found.clearance[which, None] * normal
-    out = replace(gaps, **{name: getattr(gaps, name).copy() for name in ("gap", "clearance", "normal", "triangle")})
-    out.clearance[nodes], out.gap[nodes] = dot(places[nodes] - foot, normal), dot(points[nodes] - foot, normal)
-    out.normal[nodes], out.triangle[nodes] = normal, found.triangle[which]
-    return out
+    feet = free[which] - found.clearance[which, None] * normal
+    return laid_on(gaps, nodes, feet, normal, found.triangle[which], points, places)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...arrays import Array, Indices
 from .bodies import ContactBody, Expected, NodeGaps, node_gaps
 from .point_sight import OPPOSITE
+from .sides import dot
 
 PER_POINT = ("gap", "clearance", "normal", "body", "triangle", "friction", "softness")
 
@@ -14,6 +17,21 @@ PER_POINT = ("gap", "clearance", "normal", "body", "triangle", "friction", "soft
 def some_of(gaps: NodeGaps, which: slice | Indices) -> NodeGaps:
     """Return the gaps of some points."""
     return NodeGaps(gaps.bodies, *(getattr(gaps, name)[which] for name in PER_POINT))
+
+
+def laid_on(
+    gaps: NodeGaps, nodes: Indices, feet: Array, normal: Array, triangle: Indices, points: Array, places: Array
+) -> NodeGaps:
+    """Return gaps of which some nodes, shape (k,), are to planes of the same bodies.
+
+    Args:
+        feet: points of the planes [m], shape (k, 3). normal, triangle: of the planes.
+        points: at rest [m], shape (n, 3). places: where they were looked for [m], shape (n, 3).
+    """
+    out = replace(gaps, **{name: getattr(gaps, name).copy() for name in ("gap", "clearance", "normal", "triangle")})
+    out.clearance[nodes], out.gap[nodes] = dot(places[nodes] - feet, normal), dot(points[nodes] - feet, normal)
+    out.normal[nodes], out.triangle[nodes] = normal, triangle
+    return out
 
 
 def passed_on(gaps: NodeGaps, count: int, heirs: Indices, sources: Indices) -> NodeGaps:

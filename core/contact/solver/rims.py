@@ -7,12 +7,11 @@ more than it lies below the rim: there it is put onto what lies behind the rim.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from ...arrays import Array
 from .bodies import NodeGaps, node_gaps
+from .point_gaps import laid_on
 from .sides import dot
 
 # Faces are walls where their normal and the way to the bone differ by more than this cosine says; what lies behind a
@@ -39,7 +38,7 @@ def over_rims(
     hung = np.flatnonzero((gaps.clearance < drawn) & (drawn > HOLD * LEAST) & (np.abs(steep) < WALL))
     if not hung.size:
         return gaps
-    out = replace(gaps, **{name: getattr(gaps, name).copy() for name in ("gap", "clearance", "normal", "triangle")})
+    out = gaps
     for index in np.unique(gaps.body[hung]).tolist():
         own = hung[gaps.body[hung] == index]
         behind = places[own] - (gaps.clearance[own] + BEHIND)[:, None] * normal[own]
@@ -48,7 +47,6 @@ def over_rims(
         found = node_gaps(above, [gaps.bodies[index]], search_radius, bone)
         free = (found.clearance > 0.0) & (dot(found.normal, inward[own]) > TOP)
         own, top = own[free], found.normal[free]
-        foot = above[free] - found.clearance[free, None] * top
-        out.clearance[own], out.gap[own] = dot(places[own] - foot, top), dot(points[own] - foot, top)
-        out.normal[own], out.triangle[own] = top, found.triangle[free]
+        feet = above[free] - found.clearance[free, None] * top
+        out = laid_on(out, own, feet, top, found.triangle[free], points, places)
     return out

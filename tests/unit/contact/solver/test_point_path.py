@@ -328,7 +328,7 @@ def test_skin_that_slid_over_an_edge_comes_to_rest(pad, there):
         steps.step([body(edge, depth, 0.02)])
     for x in np.arange(0.05e-3, there + 1e-9, 0.05e-3):
         steps.step([body(edge, 1e-3, 0.02, (x, 0.0))])
-    assert "same" in [steps.step([body(edge, 1e-3, 0.02, (there, 0.0))]).work for _ in range(15)]
+    assert "same" in [steps.step([body(edge, 1e-3, 0.02, (there, 0.0))]).work for _ in range(30)]
 
 
 @pytest.mark.parametrize("since", [0, 2, 5])

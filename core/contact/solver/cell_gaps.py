@@ -79,20 +79,15 @@ class CellGaps:
         self.last = _Turned(own, self.last.axis, others).take(kept) if len(kept) else None
         self._found = self._found and (self._found[0][:, kept], self._found[1][:, kept])
 
-    def beside_edges(self, some: NDArray[np.bool_]) -> Indices:
-        """Return which of some points are cells that a surface turned beside when they were last measured, (k,)."""
-        return np.zeros(0, dtype=np.int64) if self.last is None else self.last.own[some[self.last.own]]
+    def beside_edges(self, some: NDArray[np.bool_]) -> tuple[Indices, Indices]:
+        """Return which of some points are cells that a surface turned beside when they were last measured, shape (k,).
 
-    def across(self, cells: Indices, count: int) -> Indices:
-        """Return the cells before and behind each of some across an edge, itself where there is none, shape (2, k).
-
-        Args:
-            count: of all cells.
+        With the cells before and behind each of them, across the edge, itself where there is none, shape (2, k).
         """
-        out = np.tile(np.arange(count), (2, 1))
-        if self.last is not None:
-            out[:, self.last.own] = self.last.others
-        return out[:, cells]
+        if self.last is None:
+            return np.zeros(0, dtype=np.int64), np.zeros((2, 0), dtype=np.int64)
+        which = some[self.last.own].nonzero()[0]
+        return self.last.own[which], self.last.others[:, which]
 
     def centres(
         self, points: PointSet, bodies: Sequence[ContactBody], expected: Expected, more: Array

@@ -3,7 +3,7 @@
 A point of skin that is pressed by one face of an edge is held by it until that face ends, however far the edge has
 moved on beneath: a single point comes out of a wedge to either side. Points stand for cells, and real skin has no
 cells: each bit of it is held up by the next, lies hardly deeper than the edge, and goes over as the edge passes.
-Without that skin is ploughed aside, and a finger without friction is dragged by up to 0.4 of its load.
+Without that skin is ploughed aside, and a finger without friction is dragged along as if there were some.
 
 So a cell goes over half way between where both faces are as near and where its own ends: to a face that skin beside it
 lies on, from one that comes on by more, and over what is no farther than it is wide. What friction holds stays, and
@@ -40,36 +40,37 @@ class Freed(NamedTuple):
     """Points that slide beside an edge.
 
     Attributes:
-        nodes: which, shape (k,). places: where each would be, had it no force of its own [m], shape (k, 3).
+        nodes: which, shape (k,). beside: the points before and behind each of them, across the edge, itself where there
+            is none, shape (2, k).
+        places: where each would be, had it no force of its own [m], shape (k, 3).
         ways: of what it lies on, since the last frame [m], shape (k, 3). widths: of its cell [m], shape (k,).
         gaps: at those places; None until measured.
     """
 
     nodes: Indices
+    beside: Indices
     places: Array
     ways: Array
     widths: Array
     gaps: NodeGaps | None = None
 
 
-NOTHING = Freed(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+_NONE: Indices = np.zeros((2, 0), dtype=np.int64)
+NOTHING = Freed(_NONE[0], _NONE, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
 
 
-def over_edges(
-    gaps: NodeGaps, freed: Freed, beside: Indices, loaded: NDArray[np.bool_], points: Array, places: Array
-) -> NodeGaps:
+def over_edges(gaps: NodeGaps, freed: Freed, loaded: NDArray[np.bool_], points: Array, places: Array) -> NodeGaps:
     """Return gaps with those of points that go over an edge taken to what lies beyond it.
 
     Args:
-        gaps: of points. freed: some of them. beside: the points before and behind each of those, across the edge,
-            itself where there is none, shape (2, k). loaded: which points carry force, shape (n,).
+        gaps: of points. freed: some of them. loaded: which points carry force, shape (n,).
         points: at rest [m], shape (n, 3). places: where they were looked for [m], shape (n, 3).
     """
     if freed.gaps is None or not len(freed.nodes):
         return gaps
     mine = ((freed.gaps.body >= 0) & (freed.gaps.body == gaps.body.take(freed.nodes))).nonzero()[0]
-    some, free, ways, widths = (values[mine] for values in freed[:4])
-    found, beside, own = some_of(freed.gaps, mine), beside[:, mine], gaps.normal.take(some, axis=0)
+    some, free, ways, widths = (v[mine] for v in (freed.nodes, freed.places, freed.ways, freed.widths))
+    found, beside, own = some_of(freed.gaps, mine), freed.beside[:, mine], gaps.normal.take(some, axis=0)
     depth = gaps.clearance[some] - dot(places.take(some, axis=0) - free, own)  # below zero in what they are pressed by
     normal, turned = found.normal, dot(found.normal, own)
     share = GOES * np.maximum(1.0 - gaps.friction.take(some) / HELD, 0.0)

@@ -213,8 +213,7 @@ class PointSolver(PathSolver):
                 expected = self._expected(bodies)
                 gaps = completed(gaps, order, self.points, bodies, expected, self.search_radius, self.bone)
         if len(self.cells):
-            across = self._cell_gaps.across(freed.nodes, len(self.cells))
-            gaps = over_edges(gaps, freed, across, self.loaded, self.points, expected.places)
+            gaps = over_edges(gaps, freed, self.loaded, self.points, expected.places)
             gaps = self._cell_gaps.over(gaps, self._points, expected.places)
             over = expected.places, -self._points.normals
             gaps = over_rims(gaps, self.points, *over, self.search_radius, self.bone)
@@ -225,7 +224,7 @@ class PointSolver(PathSolver):
         """Return the points that slide beside an edge, and where they would be without their own force."""
         if all(body.away or body.friction >= HELD for body in bodies):
             return NOTHING
-        some = self._cell_gaps.beside_edges(self.loaded & ~self.history.sticking)
+        some, beside = self._cell_gaps.beside_edges(self.loaded & ~self.history.sticking)
         if not some.size:
             return NOTHING
         places, owner, ways = places.take(some, axis=0), self.history.body.take(some), np.zeros((len(some), 3))
@@ -237,7 +236,7 @@ class PointSolver(PathSolver):
         to_own = self._matrix[rows[:, :, None], rows[:, None, :]]
         force = self._force.take(some, axis=0)
         widths = np.sqrt((self._points.sides.take(some, axis=0) ** 2).sum(axis=2)).min(axis=1)
-        return Freed(some, places - np.einsum("kij,kj->ki", to_own, force), ways, widths)
+        return Freed(some, beside, places - np.einsum("kij,kj->ki", to_own, force), ways, widths)
 
     # -- the points ----------------------------------------------------------------------------------------------
 

@@ -188,7 +188,8 @@ def _fits(found: dict[str, NDArray[Any]]) -> bool:
             return False
         if not (np.isfinite(scale).all() and (scale > 0.0).all()):
             return False
-    if found["cubic"].ndim != 1 or found["cubic_across"].ndim != 2 or found["nodes"].ndim != 2:
+    ranks = {"cubic": 1, "cubic_across": 2, "nodes": 2, "centres": 2, "tetrahedra": 2}  # before their lengths are asked
+    if any(found[name].ndim != rank for name, rank in ranks.items()):
         return False
     even = side(len(found["cubic"]), 3)
     odd = side(found["cubic_across"].shape[1], 2) if found["cubic_across"].size else 0
@@ -212,21 +213,19 @@ def _fits(found: dict[str, NDArray[Any]]) -> bool:
     seen, more = (found[name] for name in _LEARNED)
     if seen.ndim != 2 or more.ndim != 2 or seen.shape[1] != count or len(seen) != len(more):
         return False
-    ranks = {name: len(found["fields" if name in _HALF else _FOLLOWING[0]]) for name in told}
-    ranks[_FOLLOWING[1]] = len(found.get(_FOLLOWING[0], ())) - more.shape[1]
-    ranks[_FOLLOWING[2]] = len(found.get(_FOLLOWING[2], ()))
+    rows = {name: len(found["fields" if name in _HALF else _FOLLOWING[0]]) for name in told}
+    rows[_FOLLOWING[1]] = len(found.get(_FOLLOWING[0], ())) - more.shape[1]
+    rows[_FOLLOWING[2]] = len(found.get(_FOLLOWING[2], ()))
     return (
-        all(found[name].shape == (ranks[name], columns) for name, columns in told.items())
+        all(found[name].shape == (rows[name], columns) for name, columns in told.items())
         and found["signs"].shape == (features["energy"],)
         and reach.shape in ((0,), (count,))
         and found["press"].shape in ((0,), reach.shape)
         and bool((reach > 0.0).all())
-        and centres.ndim == 2
         and found["displacement"].shape == (len(centres), 3, count)
         and centres.shape[1] == 3
         and found["nodes"].shape[1] == 3
         and tetra.dtype.kind in "iu"
-        and tetra.ndim == 2
         and tetra.shape[1] == 4
         and len(tetra) > 0
         and 0 <= int(tetra.min())

@@ -148,6 +148,15 @@ def test_arrays_that_do_not_fit_are_refused(tmp_path: Path, name: str, value: np
         Stiffening.read(tmp_path / "bad.npz")
 
 
+def test_a_number_where_an_array_belongs_is_refused_by_words(tmp_path: Path) -> None:
+    small().write(tmp_path / "one.npz")
+    whole = read_npz(tmp_path / "one.npz")
+    for name in whole.keys() - {"version", "key"}:
+        write_npz(tmp_path / "bad.npz", {**whole, name: whole[name].flat[0]})
+        with pytest.raises(DermisError, match="do not fit"):
+            Stiffening.read(tmp_path / "bad.npz")
+
+
 def test_a_file_cut_short_is_refused(tmp_path: Path) -> None:
     small().write(tmp_path / "one.npz")
     whole = (tmp_path / "one.npz").read_bytes()

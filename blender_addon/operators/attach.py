@@ -1,7 +1,7 @@
 # mypy: disable-error-code="valid-type"
 """Attach fingers to the hand of an armature; what was found can be corrected in the panel of the last operation."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, StringProperty
@@ -10,11 +10,13 @@ from .. import choices
 from .._core import DermisError
 from ..hands import armatures, attachment, rig
 from ..hands.bone_names import FINGERS, LEFT, RIGHT
-from ..hands.skeleton import Hand
 from ..polls import needs
 from ..preferences import library
 from ..properties import scene_properties
 from .work import Work, counted, select_only, zoom
+
+if TYPE_CHECKING:
+    from ..hands.skeleton import Hand
 
 SIDES = {LEFT: "left hand", RIGHT: "right hand"}
 
@@ -110,7 +112,7 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
         column.prop(self, "device")
         column.prop(self, "skin")
 
-    def _hands(self, hung: rig.Rig) -> dict[str, Hand]:
+    def _hands(self, hung: "rig.Rig") -> "dict[str, Hand]":
         """Return the hands that are asked for, by their side.
 
         Raises:
@@ -135,7 +137,7 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
             )
         return {self.hand: sides[self.hand]}
 
-    def _fill(self, hung: rig.Rig, hands: dict[str, Hand]) -> None:
+    def _fill(self, hung: "rig.Rig", hands: "dict[str, Hand]") -> None:
         self.tips.clear()
         for side, hand in hands.items():
             for finger in FINGERS:

@@ -1,1 +1,5 @@
 """Where fingers are put: on surfaces, along gestures, by recordings."""
+
+from .. import on_demand
+
+on_demand.modules_of(globals())

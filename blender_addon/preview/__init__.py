@@ -1,1 +1,5 @@
 """What skins and devices do at the current frame; computed in handlers and timers, never while drawing."""
+
+from .. import on_demand
+
+on_demand.modules_of(globals())

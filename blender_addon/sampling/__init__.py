@@ -10,3 +10,7 @@ meshes            the vertices of an evaluated object
 recorder          poses, surfaces and animated parameters at one sample
 scene_sweep       all samples, in chunks: a `TactileScene`
 """
+
+from .. import on_demand
+
+on_demand.modules_of(globals())

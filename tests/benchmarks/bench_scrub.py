@@ -43,6 +43,7 @@ def scrub_five_fingers() -> Result:
         def following() -> None:
             if not frames:
                 frames.extend(FRAMES)
+                skin_preview.reset()  # or what was solved before would only be shown again
                 scene.frame_set(FRAMES[0] - 1)  # a step back: it starts from rest, outside the clock
                 skin_preview.step(bpy.context)
             scene.frame_set(frames.pop(0))

@@ -35,6 +35,14 @@ _CORNER = (
     "what is sharper than a cell of skin is catches it, or lets it go, as a whole"
 )
 _FACETS = "at the few nodes of a mesh, which facet of a ball or face of a hull holds a node depends on the way there"
+_ONE_NODE = (
+    "a corner of a hull that one node holds: which of its faces that lies on depends on the way there; "
+    "'smaller-than-mesh' says so of its force"
+)
+_RIM = (
+    "few points at the rim of something narrow bear most of its force: where one of them slides over the rim, its "
+    "share goes with it"
+)
 _ENTERS = (
     "few and long steps: friction is right to the second order of the step, and only to the first where a way turns at "
     "once, at edges, and for how frames are walked in parts"
@@ -50,6 +58,11 @@ def _small(values: Values) -> bool:
     return values["contact"] == "nodes" and (beside or values["shape"] != "block" and float(values["size"]) < 8e-3)
 
 
+def _narrow(values: Values) -> bool:
+    sharp = values["shape"] in ("pillar", "edge", "hull")
+    return values["contact"] == "points" and sharp and float(values["size"]) < 5e-3
+
+
 KNOWN: tuple[Known, ...] = (
     Known(
         "press",
@@ -60,15 +73,8 @@ KNOWN: tuple[Known, ...] = (
         0.02,
         _small,
     ),
-    Known(
-        "press",
-        "fall",
-        (110067,),
-        "few points at the rim of something narrow bear most of its force: where one of them slides over the rim, its "
-        "share goes with it",
-        0.06,
-        lambda v: v["contact"] == "points" and v["shape"] in ("pillar", "edge", "hull") and float(v["size"]) < 5e-3,
-    ),
+    Known("press", "fall", (110067,), _RIM, 0.06, _narrow),
+    Known("meshed", "same", (760079,), _RIM, 0.03, _narrow),
     Known("rate", "rate", (508, 2017, 510000), _SMALL, covers=_small),
     Known(
         "inside", "inside", (16, 610025), _CORNER, 0.65, lambda v: v["contact"] == "points" and v["shape"] != "block"
@@ -78,13 +84,13 @@ KNOWN: tuple[Known, ...] = (
         "inside",
         "inside",
         (310042,),
-        "a corner of a hull that one node holds: which of its faces that lies on depends on the way there; "
-        "'smaller-than-mesh' says so of its force",
+        _ONE_NODE,
         1.5,
         lambda v: v["contact"] == "nodes" and v["shape"] == "hull" and float(v["depth"]) < 1e-3,
     ),
     Known("again", "again", (15, 610043), _CORNER, 1.0, lambda v: v["contact"] == "points" and v["shape"] != "block"),
     Known("again", "again", (1,), _FACETS, 1.0, lambda v: v["contact"] == "nodes" and v["shape"] != "block"),
+    Known("again", "again", (760006,), _ONE_NODE, 1.5, lambda v: v["contact"] == "nodes" and v["shape"] == "hull"),
     Known(
         "rate",
         "rate",
@@ -130,7 +136,7 @@ KNOWN: tuple[Known, ...] = (
         "skin that a narrow, tilted pillar is pressed into over and over comes off its rim within some cycles, with a "
         "sixth of the force, and then stays",
         0.15,
-        lambda v: v["contact"] == "points" and v["shape"] == "pillar" and float(v["size"]) < 5e-3,
+        lambda v: _narrow(v) and v["shape"] == "pillar",
     ),
     Known(
         "drift",
@@ -144,7 +150,7 @@ KNOWN: tuple[Known, ...] = (
 # Cases that failed and were mended: family -> seeds.
 MENDED: dict[str, tuple[int, ...]] = {
     "card": (40052,),
-    "press": (47, 2007, 40007, 40040, 40044, 70033, 510149),
+    "press": (47, 2007, 40007, 40040, 40044, 70033, 510149, 760059, 760073),
     "surface": (25, 193, 223, 273, 480, 111588),
     "stretched": (1049,),
     "turned": (710053,),

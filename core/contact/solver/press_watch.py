@@ -11,14 +11,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...arrays import Array
-from .bodies import ContactBody, moved, paired
+from ...arrays import Array, Indices
+from .bodies import ContactBody, NodeGaps, moved, paired
 from .path_step import PathStep
 
 # So much of the largest force may be lost while everything presses deeper, and so much in any case, over the skin's
 # modulus [m^2]: of skin of 100 kPa a thousandth of a newton.
 LOST, LEAST = 0.02, 1e-8
 MODULUS = 1e5  # of the preset fingers [Pa]
+_Held = tuple[Array, Indices]  # points that were loaded last, and by which body
+_NOTHING: _Held = (np.empty((0, 3)), np.empty(0, dtype=np.intp))
 
 
 class PressWatch:
@@ -34,15 +36,29 @@ class PressWatch:
     def __init__(self, modulus: float = MODULUS) -> None:
         self.most = 0.0
         self._least = LEAST * modulus
+        self._held = _NOTHING
+
+    def save(self) -> tuple[float, _Held]:
+        """Return the state between two frames, for `restore`."""
+        return self.most, self._held
+
+    def restore(self, state: tuple[float, _Held]) -> None:
+        """Go back to a saved state."""
+        self.most, self._held = state
 
     def lost(self, came: Sequence[ContactBody], step: PathStep, points: Array) -> float:
         """Return which share of the force a frame has lost although it presses deeper; zero where that is little.
 
         Args:
-            came: the bodies in the frame before. points: of the skin, undeformed [m], shape (m, 3).
+            came: the bodies where the frame begins, of a first touch where they meet.
+            points: of the skin, undeformed [m], shape (m, 3).
         """
-        pushed = float(step.solution.force[:, 2].sum())
-        if pushed >= self.most or not _deeper(came, step, points):
+        pushed, loaded = float(step.solution.force[:, 2].sum()), step.solution.force.any(axis=1)
+        if loaded.any():
+            assert step.gaps is not None
+            self._held = points[loaded], step.gaps.body[loaded]
+        # what has slipped off altogether is watched where it was held last
+        if pushed >= self.most or not _deeper(came, step.gaps, *self._held):
             self.most = pushed
         missing = self.most - pushed
         return missing / self.most if missing > max(LOST * self.most, self._least) else 0.0
@@ -55,19 +71,21 @@ class PressWatch:
             return ()
         push, which = (solution.normal_force * solution.normals[:, 2])[loaded], gaps.body[loaded]
         drawn = tuple(index for index in np.unique(which).tolist() if float(push[which == index].sum()) < 0.0)
-        return drawn if drawn and _deeper(came, step, points) else ()
+        return drawn if drawn and _deeper(came, gaps, points[loaded], which) else ()
 
 
-def _deeper(came: Sequence[ContactBody], step: PathStep, points: Array) -> bool:
-    """Return whether all that touches came nearer to the nail, and moved less to the side."""
-    gaps, loaded = step.gaps, np.flatnonzero(step.solution.force.any(axis=1))
-    if gaps is None or loaded.size == 0 or any(a.away != b.away for a, b in paired(came, gaps.bodies)):
+def _deeper(came: Sequence[ContactBody], gaps: NodeGaps | None, points: Array, which: Indices) -> bool:
+    """Return whether all that touches came nearer to the nail, and moved less to the side.
+
+    Args:
+        points: that it touches, shape (m, 3). which: of the bodies does, shape (m,).
+    """
+    if gaps is None or which.size == 0 or any(a.away != b.away for a, b in paired(came, gaps.bodies)):
         return False
-    for index in np.unique(gaps.body[loaded]).tolist():
-        before, now = came[index], gaps.bodies[index]
-        if before.surface is not now.surface:
+    for index in np.unique(which).tolist():
+        if index >= min(len(came), len(gaps.bodies)) or came[index].surface is not gaps.bodies[index].surface:
             return False
-        way = moved(before, now, points[loaded[gaps.body[loaded] == index]])
+        way = moved(came[index], gaps.bodies[index], points[which == index])
         if not ((way[:, 2] > 0.0) & (np.hypot(way[:, 0], way[:, 1]) <= way[:, 2])).all():
             return False
     return True

@@ -68,13 +68,14 @@ class SubStepper:
 
     def save(self) -> dict[str, Any]:
         """Return the state between two frames, for `restore`."""
-        own = {"left": self._left, "facing": dict(self._facing), "most": self._press.most}
+        own = {"left": self._left, "facing": dict(self._facing), "press": self._press.save()}
         return {"solver": self.solver.save(), **own}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go back to a saved state."""
         self.solver.restore(state["solver"])
-        self._left, self._facing, self._press.most = state["left"], dict(state["facing"]), state["most"]
+        self._left, self._facing = state["left"], dict(state["facing"])
+        self._press.restore(state["press"])
 
     def step(
         self,
@@ -109,11 +110,11 @@ class SubStepper:
             self.solver.step(way, part=True)
         step = self.solver.step(bodies, scene_frame=scene_frame, gaps=None if ways else gaps)
         step = self._through(step, bodies)
-        for index in self._press.pulling(came, step, self.solver.points):
+        for index in self._press.pulling(start, step, self.solver.points):
             what = "the skin has slid past something small"
             self._leave(index, "passed-through", what, "Press less deep, or give it more friction")
             step = self._last(self._felt(bodies))
-        lost = self._press.lost(came, step, self.solver.points)
+        lost = self._press.lost(start, step, self.solver.points)
         if lost:
             self.solver.notes.warn(
                 "slips-in",

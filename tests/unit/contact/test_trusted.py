@@ -17,6 +17,9 @@ from core.parameters.error_bands import error_band
 from core.skin.model import SkinModel, fingertip_skin
 from core.surface.gap import Surface
 from tests.made_up_tissue import made_up
+from tests.stress.case import Dice
+from tests.stress.paths import Press, pressing
+from tests.stress.presses import FRAMES, draw_press
 
 
 @pytest.fixture(scope="module")
@@ -95,3 +98,20 @@ def test_what_slips_in_is_told_of_skin_of_any_stiffness(skin: SkinModel) -> None
             bone.step([ContactBody(ball, translation=np.array([0.3e-3, 0.0, lowest + depth]))], float(frame))
         told.append([finding.frame for finding in bone.solver.findings if finding.code == "slips-in"])
     assert told[0] and told[0] == told[1]
+
+
+def test_what_slips_in_altogether_is_told_though_nothing_is_touched_any_more() -> None:
+    """The one node that a tilted pillar of 2 mm is pressed by slides off it, and the pillar goes on into the skin."""
+    values = draw_press(Dice("press", 760059))
+    press = Press(values)
+    felt = press.feel([press.thing(pressing(float(values["depth"]), FRAMES))])
+    up = felt.resultant[:, 2]
+    assert up.max() > 0.0 == up[up.argmax() + 1] and "slips-in" in felt.told
+
+
+def test_a_first_touch_never_pulls() -> None:
+    """A hull's far side holds one node where it is touched first: it is let go at once, not a frame later."""
+    values = draw_press(Dice("press", 760073))
+    press = Press(values)
+    felt = press.feel([press.thing(pressing(float(values["depth"]), FRAMES))])
+    assert felt.resultant[:, 2].min() >= 0.0 and "passed-through" in felt.told

@@ -123,10 +123,10 @@ KNOWN: tuple[Known, ...] = (
     Known(
         "drift",
         "drift",
-        (310000,),
+        (310000, 760014),
         "which cells of skin a sharp edge is pressed by depends on when they were looked at last: cycle by cycle its "
-        "force differs by some hundredths, and stays about the same",
-        0.05,
+        "force differs by some hundredths, of the lightest touches by a sixth, and stays about the same",
+        0.2,
         lambda v: v["contact"] == "points" and v["shape"] in ("pillar", "edge", "hull") and float(v["friction"]) > 0.0,
     ),
     Known(

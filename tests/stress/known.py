@@ -75,6 +75,7 @@ KNOWN: tuple[Known, ...] = (
     ),
     Known("press", "fall", (110067,), _RIM, 0.06, _narrow),
     Known("meshed", "same", (760079,), _RIM, 0.03, _narrow),
+    Known("meshed", "same", (760146,), _CORNER, 0.1, lambda v: _narrow(v) and v["friction"] == 0.0),
     Known("rate", "rate", (508, 2017, 510000), _SMALL, covers=_small),
     Known(
         "inside", "inside", (16, 610025), _CORNER, 0.65, lambda v: v["contact"] == "points" and v["shape"] != "block"

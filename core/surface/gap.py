@@ -28,6 +28,7 @@ from . import shapes
 from .gap_query import GapQuery
 from .nearest import Nearest, TriangleSpheres, nearest
 from .normals import SurfaceNormals
+from .planes import Planes
 from .topology import BOUNDARY, IRREGULAR, REGULAR, Topology, topology_of
 from .tree import TriangleTree
 from .triangles import TriangleTable
@@ -246,6 +247,11 @@ class Surface:
     def smooth_normals(self, triangle: Indices, weights: Array) -> Array:
         """Return the normals of the curved surface that the faces stand for, see `SurfaceNormals.smooth`."""
         return self._normals.smooth(triangle, weights)
+
+    @cached_property
+    def planes(self) -> Planes:
+        """Its planes and their rims."""
+        return Planes.of(self.table, self.topology)
 
     @cached_property
     def _normals(self) -> SurfaceNormals:

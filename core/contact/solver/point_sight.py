@@ -9,7 +9,6 @@ import numpy as np
 from ...arrays import Array, Indices
 from ...surface.gap import Surface
 from .bodies import ContactBody, Expected, NodeGaps, node_gaps
-from .flatness import flat_reach
 from .history import ContactHistory
 from .moved_skin import MovedSkin
 from .point_map import NONE
@@ -67,7 +66,7 @@ class PointSight:
                 flat[own] = np.inf
             elif len(own) and not body.deforms:
                 on = places[own] - gaps.clearance[own, None] * gaps.normal[own]
-                flat[own] = flat_reach(body.surface, gaps.triangle[own], (on - body.translation) @ body.rotation)
+                flat[own] = body.surface.planes.rim(gaps.triangle[own], (on - body.translation) @ body.rotation)
         return Seen(gaps.clearance, gaps.normal, flat)
 
     def _put_on_their_side(self, gaps: NodeGaps, owner: Indices, places: Array) -> None:

@@ -1,0 +1,81 @@
+"""Planes: faces of a surface that lie in one plane and touch, however they are cut into triangles, and their rims."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..arrays import Array, Indices
+from .topology import Topology
+from .triangles import TriangleTable
+
+# Triangles whose normals differ by less than this, as 1 - cosine, lie in one plane.
+LEVEL = 1e-9
+# A plane whose rim has more edges than this counts as its triangles: to measure to each of them would take too long.
+MOST = 128
+
+
+class Planes(NamedTuple):
+    """The planes of a surface.
+
+    Attributes:
+        plane: of each triangle, shape (T,).
+        first: where the rim of each plane begins among all edges of rims, and where the last ends, shape (P + 1,).
+        start, way: of each edge of a rim [m], shape (E, 3).
+    """
+
+    plane: Indices
+    first: Indices
+    start: Array
+    way: Array
+
+    @classmethod
+    def of(cls, table: TriangleTable, topology: Topology) -> Planes:
+        """Find the planes."""
+        from scipy.sparse import coo_matrix
+        from scipy.sparse.csgraph import connected_components
+
+        normals, across = table.bounds[3:6].T, topology.across
+        count = len(across)
+        level = (across >= 0) & (np.einsum("tk,tek->te", normals, normals[across]) > 1.0 - LEVEL)
+        triangle, edge = level.nonzero()
+        joined = coo_matrix((np.ones(len(triangle), bool), (triangle, across[triangle, edge])), shape=(count, count))
+        _, plane = connected_components(joined, directed=False)
+        one = np.unique(plane, return_index=True)[1][plane]  # a triangle of the same plane
+        bent = plane[~(np.einsum("tk,tk->t", normals, normals[one]) > 1.0 - LEVEL)]  # level step by step alone
+        long = np.flatnonzero(np.bincount(plane[_rims(plane, across)[0]]) > MOST)
+        alone = np.flatnonzero(np.isin(plane, np.concatenate([bent, long])))
+        plane[alone] = plane.max() + 1 + np.arange(len(alone))
+        plane = np.unique(plane, return_inverse=True)[1].reshape(-1)
+        triangle, edge = _rims(plane, across)
+        order = np.argsort(plane[triangle], kind="stable")
+        triangle, edge = triangle[order], edge[order]
+        a, ab, ac = (table.rows[i : i + 3].T[triangle] for i in (0, 3, 6))
+        start = np.choose(edge[:, None], [a, a + ab, a + ac])
+        way = np.choose(edge[:, None], [ab, ac - ab, -ac])
+        return cls(plane, np.searchsorted(plane[triangle], np.arange(plane.max() + 2)), start, way)
+
+    def rim(self, triangle: Indices, points: Array) -> Array:
+        """Return how far it is from points of triangles to the rims of their planes [m], shape (n,); inf without one.
+
+        Args:
+            triangle: that each point lies on, shape (n,). points: [m], shape (n, 3).
+        """
+        plane = self.plane[triangle]
+        counts = self.first[plane + 1] - self.first[plane]
+        ends = np.cumsum(counts)
+        owner = np.repeat(np.arange(len(points)), counts)
+        edges = np.arange(len(owner)) + np.repeat(self.first[plane] - (ends - counts), counts)
+        way, to = self.way[edges], points[owner] - self.start[edges]
+        along = np.einsum("ek,ek->e", to, way) / np.maximum(np.einsum("ek,ek->e", way, way), 1e-300)
+        to -= np.clip(along, 0.0, 1.0)[:, None] * way
+        apart = np.full(len(points), np.inf)
+        np.minimum.at(apart, owner, np.einsum("ek,ek->e", to, to))
+        return np.sqrt(apart)
+
+
+def _rims(plane: Indices, across: Indices) -> tuple[Indices, Indices]:
+    """Return the edges that lie on rims: of which triangle, and which of its own."""
+    triangle, edge = ((across < 0) | (plane[across] != plane[:, None])).nonzero()
+    return triangle, edge

@@ -22,7 +22,7 @@ def modules_of(package: dict[str, Any]) -> None:
 
     def on_demand(name: str) -> "_OnDemand":
         module = f"{package['__name__']}.{name}"
-        if name.startswith("__") or importlib.util.find_spec(module) is None:
+        if name.startswith("__") or not name.isidentifier() or importlib.util.find_spec(module) is None:
             raise AttributeError(f"module {package['__name__']!r} has no attribute {name!r}")
         return _OnDemand(module)
 
@@ -39,6 +39,8 @@ class _OnDemand:
         object.__setattr__(self, "_read", None)
 
     def __getattr__(self, name: str) -> Any:
+        if name in _OnDemand.__slots__:  # of a copy that nobody has filled
+            raise AttributeError(name)
         return getattr(self._read or self._module(), name)
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -47,11 +49,17 @@ class _OnDemand:
     def __delattr__(self, name: str) -> None:
         delattr(self._module(), name)
 
+    def __repr__(self) -> str:
+        return f"<module {self._name!r}, {'not read yet' if self._read is None else 'read on demand'}>"
+
     @property
     def __dict__(self) -> dict[str, Any]:  # type: ignore[override]
         return vars(self._module())
 
     def _module(self) -> ModuleType:
-        module = importlib.import_module(self._name)
+        try:
+            module = importlib.import_module(self._name)
+        except AttributeError as error:  # a mistake in the file, which `hasattr` must not hide
+            raise ImportError(f"{self._name} cannot be read: {error}", name=self._name) from error
         object.__setattr__(self, "_read", module)
         return module

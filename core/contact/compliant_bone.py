@@ -171,6 +171,7 @@ class CompliantBone:
     ) -> BoneStep:
         """Take over a frame that was solved together with other fingers, the bone retracted by `retraction` [m]."""
         step = self.solver.adopt(force, displacement, gaps, residual, scene_frame=scene_frame)
+        self.sub_steps.adopted()
         return self._bone_step(step, retraction, scene_frame)
 
     def _bone_step(self, step: PathStep, retraction: float, scene_frame: float) -> BoneStep:

@@ -68,3 +68,19 @@ def test_a_name_that_is_no_module_is_refused_as_ever() -> None:
         _ = hands.rgi
     with pytest.raises(ImportError, match="rgi"):
         from blender_addon.hands import rgi  # type: ignore[attr-defined]  # noqa: F401
+    assert not hasattr(hands, "rig.read")  # a name with a dot is none
+
+
+def test_a_file_that_cannot_be_read_says_so_whoever_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`hasattr` takes an AttributeError for an answer: a renamed part of Blender would go unnoticed."""
+    broken = tmp_path / "broken_rooms"
+    broken.mkdir()
+    on_demand = "from blender_addon import on_demand\non_demand.modules_of(globals())\n"
+    (broken / "__init__.py").write_text(on_demand, encoding="utf-8")
+    (broken / "one.py").write_text("import math\nmath.no_such_thing\n", encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    room = import_module("broken_rooms").__getattr__("one")
+    for ask in (lambda: hasattr(room, "x"), lambda: getattr(room, "x", None), lambda: room.x):
+        with pytest.raises(ImportError, match=r"broken_rooms.one cannot be read: .*no_such_thing"):
+            ask()
+    assert "broken_rooms.one" not in sys.modules and "not read yet" in repr(room)

@@ -8,6 +8,7 @@ slid past the widest part, it would draw what presses in farther into the finger
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +20,17 @@ from .path_step import PathStep
 # modulus [m^2]: of skin of 100 kPa a thousandth of a newton.
 LOST, LEAST = 0.02, 1e-8
 MODULUS = 1e5  # of the preset fingers [Pa]
-_Held = tuple[Array, Indices]  # points that were loaded last, and by which body
-_NOTHING: _Held = (np.empty((0, 3)), np.empty(0, dtype=np.intp))
+
+
+class _Held(NamedTuple):
+    """Points that were loaded last [m], by which body, and how each pushed straight into them [N], shape (m, 3)."""
+
+    points: Array
+    body: Indices
+    push: Array
+
+
+_NOTHING = _Held(np.empty((0, 3)), np.empty(0, dtype=np.intp), np.empty((0, 3)))
 
 
 class PressWatch:
@@ -38,6 +48,10 @@ class PressWatch:
         self._least = LEAST * modulus
         self._held = _NOTHING
 
+    def forget(self) -> None:
+        """Begin anew: what is touched next is no continuation."""
+        self.most, self._held = 0.0, _NOTHING
+
     def save(self) -> tuple[float, _Held]:
         """Return the state between two frames, for `restore`."""
         return self.most, self._held
@@ -53,12 +67,15 @@ class PressWatch:
             came: the bodies where the frame begins, of a first touch where they meet.
             points: of the skin, undeformed [m], shape (m, 3).
         """
-        pushed, loaded = float(step.solution.force[:, 2].sum()), step.solution.force.any(axis=1)
+        pushed, loaded, before = float(step.solution.force[:, 2].sum()), step.solution.force.any(axis=1), self._held
         if loaded.any():
             assert step.gaps is not None
-            self._held = points[loaded], step.gaps.body[loaded]
-        # what has slipped off altogether is watched where it was held last
-        if pushed >= self.most or not _deeper(came, step.gaps, *self._held):
+            push = (step.solution.normal_force[:, None] * step.solution.normals)[loaded]
+            self._held = _Held(points[loaded], step.gaps.body[loaded], push)
+        # what has slipped off, alone or altogether, is watched where it was held last
+        if pushed >= self.most or not all(
+            _deeper(came, step.gaps, *held) for held in (before, self._held) if held.body.size
+        ):
             self.most = pushed
         missing = self.most - pushed
         return missing / self.most if missing > max(LOST * self.most, self._least) else 0.0
@@ -74,11 +91,15 @@ class PressWatch:
         return drawn if drawn and _deeper(came, gaps, points[loaded], which) else ()
 
 
-def _deeper(came: Sequence[ContactBody], gaps: NodeGaps | None, points: Array, which: Indices) -> bool:
+def _deeper(
+    came: Sequence[ContactBody], gaps: NodeGaps | None, points: Array, which: Indices, push: Array | None = None
+) -> bool:
     """Return whether all that touches came nearer to the nail, and moved less to the side.
 
     Args:
         points: that it touches, shape (m, 3). which: of the bodies does, shape (m,).
+        push: of the bodies straight into the points [N], shape (m, 3): a flank that pushes up and to one side comes off
+            where it moves to the other.
     """
     if gaps is None or which.size == 0 or any(a.away != b.away for a, b in paired(came, gaps.bodies)):
         return False
@@ -87,5 +108,7 @@ def _deeper(came: Sequence[ContactBody], gaps: NodeGaps | None, points: Array, w
             return False
         way = moved(came[index], gaps.bodies[index], points[which == index])
         if not ((way[:, 2] > 0.0) & (np.hypot(way[:, 0], way[:, 1]) <= way[:, 2])).all():
+            return False
+        if push is not None and float((push[which == index] * way).sum()) < 0.0 < float(push[which == index, 2].sum()):
             return False
     return True

@@ -64,7 +64,12 @@ class SubStepper:
 
     def idle(self, count: int = 1) -> PathStep:
         """Take frames in which nothing is near; what is small may still lie within the finger, and stays left."""
+        self._press.forget()
         return self.solver.idle(count)
+
+    def adopted(self) -> None:
+        """Go on from a frame that somebody else has solved."""
+        self._press.forget()
 
     def save(self) -> dict[str, Any]:
         """Return the state between two frames, for `restore`."""
@@ -102,6 +107,7 @@ class SubStepper:
         start: Sequence[ContactBody] = (*came, *bodies[len(came) :])  # others came since
         begins = self.solver.fresh
         if begins:
+            self._press.forget()
             start = self._start(bodies, before, gaps)
         ways = self._ways(start, bodies, gaps)
         if begins and (gaps.gap < -OUTSIDE).any() and not same_places(start, bodies) and _rub(bodies):

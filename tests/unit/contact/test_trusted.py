@@ -14,12 +14,17 @@ from core.contact.solver.path import DEPTH_LIMIT
 from core.contact.trusted import WORST, trusted
 from core.errors import DermisError, Finding
 from core.parameters.error_bands import error_band
+from core.scene.tactile_scene import Mesh
 from core.skin.model import SkinModel, fingertip_skin
+from core.surface import shapes
 from core.surface.gap import Surface
 from tests.made_up_tissue import made_up
 from tests.stress.case import Dice
-from tests.stress.paths import Press, pressing
+from tests.stress.contacts import Thing, feel, first_touch, skin_of
+from tests.stress.paths import Press, poses, pressing, turned
 from tests.stress.presses import FRAMES, draw_press
+
+PLATE = Surface.block(0.06, 0.06)
 
 
 @pytest.fixture(scope="module")
@@ -115,3 +120,61 @@ def test_a_first_touch_never_pulls() -> None:
     press = Press(values)
     felt = press.feel([press.thing(pressing(float(values["depth"]), FRAMES))])
     assert felt.resultant[:, 2].min() >= 0.0 and "passed-through" in felt.told
+
+
+def _told(bone: CompliantBone) -> list[str]:
+    return [finding.code for finding in bone.solver.findings + bone.findings]
+
+
+def _block(skin: SkinModel, depth: float) -> ContactBody:
+    lowest = float(skin.positions[:, 2].min())
+    return ContactBody(PLATE, translation=np.array([0.0, 0.0, lowest + depth]), friction=0.5)
+
+
+def test_a_weaker_touch_after_nothing_was_near_is_a_new_one(skin: SkinModel) -> None:
+    bone = CompliantBone.of(skin, {}, "finger 'f'")
+    for frame, depth in enumerate((-1e-4, 2e-4, 6e-4, 1.2e-3)):
+        bone.step([_block(skin, depth)], float(frame))
+    bone.idle(3)
+    for frame, depth in enumerate((1e-4, 2e-4, 4e-4), start=7):
+        pressed = bone.step([_block(skin, depth)], float(frame)).step.solution.force[:, 2].sum()
+    assert pressed > 0.1 and _told(bone) == []
+
+
+def test_a_touch_that_goes_on_from_what_others_solved_is_no_loss(skin: SkinModel) -> None:
+    alone, held = (CompliantBone.of(skin, {}, name) for name in ("alone", "held"))
+    for frame, depth in enumerate((2e-4, 6e-4, 1.2e-3)):
+        for bone in (alone, held):
+            bone.step([_block(skin, depth)], float(frame))
+    for frame, depth in enumerate((8e-4, 4e-4, 2e-4), start=3):
+        step = alone.step([_block(skin, depth)], float(frame)).step
+        assert step.gaps is not None
+        held.adopt(step.solution.force, step.displacement, step.gaps, 0.0, 0.0, float(frame))
+    for frame, depth in enumerate((2.5e-4, 3e-4, 4e-4), start=6):
+        held.step([_block(skin, depth)], float(frame))
+    assert _told(held) == []
+
+
+def test_one_body_that_is_taken_away_while_another_presses_on_is_no_loss(skin: SkinModel) -> None:
+    bone, plate = CompliantBone.of(skin, {}, "finger 'f'"), Surface.block(6e-3, 0.06)
+    lowest, forces = float(skin.positions[:, 2].min()), []
+    for frame, (one, other) in enumerate([(0.2, 0.2), (0.6, 0.6), (1.0, 1.0), (1.05, -5.0), (1.1, -5.0)]):
+        sides = ((-4e-3, one), (4e-3, other))
+        bodies = [ContactBody(plate, translation=np.array([x, 0.0, lowest + 1e-3 * d])) for x, d in sides]
+        forces.append(bone.step(bodies, float(frame)).step.solution.force[:, 2].sum())
+    assert forces[3] < 0.8 * forces[2] and _told(bone) == []
+
+
+@pytest.mark.parametrize("contact", ["points", "nodes"])
+@pytest.mark.parametrize("far", [0.4e-3, 1.6e-3])
+def test_a_flank_that_rises_and_leaves_sideways_is_no_loss(contact: str, far: float) -> None:
+    """A tilted block that pushes to one side goes up and to the other: skin just comes off it."""
+    mesh, turn, way = Mesh(*shapes.block(0.01, 0.02, 0.005)), turned(0.0, -60.0), np.zeros((11, 3))
+    touch = first_touch(mesh, turn, np.array([5e-3, 0.0]))
+    lifted = far * np.concatenate([np.zeros(8), np.arange(1, 4)])
+    way[:, 0] = 5e-3 + lifted * math.sin(math.radians(38))
+    way[:, 2] = touch + np.minimum(np.arange(11) - 2, 5) * 1e-4 + lifted * math.cos(math.radians(38))
+    thing = Thing("block", mesh, poses(way, turn), {"friction": 0.5})
+    felt = feel(skin_of(), np.tile(np.eye(4), (11, 1, 1)), [thing], {"contact": contact})
+    up = felt.resultant[:, 2]
+    assert up[7] > 0.03 and up[10] < 0.7 * up[7] and "slips-in" not in felt.told

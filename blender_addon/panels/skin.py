@@ -63,6 +63,7 @@ class DERMIS_PT_skin(DermisPanel, bpy.types.Panel):
         if skin.depth_mode == "compliant":
             column.prop(skin, "bone_stiffness")
             column.prop(skin, "force_limit")
+        properties(layout, skin, "solved_at", keys=False)
 
 
 @needs(lambda context: _finger(context) is not None)

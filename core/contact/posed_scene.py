@@ -133,10 +133,23 @@ class PosedScene:
         stiffness = self._value(b, i, "surface_stiffness")
         return _seen(posed, turn, place, self._value(b, i, "friction"), 1.0 / stiffness if stiffness > 0 else 0.0)
 
-    def _value(self, b: int, i: int, name: str) -> float:
-        """Return a body's parameter at a sample: animated, constant, or what holds where nobody says."""
+    def settings(self, b: int) -> Array:
+        """Return a body's friction and stiffness [Pa/m] at every sample, shape (n, 2); nan where it deforms."""
+        count = len(self.chunk.times)
+        if b in self.chunk.surfaces:
+            return np.full((count, 2), np.nan)
+        series = [self._series(b, name) for name in ("friction", "surface_stiffness")]
+        return np.stack([np.broadcast_to(values, count) for values in series], axis=1)
+
+    def _series(self, b: int, name: str) -> Array | float:
+        """Return a body's parameter: animated, shape (n,), constant, or what holds where nobody says."""
         series = self.chunk.animated.get(f"body/{b}/{name}")
-        return float(self._headers[b].parameters.get(name, BODY[name].absent) if series is None else series[i])
+        return float(self._headers[b].parameters.get(name, BODY[name].absent)) if series is None else series
+
+    def _value(self, b: int, i: int, name: str) -> float:
+        """Return a body's parameter at a sample."""
+        series = self._series(b, name)
+        return series if isinstance(series, float) else float(series[i])
 
 
 def _seen(posed: Posed, turn: Array, place: Array, friction: float = FRICTION, softness: float = 0.0) -> ContactBody:

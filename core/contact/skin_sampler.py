@@ -18,6 +18,8 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import DermisError, Finding
+from ..parameters.skin import SKIN_CONTACT
+from ..scene.regrouped import Regrouped
 from ..scene.tactile_scene import Chunk, TactileScene
 from ..skin.model import SkinModel
 from .held_bodies import HeldBodies
@@ -31,6 +33,7 @@ from .sample_window import SampleWindow
 from .skin_contact import SkinContact
 from .skin_record import SkinRecord
 from .skin_stepper import SkinStepper
+from .strides import Strides, longest
 
 __all__ = ["SkinSampler", "SkinContact"]
 
@@ -57,6 +60,8 @@ class SkinSampler:
         self._frames: list[Array] = []
         self._times: list[Array] = []
         self._waits = False
+        self._cuts: Regrouped | None = None  # it is known with the first chunk
+        self._strides: dict[int, Strides] = {}
         self._kept: list[SampleWindow] = []
         self._held_findings: dict[int, tuple[Finding, ...]] = {}  # said once, of the first finger that meets it
 
@@ -64,9 +69,26 @@ class SkinSampler:
         """Take in the next samples."""
         if not len(chunk.times):
             return
-        if not self._times and any(stepper.on_points for stepper in self._steppers.values()):
-            # points of the smooth skin cannot hold: whether a finger does must be known before its first sample
-            self._waits = any(can_be_held(self._scene, b, chunk.animated) for b in range(len(self._scene.bodies)))
+        if self._cuts is None:
+            self._cuts = self._begun(chunk)
+        whole = self._cuts.take(chunk)
+        if whole is not None:
+            self._add(whole)
+
+    def _begun(self, chunk: Chunk) -> Regrouped:
+        """Look at what the first chunk tells of the whole sweep; return how it is cut."""
+        # balanced samples are solved one by one, and so are all others then: cuts must not decide which
+        holds = any(can_be_held(self._scene, b, chunk.animated) for b in range(len(self._scene.bodies)))
+        # points of the smooth skin cannot hold: whether a finger does must be known before its first sample
+        self._waits = holds and any(stepper.on_points for stepper in self._steppers.values())
+        most = 1 if holds else longest(self._scene.rate)
+        for f, stepper in self._steppers.items():
+            every = SKIN_CONTACT["solved_at"].of(self._scene.fingers[f].parameters, stepper.name) == "samples"
+            self._strides[f] = Strides(stepper, 1 if every else most)
+        return Regrouped(max((strides.count for strides in self._strides.values()), default=1))
+
+    def _add(self, chunk: Chunk) -> None:
+        """Take in samples up to where strides may end."""
         self._posed.take(chunk)
         window = SampleWindow(chunk, {f: stepper.approach() for f, stepper in self._steppers.items()})
         self._frames.append(chunk.frames)
@@ -77,11 +99,17 @@ class SkinSampler:
             return
         for f, approach in window.fingers.items():
             if not approach.near:
-                self._steppers[f].idle(len(chunk.times))
+                self._strides[f].idle(len(chunk.times))
                 self._records[f].nothing(len(chunk.times))
                 continue
-            for i in range(len(chunk.times)):
-                self._records[f].keep(self._steppers[f].step(approach, i))
+            for step in self._strides[f].steps(approach, len(chunk.times)):
+                self._records[f].keep(step)
+
+    def _end(self) -> None:
+        """Take in what is left at the end of the sweep."""
+        rest = None if self._cuts is None else self._cuts.rest()
+        if rest is not None:
+            self._add(rest)
 
     def solve_held(self, pad_contact: PadContact) -> Iterator[int]:
         """Solve the samples that were kept because something may be held in them; yield their number now and then.
@@ -89,6 +117,7 @@ class SkinSampler:
         Args:
             pad_contact: of the whole range: it knows when a body is held, and how it is accelerated.
         """
+        self._end()
         done = sum(len(t) for t in self._times) - sum(len(s.chunk.times) for s in self._kept)
         scene = self._scene
         met = {b for f, b in pad_contact.pairs if f in self._steppers}  # by others alone: nothing here carries it
@@ -123,6 +152,7 @@ class SkinSampler:
         Raises:
             DermisError: something may be held, and no contact of the pads tells whether it is.
         """
+        self._end()
         if self._kept:
             if pad_contact is None:
                 raise DermisError(
@@ -159,6 +189,7 @@ class SkinSampler:
             "skin_pairs_far": stepper.far,
             "skin_frames_idle": counters["idle"],
             "skin_frames_same": counters["same"] + counters["unchanged"],
+            "skin_frames_between": self._strides[f].between if f in self._strides else 0,
         }
         findings = stepper.findings + self._held_findings.get(f, ())
         return self._records[f].finished(stepper.skin, stepper.surface, times, frames, findings, skipped)

@@ -27,10 +27,14 @@ from .posed_scene import PosedScene
 from .proximity import Proximity
 from .sample_window import Approach
 from .skin_contact import SkinStep
-from .solver.bodies import AWAY, ContactBody
+from .solver.bodies import AWAY, ContactBody, NodeGaps
 from .solver.cone import SLIP, STICK
 from .solver.grip import GripStep
 from .solver.point_path import REACH, PointSolver
+
+# Of what is flat or gently curved, normals where skin is this near [m] differ from their mean by less than this cosine
+# says; so many places must say so.
+NEARBY, GENTLE, SEVERAL = 0.3e-3, 0.9, 12
 
 
 class SkinStepper:
@@ -69,6 +73,7 @@ class SkinStepper:
         self._scene = scene
         self._low, self._high = skin.positions.min(axis=0), skin.positions.max(axis=0)
         self._order: list[int] = []  # bodies it has ever been near; only ever grows
+        self._gaps: NodeGaps | None = None  # of the sample that was solved last
         self._radius = REACH if self.on_points else self.bone.solver.search_radius
 
     @property
@@ -160,6 +165,10 @@ class SkinStepper:
         known = [body for body in seen if body is not None]
         return known if known and len(known) == len(seen) else None
 
+    def settings(self, b: int) -> Array:
+        """Return a body's friction and stiffness at every sample of the chunk, see `PosedScene.settings`."""
+        return self._scene.settings(b)
+
     def place_of(self, b: int) -> int:
         """Return which of the bodies `around` the finger is body `b`."""
         return self._order.index(b)
@@ -183,9 +192,20 @@ class SkinStepper:
         """Whether contact is solved on points of the smooth skin."""
         return self.surface is not None
 
+    @property
+    def gentle(self) -> bool:
+        """Whether what was touched last is flat or gently curved: it faces the same way all about the touch."""
+        gaps = self._gaps
+        if gaps is None:
+            return False
+        normals = gaps.normal[(gaps.body >= 0) & (gaps.clearance < NEARBY)]
+        mean = normals.sum(axis=0)
+        return len(normals) >= SEVERAL and float((normals @ mean).min()) > GENTLE * float(np.sqrt(mean @ mean))
+
     def _taken(self, bone: BoneStep, frame: float) -> SkinStep:
         """Sum up a sample that was solved."""
         solution, solver = bone.step.solution, self.bone.solver
+        self._gaps = bone.step.gaps
         if self._coarse is not None:
             self._coarse.take(solution, frame)
         if self.surface is None or not isinstance(solver, PointSolver) or not solution.force.any():

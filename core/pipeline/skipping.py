@@ -1,8 +1,9 @@
 """What each part of the pipeline needs, and what it leaves out where a scene does not need it: one row a counter.
 
-What is left out changes no byte of a track, but for forces that still hold: a new solution would be another within the
-contact's tolerance. Who leaves something out counts it in `skipped` by a name of this table; panels and summaries show
-the counts in its words.
+What is left out changes no byte of a track, but for forces that still hold, where a new solution would be another
+within the contact's tolerance, and for forces between two solutions, which the benchmark `stride_force_error` judges.
+Who leaves something out counts it in `skipped` by a name of this table; panels and summaries show the counts in its
+words.
 """
 
 from __future__ import annotations
@@ -50,6 +51,12 @@ SKIPPED: Mapping[str, Skip] = {
     "skin_frames_idle": Skip("contact", "forces on the skin", "nothing is near", "samples of a skin with nothing near"),
     "skin_frames_same": Skip(
         "frames", "forces on the skin", "nothing has moved, or the last ones still hold", "samples of a skin as before"
+    ),
+    "skin_frames_between": Skip(
+        "frames",
+        "forces on the skin",
+        "the finger goes straight on over what is flat or gently curved",
+        "samples of a skin between two that were solved",
     ),
     "slopes_untouched": Skip(
         "gradient", "slope of a screen's map", "the finger is not on it", "samples of a finger that is on no screen"

@@ -131,7 +131,9 @@ def idle_finger() -> Result:
     vertices, triangles = even_sphere(22, 0.02)
     ball = Mesh(vertices, triangles.astype(np.int32))
     bodies = tuple(Body(f"ball {i}", ball, {"friction": MU}) for i in range(5))
-    scene = TactileScene("idle", Fraction(24), (1, 100), RATE, (Finger("index"),), bodies, (), ())
+    scene = TactileScene(
+        "idle", Fraction(24), (1, 100), RATE, (Finger("index", (), {"solved_at": "samples"}),), bodies, (), ()
+    )
     per_frame = {}
     for size in (64, 1):
         sampler = SkinSampler(scene, {0: _skin("standard")})

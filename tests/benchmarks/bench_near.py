@@ -96,7 +96,9 @@ def _sliding(mesh: Any, count: int = 0, depth: float = DEPTH, flying: bool = Fal
     box = Mesh(*_box(20, 4e-3))
     bodies = [Body("ground", mesh, {"friction": MU})]
     bodies += [Body(f"box {i}", Mesh(box.vertices.copy(), box.triangles), {"friction": MU}) for i in range(count)]
-    scene = TactileScene("near", Fraction(24), (1, 100), RATE, (Finger("index"),), tuple(bodies), (), ())
+    scene = TactileScene(
+        "near", Fraction(24), (1, 100), RATE, (Finger("index", (), {"solved_at": "samples"}),), tuple(bodies), (), ()
+    )
     sampler = SkinSampler(scene, {0: skin})
     poses = np.tile(np.eye(4), (1 + count, CHUNK, 1, 1))
     for i in range(count):  # on either side, one behind the other

@@ -166,7 +166,7 @@ def pressed(surface: Any, place: Array, setting: Setting, shapes: Sequence[Mesh]
 
     rigid = None if shapes else Mesh(surface.vertices, surface.triangles)
     body = Body("shape", rigid, {"friction": 0.0})
-    finger = Finger("finger", (), {"contact": setting.contact})
+    finger = Finger("finger", (), {"contact": setting.contact, "solved_at": "samples"})
     scene = TactileScene("shapes", Fraction(24), (1, 100), RATE, (finger,), (body,), (), ())
     limits = {name: setting.coarser * getattr(point_tree, name) for name in ("TURNED", "BENT")}
     times = []

@@ -79,7 +79,7 @@ def _drawn(surface: Any, setting: Setting, rate: float) -> tuple[Array, list[flo
     from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
 
     body = Body("shape", Mesh(surface.vertices, surface.triangles), {"friction": MU})
-    finger = Finger("finger", (), {"contact": setting.contact})
+    finger = Finger("finger", (), {"contact": setting.contact, "solved_at": "samples"})
     scene = TactileScene("sliding", Fraction(24), (1, 100), rate, (finger,), (body,), (), ())
     limits = {name: setting.coarser * getattr(point_tree, name) for name in ("TURNED", "BENT")}
     times = []

@@ -1,0 +1,176 @@
+"""Strides: of the samples of a sweep, those that contact is solved at; between them it goes in a straight line.
+
+What a skin feels depends on the way that things move, not on how long that takes. A sweep has samples for its devices,
+hundreds a second, and between two a hand moves by some hundredths of a millimetre. So where all that is near a finger
+goes straight on, contact is solved a few samples further, and the forces between lie on the line between the two
+solutions. Where something comes, goes, turns back, deforms or changes its friction, where it is sharp or small, and
+where the touch is less deep than the stride is long, every sample is solved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Array
+from ..motion import singular
+from .between import between
+from .sample_window import Approach
+from .skin_contact import SkinStep
+from .skin_stepper import SkinStepper
+from .solver.sub_steps import PRESSING
+
+# A stride takes no longer than this [s], and leads no farther [m]: a quarter of the spacing that skin is solved at.
+LONGEST, FARTHEST = 1 / 60, 0.2e-3
+# So much of the touch's depth may a way bend to the side: the force of a ball goes by the depth to 3/2, so this is half
+# a per cent of it, to which contact is solved.
+BENT = 1 / 300
+
+
+def longest(rate: float) -> int:
+    """Return how many samples a stride has at most, at a rate [1/s]: a power of two."""
+    count = 1
+    while 2 * count <= LONGEST * rate * (1.0 + 1e-9):
+        count *= 2
+    return count
+
+
+class Stride(NamedTuple):
+    """A way that may be gone at once.
+
+    Attributes:
+        shares: of the way, at each of its samples. travel: its length [m]. bent: how far it leaves a line [m].
+    """
+
+    shares: list[float]
+    travel: float
+    bent: float
+
+
+class _Ways(NamedTuple):
+    """The bodies near a finger, in the samples of a chunk and in the one before it.
+
+    Attributes:
+        bodies: which, shape (b,). near: whether they are, shape (b, n + 1).
+        corners: of the pad's box in their axes, shape (b, n + 1, 8, 3). linear: of these, seen from the finger, shape
+            (b, n + 1, 3, 3).
+        settings: friction and stiffness, shape (b, n + 1, 2), nan where they deform.
+    """
+
+    bodies: list[int]
+    near: NDArray[np.bool_]
+    corners: Array
+    linear: Array
+    settings: Array
+
+
+_SHAPES = (8, 3), (3, 3), (2,)  # of corners, linear maps and settings in each sample
+
+
+class Strides:
+    """Leads one finger's stepper through the chunks of a sweep.
+
+    Args:
+        stepper: of the finger. count: how many samples a stride has at most, a power of two.
+
+    Attributes:
+        count: the same. between: how many samples were not solved.
+    """
+
+    def __init__(self, stepper: SkinStepper, count: int) -> None:
+        self._stepper, self.count = stepper, count
+        low, high = stepper.skin.positions.min(axis=0), stepper.skin.positions.max(axis=0)
+        self._box = np.array([np.where([i & 1, i & 2, i & 4], high, low) for i in range(8)])
+        self._last: SkinStep | None = None  # what was solved last
+        self._before = _Ways([], np.zeros((0, 1), bool), *(np.zeros((0, 1, *shape)) for shape in _SHAPES))
+        self._number = 0  # of the next sample
+        self.between = 0
+
+    def idle(self, count: int) -> None:
+        """Take samples in which nothing is near."""
+        self._stepper.idle(count)
+        self._last, self._number = None, self._number + count
+
+    def steps(self, approach: Approach, count: int) -> Iterator[SkinStep]:
+        """Yield what is felt at each of a chunk's samples; every chunk but the last ends where strides may end."""
+        strides, i = self._strides(approach, count), 0
+        while i < count:
+            last = self._last
+            if last is None or (stride := self._chosen(last, strides[i])) is None:
+                self._last = self._stepper.step(approach, i)
+                i += 1
+            else:
+                i += len(stride.shares)
+                self._last = self._stepper.step(approach, i - 1)
+                yield from (between(last, self._last, share) for share in stride.shares[:-1])
+                self.between += len(stride.shares) - 1
+            yield self._last
+        self._number += count
+
+    def _chosen(self, last: SkinStep, strides: list[Stride]) -> Stride | None:
+        """Return the longest stride that is short against a touch of what is flat or gently curved."""
+        if not strides or not last.converged or not last.force.any() or not self._stepper.gentle:
+            return None
+        far, bent = min(FARTHEST, last.depth), BENT * last.depth
+        return next((stride for stride in strides if stride.travel <= far and stride.bent <= bent), None)
+
+    def _strides(self, approach: Approach, count: int) -> list[list[Stride]]:
+        """Return the strides that may begin with each sample, longest first."""
+        found: list[list[Stride]] = [[] for _ in range(count)]
+        if self.count == 1:
+            return found
+        ways, n = self._ways(approach, count), self.count
+        here = ways.near[:, -1]
+        at_last = (rows[here, -1:] for rows in ways[1:])
+        self._before = _Ways([b for b, is_near in zip(ways.bodies, here, strict=True) if is_near], *at_last)
+        while n > 1:
+            starts = np.arange((1 - self._number) % n, count - n + 1, n)  # the sample before is a multiple of n
+            shares, travel, bent = _straight(ways, starts[:, None] + np.arange(n + 1))
+            for k in np.flatnonzero((travel > 0.0) & (travel <= FARTHEST)).tolist():
+                found[starts[k]].append(Stride(shares[k, 1:].tolist(), float(travel[k]), float(bent[k])))
+            n //= 2
+        return found
+
+    def _ways(self, approach: Approach, count: int) -> _Ways:
+        """Return how all moves that is near in a chunk, or was at the sample before it."""
+        bodies = sorted({*approach.near, *self._before.bodies})
+        near = np.zeros((len(bodies), count + 1), bool)
+        corners, linear, settings = (np.full((*near.shape, *shape), np.nan) for shape in _SHAPES)
+        for k, b in enumerate(bodies):
+            if b in self._before.bodies:
+                old = self._before.bodies.index(b)
+                for rows, before in zip((near, corners, linear, settings), self._before[1:], strict=True):
+                    rows[k, 0] = before[old, 0]
+            if b in approach.near:
+                near[k, 1:], settings[k, 1:] = approach.near[b], self._stepper.settings(b)
+                linear[k, 1:], place = approach.poses[b]
+                fine = np.flatnonzero(~singular(linear[k, 1:]))
+                inverse = np.linalg.inv(linear[k, 1 + fine])
+                corners[k, 1 + fine] = np.einsum("nij,nkj->nki", inverse, self._box - place[fine, None])
+        return _Ways(bodies, near, corners, linear, settings)
+
+
+def _straight(ways: _Ways, rows: NDArray[np.intp]) -> tuple[Array, Array, Array]:
+    """Return shares of some ways at their samples (k, n + 1), their lengths and how far they leave a line [m], (k,).
+
+    A length is inf where something comes or goes, deforms, changes its settings, or presses too far for one step.
+
+    Args:
+        rows: of the ways, one after the other, shape (k, n + 1).
+    """
+    near, settings, first = ways.near[:, rows], ways.settings[:, rows], rows[:, :1]
+    alike = near.all(axis=2) & (settings == settings[:, :, :1]).all(axis=(2, 3))
+    there = near.any(axis=2)
+    moved = np.einsum("bkxij,bkncj->bknci", ways.linear[:, first], ways.corners[:, rows] - ways.corners[:, first])
+    moved = np.where(there[:, :, None, None, None], moved, 0.0)
+    whole = moved[:, :, -1:]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        shares = np.clip((moved * whole).sum(axis=(0, 3, 4)) / (whole**2).sum(axis=(0, 3, 4)), 0.0, 1.0)
+        bent = np.abs(moved - shares[:, :, None, None] * whole).max(axis=(0, 2, 3, 4), initial=0.0)
+        travel = np.sqrt((whole**2).sum(axis=4)).max(axis=(0, 2, 3), initial=0.0)
+        pressed = np.abs(whole[..., 2]).max(axis=(0, 2, 3), initial=0.0)
+    fits = (alike | ~there).all(axis=0) & np.isfinite(bent) & (pressed <= PRESSING)
+    return shares, np.where(fits, travel, np.inf), bent

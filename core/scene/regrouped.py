@@ -1,0 +1,66 @@
+"""Chunks cut anew, so that what works on several samples at once does not depend on where a sweep was cut."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from .tactile_scene import Chunk
+
+
+class Regrouped:
+    """Chunks whose last samples have numbers, from 0 on in the sweep, that are multiples of some count.
+
+    Args:
+        every: the count; with 1 chunks stay as they come.
+    """
+
+    def __init__(self, every: int) -> None:
+        self._every = every
+        self._first = 0  # number of the first sample that is left
+        self._left: Chunk | None = None
+
+    def take(self, chunk: Chunk) -> Chunk | None:
+        """Take the next samples; return all up to the last such number, None where there is none among them."""
+        whole = chunk if self._left is None else joined(self._left, chunk)
+        count = len(whole.times)
+        end = max((self._first + count - 1) // self._every * self._every + 1 - self._first, 0)
+        self._left = None if end == count else part(whole, slice(end, count))
+        self._first += end
+        if end == count:
+            return whole
+        return part(whole, slice(0, end)) if end else None
+
+    def rest(self) -> Chunk | None:
+        """Return what is left at the end, once."""
+        left, self._left = self._left, None
+        return left
+
+
+def part(chunk: Chunk, rows: slice) -> Chunk:
+    """Return some consecutive samples of a chunk."""
+    return replace(
+        chunk,
+        frames=chunk.frames[rows],
+        times=chunk.times[rows],
+        fingers=chunk.fingers[:, rows],
+        bodies=chunk.bodies[:, rows],
+        screens=chunk.screens[:, rows],
+        surfaces={b: meshes[rows] for b, meshes in chunk.surfaces.items()},
+        animated={name: values[rows] for name, values in chunk.animated.items()},
+    )
+
+
+def joined(a: Chunk, b: Chunk) -> Chunk:
+    """Return two chunks, one after the other, as one."""
+    return replace(
+        b,
+        frames=np.concatenate([a.frames, b.frames]),
+        times=np.concatenate([a.times, b.times]),
+        fingers=np.concatenate([a.fingers, b.fingers], axis=1),
+        bodies=np.concatenate([a.bodies, b.bodies], axis=1),
+        screens=np.concatenate([a.screens, b.screens], axis=1),
+        surfaces={body: (*a.surfaces[body], *meshes) for body, meshes in b.surfaces.items()},
+        animated={name: np.concatenate([a.animated[name], values]) for name, values in b.animated.items()},
+    )

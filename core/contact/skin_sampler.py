@@ -71,17 +71,17 @@ class SkinSampler:
             return
         if self._cuts is None:
             self._cuts = self._begun(chunk)
-        whole = self._cuts.take(chunk)
-        if whole is not None:
+        for whole in self._cuts.take(chunk):
             self._add(whole)
 
     def _begun(self, chunk: Chunk) -> Regrouped:
         """Look at what the first chunk tells of the whole sweep; return how it is cut."""
-        # balanced samples are solved one by one, and so are all others then: cuts must not decide which
         holds = any(can_be_held(self._scene, b, chunk.animated) for b in range(len(self._scene.bodies)))
         # points of the smooth skin cannot hold: whether a finger does must be known before its first sample
         self._waits = holds and any(stepper.on_points for stepper in self._steppers.values())
-        most = 1 if holds else longest(self._scene.rate)
+        # what is held is balanced sample by sample; at nodes it is not known from the start who holds, and cuts must
+        # not decide
+        most = 1 if holds and not self._waits else longest(self._scene.rate)
         for f, stepper in self._steppers.items():
             every = SKIN_CONTACT["solved_at"].of(self._scene.fingers[f].parameters, stepper.name) == "samples"
             self._strides[f] = Strides(stepper, 1 if every else most)
@@ -107,8 +107,7 @@ class SkinSampler:
 
     def _end(self) -> None:
         """Take in what is left at the end of the sweep."""
-        rest = None if self._cuts is None else self._cuts.rest()
-        if rest is not None:
+        for rest in [] if self._cuts is None else self._cuts.rest():
             self._add(rest)
 
     def solve_held(self, pad_contact: PadContact) -> Iterator[int]:
@@ -130,8 +129,10 @@ class SkinSampler:
         while self._kept:
             window = self._kept.pop(0)
             self._posed.take(window.chunk)
-            for i in range(len(window.chunk.times)):
-                steps = held.step(window, i, done)
+            count = len(window.chunk.times)
+            free = {f: self._strides[f].steps(window.fingers[f], count) for f in self._steppers.keys() - on_nodes}
+            for i in range(count):
+                steps = held.step(window, i, done) | {f: next(ahead) for f, ahead in free.items()}
                 for f, stepper in self._steppers.items():
                     self._records[f].keep(steps[f] if f in steps else stepper.step(window.fingers[f], i))
                 done += 1

@@ -21,6 +21,7 @@ from ..scene.tactile_scene import Finger
 from ..skin.model import SkinModel
 from ..skin.point_forces import PointForces
 from ..skin.surface_store import no_smooth_pad, smooth_pad
+from ..surface.gap import Surface
 from .coarse_touches import CoarseTouches
 from .compliant_bone import BoneStep, CompliantBone, touch_depth
 from .posed_scene import PosedScene
@@ -194,13 +195,16 @@ class SkinStepper:
 
     @property
     def gentle(self) -> bool:
-        """Whether what was touched last is flat or gently curved: it faces the same way all about the touch."""
+        """Whether what was touched last is flat or gently curved: one piece that faces the same way all about."""
         gaps = self._gaps
-        if gaps is None:
+        near = np.zeros(0, np.intp) if gaps is None else np.flatnonzero((gaps.body >= 0) & (gaps.clearance < NEARBY))
+        if gaps is None or len(near) < SEVERAL:
             return False
-        normals = gaps.normal[(gaps.body >= 0) & (gaps.clearance < NEARBY)]
-        mean = normals.sum(axis=0)
-        return len(normals) >= SEVERAL and float((normals @ mean).min()) > GENTLE * float(np.sqrt(mean @ mean))
+        normals, bodies = gaps.normal[near], gaps.body[near]
+        mean, surface = normals.sum(axis=0), gaps.bodies[bodies[0]].surface
+        if (bodies != bodies[0]).any() or (normals @ mean).min() <= GENTLE * np.sqrt(mean @ mean):
+            return False
+        return not isinstance(surface, Surface) or len(np.unique(surface.pieces[gaps.triangle[near]])) == 1
 
     def _taken(self, bone: BoneStep, frame: float) -> SkinStep:
         """Sum up a sample that was solved."""

@@ -97,22 +97,35 @@ class Strides:
     def steps(self, approach: Approach, count: int) -> Iterator[SkinStep]:
         """Yield what is felt at each of a chunk's samples; every chunk but the last ends where strides may end."""
         strides, i = self._strides(approach, count), 0
+        self._number += count
         while i < count:
             last = self._last
-            if last is None or (stride := self._chosen(last, strides[i])) is None:
+            stride = None if last is None else self._chosen(last, strides[i])
+            if last is None or stride is None:
                 self._last = self._stepper.step(approach, i)
+                yield self._last
                 i += 1
-            else:
-                i += len(stride.shares)
-                self._last = self._stepper.step(approach, i - 1)
-                yield from (between(last, self._last, share) for share in stride.shares[:-1])
-                self.between += len(stride.shares) - 1
-            yield self._last
-        self._number += count
+                continue
+            shares, state = stride.shares, self._stepper.save()
+            self._last = self._stepper.step(approach, i + len(shares) - 1)
+            if self._smooth(self._last):
+                self.between += len(shares) - 1
+                yield from (between(last, self._last, share) for share in shares[:-1])
+                yield self._last
+            else:  # an edge or a bump has come meanwhile, or skin has come off
+                self._stepper.restore(state)
+                for k in range(len(shares)):
+                    self._last = self._stepper.step(approach, i + k)
+                    yield self._last
+            i += len(shares)
+
+    def _smooth(self, step: SkinStep) -> bool:
+        """Return whether a sample that was just solved is a touch of what is flat or gently curved."""
+        return step.converged and bool(step.force.any()) and self._stepper.gentle
 
     def _chosen(self, last: SkinStep, strides: list[Stride]) -> Stride | None:
         """Return the longest stride that is short against a touch of what is flat or gently curved."""
-        if not strides or not last.converged or not last.force.any() or not self._stepper.gentle:
+        if not strides or not self._smooth(last):
             return None
         far, bent = min(FARTHEST, last.depth), BENT * last.depth
         return next((stride for stride in strides if stride.travel <= far and stride.bent <= bent), None)
@@ -123,6 +136,8 @@ class Strides:
         if self.count == 1:
             return found
         ways, n = self._ways(approach, count), self.count
+        if not ways.bodies:
+            return found
         here = ways.near[:, -1]
         at_last = (rows[here, -1:] for rows in ways[1:])
         self._before = _Ways([b for b, is_near in zip(ways.bodies, here, strict=True) if is_near], *at_last)

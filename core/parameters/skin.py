@@ -200,8 +200,8 @@ SKIN_CONTACT = table(
             ),
             ("samples", "Every Sample", "However little moves between two"),
         ),
-        note="what something that can be held touches is solved at every sample, and so are all fingers of its scene; "
-        "a preview solves the frames that it shows",
+        note="fingers that hold something are solved at every sample, and so are those at the mesh's nodes in scenes "
+        "where something could be held; a preview solves the frames that it shows",
     ),
     Parameter(
         name="depth_mode",

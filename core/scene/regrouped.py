@@ -21,21 +21,32 @@ class Regrouped:
         self._first = 0  # number of the first sample that is left
         self._left: Chunk | None = None
 
-    def take(self, chunk: Chunk) -> Chunk | None:
-        """Take the next samples; return all up to the last such number, None where there is none among them."""
+    def take(self, chunk: Chunk) -> list[Chunk]:
+        """Take the next samples; return all up to the last such number: most often one chunk, or none."""
+        before = [] if self._left is None or _alike(self._left, chunk) else [self._ended()]
         whole = chunk if self._left is None else joined(self._left, chunk)
         count = len(whole.times)
         end = max((self._first + count - 1) // self._every * self._every + 1 - self._first, 0)
         self._left = None if end == count else part(whole, slice(end, count))
         self._first += end
         if end == count:
-            return whole
-        return part(whole, slice(0, end)) if end else None
+            return [*before, whole]
+        return [*before, part(whole, slice(0, end))] if end else before
 
-    def rest(self) -> Chunk | None:
+    def rest(self) -> list[Chunk]:
         """Return what is left at the end, once."""
+        return [] if self._left is None else [self._ended()]
+
+    def _ended(self) -> Chunk:
         left, self._left = self._left, None
+        assert left is not None
+        self._first += len(left.times)
         return left
+
+
+def _alike(a: Chunk, b: Chunk) -> bool:
+    """Return whether two chunks tell of the same things, and can be one."""
+    return a.surfaces.keys() == b.surfaces.keys() and a.animated.keys() == b.animated.keys()
 
 
 def part(chunk: Chunk, rows: slice) -> Chunk:

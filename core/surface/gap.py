@@ -28,6 +28,7 @@ from . import shapes
 from .gap_query import GapQuery
 from .nearest import Nearest, TriangleSpheres, nearest
 from .normals import SurfaceNormals
+from .pieces import pieces
 from .planes import Planes
 from .topology import BOUNDARY, IRREGULAR, REGULAR, Topology, topology_of
 from .tree import TriangleTree
@@ -252,6 +253,11 @@ class Surface:
     def planes(self) -> Planes:
         """Its planes and their rims."""
         return Planes.of(self.table, self.topology)
+
+    @cached_property
+    def pieces(self) -> Indices:
+        """Which piece without a crease each triangle belongs to, shape (T,)."""
+        return pieces(self.table, self.topology)
 
     @cached_property
     def _normals(self) -> SurfaceNormals:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import Array, Indices
+from .pieces import pieces
 from .topology import Topology
 from .triangles import TriangleTable
 
@@ -33,15 +34,8 @@ class Planes(NamedTuple):
     @classmethod
     def of(cls, table: TriangleTable, topology: Topology) -> Planes:
         """Find the planes."""
-        from scipy.sparse import coo_matrix
-        from scipy.sparse.csgraph import connected_components
-
         normals, across = table.bounds[3:6].T, topology.across
-        count = len(across)
-        level = (across >= 0) & (np.einsum("tk,tek->te", normals, normals[across]) > 1.0 - LEVEL)
-        triangle, edge = level.nonzero()
-        joined = coo_matrix((np.ones(len(triangle), bool), (triangle, across[triangle, edge])), shape=(count, count))
-        _, plane = connected_components(joined, directed=False)
+        plane = pieces(table, topology, 1.0 - LEVEL)
         one = np.unique(plane, return_index=True)[1][plane]  # a triangle of the same plane
         bent = plane[~(np.einsum("tk,tk->t", normals, normals[one]) > 1.0 - LEVEL)]  # level step by step alone
         long = np.flatnonzero(np.bincount(plane[_rims(plane, across)[0]]) > MOST)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -25,11 +26,11 @@ def whole() -> Chunk:
 @pytest.mark.parametrize("cuts", [(), (1,), (5, 6, 13), tuple(range(1, COUNT))], ids=str)
 def test_every_chunk_but_the_last_ends_at_a_multiple(every: int, cuts: tuple[int, ...]) -> None:
     chunk, regrouped = whole(), Regrouped(every)
-    given = [regrouped.take(part(chunk, slice(i, j))) for i, j in pairwise([0, *cuts, COUNT])]
-    made = [one for one in [*given, regrouped.rest()] if one is not None]
+    made = [one for i, j in pairwise([0, *cuts, COUNT]) for one in regrouped.take(part(chunk, slice(i, j)))]
+    made += regrouped.rest()
     ends = np.cumsum([len(one.times) for one in made]) - 1
     assert (ends[:-1] % every == 0).all() and ends[-1] == COUNT - 1
-    assert regrouped.rest() is None
+    assert regrouped.rest() == []
     again = made[0]
     for one in made[1:]:
         again = joined(again, one)
@@ -41,4 +42,12 @@ def test_every_chunk_but_the_last_ends_at_a_multiple(every: int, cuts: tuple[int
 
 def test_chunks_that_end_well_are_passed_on_as_they_are() -> None:
     chunk, regrouped = whole(), Regrouped(2)
-    assert regrouped.take(chunk) is chunk and regrouped.rest() is None
+    [same] = regrouped.take(chunk)
+    assert same is chunk and regrouped.rest() == []
+
+
+def test_chunks_that_tell_of_other_things_stay_apart() -> None:
+    chunk, regrouped = whole(), Regrouped(16)
+    first, second = part(chunk, slice(0, 6)), replace(part(chunk, slice(6, COUNT)), surfaces={}, animated={})
+    made = [*regrouped.take(first), *regrouped.take(second), *regrouped.rest()]
+    assert [len(one.times) for one in made] == [1, 5, 11, 6] and [len(one.surfaces) for one in made] == [1, 1, 0, 0]

@@ -48,6 +48,6 @@ def _points(a: PointForces | None, b: PointForces | None, share: float) -> Point
 
 def _amounts(a: Array | None, b: Array | None, share: float) -> Array | None:
     """Return what is kept of tissue that stiffens; who feels nothing keeps nothing."""
-    if a is None or b is None:
-        return None if a is b else (1.0 - share) * a if b is None else share * b  # type: ignore[operator]
-    return (1.0 - share) * a + share * b
+    if a is None:
+        return None if b is None else np.asarray(share * b)
+    return np.asarray((1.0 - share) * a + (0.0 if b is None else share * b))

@@ -4,7 +4,8 @@ What a skin feels depends on the way that things move, not on how long that take
 hundreds a second, and between two a hand moves by some hundredths of a millimetre. So where all that is near a finger
 goes straight on, contact is solved a few samples further, and the forces between lie on the line between the two
 solutions. Where something comes, goes, turns back, deforms or changes its friction, where it is sharp or small, and
-where the touch is less deep than the stride is long, every sample is solved.
+where the touch is less deep than the stride is long, every sample is solved; where a stride ends on what its beginning
+did not know of, it is gone back for.
 """
 
 from __future__ import annotations
@@ -66,8 +67,20 @@ class _Ways(NamedTuple):
     linear: Array
     settings: Array
 
+    @classmethod
+    def of(cls, bodies: list[int], count: int) -> _Ways:
+        """Return those of bodies of which nothing is known yet, in so many samples and the one before."""
+        corners, linear, settings = (
+            np.full((len(bodies), count + 1, *shape), np.nan) for shape in ((8, 3), (3, 3), (2,))
+        )
+        return cls(bodies, np.zeros((len(bodies), count + 1), bool), corners, linear, settings)
 
-_SHAPES = (8, 3), (3, 3), (2,)  # of corners, linear maps and settings in each sample
+    def at_last(self) -> _Ways:
+        """Return what is near at the last sample, in that alone."""
+        here = self.near[:, -1]
+        bodies = [b for b, is_near in zip(self.bodies, here.tolist(), strict=True) if is_near]
+        rows = self.corners[here, -1:], self.linear[here, -1:], self.settings[here, -1:]
+        return _Ways(bodies, self.near[here, -1:], *rows)
 
 
 class Strides:
@@ -85,14 +98,14 @@ class Strides:
         low, high = stepper.skin.positions.min(axis=0), stepper.skin.positions.max(axis=0)
         self._box = np.array([np.where([i & 1, i & 2, i & 4], high, low) for i in range(8)])
         self._last: SkinStep | None = None  # what was solved last
-        self._before = _Ways([], np.zeros((0, 1), bool), *(np.zeros((0, 1, *shape)) for shape in _SHAPES))
+        self._before = _Ways.of([], 0)
         self._number = 0  # of the next sample
         self.between = 0
 
     def idle(self, count: int) -> None:
         """Take samples in which nothing is near."""
         self._stepper.idle(count)
-        self._last, self._number = None, self._number + count
+        self._last, self._before, self._number = None, _Ways.of([], 0), self._number + count
 
     def steps(self, approach: Approach, count: int) -> Iterator[SkinStep]:
         """Yield what is felt at each of a chunk's samples; every chunk but the last ends where strides may end."""
@@ -138,9 +151,7 @@ class Strides:
         ways, n = self._ways(approach, count), self.count
         if not ways.bodies:
             return found
-        here = ways.near[:, -1]
-        at_last = (rows[here, -1:] for rows in ways[1:])
-        self._before = _Ways([b for b, is_near in zip(ways.bodies, here, strict=True) if is_near], *at_last)
+        self._before = ways.at_last()
         while n > 1:
             starts = np.arange((1 - self._number) % n, count - n + 1, n)  # the sample before is a multiple of n
             shares, travel, bent = _straight(ways, starts[:, None] + np.arange(n + 1))
@@ -151,21 +162,24 @@ class Strides:
 
     def _ways(self, approach: Approach, count: int) -> _Ways:
         """Return how all moves that is near in a chunk, or was at the sample before it."""
-        bodies = sorted({*approach.near, *self._before.bodies})
-        near = np.zeros((len(bodies), count + 1), bool)
-        corners, linear, settings = (np.full((*near.shape, *shape), np.nan) for shape in _SHAPES)
-        for k, b in enumerate(bodies):
+        ways = _Ways.of(sorted({*approach.near, *self._before.bodies}), count)
+        _, near, corners, linear, settings = ways
+        for k, b in enumerate(ways.bodies):
             if b in self._before.bodies:
-                old = self._before.bodies.index(b)
-                for rows, before in zip((near, corners, linear, settings), self._before[1:], strict=True):
-                    rows[k, 0] = before[old, 0]
+                old, before = self._before.bodies.index(b), self._before
+                near[k, 0], corners[k, 0], linear[k, 0], settings[k, 0] = (
+                    before.near[old, 0],
+                    before.corners[old, 0],
+                    before.linear[old, 0],
+                    before.settings[old, 0],
+                )
             if b in approach.near:
                 near[k, 1:], settings[k, 1:] = approach.near[b], self._stepper.settings(b)
                 linear[k, 1:], place = approach.poses[b]
                 fine = np.flatnonzero(~singular(linear[k, 1:]))
                 inverse = np.linalg.inv(linear[k, 1 + fine])
                 corners[k, 1 + fine] = np.einsum("nij,nkj->nki", inverse, self._box - place[fine, None])
-        return _Ways(bodies, near, corners, linear, settings)
+        return ways
 
 
 def _straight(ways: _Ways, rows: NDArray[np.intp]) -> tuple[Array, Array, Array]:
@@ -177,8 +191,8 @@ def _straight(ways: _Ways, rows: NDArray[np.intp]) -> tuple[Array, Array, Array]
         rows: of the ways, one after the other, shape (k, n + 1).
     """
     near, settings, first = ways.near[:, rows], ways.settings[:, rows], rows[:, :1]
+    there = np.asarray(near.any(axis=2))
     alike = near.all(axis=2) & (settings == settings[:, :, :1]).all(axis=(2, 3))
-    there = near.any(axis=2)
     moved = np.einsum("bkxij,bkncj->bknci", ways.linear[:, first], ways.corners[:, rows] - ways.corners[:, first])
     moved = np.where(there[:, :, None, None, None], moved, 0.0)
     whole = moved[:, :, -1:]

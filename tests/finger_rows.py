@@ -20,9 +20,11 @@ RATE, COUNT = 60, 26
 DRAFT = {"skin_level": "draft"}
 
 
-def scene_of(fingers: list[Finger], bodies: list[Body], depths: Array, apart: float = 40e-3) -> TactileScene:
+def scene_of(
+    fingers: list[Finger], bodies: list[Body], depths: Array, apart: float = 40e-3, rate: int = RATE
+) -> TactileScene:
     """Return fingers in a row, each above a block of its own, or above the only one, that press into it."""
-    times = np.arange(COUNT) / RATE
+    times = np.arange(COUNT) / rate
     poses = np.tile(np.eye(4), (len(fingers), COUNT, 1, 1))
     blocks = np.tile(np.eye(4), (len(bodies), COUNT, 1, 1))
     poses[:, :, 0, 3] = apart * np.arange(len(fingers))[:, None]
@@ -30,14 +32,18 @@ def scene_of(fingers: list[Finger], bodies: list[Body], depths: Array, apart: fl
     for pose, depth in zip(poses, depths, strict=True):
         pose[:, 2, 3] = 20e-3 - depth * np.sin(np.pi * np.arange(COUNT) / (COUNT - 1))
     cuts = [slice(i, i + 10) for i in range(0, COUNT, 10)]
-    chunks = [Chunk(times[c] * RATE, times[c], poses[:, c], blocks[:, c], poses[:0, c]) for c in cuts]
+    chunks = [Chunk(times[c] * rate, times[c], poses[:, c], blocks[:, c], poses[:0, c]) for c in cuts]
     return TactileScene(
-        "row", Fraction(RATE), (0, COUNT - 1), RATE, tuple(fingers), tuple(bodies), (), chunks, findings=()
+        "row", Fraction(rate), (0, COUNT - 1), rate, tuple(fingers), tuple(bodies), (), chunks, findings=()
     )
 
 
-def three(first: str = "haptip") -> TactileScene:
-    """Return fingers with a device, with pins and a shear tactor, and with a shear tactor and a skin that is shown."""
+def three(first: str = "haptip", deep: float = 1.0, rate: int = RATE) -> TactileScene:
+    """Return fingers with a device, with pins and a shear tactor, and with a shear tactor and a skin that is shown.
+
+    Args:
+        deep: how deep they press, over the usual.
+    """
     block = Surface.block(30e-3, 30e-3, 20e-3).mesh
     lifted = replace(block, vertices=block.vertices + [0.0, 0.0, 20e-3 - block.vertices[:, 2].max()])
     fingers = [
@@ -46,7 +52,7 @@ def three(first: str = "haptip") -> TactileScene:
         Finger("Ring", (DeviceUse("haptip"),), {**DRAFT, "skin_shown": True}),
     ]
     bodies = [Body(f"block {i}", lifted, {"friction": 0.4}) for i in range(3)]
-    return scene_of(fingers, bodies, np.array([1e-3, 0.8e-3, 6e-3]))
+    return scene_of(fingers, bodies, deep * np.array([1e-3, 0.8e-3, 6e-3]), rate=rate)
 
 
 @cache

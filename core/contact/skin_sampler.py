@@ -18,7 +18,6 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import DermisError, Finding
-from ..parameters.skin import SKIN_CONTACT
 from ..scene.regrouped import Regrouped
 from ..scene.tactile_scene import Chunk, TactileScene
 from ..skin.model import SkinModel
@@ -79,12 +78,8 @@ class SkinSampler:
         holds = any(can_be_held(self._scene, b, chunk.animated) for b in range(len(self._scene.bodies)))
         # points of the smooth skin cannot hold: whether a finger does must be known before its first sample
         self._waits = holds and any(stepper.on_points for stepper in self._steppers.values())
-        # what is held is balanced sample by sample; at nodes it is not known from the start who holds, and cuts must
-        # not decide
-        most = 1 if holds and not self._waits else longest(self._scene.rate)
         for f, stepper in self._steppers.items():
-            every = SKIN_CONTACT["solved_at"].of(self._scene.fingers[f].parameters, stepper.name) == "samples"
-            self._strides[f] = Strides(stepper, 1 if every else most)
+            self._strides[f] = Strides(stepper, longest(self._scene.rate) if stepper.strides else 1)
         return Regrouped(max((strides.count for strides in self._strides.values()), default=1))
 
     def _add(self, chunk: Chunk) -> None:

@@ -51,6 +51,7 @@ class SkinStepper:
     Attributes:
         far: pairs of a body and a sample that the broad phase skipped.
         surface: the smooth pad whose points contact is solved on; None where it is solved at nodes.
+        strides: whether samples may lie on a line between two that are solved, see `Strides`.
 
     Raises:
         DermisError: a touch depth that is unknown, or a spring or force limit that is not above zero.
@@ -63,6 +64,9 @@ class SkinStepper:
         self._finger, self._tolerance = finger, tolerance
         wanted = SKIN_CONTACT["contact"].of(finger.parameters, self.name) == "points"
         self.surface = smooth_pad(skin) if wanted else None
+        # few nodes carry a touch, and others from sample to sample; at a force limit the bone gives way all at once
+        solved_at, mode = (SKIN_CONTACT[name].of(finger.parameters, self.name) for name in ("solved_at", "depth_mode"))
+        self.strides = self.surface is not None and solved_at == "way" and mode == "animated"
         self._told: tuple[Finding, ...] = ()
         if wanted and self.surface is None:
             self._told += (no_smooth_pad(skin, self.name),)

@@ -27,8 +27,9 @@ from .solver.sub_steps import PRESSING
 # A stride takes no longer than this [s], and leads no farther [m]: a quarter of the spacing that skin is solved at.
 LONGEST, FARTHEST = 1 / 60, 0.2e-3
 # So much of the touch's depth may a way bend to the side: the force of a ball goes by the depth to 3/2, so this is half
-# a per cent of it, to which contact is solved.
-BENT = 1 / 300
+# a per cent of it, to which contact is solved. So much of it may it press. While some of the skin sticks, it may go so
+# much of depth times friction, which is about the way to full slip.
+BENT, PRESSED, SHEARED = 1 / 300, 0.25, 0.5
 
 
 def longest(rate: float) -> int:
@@ -43,12 +44,20 @@ class Stride(NamedTuple):
     """A way that may be gone at once.
 
     Attributes:
-        shares: of the way, at each of its samples. travel: its length [m]. bent: how far it leaves a line [m].
+        shares: of the way, at each of its samples. travel: its length [m]. pressed: along the finger's Z [m].
+        bent: how far it leaves a line [m]. friction: the least of what is near.
     """
 
     shares: list[float]
     travel: float
+    pressed: float
     bent: float
+    friction: float
+
+    def suits(self, step: SkinStep) -> bool:
+        """Return whether the way is short against a touch at one of its ends."""
+        short = self.bent <= BENT * step.depth and self.pressed <= PRESSED * step.depth and self.travel <= step.depth
+        return short and (not step.sticking or self.travel <= SHEARED * self.friction * step.depth)
 
 
 class _Ways(NamedTuple):
@@ -121,11 +130,11 @@ class Strides:
                 continue
             shares, state = stride.shares, self._stepper.save()
             self._last = self._stepper.step(approach, i + len(shares) - 1)
-            if self._smooth(self._last):
+            if self._smooth(self._last) and stride.suits(self._last):
                 self.between += len(shares) - 1
                 yield from (between(last, self._last, share) for share in shares[:-1])
                 yield self._last
-            else:  # an edge or a bump has come meanwhile, or skin has come off
+            else:  # an edge or a bump has come meanwhile, or skin has come off, or begun to stick
                 self._stepper.restore(state)
                 for k in range(len(shares)):
                     self._last = self._stepper.step(approach, i + k)
@@ -140,8 +149,7 @@ class Strides:
         """Return the longest stride that is short against a touch of what is flat or gently curved."""
         if not strides or not self._smooth(last):
             return None
-        far, bent = min(FARTHEST, last.depth), BENT * last.depth
-        return next((stride for stride in strides if stride.travel <= far and stride.bent <= bent), None)
+        return next((stride for stride in strides if stride.suits(last)), None)
 
     def _strides(self, approach: Approach, count: int) -> list[list[Stride]]:
         """Return the strides that may begin with each sample, longest first."""
@@ -154,9 +162,9 @@ class Strides:
         self._before = ways.at_last()
         while n > 1:
             starts = np.arange((1 - self._number) % n, count - n + 1, n)  # the sample before is a multiple of n
-            shares, travel, bent = _straight(ways, starts[:, None] + np.arange(n + 1))
-            for k in np.flatnonzero((travel > 0.0) & (travel <= FARTHEST)).tolist():
-                found[starts[k]].append(Stride(shares[k, 1:].tolist(), float(travel[k]), float(bent[k])))
+            for start, stride in zip(starts.tolist(), _straight(ways, starts[:, None] + np.arange(n + 1)), strict=True):
+                if 0.0 < stride.travel <= FARTHEST and stride.pressed <= PRESSING:
+                    found[start].append(stride)
             n //= 2
         return found
 
@@ -182,10 +190,8 @@ class Strides:
         return ways
 
 
-def _straight(ways: _Ways, rows: NDArray[np.intp]) -> tuple[Array, Array, Array]:
-    """Return shares of some ways at their samples (k, n + 1), their lengths and how far they leave a line [m], (k,).
-
-    A length is inf where something comes or goes, deforms, changes its settings, or presses too far for one step.
+def _straight(ways: _Ways, rows: NDArray[np.intp]) -> list[Stride]:
+    """Return some ways as strides; their travel is inf where something comes or goes, deforms or changes its settings.
 
     Args:
         rows: of the ways, one after the other, shape (k, n + 1).
@@ -201,5 +207,9 @@ def _straight(ways: _Ways, rows: NDArray[np.intp]) -> tuple[Array, Array, Array]
         bent = np.abs(moved - shares[:, :, None, None] * whole).max(axis=(0, 2, 3, 4), initial=0.0)
         travel = np.sqrt((whole**2).sum(axis=4)).max(axis=(0, 2, 3), initial=0.0)
         pressed = np.abs(whole[..., 2]).max(axis=(0, 2, 3), initial=0.0)
-    fits = (alike | ~there).all(axis=0) & np.isfinite(bent) & (pressed <= PRESSING)
-    return shares, np.where(fits, travel, np.inf), bent
+        friction = np.where(there, settings[:, :, 0, 0], np.inf).min(axis=0, initial=np.inf)
+    fits = (alike | ~there).all(axis=0) & np.isfinite(bent)
+    columns = np.where(fits, travel, np.inf), pressed, bent, friction
+    return [
+        Stride(share, *row) for share, *row in zip(shares[:, 1:].tolist(), *(c.tolist() for c in columns), strict=True)
+    ]

@@ -194,14 +194,14 @@ SKIN_CONTACT = table(
             (
                 "way",
                 "As Far as It Moves",
-                "Where the finger goes straight on over what is flat or gently curved, a few samples at once: at most "
-                "0.2 mm and 1/60 s. Forces between lie on a line, within 1 % of those of every sample solved; up to "
-                "twice as fast",
+                "Where the finger goes straight on over what is flat or has no radius below 5 mm, a few samples at "
+                "once: at most 0.2 mm and 1/60 s. Forces between lie on a line, within 1 % of those of every sample "
+                "solved; up to twice as fast",
             ),
             ("samples", "Every Sample", "However little moves between two"),
         ),
-        note="fingers that hold something are solved at every sample, and so are those at the mesh's nodes in scenes "
-        "where something could be held; a preview solves the frames that it shows",
+        note="fingers that hold something, that are solved at the mesh's nodes or whose touch depth is compliant are "
+        "solved at every sample; a preview solves the frames that it shows",
     ),
     Parameter(
         name="depth_mode",

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import Array, Indices
-from .pieces import pieces
+from .pieces import joined
 from .topology import Topology
 from .triangles import TriangleTable
 
@@ -35,7 +35,7 @@ class Planes(NamedTuple):
     def of(cls, table: TriangleTable, topology: Topology) -> Planes:
         """Find the planes."""
         normals, across = table.bounds[3:6].T, topology.across
-        plane = pieces(table, topology, 1.0 - LEVEL)
+        plane = joined(table, topology, 1.0 - LEVEL)
         one = np.unique(plane, return_index=True)[1][plane]  # a triangle of the same plane
         bent = plane[~(np.einsum("tk,tk->t", normals, normals[one]) > 1.0 - LEVEL)]  # level step by step alone
         long = np.flatnonzero(np.bincount(plane[_rims(plane, across)[0]]) > MOST)

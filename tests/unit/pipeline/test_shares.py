@@ -51,6 +51,14 @@ def test_processes_give_the_same_bytes(processes: ProcessExecutor, tmp_path: Pat
     assert "skin contact" in together.stage_seconds
 
 
+def test_samples_between_are_the_same_bytes_in_processes(processes: ProcessExecutor, tmp_path: Path) -> None:
+    """Fingers that press slowly at 240 samples a second are solved every other sample or so."""
+    cache, scene = Cache(tmp_path, 10**9), three("thimble_3rrs", 0.5, 240)
+    alone = drain(render(scene, Library(), cache=cache))
+    same(alone, drain(render(scene, Library(), cache=cache, executor=processes)))
+    assert alone.skipped["skin_frames_between"] > 5
+
+
 @pytest.mark.parametrize(("workers", "short", "children"), [(2, COUNT, 1), (2, COUNT - 1, 2), (3, COUNT, 3)])
 def test_of_two_processes_this_is_one(workers: int, short: int, children: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Three shares: one child renders one at least and this process one; of more, or for longer, this one waits."""

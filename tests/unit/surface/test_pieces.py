@@ -13,15 +13,20 @@ def count(surface: Surface) -> int:
 
 
 def test_a_ball_is_one_piece_and_a_block_six() -> None:
-    assert count(Surface.sphere(5e-3, facets=1200)) == 1 and count(Surface.block()) == 6
+    """A ball of 12 mm, however finely it is cut; one of 2 mm bends too much to be one."""
+    assert [count(Surface.sphere(12e-3, facets=facets)) for facets in (1200, 20_000)] == [1, 1]
+    assert count(Surface.sphere(2e-3, facets=1200)) > 100 and count(Surface.block()) == 6
 
 
-def test_an_edge_that_is_rounded_finely_is_no_crease() -> None:
-    """Both faces of a wedge go together: the way between them bends gently."""
+def test_a_rounded_edge_and_a_fold_of_large_faces_are_creases() -> None:
     surface = Surface.edge(np.pi / 2, 0.2e-3)
     up = surface.table.bounds[3:6].T
     faces = [surface.pieces[(up[:, 0] * side > 0.6) & (up[:, 2] > 0.6)] for side in (1.0, -1.0)]
-    assert all(len(own) for own in faces) and len(np.unique(np.concatenate(faces))) == 1
+    assert all(len(own) for own in faces) and not np.intersect1d(*faces).size
+    for angle, many in ((0.1, 1), (0.3, 2)):  # [rad]
+        corners = np.array([[-1.0, 0, 0], [0, 0, 0], [-1, 1, 0], [0, 1, 0], [1, 0, angle], [1, 1, angle]]) * 1e-2
+        folded = Surface.build(corners, np.array([[0, 1, 2], [1, 3, 2], [1, 4, 3], [4, 5, 3]]))
+        assert count(folded) == many
 
 
 def test_two_levels_of_one_mesh_are_two_pieces_though_they_face_the_same_way() -> None:

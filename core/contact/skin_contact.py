@@ -31,7 +31,7 @@ class SkinStep:
         depth: how deep the undeformed skin is in an object, 0 without contact [m].
         lift: how far the bone gave way (compliant touch depth) [m].
         sticking, slipping: number of nodes.
-        work: what the solver did, see `PathStep`, or 'baked'. converged: whether the sample passed its check.
+        work: what the solver did, see `PathStep`, 'between' or 'baked'. converged: whether the sample passed its check.
         points: the same forces where they act, on points of the smooth skin; None where contact is solved on nodes.
         amounts: what a touch keeps of tissue that stiffens, see `Stimulus.given`; None of linear skin.
         slide: how far friction has drawn the loaded skin along itself, see `PathStep.slide` [m].

@@ -1,9 +1,9 @@
 """SkinSampler: from chunks of poses to the contact forces on every finger's skin, frame after frame.
 
 It is the same broad phase as the pads' (`PadSampler`), about the whole fingertip instead of its centre: a finger and
-a body whose boxes never come together in a chunk cost nothing more. Where they do, a `SkinStepper` takes one step a
-sample. Kept are the forces of the frames in contact, in single precision; all else (displacement, stress) follows from
-them when somebody asks.
+a body whose boxes never come together in a chunk cost nothing more. Where they do, `Strides` leads a `SkinStepper`
+through the samples, one by one or a few at once. Kept are the forces of the frames in contact, in single precision;
+all else (displacement, stress) follows from them when somebody asks.
 
 What fingers hold together is solved together: the contacts on it sum to m (a - g). Its acceleration is known only when
 the whole path is, so from the chunk on in which a finger comes near such a body the poses are kept, and `solve_held`

@@ -19,7 +19,8 @@ class PointForces:
     remainder.
 
     Attributes:
-        surface: the smooth pad. cells: of its tree, that carry force, none within another, shape (n,).
+        surface: the smooth pad. cells: of its tree, that carry force, shape (n,). None lies within another, but where
+            two touches are mixed.
         force: on them in the finger's frame [N], shape (n, 3).
         amounts: how much of each pattern skin that stiffens is displaced by, shape (k,); None of linear skin.
     """

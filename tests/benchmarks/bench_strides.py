@@ -19,21 +19,12 @@ from core.arrays import Array
 
 from . import Result, benchmark, one_blas_thread
 from .bench_shapes import stress_at
+from .work_precision.on_shapes import CASES
 
 if TYPE_CHECKING:
     from core.skin.model import SkinModel
 
 RATE, DEPTH, FRICTION = 240.0, 1e-3, 0.6
-SHAPES = (
-    "plane",
-    "ball 2 mm",
-    "ball 5 mm",
-    "ball 12 mm",
-    "edge 120 degrees at 0 mm",
-    "edge 90 degrees at 0 mm",
-    "edge 60 degrees at 0 mm",
-    "ribs",
-)
 LOOKED_AT = 5  # stress is judged in one of so many samples
 
 
@@ -120,7 +111,7 @@ def all_met() -> list[Met]:
         for family in FAMILIES.values():
             for shape, depth, title in family.cases():
                 name = title.partition(",")[0]
-                if name not in SHAPES or depth != 1e3 * DEPTH:
+                if name not in CASES or depth != 1e3 * DEPTH:
                     continue
                 place = 1e-3 * (np.array(known[title]["place"]) - [0.0, 0.0, depth])
                 for way, poses in ways():

@@ -201,8 +201,10 @@ class SkinStepper:
     def gentle(self) -> bool:
         """Whether what was touched last is flat or gently curved: one piece that faces the same way all about."""
         gaps = self._gaps
-        near = np.zeros(0, np.intp) if gaps is None else np.flatnonzero((gaps.body >= 0) & (gaps.clearance < NEARBY))
-        if gaps is None or len(near) < SEVERAL:
+        if gaps is None:
+            return False
+        near = np.flatnonzero((gaps.body >= 0) & (gaps.clearance < NEARBY))
+        if len(near) < SEVERAL:
             return False
         normals, bodies = gaps.normal[near], gaps.body[near]
         mean, surface = normals.sum(axis=0), gaps.bodies[bodies[0]].surface

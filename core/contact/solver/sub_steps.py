@@ -64,7 +64,6 @@ class SubStepper:
 
     def idle(self, count: int = 1) -> PathStep:
         """Take frames in which nothing is near; what is small may still lie within the finger, and stays left."""
-        self._press.forget()
         return self.solver.idle(count)
 
     def adopted(self) -> None:

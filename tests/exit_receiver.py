@@ -10,12 +10,12 @@ from __future__ import annotations
 import json
 import sys
 import threading
-import time
 from queue import Empty, SimpleQueue
 from typing import Any
 
 import numpy as np
 
+from core import clock
 from core.presets import Library
 from core.stream.protocols.packets import DeviceState
 from core.stream.protocols.wire import Array, Wire
@@ -36,13 +36,13 @@ class Judged:
         self.wire, self._protocol = wire, protocol
         self.device: Any = make(protocol, wire, {})
         self.datagrams = self.device.datagrams
-        self.heard = time.perf_counter()
+        self.heard = clock.now()
         self.mark()
 
     def mark(self) -> None:
         """Forget how it came here."""
         self.ahead, self.steps = 0.0, 0
-        self._last, self._at = self.told(), time.perf_counter()
+        self._last, self._at = self.told(), clock.now()
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
         """Take what arrived, byte by byte where several commands may come at once."""
@@ -120,7 +120,7 @@ def main(protocol: str, key: str, baud: str) -> None:
             "told": judged.told().tolist(),
             "ahead": judged.ahead,
             "steps": judged.steps,
-            "quiet": time.perf_counter() - judged.heard,
+            "quiet": clock.now() - judged.heard,
         }
         print(json.dumps(answer), flush=True)
 

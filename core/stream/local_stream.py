@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable
 
+from .. import clock
 from ..errors import DermisError
 from .drive import Drive
 from .links.url import unnamed
@@ -38,7 +39,7 @@ class LocalStream:
             Interrupted: a signal came first.
         """
         streamer = self.streamer
-        streamer.apply(self.request, time.perf_counter())
+        streamer.apply(self.request, clock.now())
         self.run(
             lambda: streamer.state in (State.READY, State.FAULT) or (streamer.drive is None and bool(streamer.message))
         )
@@ -66,7 +67,7 @@ class LocalStream:
     def arm(self) -> None:
         """Let the device move."""
         self.request.arm_id = 1
-        self.streamer.apply(self.request, time.perf_counter())
+        self.streamer.apply(self.request, clock.now())
 
     def run(self, done: Callable[[], bool]) -> None:
         """Let time pass until something holds or a signal comes."""
@@ -80,7 +81,7 @@ class LocalStream:
         """
         streamer = self.streamer
         unsure = streamer.counters["safe states not confirmed"]
-        streamer.shut(time.perf_counter())
+        streamer.shut(clock.now())
         if streamer.drive is not None and streamer.drive.going:
             say(streamer.drive.going)
         while not streamer.finished:
@@ -97,8 +98,8 @@ class LocalStream:
         return DermisError(message or otherwise, where=unnamed(self.request.url, message))
 
     def _pass_time(self) -> None:
-        due = self.tick(time.perf_counter())
-        time.sleep(max(due - time.perf_counter(), 0.0))
+        due = self.tick(clock.now())
+        time.sleep(max(due - clock.now(), 0.0))
 
 
 def say(text: str) -> None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
+from .. import clock
 from ..errors import DermisError
 from .protocols.adapter import Touch
 from .touch_input import TouchInput
@@ -54,7 +54,7 @@ class MouseTouch(TouchInput):
             except self._lost as error:
                 self.ended, self.fault = True, str(error)
         touch = super().finger(now)
-        if touch is not None and touch.down and touch.at is not None and time.perf_counter() - touch.at > REPEAT:
+        if touch is not None and touch.down and touch.at is not None and clock.now() - touch.at > REPEAT:
             self._take((True, touch.x, touch.y))
         return super().finger(now)
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import time
 
+from .. import clock
 from ..presets import Library
 from ..track import export
 from ..track.check import preset_findings
@@ -68,11 +68,11 @@ class _Player(LocalStream):
         if ask:
             self.confirm(f"{self._track.spec.name} at {self.request.url} is about to move. Enter: arm; Ctrl-C: stop.")
         self.arm()
-        ramped = time.perf_counter() + self.request.ramp + 0.2 + self.request.look_ahead
-        self.run(lambda: time.perf_counter() > ramped or not streamer.armed)
-        self._playing_since = time.perf_counter()
+        ramped = clock.now() + self.request.ramp + 0.2 + self.request.look_ahead
+        self.run(lambda: clock.now() > ramped or not streamer.armed)
+        self._playing_since = clock.now()
         end = self._playing_since + self._track.duration + self.request.look_ahead
-        self.run(lambda: time.perf_counter() > end or not streamer.armed)
+        self.run(lambda: clock.now() > end or not streamer.armed)
         if not streamer.armed:
             raise self.refusal("the device disarmed itself")
 

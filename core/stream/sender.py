@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from .. import clock
 from ..work.child import follow_parent
 from .request import request_of
 from .shared_state import SharedState
@@ -44,11 +45,10 @@ def run(path: Path, load_screen: Callable[[Path], Screen] | None = None) -> int:
 
 
 def _loop(shared: SharedState, streamer: Streamer, ended: list[str]) -> None:
-    clock = time.perf_counter
     seen_request = seen_heartbeat = 0
     status_at, shown = 0.0, ""
     while not ended:
-        now = clock()
+        now = clock.now()
         if shared.heartbeat_number != seen_heartbeat:
             heartbeat = shared.read_heartbeat()
             if heartbeat is not None and heartbeat.number != seen_heartbeat:
@@ -59,27 +59,26 @@ def _loop(shared: SharedState, streamer: Streamer, ended: list[str]) -> None:
             request = shared.read_request()
             if request:
                 seen_request = number
-                streamer.apply(request_of(request), clock())
-        due = streamer.tick(clock())
-        now = clock()
+                streamer.apply(request_of(request), clock.now())
+        due = streamer.tick(clock.now())
+        now = clock.now()
         if now >= status_at or streamer.state != shown:
             shown, status_at = streamer.state, now + STATUS_EVERY
             shared.write_status(streamer.status())
-            now = clock()
+            now = clock.now()
         if due > now:
             time.sleep(due - now)
 
 
 def _finish(shared: SharedState, streamer: Streamer) -> None:
     """Bring the device to its safe state however long its ramp takes, let the link go, and remove the shared state."""
-    clock = time.perf_counter
-    streamer.shut(clock())
+    streamer.shut(clock.now())
     status_at = 0.0
     while not streamer.finished:
-        due, now = streamer.tick(clock()), clock()
+        due, now = streamer.tick(clock.now()), clock.now()
         if now >= status_at:
             status_at = now + STATUS_EVERY
             shared.write_status(streamer.status())
-        time.sleep(max(due - clock(), 0.0))
+        time.sleep(max(due - clock.now(), 0.0))
     shared.write_status({**streamer.status(), "state": State.DISCONNECTED, "ended": True})
     shared.remove()  # its owner may be gone without having done so

@@ -5,9 +5,9 @@ from __future__ import annotations
 import contextlib
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 
+from .. import clock
 from ..errors import DermisError
 from .links.transport import Gone
 from .protocols.adapter import Touch
@@ -36,7 +36,7 @@ class TouchInput:
         self.ended = True
 
     def _take(self, finger: Finger) -> None:
-        self._latest = Touch(*finger, time.perf_counter())
+        self._latest = Touch(*finger, clock.now())
 
     def _refuse(self, message: object, error: Exception) -> None:
         """Count what is no touch, and show the first."""

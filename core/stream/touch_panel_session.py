@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 
+from .. import clock
 from ..errors import DermisError
 from .local_stream import LocalStream, say
 from .protocols.adapter import Touch
@@ -97,7 +96,7 @@ class PanelSession(LocalStream):
         due = super().tick(now)
         panel = self.streamer.output.source if self.streamer.output is not None else None
         if isinstance(panel, PanelSource):
-            self._note(panel, self.streamer.counters["sent"] > before, time.perf_counter())
+            self._note(panel, self.streamer.counters["sent"] > before, clock.now())
         return due
 
     def _note(self, panel: PanelSource, sent: bool, now: float) -> None:

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+from core import clock
 from tests import exits
 
 from . import Result, benchmark
@@ -154,7 +155,7 @@ def _pose_after_kill(key: str, jog: dict[str, float], seconds: float) -> float:
             heartbeats(client, seconds, time.sleep)
             if not client.status()["armed"]:
                 raise RuntimeError(client.status()["message"])
-            killed = time.perf_counter()
+            killed = clock.now()
             os.kill(client.pid, signal.SIGKILL)
             return receiver.way_since(killed)[1] - killed
     finally:
@@ -179,8 +180,8 @@ def five() -> Result:
 
         def left_out(seconds: float, *, playing: bool) -> list[int]:
             """Give all of them signs of life for a time; return how many commands each left out so far."""
-            start = time.perf_counter()
-            while (now := time.perf_counter() - start) < seconds:
+            start = clock.now()
+            while (now := clock.now() - start) < seconds:
                 for client in clients:
                     client.heartbeat(playing=playing, time=now if playing else 0.0)
                 time.sleep(HEARTBEAT)

@@ -19,6 +19,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from core import clock
+
 from . import Result, benchmark, measure, timing
 
 HEARTBEAT = 0.02
@@ -118,8 +120,8 @@ def armed(receiver: Any, **request: Any) -> Iterator[Any]:
 
 def heartbeats(client: Any, seconds: float, between: Callable[[float], Any], *, playing: bool = False) -> None:
     """Give signs of life as Blender's timer does, and do something between them."""
-    start = time.perf_counter()
-    while (now := time.perf_counter() - start) < seconds:
+    start = clock.now()
+    while (now := clock.now() - start) < seconds:
         client.heartbeat(playing=playing, time=now if playing else 0.0)
         between(HEARTBEAT)
 
@@ -138,8 +140,8 @@ def blender() -> Iterator[Callable[[float], None]]:
     scene = demo_scene.build("haptip", "electrovibration")
 
     def busy(seconds: float) -> None:
-        end = time.perf_counter() + seconds
-        while time.perf_counter() < end:
+        end = clock.now() + seconds
+        while clock.now() < end:
             scene.frame_set(scene.frame_current % 100 + 1)
 
     try:
@@ -250,7 +252,7 @@ def stop() -> Result:
     with blender() as evaluate, armed(receiver, track=path, look_ahead=LOOK_AHEAD) as client:
         for k in range(TIMES):
             heartbeats(client, 0.5 + 0.037 * k, evaluate, playing=True)
-            pressed = time.perf_counter()
+            pressed = clock.now()
             client.stop()
             times.append(1e3 * (receiver.safe_since(pressed) - pressed))
             heartbeats(client, 0.1, time.sleep)
@@ -276,7 +278,7 @@ def kill() -> Result:
         receiver = Receiver()
         with armed(receiver, track=path) as client:
             heartbeats(client, 0.4 + 0.013 * k, time.sleep, playing=True)
-            killed = time.perf_counter()
+            killed = clock.now()
             os.kill(client.pid, signal.SIGKILL)
             sender.append(1e3 * (receiver.way_since(killed)[0] - killed))
         receiver.kill()
@@ -286,7 +288,7 @@ def kill() -> Result:
             heartbeats(client, 0.4 + 0.013 * k, time.sleep, playing=True)
             if not client.status()["armed"]:
                 raise RuntimeError(client.status()["message"])
-            killed = time.perf_counter()
+            killed = clock.now()
             os.kill(client.pid, signal.SIGKILL)
             hidden.append(1e3 * (receiver.way_since(killed)[0] - killed))
         relay.close()
@@ -295,7 +297,7 @@ def kill() -> Result:
             receiver = Receiver()
             with armed(receiver, track=path) as client:
                 heartbeats(client, 0.4 + 0.013 * k, time.sleep, playing=True)
-                died = time.perf_counter()
+                died = clock.now()
                 os.kill(receiver.process.pid, how)
                 list_.append(1e3 * (disarmed(client) - died))
             receiver.kill()
@@ -310,10 +312,10 @@ def kill() -> Result:
 
 def disarmed(client: Any) -> float:
     """Return when the sender says that nothing is armed any more [s]."""
-    start = time.perf_counter()
+    start = clock.now()
     while client.status()["armed"]:
         client.heartbeat(playing=True, time=0.5)
-        if time.perf_counter() - start > 2:
+        if clock.now() - start > 2:
             raise RuntimeError("the sender never noticed")
         time.sleep(0.001)
-    return time.perf_counter()
+    return clock.now()

@@ -15,7 +15,7 @@ ADDON = ROOT / "blender_addon"
 
 GROUND = set(
     "arrays errors units version foreign files npz number_rows cache interpolate recent following steps "
-    "parameters shipped memory".split()
+    "parameters shipped memory clock".split()
 )
 # Files of devices/ that need no more than a device's description: presets are judged by them.
 MECHANISMS = {kind.mechanism.partition(".")[0] for kind in KINDS.values()} | set(
@@ -39,6 +39,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "following": {"arrays"},
     "memory": {"arrays"},
     "steps": set(),
+    "clock": set(),
     "units": {"errors"},
     "parameters": {"errors", "units"},
     "foreign": {"errors"},

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from ... import clock
 from ...arrays import Array
 from ...errors import DermisError
 from ..connection import Connection
@@ -62,7 +63,7 @@ class Bench:
         request: StreamRequest,
         heed: Callable[[], None] = lambda: None,
         *,
-        clock: Callable[[], float] = time.perf_counter,
+        clock: Callable[[], float] = clock.now,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self._heed, self._clock, self._sleep = heed, clock, sleep

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import time
 from collections.abc import Callable
 
 import numpy as np
 
+from ... import clock
 from ...arrays import Array
 from ...errors import DermisError
 from .bench import Bench
@@ -70,9 +70,9 @@ class Mover:
 
     def settle(self) -> Array | None:
         """Wait until the board says that it is at its safe pose, or as long as the way there takes; return the pose."""
-        end = time.perf_counter() + self.seconds + 0.5
+        end = clock.now() + self.seconds + 0.5
         pose = None
-        while time.perf_counter() < end:
+        while clock.now() < end:
             pose = self.bench.pose()
             if pose is not None and self._at(pose, self.bench.wire.safe):
                 break

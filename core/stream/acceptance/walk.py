@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import random
 import signal
-import time
 from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from ... import clock
 from ..protocols.packets import DeviceState, Reach
 from .bench import FLOODS, SAFE_MS, Bench
 from .mover import Mover, fastest_over
@@ -155,11 +155,11 @@ class Walk:
         """Stop, from a pose away from the safe one."""
         self.mover.move_away()
         native = self.bench.native
-        began = time.perf_counter()
+        began = clock.now()
         self.bench.stop()
         told = self.bench.until(lambda: native is not None and native.state == DeviceState.SAFE, 0.5)
         pose = self.mover.settle()
-        reached = time.perf_counter() - began
+        reached = clock.now() - began
         seen = self.person.ask(f"Did it go back by itself, {self._manner}, and is it {self._home}?")
         soon = {"stopped": told is not None and 1e3 * told <= STOP_MS + ROUND_TRIP_MS} if native is not None else {}
         figure = "" if told is None else f"board safe after {1e3 * told:.0f} ms, its pose after {1e3 * reached:.0f} ms"
@@ -223,8 +223,8 @@ class Walk:
         streamer, native, rate = self.bench.streamer, self.bench.native, self.bench.connection.output.rate
         before, damaged = dict(streamer.counters), self._at_device()
         self.person.tell(f"It moves slowly to and fro for {RATE_SECONDS:g} s.")
-        began = time.perf_counter()  # a board that is told the same again and again is told next to nothing
-        while (through := time.perf_counter() - began) < RATE_SECONDS and streamer.armed:
+        began = clock.now()  # a board that is told the same again and again is told next to nothing
+        while (through := clock.now() - began) < RATE_SECONDS and streamer.armed:
             self.bench.head_for(self.mover.part(0.5 - 0.5 * np.cos(2 * np.pi * through / RATE_SECONDS)))
             self.bench.run(0.01)
         stayed = streamer.armed

@@ -6,10 +6,10 @@ import contextlib
 import os
 import stat
 import sys
-import time
 from pathlib import Path
 from typing import TextIO
 
+from ... import clock
 from ...errors import DermisError
 
 _closed: dict[str, tuple[int, ...]] = {}  # path -> what the records that this process has written look like
@@ -32,7 +32,7 @@ class Record:
         self.ended, self.missing = "", 0
         self._path = path
         self._file: TextIO | None = _opened(path) if path else sys.stderr
-        self._start = time.perf_counter()
+        self._start = clock.now()
 
     def note(self, way: str, data: bytes) -> None:
         """Write down one message."""
@@ -40,7 +40,7 @@ class Record:
         if self._file is None or self.ended:
             return
         try:
-            self._file.write(f"{time.perf_counter() - self._start:012.6f} {way} {data.hex(' ')}\n")
+            self._file.write(f"{clock.now() - self._start:012.6f} {way} {data.hex(' ')}\n")
         except (OSError, ValueError) as error:
             self.missing += 1
             self._end(error)

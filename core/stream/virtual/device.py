@@ -12,6 +12,7 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Protocol
 
+from ... import clock
 from ...errors import DermisError
 from ..links.url import Url
 from ..protocols.wire import Wire
@@ -51,8 +52,8 @@ def make(protocol: str, wire: Wire, options: dict[str, float]) -> Device:
     if protocol not in DEVICES:
         raise DermisError("no such protocol", value=protocol, limit=", ".join(DEVICES))
     module, name = DEVICES[protocol]
-    clock = {"skew": options.get("skew", 0.0)} if protocol == "native" else {}  # the others have none
-    return getattr(import_module(f".{module}", __package__), name)(wire, stuck=stuck, **clock)
+    skewed = {"skew": options.get("skew", 0.0)} if protocol == "native" else {}  # the others have none
+    return getattr(import_module(f".{module}", __package__), name)(wire, stuck=stuck, **skewed)
 
 
 def options_of(url: Url) -> dict[str, float]:
@@ -91,24 +92,24 @@ class Server:
         self._slow = options.get("slow", 0.0)
         self._finger = bool(options.get("finger", 0.0))
         self._touch_at = 0.0
-        self._credit, self._credited = 0.0, time.perf_counter()
+        self._credit, self._credited = 0.0, clock.now()
 
     def step(self) -> bool:
         """Do what is due; False when the link is closed."""
         wait = IDLE
-        now = time.perf_counter()
+        now = clock.now()
         if self._slow:
             self._credit = min(self._credit + (now - self._credited) * self._slow, max(self._slow * 0.02, 1.0))
             self._credited = now
             if self._credit < 1:
                 time.sleep(IDLE)
-                self._serve(time.perf_counter(), [])
+                self._serve(clock.now(), [])
                 return True
         messages = self._read(wait)
         if messages is None:
             return False
         self._credit -= sum(map(len, messages))
-        self._serve(time.perf_counter(), messages)
+        self._serve(clock.now(), messages)
         return True
 
     def _serve(self, now: float, messages: list[bytes]) -> None:

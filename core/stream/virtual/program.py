@@ -9,10 +9,10 @@ import os
 import select
 import socket
 import threading
-import time
 from collections.abc import Callable
 from typing import Any
 
+from ... import clock
 from ...errors import DermisError
 from ...work.child import follow_parent
 from ..protocols.wire import Wire
@@ -32,15 +32,15 @@ def serve(protocol: str, wire: Wire, at: str, options: dict[str, float], *, ever
     print(json.dumps({"url": link.url}), flush=True)  # once nothing can be refused any more
     ended = threading.Event()
     follow_parent(ended.set)
-    due, safe = time.perf_counter() + every, None
+    due, safe = clock.now() + every, None
     while not ended.is_set() and server.step():
         reached = getattr(device, "safe_at", None)
         if reached is not None and reached != safe:
             print(json.dumps({"safe_at": reached, "watchdogs": getattr(device, "watchdogs", 0)}), flush=True)
         safe = reached
-        if every and time.perf_counter() >= due:
+        if every and clock.now() >= due:
             due += every
-            print(json.dumps({**device.report(), "at": time.perf_counter()}), flush=True)
+            print(json.dumps({**device.report(), "at": clock.now()}), flush=True)
             if hasattr(device, "early_most"):  # of each interval by itself, so that a drift shows
                 vars(device).update(early_least=math.inf, early_most=-math.inf)
     print(json.dumps({**device.report(), "ended": True}), flush=True)

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from core import clock
 from core.presets import Library
 from core.stream.client import SenderClient
 from core.work.child import command, environment
@@ -66,10 +67,10 @@ HAPTIP = Library().load("devices", "haptip")
 
 def beating(client: SenderClient, seconds: float, **heartbeat: Any) -> None:
     """Give signs of life as Blender's timer does."""
-    start, end = time.perf_counter(), time.perf_counter() + seconds
+    start, end = clock.now(), clock.now() + seconds
     playing = heartbeat.pop("playing", False)
-    while time.perf_counter() < end:
-        client.heartbeat(playing=playing, time=time.perf_counter() - start if playing else 0.0, **heartbeat)
+    while clock.now() < end:
+        client.heartbeat(playing=playing, time=clock.now() - start if playing else 0.0, **heartbeat)
         time.sleep(0.02)
 
 

@@ -27,7 +27,7 @@ def floods() -> Result:
     """Time from the last valid packet to a pulse that has moved towards safe: slowest channel, worst flood."""
     needed()
     from tests.unit.stream.firmware_board import BAUD, Board, firmware
-    from tests.unit.stream.firmware_floods import FLOODS, FRAME_US, ROUNDING_US, flood
+    from tests.unit.stream.firmware_floods import ARRIVES, FLOODS, FRAME_US, ROUNDING_US, flood
 
     done = {}
     for name in FLOODS:
@@ -41,8 +41,12 @@ def floods() -> Result:
         "silence": begins["silence"],
         "at the safe pose": 1e3 * max(f.arrives for f in done.values()),
     }
-    fast = steepest > FRAME_US + ROUNDING_US
-    error = f"{steepest:.1f} us from one pulse to the next, above {FRAME_US:g}" if fast else None
+    stopped = [name for name, f in done.items() if f.arrives > ARRIVES]
+    error = None
+    if steepest > FRAME_US + ROUNDING_US:
+        error = f"{steepest:.1f} us from one pulse to the next, above {FRAME_US:g}"
+    elif stopped:
+        error = f"not at the safe pose within {1e3 * ARRIVES:.0f} ms: {', '.join(stopped)}"
     return Result("flood_safe_ms", begins[worst], "ms", None, peers, error)
 
 

@@ -76,6 +76,7 @@ class NativeDevice:
         self._safe = self.counts.copy()
         self._slew = np.full(count, 65535.0)
         self._pace = self._slew  # on the way to safety [counts a millisecond]
+        self._way: float | None = None  # what is left of the way to safety [ms]; None: it is on none
         self._sequence = 0
         self._nacked = -np.inf
         self.released = self._driven = False
@@ -114,9 +115,11 @@ class NativeDevice:
             self.play_error = max(self.play_error, (clock - when) * 1e-6)
         if self._driven:  # whatever other senders say: only ARM takes a way to safety over
             self._move(step * (self._slew if self.state == DeviceState.ARMED else self._pace))
+        if self._way is not None:
+            self._way = self._way - step if self._way > step else None
         there = not self._driven or (np.abs(self._target - self.counts) < 1).all()
         if self.state == DeviceState.SAFE and self.safe_at is None and there:
-            self.safe_at, self.released = now, self._reach == Reach.RELEASE
+            self.safe_at = now
         if self.touch is not None and self.touch[0] and now - self._touched >= TOUCH_EVERY:
             return [self.touched(*self.touch, now)]
         return []
@@ -186,6 +189,7 @@ class NativeDevice:
                 self._target = self.counts.copy()
                 self.state, self.safe_at, self.released = DeviceState.ARMED, None, False
                 self.pose_known = self._driven = True
+                self._way = None
         elif kind == Kind.SAFE:
             self._go_safe()
         else:
@@ -272,18 +276,26 @@ class NativeDevice:
         return self._pack(self._session, Kind.SYNCED, reply.body())
 
     def _go_safe(self) -> None:
+        """Begin the way to the safe state.
+
+        A way that is under way goes on as it began: a second SAFE changes neither its speed nor its end.
+        """
         if self.state == DeviceState.IDLE:
             return
         self._queue.clear()
         self.state, self.safe_at = DeviceState.SAFE, None
+        if self._way is not None:
+            return
         if self._reach == Reach.RELEASE:  # where it lets go, nobody knows where it will be
             self.pose_known = self._driven = False
+            self.released = True
             return
         self._target = self._safe.copy()
         way = np.abs(self._target - self.counts)
         longest = 0.0 if self._reach == Reach.AT_ONCE else float((way / self._slew).max())
         # All channels begin and arrive together: a platform whose channels come home one by one tilts.
         self._pace = way / longest if longest else np.full(self.wire.count, AT_ONCE)
+        self._way = longest if self._driven else None
 
     def _nack(self, session: int, sequence: int, reason: Nack, now: float) -> list[bytes]:
         """Refuse a packet; an answer that comes too soon after the last is dropped, and its number stays used."""

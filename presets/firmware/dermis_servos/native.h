@@ -35,6 +35,7 @@ static bool homing = false, leaps = false; /* on the way to safety: a straight l
 static uint16_t way_start[CHANNELS], way_ms = 0, way_gone = 0;
 static uint8_t arrived = 0; /* ms */
 static uint32_t way_pace[CHANNELS]; /* counts a millisecond, times 65536 */
+static uint16_t way_slew[CHANNELS]; /* `slew` when the way began: another sender may configure the board meanwhile */
 
 static uint32_t queue_when[QUEUE];
 static uint16_t queue_counts[QUEUE][CHANNELS];
@@ -51,11 +52,11 @@ static void move_to(uint8_t channel, uint16_t count) { set_pulse(channel, ticks_
 
 static uint16_t apart(uint16_t a, uint16_t b) { return a > b ? a - b : b - a; }
 
-/* Towards a count, but no further from the last pulse than `slew` allows until the next one: however late this comes, and
-   however often, no pulse is too far from the one before. */
-static void approach(uint8_t channel, uint16_t count) {
+/* Move a channel towards a count, no further from its last pulse than `most_a_ms` allows until the next one. However late
+   and however often this is called, no pulse is too far from the one before. */
+static void approach(uint8_t channel, uint16_t count, uint16_t most_a_ms) {
   uint16_t from = last_pulse(channel);
-  uint32_t most = (uint32_t)slew[channel] * ROUND_MS;
+  uint32_t most = (uint32_t)most_a_ms * ROUND_MS;
   if (apart(count, from) > most) count = count > from ? from + (uint16_t)most : from - (uint16_t)most;
   if (count != counts[channel]) move_to(channel, count);
 }
@@ -75,10 +76,13 @@ static void let_go() {
   power(false);
 }
 
+/* Begin the way to the safe state. A way that is under way goes on as it began: a second SAFE, whoever sends it, changes
+   neither its speed nor its end. */
 static void go_safe() {
   if (state == IDLE) return;
   queued = 0;
   state = SAFE;
+  if (homing) return;
   if (reach == RELEASE) return let_go();
   homing = true;
   leaps = reach == AT_ONCE;
@@ -86,6 +90,7 @@ static void go_safe() {
   way_gone = arrived = 0;
   for (uint8_t c = 0; c < CHANNELS; c++) {
     way_start[c] = counts[c];
+    way_slew[c] = slew[c];
     target[c] = safe_counts[c];
     uint16_t needs = (uint16_t)(((uint32_t)apart(counts[c], target[c]) + slew[c] - 1) / slew[c]);
     if (needs > way_ms) way_ms = needs;
@@ -102,7 +107,7 @@ static void go_home(uint8_t steps) {
     uint16_t gone = (uint16_t)(way_pace[c] * way_gone >> 16);
     uint16_t at = target[c] > way_start[c] ? way_start[c] + gone : way_start[c] - gone;
     if (leaps) move_to(c, target[c]);
-    else approach(c, way_gone == way_ms ? target[c] : at);
+    else approach(c, way_gone == way_ms ? target[c] : at, way_slew[c]);
     if (last_pulse(c) != target[c]) there = false;
   }
   if (!there) return;
@@ -314,7 +319,7 @@ void loop() {
   play();
   uint8_t steps = passed();
   if (steps && state == ARMED) {
-    for (uint8_t c = 0; c < CHANNELS; c++) approach(c, target[c]);
+    for (uint8_t c = 0; c < CHANNELS; c++) approach(c, target[c], slew[c]);
   }
   if (steps && homing) go_home(steps);
   alive();

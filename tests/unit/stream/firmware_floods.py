@@ -9,13 +9,14 @@ from typing import NamedTuple
 import numpy as np
 
 from core.stream.protocols import packets
-from core.stream.protocols.packets import Kind
+from core.stream.protocols.packets import Kind, Reach
 from tests.unit.stream.firmware_board import Board, Sender, servos
 
 SLEW = 7.5  # [rad/s]: 3.75 us of pulse a millisecond, 75 us in a frame of 20 ms
 FRAME_US = 75.0
 ROUNDING_US = 1.0  # a tick of the board's is 0.5 us, and both pulses are rounded
 FAR, SAFE = 0.8, -0.8  # [rad]
+ARRIVES = 0.1 + (FAR - SAFE) / SLEW  # [s]
 SECONDS = 0.6
 _EIGHT = packets.command(0, np.full(8, 60_000, np.uint16), timed=False)
 
@@ -33,7 +34,8 @@ class Flooded(NamedTuple):
 
     Attributes:
         begins: from the last valid packet to the first pulse that has moved towards safe, the slowest channel's [s].
-        arrives: the same until the safe pose [s]. steepest: largest change between two pulses of a channel [us].
+        arrives: the same until the safe pose [s]. steepest: largest change between two pulses of a channel [us]; where
+            others say SAFE, up to the safe pose, since the next SAFE begins a way of their own.
         overruns: bytes that the chip lost.
     """
 
@@ -43,7 +45,10 @@ class Flooded(NamedTuple):
     overruns: int
 
 
-def _random(zeros: float) -> Callable[[Heard], Iterator[bytes]]:
+Flood = Callable[[Heard], Iterator[bytes]]
+
+
+def _random(zeros: float) -> Flood:
     def blocks(heard: Heard) -> Iterator[bytes]:
         rng = np.random.default_rng(7)
         while True:
@@ -54,11 +59,11 @@ def _random(zeros: float) -> Callable[[Heard], Iterator[bytes]]:
     return blocks
 
 
-def _same(block: bytes) -> Callable[[Heard], Iterator[bytes]]:
+def _same(block: bytes) -> Flood:
     return lambda heard: itertools.repeat(block)
 
 
-def _others(kind: Kind, body: bytes) -> Callable[[Heard], Iterator[bytes]]:
+def _others(kind: Kind, body: bytes) -> Flood:
     """Valid frames of all other sessions, in rising order."""
 
     def blocks(heard: Heard) -> Iterator[bytes]:
@@ -73,7 +78,7 @@ def _replay(heard: Heard) -> Iterator[bytes]:
     return itertools.repeat(heard.bytes)
 
 
-def _again(ago: int) -> Callable[[Heard], Iterator[bytes]]:
+def _again(ago: int) -> Flood:
     """Commands of this very session, from the one so many packets ago to the last."""
 
     def blocks(heard: Heard) -> Iterator[bytes]:
@@ -91,9 +96,23 @@ def _damaged(heard: Heard) -> Iterator[bytes]:
         yield bytes(frame)
 
 
+def _taking_over(*kinds: Kind, slew: int = 1, safe: int = 60_000, reach: Reach = Reach.RAMP) -> Flood:
+    """Other sessions that begin as soon as the board lets them, and configure it in their own way."""
+    table = np.full(8, safe, np.uint16), np.full(8, slew, np.uint16)
+    bodies = {Kind.HELLO: packets.hello(8, bytes(8)), Kind.CONFIGURE: packets.configure(80, reach, *table)}
+
+    def blocks(heard: Heard) -> Iterator[bytes]:
+        for turn in itertools.count():
+            session = 1 + (heard.session + turn % 254) % 255
+            for number, kind in enumerate(kinds):
+                yield packets.pack(kind, session, turn * len(kinds) + number, bodies.get(kind, b""))
+
+    return blocks
+
+
 _LONG = bytes([255]) + bytes(range(1, 255)) + bytes(1)
 
-FLOODS: dict[str, Callable[[Heard], Iterator[bytes]]] = {
+FLOODS: dict[str, Flood] = {
     "00 01": _same(b"\0\1"),
     "84 00 00 2f": _same(b"\x84\0\0\x2f"),
     "01 00 7f 00": _same(b"\1\0\x7f\0"),
@@ -109,6 +128,17 @@ FLOODS: dict[str, Callable[[Heard], Iterator[bytes]]] = {
     "commands of a minute ago": _again(40_000),
     "the whole session again": _replay,
     "damaged commands of this session": _damaged,
+    "HELLO and CONFIGURE of others, slew 1": _taking_over(Kind.HELLO, Kind.CONFIGURE),
+    "HELLO and CONFIGURE of others, safe elsewhere": _taking_over(Kind.HELLO, Kind.CONFIGURE, slew=65_535),
+    "HELLO and CONFIGURE of others, at once": _taking_over(Kind.HELLO, Kind.CONFIGURE, reach=Reach.AT_ONCE),
+    "HELLO and CONFIGURE of others, release": _taking_over(Kind.HELLO, Kind.CONFIGURE, reach=Reach.RELEASE),
+    "HELLO, CONFIGURE and SAFE of others, slew 1": _taking_over(Kind.HELLO, Kind.CONFIGURE, Kind.SAFE),
+    "HELLO, CONFIGURE and SAFE of others, at once": _taking_over(
+        Kind.HELLO, Kind.CONFIGURE, Kind.SAFE, reach=Reach.AT_ONCE
+    ),
+    "HELLO, CONFIGURE and SAFE of others, release": _taking_over(
+        Kind.HELLO, Kind.CONFIGURE, Kind.SAFE, reach=Reach.RELEASE
+    ),
     "silence": _same(b""),
 }
 
@@ -138,10 +168,12 @@ def flood(board: Board, name: str, baud: float, seconds: float = SECONDS) -> Flo
     for _ in range(round(seconds / 0.02)):
         board.run(0.02)
     paths = [np.array(board.path(channel)) for channel in range(8)]
+    arrives = max(_first(p, p[:, 1] < 1500 + 500 * SAFE + 1.0) for p in paths)
+    judged = [p[p[:, 0] <= arrives] if "SAFE" in name else p for p in paths]
     return Flooded(
         begins=max(_first(p, p[:, 1] < p[0, 1] - 0.5) for p in paths) - last,
-        arrives=max(_first(p, p[:, 1] < 1500 + 500 * SAFE + 1.0) for p in paths) - last,
-        steepest=max(float(np.abs(np.diff(p[:, 1])).max()) for p in paths),
+        arrives=arrives - last,
+        steepest=max(float(np.abs(np.diff(p[:, 1])).max()) for p in judged),
         overruns=board.overruns,
     )
 

@@ -72,7 +72,7 @@ def _render(options: argparse.Namespace, scene: bpy.types.Scene, folder: Path) -
         written += outputs.export_screen_maps(now, _library(options), folder)
     for path in written:
         print(path)
-    return _status((*made.all_findings, *found))
+    return _status((*made.all_findings, *outputs.name_findings(made), *found))
 
 
 def _parts(

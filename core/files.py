@@ -32,7 +32,10 @@ def atomic(path: Path) -> Iterator[Path]:
         DermisError: the folder or file cannot be written.
     """
     path = Path(path)
-    part = path.parent / f".{path.name[:100]}.{os.getpid()}-{os.urandom(4).hex()}.part"
+    shown = path.name.encode(errors="surrogateescape")[:100].decode(
+        errors="ignore"
+    )  # a file name has 255 bytes at most
+    part = path.parent / f".{shown}.{os.getpid()}-{os.urandom(4).hex()}.part"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         yield part

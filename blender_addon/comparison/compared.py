@@ -36,7 +36,8 @@ class Compared:
     @property
     def stem(self) -> str:
         """What its files are called."""
-        return f"{core.track.file_names.safe(self.table['finger']) or 'finger'}.devices"
+        safe, names = core.track.file_names.safe, core.track.file_names.FileNames()
+        return str(names.take(f"{safe(self.table['finger']) or 'finger'}.devices"))
 
 
 _compared: dict[int, Compared] = {}

@@ -58,6 +58,7 @@ def save(made: Told, folder: Path) -> Path:
     Raises:
         DermisError: the folder cannot be written.
     """
-    path = folder / f"{core.track.file_names.safe(made.table['finger']) or 'finger'}.told-apart.csv"
+    safe, names = core.track.file_names.safe, core.track.file_names.FileNames()
+    path = folder / names.take(f"{safe(made.table['finger']) or 'finger'}.told-apart", ".csv")
     core.files.write_bytes(path, made.csv)
     return path

@@ -60,7 +60,7 @@ class DERMIS_OT_export_tracks(Folder, bpy.types.Operator):
         if result.bake.outputs:
             # a CSV is written whatever it says, and says so itself; other formats are for devices
             written, found = export_parts.write(scene, result, folder, self.form, force=self.form == "csv")
-            refused = [finding for finding in found if finding.code == "refused"]
+            refused = [finding for finding in found if finding.code in ("refused", "name-shortened")]
             written += core.pipeline.outputs.write_plots(result.bake, folder) if self.plots else ()
         written += stored_skins.export(result.bake, folder)
         if not written:

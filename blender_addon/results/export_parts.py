@@ -101,7 +101,7 @@ def plan(
             parts.append(Part(folder / names.take(whole, suffix), track))
     if empty and not parts:
         raise empty[0]
-    return parts, found
+    return parts, found + [*core.pipeline.outputs.name_findings(result.bake)]
 
 
 def write_parts(parts: Sequence[Part], form: str, *, force: bool = False) -> tuple[list[Path], list[Any]]:

@@ -10,7 +10,7 @@ from typing import Any
 from ..files import write_bytes
 from ..matching.felt_errors import MEASURES
 from ..matching.thimble_use import LOOKUP
-from ..track.file_names import safe
+from ..track.file_names import FileNames, safe
 from ..version import version
 from .device_comparison import Comparison, Row
 from .measures import Measure, rms
@@ -155,7 +155,7 @@ def write(found: Comparison, folder: Path) -> tuple[Path, Path]:
     Raises:
         DermisError: the folder cannot be written.
     """
-    stem = f"{safe(found.finger) or 'finger'}.devices"
+    stem = FileNames().take(f"{safe(found.finger) or 'finger'}.devices")
     table, page = Path(folder) / f"{stem}.csv", Path(folder) / f"{stem}.html"
     write_bytes(table, csv(found).encode())
     write_bytes(page, html(found).encode())

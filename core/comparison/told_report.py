@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ..files import write_bytes
-from ..track.file_names import safe
+from ..track.file_names import FileNames, safe
 from ..version import version
 from .ideal_observer import Answer
 from .told_apart import Told
@@ -78,7 +78,7 @@ def write(found: Told, folder: Path) -> Path:
     Raises:
         DermisError: the folder cannot be written.
     """
-    path = Path(folder) / f"{safe(found.finger) or 'finger'}.told-apart.csv"
+    path = Path(folder) / FileNames().take(f"{safe(found.finger) or 'finger'}.told-apart", ".csv")
     write_bytes(path, csv(found).encode())
     return path
 

@@ -4,28 +4,37 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..errors import DermisError
+from ..errors import DermisError, Finding
 from ..parameters.device import DEVICE
 from ..presets import Library
 from ..scene.tactile_scene import TactileScene
+from ..track.file_names import FileNames, safe
 from .bake import Bake, Output
 
 
 def export(bake: Bake, folder: Path | str, *, plots: bool = False) -> tuple[Path, ...]:
     """Write one CSV per finger and device into a folder, and on request a PNG plot beside each; return their paths.
 
+    A track that cannot be written does not keep the others from being written.
+
     Raises:
-        DermisError: nothing to export, or the folder cannot be written.
+        DermisError: nothing to export, or a track cannot be written; the first one's reason.
     """
     from ..track import csv
 
     if not bake.outputs:
         raise DermisError("no tracks to export", where=str(folder), remedy="Give a finger a device and bake again")
-    written = []
+    written: list[Path] = []
+    refused: list[DermisError] = []
     for name, output in zip(file_names(bake), bake.outputs, strict=True):
         path = Path(folder) / f"{name}.csv"
-        csv.write(output.track, path)
-        written.append(path)
+        try:
+            csv.write(output.track, path)
+            written.append(path)
+        except DermisError as error:
+            refused.append(error)
+    if refused:
+        raise refused[0]
     return (*written, *(write_plots(bake, folder) if plots else ()))
 
 
@@ -66,7 +75,6 @@ def export_screen_maps(scene: TactileScene, library: Library, folder: Path) -> t
         DermisError: no finger has a screen device, a map cannot be used, or the folder cannot be written.
     """
     from ..matching.friction_screen import screen_maps
-    from ..track.file_names import FileNames, safe
 
     wanted = []
     for finger in scene.fingers:
@@ -95,7 +103,15 @@ def export_screen_maps(scene: TactileScene, library: Library, folder: Path) -> t
 
 def file_names(bake: Bake) -> tuple[str, ...]:
     """Return a file stem per output: finger and device, safe on every file system, never the same twice."""
-    from ..track.file_names import FileNames, safe
+    return _named(bake)[0]
 
+
+def name_findings(bake: Bake) -> tuple[Finding, ...]:
+    """Return what is to be said of `file_names`: those that were shortened."""
+    return _named(bake)[1].findings()
+
+
+def _named(bake: Bake) -> tuple[tuple[str, ...], FileNames]:
     names = FileNames()
-    return tuple(names.take(f"{safe(output.finger) or 'finger'}.{safe(output.device)}") for output in bake.outputs)
+    stems = (f"{safe(output.finger) or 'finger'}.{safe(output.device)}" for output in bake.outputs)
+    return tuple(names.take(stem) for stem in stems), names

@@ -25,7 +25,7 @@ from ..track.file_names import FileNames
 from ..work.jobs import Report
 from ..work.parcel import array_from, bytes_of
 from .bake import Bake, Progress
-from .outputs import export, export_screen_maps, file_names
+from .outputs import export, export_screen_maps, file_names, name_findings
 from .render import render
 from .share_job import findings_of, plain_findings
 
@@ -87,7 +87,9 @@ def render_shot(
         paths += export_screen_maps(scene, library, folder)
     told, refused = _write_formats(bake, folder, wanted, paths)
     names = tuple(path.relative_to(folder).as_posix() for path in paths)
-    return Shot(names, tuple(refused), (*bake.all_findings, *told), bake.skipped, bake.content_hash)
+    return Shot(
+        names, tuple(refused), (*bake.all_findings, *name_findings(bake), *told), bake.skipped, bake.content_hash
+    )
 
 
 def _write_formats(bake: Bake, folder: Path, wanted: Wanted, paths: list[Path]) -> tuple[list[Finding], list[str]]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import socket
 import struct
 import sys
 
-from .transport import Gone, Stream, Transport, cannot_open
+from ...errors import DermisError
+from .transport import Gone, Stream, Transport
 from .url import Url
 
 CONNECT_SECONDS = 2.0
@@ -22,7 +24,7 @@ class Tcp(Stream):
         try:
             self._socket = socket.create_connection(url.host_port(), timeout=CONNECT_SECONDS)
         except OSError as error:
-            raise cannot_open(url.text, error) from error
+            raise cannot_connect(url.text, error) from error
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 16384)
         self._socket.setblocking(False)
@@ -77,7 +79,7 @@ class Udp(Transport):
             self._socket.setblocking(False)
             self._socket.connect(address)
         except OSError as error:
-            raise cannot_open(url.text, error) from error
+            raise cannot_connect(url.text, error) from error
 
     def send(self, message: bytes) -> bool:
         try:
@@ -104,3 +106,28 @@ class Udp(Transport):
 
     def close(self) -> None:
         self._socket.close()
+
+
+# Numbers of Windows stand beside the others: there a socket's errors have their own.
+_REFUSED = {
+    (errno.EACCES, 10013): (
+        "the address is one of a whole network (broadcast), or a firewall refuses it",
+        "Give the device's own address; if it is that already, allow the connection in the firewall",
+    ),
+    (errno.ECONNREFUSED, 10061): ("nobody listens there", "Start the device, and check its address and port"),
+    (errno.ENETUNREACH, 10051): ("no network leads there", "Connect this computer to the device's network"),
+    (errno.EHOSTUNREACH, 10065): ("the network does not reach the device", "Check its address, and that it is on"),
+    (errno.ETIMEDOUT, 10060): ("the device does not answer", "Check its address and port, and that it is on"),
+}
+
+
+def cannot_connect(place: str, error: OSError) -> DermisError:
+    """Return why a socket could not be connected, and what to do."""
+    said = error.strerror or str(error)
+    if isinstance(error, socket.gaierror):
+        return DermisError("no computer of this name is known", where=place, value=said, remedy="Check the address")
+    number = errno.ETIMEDOUT if isinstance(error, TimeoutError) else error.errno
+    for numbers, (what, remedy) in _REFUSED.items():
+        if number in numbers:
+            return DermisError(f"the link cannot be opened: {what}", where=place, value=said, remedy=remedy)
+    return DermisError("the link cannot be opened", where=place, value=said)

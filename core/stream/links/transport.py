@@ -96,7 +96,7 @@ class Stream(Transport):
 
 
 def cannot_open(place: str, error: Exception) -> DermisError:
-    """Return why a link could not be opened, who has it, and what to do."""
+    """Return why a serial port could not be opened, who has it, and what to do."""
     number = getattr(error, "errno", None)
     text = str(getattr(error, "strerror", None) or error)
     if place in text:  # pyserial repeats the port's name

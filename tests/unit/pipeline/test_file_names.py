@@ -12,8 +12,10 @@ import pytest
 
 import core
 from core.devices.spec import Channel, DeviceSpec
+from core.errors import DermisError
 from core.pipeline.bake import Bake, Output
-from core.pipeline.outputs import file_names
+from core.pipeline.outputs import export as export_bake
+from core.pipeline.outputs import file_names, name_findings
 from core.track import c_header, export
 from core.track.command_track import CommandTrack
 from core.track.file_names import FileNames, numbered, safe
@@ -79,6 +81,44 @@ def test_a_bake_s_files() -> None:
     fingers = ("a b", "a_b", "A B", "")
     bake = Bake(tuple(Output(f, "dev", a_track(0.0), {}, ()) for f in fingers), (), {}, "hash")
     assert file_names(bake) == ("a_b.dev", "a_b.dev-2", "A_B.dev-3", "finger.dev")
+
+
+LONG = ["x" * 300, "x" * 299 + "y", "\u6307" * 120, "\u6307" * 85, "short"]
+
+
+def test_fingers_with_names_longer_than_a_file_s_are_exported(tmp_path: Path) -> None:
+    """Each gets a name of its own that begins as the finger's does, and it is said; device and suffix stay."""
+    bake = Bake(tuple(Output(f, "dev", a_track(i / 8), {}, ()) for i, f in enumerate(LONG)), (), {}, "hash")
+    written = export_bake(bake, tmp_path)
+    assert [export.read(path).values[0, 0] for path in written] == [i / 8 for i in range(5)]
+    assert len({path.name for path in written}) == 5
+    for path, finger in zip(written, LONG, strict=True):
+        assert path.name[:5] == finger[:5] and path.name.endswith(".dev.csv") and len(path.name.encode()) < 255
+    assert written[-1].name == "short.dev.csv" and file_names(bake) == file_names(bake)
+    told = name_findings(bake)
+    assert [f.code for f in told] == ["name-shortened"] * 4
+    assert [f.value for f in told] == [path.stem for path in written[:-1]]
+
+
+def test_many_long_parts_are_cut_to_fit() -> None:
+    names = FileNames()
+    made = names.take(".".join(["scene" * 40, "finger" * 40, "device" * 40, "range" * 40]), ".json")
+    assert len(made.encode()) <= 205 and [part[:5] for part in made.split(".")[:4]] == [
+        "scene",
+        "finge",
+        "devic",
+        "range",
+    ]
+    assert len(names.take(".".join(["a"] * 300)).encode()) <= 200
+    assert len(names.findings()) == 2
+
+
+def test_one_track_that_cannot_be_written_leaves_the_others(tmp_path: Path) -> None:
+    bake = Bake(tuple(Output(f, "dev", a_track(0.5), {}, ()) for f in "abc"), (), {}, "hash")
+    (tmp_path / "b.dev.csv").mkdir()
+    with pytest.raises(DermisError, match="b.dev.csv"):
+        export_bake(bake, tmp_path)
+    assert sorted(p.name for p in tmp_path.iterdir() if p.is_file()) == ["a.dev.csv", "c.dev.csv"]
 
 
 def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 import subprocess
 import sys
 from collections.abc import Callable
@@ -263,3 +264,24 @@ def test_a_streamers_words_stay_those_of_the_link() -> None:
     streamer.apply(StreamRequest(connect=True, url="bogus://x", device={"key": "haptip", "preset": preset}), 1.0)
     streamer.tick(1.0)
     assert streamer.message.count("bogus://x") == 1
+
+
+# -- sockets
+
+
+@posix
+def test_a_refused_broadcast_is_told_as_one() -> None:
+    """The system refuses both with the number that it has for a serial port without rights."""
+    with pytest.raises(DermisError, match="whole network .broadcast.*device's own address") as told:
+        open_link(Url("udp://255.255.255.255:9000"), lambda url: pytest.fail("no virtual device was asked for"))
+    assert "dialout" not in str(told.value) and "port" not in told.value.what
+
+
+def test_a_socket_that_nobody_listens_at_is_no_serial_port() -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    with pytest.raises(DermisError, match="cannot be opened: nobody listens there.*Start the device"):
+        open_link(Url(f"socket://127.0.0.1:{port}"), lambda url: pytest.fail("no virtual device was asked for"))
+    with pytest.raises(DermisError, match="no computer of this name"):
+        open_link(Url("udp://no-such-host.invalid:9"), lambda url: pytest.fail("no virtual device was asked for"))

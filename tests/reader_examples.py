@@ -113,11 +113,18 @@ def npz(**arrays: Any) -> bytes:
     return written(lambda path: write_npz(path, arrays), ".npz")
 
 
+def _written_by_others() -> list[bytes]:
+    names = ("f8 Deflate predictor tiles", "i2 LZW predictor big-endian strips", "u4 Deflate BigTIFF tiles")
+    with np.load(Path(__file__).parent / "unit/images/written_by_tifffile.npz") as archive:
+        return [archive[name].tobytes() for name in (*names, "no data: f4 -9999")]
+
+
 def all_images() -> list[bytes]:
     grey = np.arange(48, dtype=np.uint8).reshape(6, 8)
     return [
         *(_png(colour, depth) for colour, depth in ((0, 1), (0, 8), (0, 16), (2, 8), (3, 4), (4, 8), (6, 8))),
         *_tiffs(grey),
+        *_written_by_others(),
         _npy(grey),
         _npy(grey / 48.0),
         _npy(np.zeros((6, 8, 4), np.float32)),

@@ -14,6 +14,7 @@ from .raster import Raster, checked_size, grey_of
 _FIELD = re.compile(rb"(?:\s|#[^\n]*\n)*+([^\s#]\S*)")  # after white space and comments
 _SPACE = re.compile(rb"\s")
 _AT_ONCE = 1 << 20  # bytes of plain numbers
+_NEXT = re.compile(rb"\s*+(P[1-7fF]\s|\Z)")  # a file may hold several images, or end in white space
 
 
 def decode(data: bytes, where: str) -> Raster:
@@ -70,6 +71,22 @@ def _missing(where: str, found: int, wanted: int) -> DermisError:
     return DermisError("the image is cut short", where=where, value=f"{found} values", limit=f"{wanted} values")
 
 
+def _check_end(data: bytes, end: int, where: str) -> None:
+    """Refuse bytes behind the last pixel: the pixels are wider than the header says, or others."""
+    if not _NEXT.match(data, end):
+        raise _left_over(where, f"{len(data) - end} bytes")
+
+
+def _left_over(where: str, found: str) -> DermisError:
+    return DermisError(
+        "the image goes on behind its last pixel, so its pixels are not what its header says",
+        where=where,
+        value=found,
+        limit="nothing, white space, or another image",
+        remedy="Save the image again",
+    )
+
+
 def _plain(data: bytes, start: int, count: int, where: str) -> NDArray[np.uint32]:
     if len(data) - start < 2 * count - 1:  # a digit and a space each
         raise _missing(where, max(len(data) - start + 1, 0) // 2, count)
@@ -78,7 +95,10 @@ def _plain(data: bytes, start: int, count: int, where: str) -> NDArray[np.uint32
     while done < count and at < len(body):
         space = _SPACE.search(body, at + _AT_ONCE)
         end = space.start() if space else len(body)
-        words = body[at:end].split()[: count - done]
+        words = body[at:end].split()
+        if len(words) > count - done and not _NEXT.match(words[count - done] + b" "):
+            raise _left_over(where, f"{len(words) - count + done} numbers and more")
+        words = words[: count - done]
         numbers[done : done + len(words)] = [_whole(word, where) for word in words]
         done, at = done + len(words), end
     if done < count:
@@ -91,6 +111,7 @@ def _raw(data: bytes, start: int, most: int, count: int, where: str) -> NDArray[
     found = max(len(data) - start, 0) // kind.itemsize
     if found < count:
         raise _missing(where, found, count)
+    _check_end(data, start + count * kind.itemsize, where)
     return np.frombuffer(data, kind, count, start)
 
 
@@ -110,5 +131,6 @@ def _floats(data: bytes, start: int, scale: bytes, count: int, where: str) -> ND
     found = max(len(data) - start, 0) // 4
     if found < count:
         raise _missing(where, found, count)
+    _check_end(data, start + count * 4, where)
     # The magnitude of the scale is a display hint that writers leave at 1; heights are taken as stored.
     return np.frombuffer(data, kind, count, start).astype(np.float32)

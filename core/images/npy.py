@@ -6,7 +6,7 @@ import numpy as np
 
 from ..errors import DermisError
 from ..npz import array_of
-from .raster import Raster, checked_size, grey_of
+from .raster import Raster, checked_size, grey_of, largest_of
 
 MAGIC = b"\x93NUMPY"
 
@@ -29,11 +29,8 @@ def decode(data: bytes, where: str) -> Raster:
             "the array is not an image", where=where, value=array.shape, limit="(rows, columns[, 1, 3, 4])"
         )
     checked_size(array.shape[1], array.shape[0], where)
-    levels = 0
-    if array.dtype.kind in "ui":
-        levels = int(np.iinfo(array.dtype).max) + 1
-    elif array.dtype.kind == "b":
-        levels = 2
+    largest, signed = largest_of(array.dtype)
+    levels = 0 if array.dtype.kind == "f" else largest + 1
     holes = array[..., 3] == 0 if array.shape[2] == 4 else np.zeros(array.shape[:2], bool)
-    grey, findings = grey_of(array[..., :3], where, max(levels - 1, 1))
-    return Raster(np.ascontiguousarray(grey[::-1]), np.ascontiguousarray(holes[::-1]), levels, findings)
+    grey, findings = grey_of(array[..., :3], where, largest)
+    return Raster(np.ascontiguousarray(grey[::-1]), np.ascontiguousarray(holes[::-1]), levels, findings, signed)

@@ -1,4 +1,4 @@
-"""PNG and TIFF, decoded by Pillow: 1 to 16 bit grey, palettes, alpha, 8-bit colour, and TIFF's 32-bit floats.
+"""PNG and TIFF, decoded by Pillow: 1 to 16 bit grey, palettes, alpha, 8-bit colour; TIFF of one sample by `tiff`.
 
 Pillow reduces 16-bit colours to 8, so these are refused. The size is judged before a pixel is unpacked.
 """
@@ -12,18 +12,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DermisError
 from ..foreign import damage_told
+from . import tiff
 from .raster import Raster, checked_size, grey_of
+from .tiff_header import MAGIC as TIFF
+from .tiff_header import unreadable
 
 if TYPE_CHECKING:
     from PIL.ImageFile import ImageFile
 
 PNG = b"\x89PNG\r\n\x1a\n"
-TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
-_GREY = {"1", "L", "I;16", "I;16B", "F"}  # Pillow's names of what pixels hold
+_GREY = {"1", "L", "I;16", "I;16B"}  # Pillow's names of what pixels hold
 _COLOUR = {"P", "LA", "RGB", "RGBA"}
-_DAMAGED, _REMEDY = "the image is damaged or cut short", "Save the image again"
 _WHITE_IS_ZERO = 262, 0  # TIFF's tag and value, which Pillow heeds up to 8 bits
 
 
@@ -33,17 +33,21 @@ def decode(data: bytes, where: str) -> Raster:
     Raises:
         DermisError: damaged, cut short, too large, or with pixels that Pillow cannot hold as they are.
     """
-    with damage_told(_DAMAGED, where, remedy=_REMEDY):
+    if data.startswith(TIFF):
+        made = tiff.decode(data, where)
+        if made is not None:
+            return made
+    with damage_told(tiff.DAMAGED, where, remedy=tiff.REMEDY):
         _opened(data).verify()  # the check sums of all parts, which loading leaves out
         image = _opened(data)
     columns, rows = image.size
     checked_size(columns, rows, where, packed=len(data))
     bits = _bits(image, where)
-    with damage_told(_DAMAGED, where, remedy=_REMEDY):
+    with damage_told(tiff.DAMAGED, where, remedy=tiff.REMEDY):
         image.load()
         pixels, holes = _pixels(image, bits)
-    levels = 0 if image.mode == "F" else 1 << bits
-    grey, findings = grey_of(pixels, where, max(levels - 1, 1))
+    levels = 1 << bits
+    grey, findings = grey_of(pixels, where, levels - 1)
     return Raster(np.ascontiguousarray(grey[::-1]), np.ascontiguousarray(holes[::-1]), levels, findings)
 
 
@@ -63,13 +67,7 @@ def _bits(image: ImageFile, where: str) -> int:
     said = re.search(r";(\d+)", name)
     bits = 1 if image.mode == "1" else int(said.group(1)) if said and image.mode != "P" else 8
     if image.mode not in _GREY | _COLOUR or (bits > 8 and image.mode in _COLOUR):
-        raise DermisError(
-            "pixels of this kind are not read here",
-            where=where,
-            value=f"{bits} bit, {image.mode}",
-            limit="grey of up to 16 bit or 32-bit floats, colours of 8 bit",
-            remedy="Save it as a grey 16-bit PNG",
-        )
+        raise unreadable(f"{bits} bit, {image.mode}", where)
     return bits
 
 

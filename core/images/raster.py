@@ -27,12 +27,25 @@ class Raster:
         holes: pixels that the file itself declares empty (alpha 0), bool, same shape.
         levels: how many values the format can tell apart (256 for 8 bit), 0 for floating point.
         findings: what was noticed while reading.
+        signed: the format's whole numbers reach below 0.
     """
 
     values: NDArray[np.float32]
     holes: NDArray[np.bool_]
     levels: int
     findings: tuple[Finding, ...] = ()
+    signed: bool = False
+
+    @property
+    def largest(self) -> int:
+        """The stored number that became 1; 1 for floating point."""
+        return max(self.levels - 1, 1)
+
+
+def largest_of(kind: np.dtype) -> tuple[int, bool]:
+    """Return the largest number of a type, 1 of floating point and booleans, and whether it has numbers below 0."""
+    whole = kind.kind in "ui"
+    return (int(np.iinfo(kind).max) if whole else 1), kind.kind == "i"
 
 
 def checked_size(columns: int, rows: int, where: str, *, packed: int | None = None) -> None:

@@ -196,8 +196,16 @@ def test_tiff_in_colour_or_with_white_at_zero(tmp_path):
 @pytest.mark.parametrize(
     ("data", "words"),
     [
-        (tiff(numbers(2, 2, 3, 16), 16, photometric=2), "16 bit, RGB"),
-        (tiff(numbers(2, 2, 1, 8), 16, sample_format=2), "not read here"),
+        (tiff(numbers(2, 2, 3, 16), 16, photometric=2), "16 bit, 3 samples a pixel.*16-bit PNG"),
+        (tiff(numbers(2, 2, 1, 8), 16, sample_format=6), "not read here .*16 bit, complex"),
+        (tiff(numbers(2, 2, 1, 8), 8, sample_format=3), "not read here .*8 bit, floating point"),
+        (
+            tiff(numbers(2, 4, 1, 8), 8).replace(
+                struct.pack("<HHII", 256, 4, 1, 4), struct.pack("<HHII", 256, 4, 1, 2)
+            ),
+            "number of bytes",
+        ),
+        (tiff(numbers(2, 2, 1, 8), 8, compression=9), "compressed by method 9"),
         (tiff(numbers(40, 40, 1, 8), 8, compression=8).replace(b"\x78\x9c", b"\x78\x9d"), "damaged or cut short"),
         (tiff(numbers(2, 2, 1, 8), 8)[:8], "damaged or cut short"),
         (b"II*\0" + bytes(20), "damaged or cut short"),
@@ -244,6 +252,9 @@ EMPTY = chunk(b"IDAT", b"") + chunk(b"IEND", b"")
         (b"P5 x 4 255\n", "malformed"),
         (b"P5 1 1 70000\n\0\0", "1 to 65535"),
         (b"P2 1 1 9 10", "brighter"),
+        (b"P2 1 1 99 10 11", "goes on behind its last pixel"),
+        (b"P5 2 1 255\n\0\1\0\2", "goes on behind its last pixel.*2 bytes"),
+        (b"Pf 1 1 -1\n" + bytes(8), "goes on behind its last pixel"),
         (b"P2 2 1 9 1", "cut short"),
         (b"Pf 1 1 0\n\0\0\0\0", "scale"),
         (b"Pf 2 2 -1\n\0\0\0\0", "cut short"),
@@ -278,6 +289,8 @@ def test_pgm_and_ppm(tmp_path):
     np.testing.assert_allclose(raster.values, [[0.5, 0.2126]], rtol=1e-6)
     np.testing.assert_allclose(images.read(put(tmp_path, b"P3 1 1 10 5 5 5")).values, [[0.5]])
     assert images.read(put(tmp_path, b"P5 1 1 255\n\n")).values[0, 0] == pytest.approx(10 / 255)
+    several = b"P5 1 1 255\n\x20\nP5 1 1 255\n\x30"  # as streams hold them: the first is read
+    assert images.read(put(tmp_path, several)).values[0, 0] == pytest.approx(32 / 255)
 
 
 @pytest.mark.parametrize(("kind", "scale"), [("<f4", b"-1.0"), (">f4", b"1.0")])

@@ -1,0 +1,124 @@
+"""TIFF: one sample a pixel of any type, whole or floating point, as strips or tiles; the rest as Pillow reads it.
+
+Pillow changes samples that are none of its own: it swaps no bytes of packed big-endian floats, and takes signed bytes
+for unsigned ones. Here it unpacks bytes only; what they stand for is decided from the file's own tags.
+"""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DermisError
+from ..foreign import check_size, damage_told
+from . import tiff_header as tags
+from .raster import Raster, checked_size, grey_of, largest_of
+from .tiff_header import TiffHeader, unreadable
+
+# Compressions that change no byte: none, LZW, Deflate (both numbers), PackBits, LZMA, Zstandard.
+_LOSSLESS = {1, 5, 8, 32946, 32773, 34925, 50000}
+_PILLOWS = {2, 3, 4, 6, 7}  # of few bits, and JPEG
+_DIFFERENCED = _LOSSLESS - {1, 32773}  # those that a predictor may come before
+DAMAGED, REMEDY = "the image is damaged or cut short", "Save the image again"
+
+
+def decode(data: bytes, where: str) -> Raster | None:
+    """Read a TIFF of one sample a pixel with 8 bits or more; None for others, which are checked.
+
+    The number that the file declares to stand for 'no data' makes holes.
+
+    Raises:
+        DermisError: damaged, cut short, too large, or samples of a kind that is not read.
+    """
+    header = TiffHeader.of(data, where)
+    kind, samples = header.sample_type(), header.number(tags.SAMPLES, 1)
+    columns, rows = header.number(tags.WIDTH), header.number(tags.ROWS)
+    checked_size(columns, rows, where, packed=len(data))
+    if samples > 1 and (kind.itemsize > 1 or kind.kind != "u" or samples > 4):
+        raise unreadable(f"{8 * kind.itemsize} bit, {samples} samples a pixel", where)
+    plain = header.number(tags.PHOTOMETRIC, 1) in (0, 1) and header.number(tags.FILL_ORDER, 1) == 1
+    packing = header.number(tags.COMPRESSION, 1)
+    if packing not in _LOSSLESS | _PILLOWS:
+        raise unreadable(f"compressed by method {packing}", where)
+    if samples > 1 or header.number(tags.BITS, 1) < 8 or not plain or packing not in _LOSSLESS:
+        if kind.kind != "u" or kind.itemsize > 2:
+            raise unreadable(f"{8 * kind.itemsize} bit, compressed as {packing}", where)
+        return None
+    if packing == 1:
+        _check_bytes(header, kind, columns, rows)
+    values = _samples(header, kind, columns, rows)
+    if header.number(tags.PHOTOMETRIC, 1) == 0 and kind.kind == "u":  # white is zero
+        values = np.iinfo(kind).max - values
+    declared = header.no_data()
+    holes = np.zeros(values.shape, bool) if declared is None else holds(values, declared)
+    largest, signed = largest_of(kind)
+    grey, findings = grey_of(values[..., None], where, largest)
+    levels = 0 if kind.kind == "f" else largest + 1
+    return Raster(grey[::-1].copy(), holes[::-1].copy(), levels, findings, signed)
+
+
+def holds(values: NDArray[Any], number: float) -> NDArray[np.bool_]:
+    """Return where samples hold a number, as their own type would store it; a type that cannot holds it nowhere."""
+    if values.dtype.kind == "f":
+        with np.errstate(over="ignore"):
+            return np.asarray(values == np.asarray(number).astype(values.dtype))
+    ends = np.iinfo(values.dtype)
+    if not np.isfinite(number) or number != round(number) or not ends.min <= number <= ends.max:
+        return np.zeros(values.shape, bool)
+    return np.asarray(values == values.dtype.type(int(number)))
+
+
+def _check_bytes(header: TiffHeader, kind: np.dtype, columns: int, rows: int) -> None:
+    """Refuse unpacked pixels of which there are more or fewer bytes than the tags say."""
+    tiled = tags.TILE_BYTES in header.entries
+    counts = tags.TILE_BYTES if tiled else tags.STRIP_BYTES
+    if counts not in header.entries:  # some old writers leave it out
+        return
+    held = sum(header.numbers(counts))
+    # Tiles are whole, those at the rims too; strips end with the image, but some writers fill up the last one.
+    high = max(header.number(tags.TILE_ROWS if tiled else tags.STRIP_ROWS, rows), 1)
+    wide = max(header.number(tags.TILE_WIDTH, columns), 1) if tiled else columns
+    needed = rows * columns * kind.itemsize
+    filled = -(-rows // high) * high * -(-columns // wide) * wide * kind.itemsize
+    if held not in ((filled,) if tiled else (needed, filled)):
+        raise DermisError(
+            "the image has another number of bytes than its size and samples need",
+            where=header.where,
+            value=f"{held} bytes",
+            limit=f"{needed} bytes: {columns} x {rows} of {8 * kind.itemsize} bit",
+            remedy=REMEDY,
+        )
+
+
+def _samples(header: TiffHeader, kind: np.dtype, columns: int, rows: int) -> NDArray[Any]:
+    """Return the samples in the file's own type, shape (rows, columns)."""
+    from PIL.TiffImagePlugin import TiffImageFile
+
+    differenced = header.number(tags.COMPRESSION, 1) in _DIFFERENCED
+    predictor = header.number(tags.PREDICTOR, 1) if differenced else 1
+    if predictor not in (1, 2, 3) or (predictor == 3 and kind.kind != "f"):
+        raise unreadable(f"predictor {predictor} of {8 * kind.itemsize} bit", header.where)
+    block = header.number(tags.TILE_WIDTH, columns) or columns
+    width = -(-columns // block) * block  # tiles are whole: what lies beyond the image belongs to their rows
+    check_size(width * rows * kind.itemsize, header.where, packed=len(header.data))
+    with damage_told(DAMAGED, header.where, remedy=REMEDY):
+        image = TiffImageFile(io.BytesIO(header.as_bytes(kind.itemsize, width)))
+        if image.mode != "L" or image.size != (width * kind.itemsize, rows):
+            raise ValueError(f"unpacked as {image.mode} {image.size}")
+        image.load()
+        packed = np.asarray(image).reshape(rows, width // block, block * kind.itemsize)
+    if predictor == 3:  # each row of a block: all first bytes of its samples, then all second ones ..., as differences
+        summed = np.add.accumulate(packed, axis=2, dtype=np.uint8)
+        split = summed.reshape(rows, width // block, kind.itemsize, block)
+        values = np.ascontiguousarray(split.swapaxes(2, 3)).view(kind.newbyteorder(">"))[..., 0]
+    else:
+        values = np.ascontiguousarray(packed).view(kind)
+        if predictor == 2:
+            own = np.dtype(f"=u{kind.itemsize}")  # differences go around the ends of the type
+            whole = values.view(np.dtype(f"{kind.str[0]}u{kind.itemsize}") if kind.itemsize > 1 else own).astype(own)
+            values = np.add.accumulate(whole, axis=2, dtype=own).view(kind.newbyteorder("="))
+    native = values.reshape(rows, width)[:, :columns]
+    return np.ascontiguousarray(native.astype(kind.newbyteorder("=")))

@@ -1,4 +1,4 @@
-"""What comes from elsewhere: limits of what is read, one guard around parsers, and JSON without surprises.
+"""What comes from elsewhere: limits of what is read, one guard around parsers, JSON and TOML without surprises.
 
 Every reader of files goes through here, `files.read_bytes` and `npz`: what is wrong with a file becomes one
 `DermisError`, and nothing is unpacked or allocated before its size was judged.
@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import json
 import lzma
+import re
 import struct
+import tomllib
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -24,8 +26,17 @@ MAX_TEXT = 1 << 29  # of text, which takes ten times as much while it is read: 1
 MAX_SETTINGS = 1 << 24  # of presets, calibrations, headers: people write these, and 128 pins take 30 kB
 FREELY = 1 << 26  # bytes that may come out of however little: 8,192 x 8,192 flat pixels
 EXPANDS = 100  # times its packed size that anything larger may unpack to; measured data stay below 20
+MAX_TOML = 1 << 20  # of TOML: its parser takes up to 1 us a byte, and a sweep of 100,000 values takes 0.7 MB
 LONGEST_INTEGER = 300  # digits: a longer one is no double any more
 DEEPEST = 32  # objects and lists in one another; presets have 6
+
+# The strings and comments of TOML, each character in one match only; a string that is not closed is taken to its end.
+_TOML_QUOTED = re.compile(
+    r""""{3}(?:[^"\\]|\\.|"{1,2}+(?!"))*+(?:"{3,5}|\Z)|'{3}(?:[^']|'{1,2}+(?!'))*+(?:'{3,5}|\Z)"""
+    r"""|"(?:[^"\\\n]|\\.)*+"?|'[^'\n]*+'?|\#[^\n]*+""",
+    re.DOTALL,
+)
+_TOML_DEEP = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{DEEPEST}}}")
 
 # What the parsers of Python, numpy and zlib throw at damage; numpy reads headers with Python's own tokenizer.
 DAMAGE: tuple[type[Exception], ...] = (
@@ -133,8 +144,8 @@ def json_of(data: bytes | str, where: str, most: int = MAX_SETTINGS, *, constant
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         found = dict(pairs)
         if len(found) != len(pairs):
-            keys = [key for key, _ in pairs]
-            twice = next(key for key in keys if keys.count(key) > 1)
+            seen: set[str] = set()
+            twice = next(key for key, _ in pairs if key in seen or seen.add(key))  # type: ignore[func-returns-value]
             raise DermisError("a key stands twice in one object", where=where, value=twice[:80])
         return found
 
@@ -175,6 +186,33 @@ def json_of(data: bytes | str, where: str, most: int = MAX_SETTINGS, *, constant
                 remedy="Write the whole character, or its two halves together",
             ) from error
     return value
+
+
+def toml_of(text: str, where: str) -> dict[str, Any]:
+    """Read TOML of keys that are not nested without end, and of whole numbers that can be used.
+
+    The parser's time grows with the square of a key's depth, so the depth is judged on the text before.
+
+    Raises:
+        DermisError: too large, too deep, a whole number that is no double any more, or not TOML.
+    """
+    check_size(len(text), where, MAX_TOML)
+    if _TOML_DEEP.search(_TOML_QUOTED.sub("_", text)):
+        raise DermisError("nested too deeply", where=where, limit=f"{DEEPEST} levels")
+    with damage_told("not TOML", where):
+        value = tomllib.loads(text)
+    _check_depth(value, where)
+    _check_whole(value, where)
+    return value
+
+
+def _check_whole(value: Any, where: str) -> None:
+    """Refuse whole numbers that are no double any more; hexadecimal ones can be of any length."""
+    if isinstance(value, dict | list):
+        for inner in value.values() if isinstance(value, dict) else value:
+            _check_whole(inner, where)
+    elif isinstance(value, int) and abs(value) >= 10**LONGEST_INTEGER:
+        raise DermisError("not a number that can be used", where=where, limit=f"{LONGEST_INTEGER} digits")
 
 
 def _check_depth(value: Any, where: str) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import product
@@ -11,7 +10,7 @@ from typing import Any
 
 from ..errors import DermisError
 from ..files import read_text
-from ..foreign import MAX_SETTINGS, damage_told, is_newer
+from ..foreign import MAX_TOML, damage_told, is_newer, toml_of
 
 SCHEMA = "dermis-sweep 1"
 STUDIES = ("devices", "motors")
@@ -58,9 +57,7 @@ def read(path: Path) -> Spec:
         DermisError: not TOML, an unknown study or key, values that are none, no scenes, or more than `MOST` rows.
     """
     where = str(path)
-    text = read_text(path, most=MAX_SETTINGS)
-    with damage_told("not TOML", where):
-        given = tomllib.loads(text)
+    given = toml_of(read_text(path, most=MAX_TOML), where)
     schema = given.get("schema")
     if schema != SCHEMA:
         newer = is_newer(schema, SCHEMA)

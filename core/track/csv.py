@@ -104,7 +104,7 @@ def loads(text: str, *, where: str = "track") -> CommandTrack:
     entries, heading, body = split(text, where)
     fields = {key: value for key, (value, _) in entries.items()}
     spec = spec_of(entries, heading, where)
-    names = [c.name for c in spec.channels]
+    names = {c.name: None for c in spec.channels}
     for key, (value, line) in entries.items():
         if key.startswith("limited."):
             check_limited(key.removeprefix("limited."), names, f"{where}, line {line}")

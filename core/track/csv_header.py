@@ -68,7 +68,7 @@ def escaped(value: str) -> str:
 
 def split(text: str, where: str) -> tuple[dict[str, tuple[str, int]], str, str]:
     """Separate header entries with their line numbers, the heading, and the rows."""
-    first, _, rest = text.partition("\n")
+    first = text.partition("\n")[0]
     if first != f"{MAGIC} {VERSION}":
         _refuse_first_line(first, where)
     if not text.endswith("\n"):
@@ -78,9 +78,10 @@ def split(text: str, where: str) -> tuple[dict[str, tuple[str, int]], str, str]:
             remedy="Copy or export it again",
         )
     entries: dict[str, tuple[str, int]] = {}
-    number = 2
-    while rest.startswith("#"):
-        line, _, rest = rest.partition("\n")
+    number, at = 2, len(first) + 1
+    while text.startswith("#", at):
+        end = text.index("\n", at)
+        line, at = text[at:end], end + 1
         key, colon, value = line[1:].removeprefix(" ").partition(":")
         place = f"{where}, line {number}"
         if not colon or not KEY.fullmatch(key) or (value and not value.startswith(" ")):
@@ -89,7 +90,7 @@ def split(text: str, where: str) -> tuple[dict[str, tuple[str, int]], str, str]:
             raise DermisError("a key stands twice", where=place, value=key)
         entries[key] = (_unescaped(value.removeprefix(" "), place), number)
         number += 1
-    heading, _, body = rest.partition("\n")
+    heading, _, body = text[at:].partition("\n")
     if not heading:
         raise DermisError("the row of column names is missing", where=f"{where}, line {number}")
     return entries, heading, body
@@ -152,7 +153,7 @@ def _channels(entries: Entries, heading: str, where: str) -> tuple[Channel, ...]
     if names[0] != "t_s":
         raise DermisError("the first column is not the time", where=place, value=names[0][:80], limit="t_s")
     stated = {k.removeprefix("channel."): k for k in entries if k.startswith("channel.")}
-    channels: list[Channel] = []
+    channels: dict[str, Channel] = {}
     for number, name in enumerate(names[1:], start=2):
         match = re.fullmatch(rf"({NAME.pattern})\[([^\[\],]+)\]", name)
         if match is None or match[2] not in UNITS or UNITS[match[2]][0] != match[2]:
@@ -162,7 +163,7 @@ def _channels(entries: Entries, heading: str, where: str) -> tuple[Channel, ...]
                 value=name[:80],
                 limit="name[unit] with an SI unit",
             )
-        if match[1] in {c.name for c in channels}:
+        if match[1] in channels:
             raise DermisError("a column stands twice", where=f"{place}, column {number}", value=match[1])
         if match[1] not in stated:
             raise DermisError(
@@ -170,13 +171,13 @@ def _channels(entries: Entries, heading: str, where: str) -> tuple[Channel, ...]
                 where=f"{place}, column {number}",
                 remedy=f"Write '# channel.{match[1]}: {EMPTY}' for a channel without limits",
             )
-        channels.append(_channel(match[1], match[2], *entries[stated.pop(match[1])], where=where))
+        channels[match[1]] = _channel(match[1], match[2], *entries[stated.pop(match[1])], where=where)
     if stated:
         key = next(iter(stated.values()))
         raise DermisError("a channel without a column", where=f"{where}, line {entries[key][1]}", value=key)
     if not channels:
         raise DermisError("no column but the time", where=place)
-    return tuple(channels)
+    return tuple(channels.values())
 
 
 def _channel(name: str, unit: str, text: str, line: int, *, where: str) -> Channel:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Collection
 from fractions import Fraction
 
 from ..devices.kinds import KINDS
@@ -47,8 +47,9 @@ def check_known(track: CommandTrack, where: str) -> None:
     check_kind(track.spec.kind, where)
     for key, value in track.meta.items():
         check_meta(key, str(value), where)
+    names = {c.name: None for c in track.channels}
     for key in track.limited:
-        check_limited(key, [c.name for c in track.channels], where)
+        check_limited(key, names, where)
 
 
 def check_kind(kind: str, where: str) -> None:
@@ -82,11 +83,11 @@ def check_meta(key: str, value: str, where: str) -> None:
         raise DermisError("not a range of frames", where=where, value=value[:80], limit="FIRST LAST, such as 1 250")
 
 
-def check_limited(key: str, names: Iterable[str], where: str) -> None:
+def check_limited(key: str, names: Collection[str], where: str) -> None:
     """Refuse a count of limited samples of no channel, or of no kind that a limiter has.
 
     Args:
-        key: 'CHANNEL.KIND'. names: of the channels.
+        key: 'CHANNEL.KIND'. names: of the channels, as a set or the keys of a dict.
 
     Raises:
         DermisError: as said.
@@ -94,9 +95,9 @@ def check_limited(key: str, names: Iterable[str], where: str) -> None:
     name, _, kind = key.rpartition(".")
     if kind not in LIMITED:
         raise DermisError("unknown kind of limiting", where=where, value=key[:80], limit=", ".join(LIMITED))
-    own = tuple(names)
-    if name not in own:
-        raise DermisError("a limited channel without a column", where=where, value=key[:80], limit=", ".join(own)[:200])
+    if name not in names:
+        limit = ", ".join(names)[:200]
+        raise DermisError("a limited channel without a column", where=where, value=key[:80], limit=limit)
 
 
 def is_own(key: str) -> bool:

@@ -124,8 +124,9 @@ def track_of(header: Mapping[str, Any], times: Array, values: Array, where: str)
         _key(k, where): count(json.dumps(v), f"{where}, limited {k}")
         for k, v in _mapping(header["limited"], where).items()
     }
+    names = {c.name: None for c in spec.channels}
     for key in limited:
-        check_limited(key, [c.name for c in spec.channels], f"{where}, limited")
+        check_limited(key, names, f"{where}, limited")
     if values.shape != (len(times), len(spec.channels)):
         raise DermisError(
             "the samples do not fit times and channels",

@@ -27,6 +27,7 @@ CALLS = {
     "read_npz",
     "array_of",
     "json_of",
+    "toml_of",
     "ZipFile",
     "frombuffer",
     "fromfile",

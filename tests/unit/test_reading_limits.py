@@ -7,6 +7,7 @@ import os
 import struct
 import subprocess
 import sys
+import tomllib
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -19,6 +20,7 @@ import core
 from core import images
 from core.errors import DermisError
 from core.files import opened, read_bytes, write_npz
+from core.foreign import toml_of
 from core.npz import array_of, opened_npz, read_npz
 
 ROOT = Path(core.__file__).parents[1]
@@ -36,6 +38,7 @@ from core.matching.screen_map import ScreenMap
 from core.matching.table import SkinTable
 from core.skin import file as skin
 from core.surrogate import table
+from core.sweep import spec
 reader = eval(sys.argv[1])
 before, started = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
 try:
@@ -181,6 +184,50 @@ def wide_preset(path: Path) -> None:
     path.write_bytes(b"[" + b"{}," * 8_000_000 + b"{}]")
 
 
+# What is not large, and takes a time that grows with its square: twice the bytes, four times the seconds.
+
+
+def nested_header_sweep(path: Path) -> None:
+    path.write_text("[" + ".".join("a" * 100_000) + "]")
+
+
+def nested_key_sweep(path: Path) -> None:
+    path.write_text('schema = "x"\n' + " . ".join(["a-b", '"c"', "'d'"] * 20_000) + " = 1")
+
+
+def nested_inline_sweep(path: Path) -> None:
+    path.write_text("a = {" + ".".join("b" * 100_000) + " = 1}")
+
+
+def wide_sweep(path: Path) -> None:
+    path.write_text("a = [" + "1," * 2_000_000 + "]")
+
+
+def hexadecimal_sweep(path: Path) -> None:
+    path.write_text("schema = 0x" + "f" * 200_000)
+
+
+def twice_preset(path: Path) -> None:
+    """A key that stands twice, at the end of many."""
+    path.write_text("{" + ",".join(f'"{i}":0' for i in [*range(200_000), 199_999]) + "}")
+
+
+def track(header: str, columns: str = "t_s,x[m]") -> str:
+    known = "# device: d\n# kind: shear_tactor\n# spec_hash: a\n# rate: 1.0\n# units: SI\n"
+    return f"# dermis-track 1\n{known}{header}{columns}\n" + ",".join(["0"] * (columns.count(",") + 1)) + "\n"
+
+
+def headed_csv(path: Path) -> None:
+    notes = "".join(f"# x.{i}: {i}\n" for i in range(100_000))
+    path.write_text(track(notes))
+
+
+def broad_csv(path: Path) -> None:
+    names = [f"c{i}" for i in range(10_000)]
+    header = "".join(f'# channel.{n}: {{"rest": 0}}\n# limited.{n}.range: 1\n' for n in names)
+    path.write_text(track(header + "# samples: 2\n", ",".join(["t_s", *(f"{n}[m]" for n in names)])))
+
+
 READ_TABLE = "table.read_table"
 BOMBS: list[tuple[Callable[[Path], None], str, str]] = [
     (flat_png, "images.read", "too large"),
@@ -200,6 +247,14 @@ BOMBS: list[tuple[Callable[[Path], None], str, str]] = [
     (sparse_preset, "presets.read", "too large"),
     (nested_preset, "presets.read", "nested too deeply"),
     (wide_preset, "presets.read", "too large"),
+    (nested_header_sweep, "spec.read", "nested too deeply"),
+    (nested_key_sweep, "spec.read", "nested too deeply"),
+    (nested_inline_sweep, "spec.read", "nested too deeply"),
+    (wide_sweep, "spec.read", "too large"),
+    (hexadecimal_sweep, "spec.read", "not a number that can be used"),
+    (twice_preset, "presets.read", "a key stands twice"),
+    (headed_csv, "export.read", "is missing in the header"),
+    (broad_csv, "export.read", "the number of rows"),
     (big_npz, "SkinTable.load", "missing"),
     (big_npz, "ScreenMap.load", "missing"),
     (big_npz, "skin.load_mesh", "schema"),
@@ -213,7 +268,8 @@ def test_a_bomb_is_refused_before_it_grows(
 ) -> None:
     make(tmp_path / "bomb")
     said, seconds, megabytes = tried(reader, tmp_path / "bomb")
-    assert words in said and "allowed" in said + " allowed" * (words in ("missing", "cut short", "schema"))
+    without = ("missing", "cut short", "schema", "a key stands twice", "is missing in the header")
+    assert words in said and "allowed" in said + " allowed" * (words in without)
     assert megabytes < MAX_MEGABYTES, said
     assert seconds < MAX_SECONDS or os.getloadavg()[0] > (os.cpu_count() or 1), said
 
@@ -234,6 +290,22 @@ def test_the_limits_leave_what_people_have(tmp_path: Path) -> None:
     found = read_npz(tmp_path / "a.npz")
     assert np.array_equal(found["noise"], noise) and np.array_equal(found["turned"], noise[:100])
     assert found["turned"].flags.writeable and str(found["word"]) == "é" and found["word"].shape == ()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a = [" + "1.5, " * 1000 + "]",
+        'a = "' + "b." * 1000 + '"  # ' + "c." * 1000,
+        "a = '''\n" + "b." * 1000 + "\n'''\nd = 1",
+        'a = """\n' + 'b.\\"""' * 1000 + 'x""""\nd."e.f" = 1',
+        ".".join("a" * 32) + " = 1",
+        "".join(f"a.b.c{i} = 1979-05-27\n" for i in range(1000)),
+    ],
+    ids=["numbers", "string and comment", "literal", "quotes", "deepest", "many"],
+)
+def test_dots_that_nest_nothing_are_read(text: str) -> None:
+    assert toml_of(text, "a") == tomllib.loads(text)
 
 
 @pytest.mark.parametrize("kind", ["<f8", ">f4", "|u1", "|b1", "<c16", "<U3", "|S2", "<i8"])

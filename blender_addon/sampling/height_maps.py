@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -89,8 +90,6 @@ def build(
         heights, height_unit, findings = kept[1]
     else:
         heights, height_unit, findings = _relief(obj, depsgraph, unit)
-        if settings.source == "MESH" and not keep and not _felt_as_mesh(obj, depsgraph.scene):
-            findings += mesh_heights.frozen(obj, depsgraph.scene)
         if mirrored:
             heights = np.ascontiguousarray(heights[..., ::-1])
         if keep and _chosen(settings):
@@ -102,6 +101,24 @@ def build(
     return core.scene.tactile_scene.Screen(
         obj.name_full, (width, height), heights, height_unit, parameters, tuple(findings)
     )
+
+
+def frozen(
+    screens: Iterable[bpy.types.Object], depsgraph: bpy.types.Depsgraph, deforming: frozenset[int] | None
+) -> list[mesh_heights.Frozen]:
+    """Return what watches the reliefs that were cast from meshes and are felt.
+
+    Args:
+        deforming: session uids of the objects whose shape may change; None if that of every object may.
+    """
+    out = []
+    for obj in screens:
+        settings = obj.dermis.screen
+        if settings.source != "MESH" or settings.mesh_object is None or _felt_as_mesh(obj, depsgraph.scene):
+            continue
+        uids = {obj.session_uid, settings.mesh_object.session_uid}
+        out.append(mesh_heights.Frozen(obj, depsgraph, deforming is None or not uids.isdisjoint(deforming)))
+    return out
 
 
 def _relief(obj: bpy.types.Object, depsgraph: Any, unit: float) -> tuple[NDArray[np.float32], float, tuple[Any, ...]]:

@@ -10,11 +10,7 @@ from mathutils.bvhtree import BVHTree
 from numpy.typing import NDArray
 
 from .._core import DermisError, Finding
-from . import meshes, prepass
-from .frames import frame_range
-
-LOOKS = 9
-"""Frames of the range at which a moving mesh is compared with where it is at the first."""
+from . import meshes, participants
 
 
 def cast(
@@ -90,50 +86,49 @@ def cast(
     )
 
 
-def frozen(screen: bpy.types.Object, scene: bpy.types.Scene) -> tuple[Any, ...]:
-    """Return the finding that a mesh changes while its relief does not; the frame is the range's first, and stays.
+class Frozen:
+    """Finds when a mesh first changes under a relief that was cast from it at the first frame.
 
-    Blender's own relations tell what depends on time. A mesh that moves with its screen does not change on it.
+    A mesh that moves with its screen does not change on it.
     """
-    target = screen.dermis.screen.mesh_object
-    if target is None or not _changes(screen, target, scene):
-        return ()
-    return (
-        Finding(
-            "info",
-            "relief-frozen",
-            "the mesh changes with time, but its relief is cast once, at the first frame",
-            where=f"screen '{screen.name_full}'",
-            value=target.name_full,
-            remedy="Make the mesh touchable and set the device's Relief to Mesh, which follows it",
-        ),
-    )
 
+    def __init__(self, screen: bpy.types.Object, depsgraph: bpy.types.Depsgraph, reshaped: bool) -> None:
+        """Take a screen and its mesh at the first frame; `reshaped` where the shape of one may change."""
+        target = screen.dermis.screen.mesh_object
+        self._names = screen.name_full, target.name_full
+        self._uids = screen.session_uid, target.session_uid
+        self._reader = meshes.MeshReader() if reshaped else None
+        self._first = self._now(screen, target, depsgraph)
+        self._tolerance = 1e-5 * float(np.abs(self._first[0]).max())
+        self.findings: list[Any] = []
 
-def _changes(screen: bpy.types.Object, target: bpy.types.Object, scene: bpy.types.Scene) -> bool:
-    first = scene.frame_current
-    moving, deforming = prepass.time_dependent(scene, first)
-    if target.session_uid in deforming:
-        return True
-    if moving.isdisjoint({screen.session_uid, target.session_uid}):
-        return False
-    if target.rigid_body is not None and target.rigid_body.type == "ACTIVE":
-        return True  # where it will be is known only once it was simulated
-    last = max(frame_range(scene)[1], first + 1)
-    still = _relative(screen, target)
-    tolerance = 1e-5 * float(np.abs(still).max())
-    try:
-        for frame in np.unique(np.linspace(first, last, LOOKS).round().astype(int)).tolist():
-            scene.frame_set(frame)
-            if np.abs(_relative(screen, target) - still).max() > tolerance:
-                return True
-    finally:
-        scene.frame_set(first)
-    return False
+    def look(self, depsgraph: bpy.types.Depsgraph, frame: float) -> None:
+        """Compare the current frame with the first."""
+        if self.findings:
+            return
+        found = participants.look_up(set(self._uids))
+        if len(found) < len(set(self._uids)):
+            return  # the recorder refuses this in words
+        place, *shapes = self._now(found[self._uids[0]], found[self._uids[1]], depsgraph)
+        still = np.abs(place - self._first[0]).max() <= self._tolerance
+        if still and all(now is first for now, first in zip(shapes, self._first[1:], strict=True)):
+            return
+        self.findings.append(
+            Finding(
+                "info",
+                "relief-frozen",
+                "the mesh changes with time, but its relief is cast once, at the first frame",
+                where=f"screen '{self._names[0]}'",
+                value=self._names[1],
+                remedy="Make the mesh touchable and set the device's Relief to Mesh, which follows it",
+                frame=frame,
+            )
+        )
 
-
-def _relative(screen: bpy.types.Object, target: bpy.types.Object) -> NDArray[np.float64]:
-    return np.linalg.solve(np.array(screen.matrix_world, np.float64), np.array(target.matrix_world, np.float64))
+    def _now(self, screen: bpy.types.Object, target: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> list[Any]:
+        evaluated = [obj.evaluated_get(depsgraph) for obj in (screen, target)]
+        place = np.linalg.solve(*(np.array(e.matrix_world, np.float64) for e in evaluated))
+        return [place, *(self._reader.read(e, 1.0) for e in evaluated if self._reader is not None)]
 
 
 def grid(extent: NDArray[np.float64], resolution: int) -> tuple[int, int]:

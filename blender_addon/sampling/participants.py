@@ -83,13 +83,20 @@ def is_disabled(obj: bpy.types.Object, view_layer: bpy.types.ViewLayer) -> bool:
     return bool(obj.hide_viewport or not shown)
 
 
-def taking_part(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, findings: list[Any]) -> list[bpy.types.Object]:
-    """Return the scene's objects with a role, in order of name; report those that are disabled."""
+def taking_part(
+    scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, findings: list[Any], *, scripted: bool = False
+) -> list[bpy.types.Object]:
+    """Return the scene's objects with a role, in order of name; report those that are disabled.
+
+    Args:
+        scripted: scripts run at changes of the frame, and may enable later what can be touched.
+    """
     found = []
     for obj in sorted(scene.objects, key=lambda o: o.name_full):
         if role_of(obj) == "NONE":
             continue
-        if is_disabled(obj, view_layer) and not comes_and_goes(obj):
+        later = comes_and_goes(obj) or (scripted and role_of(obj) == "TOUCHABLE")
+        if is_disabled(obj, view_layer) and not later:
             findings.append(
                 Finding(
                     "warning",
@@ -158,22 +165,22 @@ def animated_parameters(obj: bpy.types.Object) -> tuple[tuple[str, str, float], 
 
     One of a device is named 'device/<device index>/<name>'.
     """
-    paths = {p.removeprefix("dermis.") for p in compat.animated_paths(obj) if p.startswith("dermis.")}
-    if not paths:
-        return ()
-    out = []
+    paths = {p for p in compat.animated_paths(obj) if p.startswith("dermis.")}
+    return tuple(a for a in keyable_parameters(obj) if f"dermis.{a[1]}" in paths) if paths else ()
+
+
+def keyable_parameters(obj: bpy.types.Object) -> list[tuple[str, str, float]]:
+    """Return what of an object's parameters can change within a bake, as `animated_parameters` does."""
     branch = {"FINGER": "finger", "SCREEN": "screen"}.get(role_of(obj), "material")
-    for a in _animatable(group_of(obj)):
-        if f"{branch}.{a.saved}" in paths:
-            out.append((a.name, f"{branch}.{a.saved}", a.factor))
+    out = [(a.name, f"{branch}.{a.saved}", a.factor) for a in _animatable(group_of(obj))]
     if branch == "finger":
         enabled = [d for d in enumerate(obj.dermis.finger.devices) if d[1].enabled]
         for number, (index, device) in enumerate(enabled):
-            for a in _animatable(device):
-                path = f"finger.devices[{index}].{a.saved}"
-                if path in paths:
-                    out.append((f"device/{number}/{a.name}", path, a.factor))
-    return tuple(out)
+            out += [
+                (f"device/{number}/{a.name}", f"finger.devices[{index}].{a.saved}", a.factor)
+                for a in _animatable(device)
+            ]
+    return out
 
 
 def idle_curves(obj: bpy.types.Object) -> list[Any]:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from . import participants
+from . import participants, script_changes
 from .participants import InstanceKey
 
 
@@ -20,36 +20,39 @@ def depsgraph_of(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> bpy
 
 
 class TimeDependent(NamedTuple):
-    """Session uids of the objects that Blender moves, and of those whose geometry it evaluates, as time goes on."""
+    """Session uids of what Blender evaluates anew as time goes on.
 
-    moving: frozenset[int]
+    Attributes:
+        deforming: objects whose geometry it evaluates. all: these, objects that it moves, and other data.
+    """
+
     deforming: frozenset[int]
+    all: frozenset[int]
 
 
 def time_dependent(scene: bpy.types.Scene, first: int) -> TimeDependent:
     """Return what Blender evaluates anew because time went on; the scene is at the first frame afterwards.
 
-    The dependency graph knows this from its relations: a mesh that is merely moved is not among those that deform.
+    The dependency graph knows this from its relations, which hold for the whole range: a mesh that is merely moved is
+    not among those that deform. Scripts do not run here: what they change is found by `script_changes`.
     """
-    moving: set[int] = set()
-    deforming: set[int] = set()
+    found: dict[int, bool] = {}
 
     def note(_scene: bpy.types.Scene, depsgraph: Any = None) -> None:
         for update in depsgraph.updates if depsgraph is not None else ():
-            if isinstance(update.id, bpy.types.Object):
-                uid = {update.id.original.session_uid}
-                moving.update(uid if update.is_updated_transform else ())
-                deforming.update(uid if update.is_updated_geometry else ())
+            deforms = isinstance(update.id, bpy.types.Object) and update.is_updated_geometry
+            uid = update.id.original.session_uid
+            found[uid] = found.get(uid, False) or deforms
 
-    bpy.app.handlers.frame_change_post.append(note)
-    try:
-        scene.frame_set(first + 1)
-        moving.clear()  # what was edited before counts as updated the first time
-        deforming.clear()
-        scene.frame_set(first)
-    finally:
-        bpy.app.handlers.frame_change_post.remove(note)
-    return TimeDependent(frozenset(moving), frozenset(deforming))
+    with script_changes.held_back():
+        bpy.app.handlers.frame_change_post.append(note)
+        try:
+            scene.frame_set(first + 1)
+            found.clear()  # what was edited before counts as updated the first time
+            scene.frame_set(first)
+        finally:
+            bpy.app.handlers.frame_change_post.remove(note)
+    return TimeDependent(frozenset(uid for uid, deforms in found.items() if deforms), frozenset(found))
 
 
 def instances(

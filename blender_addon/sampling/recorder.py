@@ -73,7 +73,7 @@ class Recorder:
         else:
             objects.foreach_get("matrix_world", self._raw[k])
         for i, place in self._blinking:
-            self._present[i, k] = not objects[place].hide_viewport
+            self._present[i, k] = not participants.is_disabled(objects[place], depsgraph.view_layer)
         if self._instances:
             self._record_instances(k, depsgraph)
         if self._surfaced:

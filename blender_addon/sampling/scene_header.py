@@ -106,23 +106,26 @@ def list_participants(
     simulations: Simulations,
     deforming: frozenset[int] | None,
     presence: Mapping[InstanceKey, Any],
+    *,
+    scripted: bool = False,
 ) -> Participants:
     """List who takes part, at the current frame.
 
     Args:
+        scripted: scripts run at changes of the frame: what can be touched and is disabled now may be enabled later.
         deforming: session uids of objects whose surface depends on time; None if every surface may.
         presence: the instances of the range, see `prepass.instances`.
     """
     out = Participants(scene.name_full, view_layer.name, metres_per_unit(scene))
     fingers, bodies, screens = [], [], []
-    for obj in participants.taking_part(scene, view_layer, out.findings):
+    for obj in participants.taking_part(scene, view_layer, out.findings, scripted=scripted):
         matrix = np.array(obj.evaluated_get(depsgraph).matrix_world, np.float64)
         entry = Entry(
             obj.name_full,
             obj.session_uid,
             mirrored=bool(np.linalg.det(matrix[:3, :3]) < 0),
             simulated=obj.session_uid in simulations.uids,
-            blinking=participants.comes_and_goes(obj),
+            blinking=participants.comes_and_goes(obj) or participants.is_disabled(obj, view_layer),
             animated=participants.animated_parameters(obj),
         )
         out.findings += participants.idle_curves(obj)
@@ -193,7 +196,7 @@ def header(depsgraph: bpy.types.Depsgraph, swept: Participants, reader: MeshRead
         obj = objects[entry.uid]
         evaluated = obj.evaluated_get(depsgraph)
         mesh = reader.read(evaluated, swept.unit, entry.mirrored, entry.curved)
-        if live or not entry.deforming:  # what deforms may get its faces later: the chunks tell
+        if live or not (entry.deforming or entry.blinking):  # these may get their faces later: the chunks tell
             try:
                 core.scene.tactile_scene.check_mesh(mesh, f"object '{entry.name}'")
             except DermisError as error:

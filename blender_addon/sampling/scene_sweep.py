@@ -8,7 +8,7 @@ taken at the nearest frame that single precision knows, and that very frame and 
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -18,7 +18,7 @@ import numpy as np
 from .. import changes
 from .._core import Array, DermisError, core
 from ..quantities import metres_per_unit
-from . import height_maps, participants, prepass, scene_header, simulated_motion
+from . import height_maps, participants, prepass, scene_header, script_changes, simulated_motion
 from .frames import frame_range, frames_per_second, sweep_frames
 from .meshes import MeshReader
 from .participants import Entry, InstanceKey, Participants
@@ -123,13 +123,23 @@ def sample(
     reader = MeshReader()
     simulations = simulated_motion.find(scene)
     with undisturbed(scene):
-        deforming = prepass.time_dependent(scene, span[0]).deforming
+        timely = prepass.time_dependent(scene, span[0])
         presence = prepass.instances(scene, view_layer, span, simulations)
         scene.frame_set(span[0])
         depsgraph = prepass.depsgraph_of(scene, view_layer)
-        swept = scene_header.list_participants(scene, depsgraph, view_layer, simulations, deforming, presence)
+        swept = scene_header.list_participants(
+            scene, depsgraph, view_layer, simulations, timely.deforming, presence, scripted=script_changes.run_here()
+        )
         header = scene_header.header(depsgraph, swept, reader)
         swept = header.participants
+        gravity = scene_header.gravity(scene, findings)
+        may_deform = None if script_changes.run_here() else timely.deforming
+        screens = participants.look_up({entry.uid for entry in swept.screens}).values()
+        reliefs = height_maps.frozen(screens, depsgraph, may_deform)
+        watch = None
+        if script_changes.needed(scene):
+            surfaces = [body.mesh for body in header.bodies]
+            watch = script_changes.Watch(scene, view_layer, swept, surfaces, reader, timely.all)
     made = core.scene.tactile_scene.TactileScene(
         scene.name_full,
         fps,
@@ -139,7 +149,7 @@ def sample(
         header.bodies,
         header.screens,
         (),
-        gravity=scene_header.gravity(scene, findings),
+        gravity=gravity,
         findings=(*findings, *swept.findings),
     )
     try:
@@ -149,7 +159,7 @@ def sample(
     frames, times = sweep_frames(fps, span, rate)
     noticed: list[Any] = []
     whole = _whole_frames(swept, simulations, span)
-    steps = _steps(swept, reader, frames, times, fps, whole, presence, chunk_size, noticed)
+    steps = _steps(swept, reader, frames, times, fps, whole, presence, chunk_size, noticed, watch, reliefs)
     return replace(made, chunks=Sweep(steps, len(frames) + len(whole), noticed))
 
 
@@ -228,7 +238,7 @@ def _read_live(
     scene_header.gravity(scene, findings)
     varies = any(e.blinking or e.mirrored for e in header.participants.entries)
     varies |= any(f.code == "mesh-unusable" for f in header.participants.findings)  # it may get its faces later
-    lasting = not has and not varies
+    lasting = not has and not varies and not script_changes.run_here()
     return _Live(key, header, presence, tuple(findings), lasting)
 
 
@@ -260,12 +270,14 @@ def _steps(
     presence: dict[InstanceKey, Any],
     chunk_size: int,
     findings: list[Any],
+    watch: script_changes.Watch | None,
+    reliefs: list[Any],
 ) -> Generator[Any, None, None]:
     """Yield None after each sample, and each chunk when it is complete."""
     scene = _scene_named(swept.scene)
     if scene is None:
         raise DermisError("the scene was removed", where=f"scene '{swept.scene}'")
-    with undisturbed(scene):
+    with undisturbed(scene), watch or nullcontext():
         simulated = None
         if len(whole):
             simulated = yield from _simulate(swept, reader, whole, frames[0], fps, presence, findings)
@@ -273,9 +285,19 @@ def _steps(
         for start in range(0, len(frames), chunk_size):
             part = slice(start, min(start + chunk_size, len(frames)))
             for k, frame in enumerate(frames[part].tolist()):
-                recorder.record(k, _go_to(swept, frame))
+                depsgraph = _go_to(swept, frame)
+                recorder.record(k, depsgraph)
+                if watch is not None:
+                    watch.look(depsgraph)
+                for relief in reliefs:
+                    relief.look(depsgraph, frame)
                 yield None
-            yield recorder.chunk(frames[part], times[part], part.stop - part.start, findings)
+            chunk = recorder.chunk(frames[part], times[part], part.stop - part.start, findings)
+            yield chunk if watch is None else watch.follow(chunk)
+        for relief in reliefs:
+            findings += relief.findings
+        if watch is not None:
+            findings += watch.findings
 
 
 def _go_to(swept: Participants, frame: float) -> bpy.types.Depsgraph:

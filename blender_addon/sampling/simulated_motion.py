@@ -6,6 +6,7 @@ rotation, stretch and vertices pass through the engine's own C2 splines.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +14,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import compat
 from .._core import Array, core
 
 MARGIN = 8
@@ -38,20 +40,34 @@ class Simulations:
     fluids: tuple[str, ...]
 
 
+def switches(scene: bpy.types.Scene) -> Iterator[tuple[tuple[int, str], bool]]:
+    """Yield session uid of the object, name of the modifier, and whether it is on, of all that may simulate.
+
+    The rigid body world stands under the scene's own uid.
+    """
+    if scene.rigidbody_world is not None:
+        yield (scene.session_uid, ""), scene.rigidbody_world.enabled
+    for obj in scene.objects:
+        for modifier in obj.modifiers:
+            if modifier.type in _SIMULATED_TYPES or modifier.type in ("FLUID", "NODES"):
+                yield (obj.session_uid, modifier.name), modifier.show_viewport
+
+
 def find(scene: bpy.types.Scene) -> Simulations:
     """Look for simulations and for everything that hangs on them: children, constraints, modifiers, drivers."""
     sources: set[Any] = set()
     starts: list[int] = []
     fluids = []
     world = scene.rigidbody_world
-    if world is not None and world.enabled and world.collection is not None:
+    keyed_on = "rigidbody_world.enabled" in compat.animated_paths(scene)
+    if world is not None and (world.enabled or keyed_on) and world.collection is not None:
         active = {o for o in world.collection.all_objects if o.rigid_body is not None and o.rigid_body.type == "ACTIVE"}
         if active:
             sources |= active
             starts.append(world.point_cache.frame_start)
     for obj in scene.objects:
         for modifier in obj.modifiers:
-            if not modifier.show_viewport:
+            if not modifier.show_viewport and not _keyed_on(obj, modifier):
                 continue
             if modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN":
                 fluids.append(obj.name_full)
@@ -65,6 +81,11 @@ def find(scene: bpy.types.Scene) -> Simulations:
     dependants = _dependants(sources)
     uids = frozenset(o.session_uid for o in dependants if isinstance(o, bpy.types.Object))
     return Simulations(uids, min(starts, default=scene.frame_start), tuple(sorted(fluids)))
+
+
+def _keyed_on(obj: bpy.types.Object, modifier: Any) -> bool:
+    """Return whether a modifier that is off is animated to be on at other frames."""
+    return f'modifiers["{bpy.utils.escape_identifier(modifier.name)}"].show_viewport' in compat.animated_paths(obj)
 
 
 def _simulates(tree: Any) -> bool:

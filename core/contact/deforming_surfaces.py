@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..errors import DermisError, Finding
-from ..scene.tactile_scene import ABSENT, Chunk, Mesh
+from ..scene.tactile_scene import ABSENT, Body, Chunk, Mesh
 from ..surface.gap import Surface
 from ..surface.repairs import Repairs
 from .surfaces import box_of
@@ -24,15 +24,16 @@ class DeformingSurfaces:
     """Follows deforming surfaces over the chunks of a scene.
 
     Args:
-        names: of all bodies, for findings. repairs: is told of surfaces that are not finite.
+        bodies: of the scene's header. repairs: is told of surfaces that are not finite.
 
     Attributes:
         noted: what is doubtful, by body.
     """
 
-    def __init__(self, names: Sequence[str], repairs: Repairs) -> None:
+    def __init__(self, bodies: Sequence[Body], repairs: Repairs) -> None:
         self.noted: dict[int, tuple[Finding, ...]] = {}
-        self._names, self._repairs = names, repairs
+        self._names, self._repairs = [body.name for body in bodies], repairs
+        self._still = [body.mesh for body in bodies]
         self._good: dict[int, Mesh] = {}
         self._looked_at: dict[int, NDArray[np.int32]] = {}
         self._previous: dict[int, tuple[float, Mesh]] = {}
@@ -65,8 +66,11 @@ class DeformingSurfaces:
 
     def leave(self, chunk: Chunk) -> None:
         """Remember how a chunk ends, for the velocity at the next one's first sample."""
-        for b, meshes in chunk.surfaces.items():
-            self._previous[b] = (float(chunk.times[-1]), meshes[-1])
+        time = float(chunk.times[-1])
+        for b, still in enumerate(self._still):
+            last = chunk.surfaces[b][-1] if b in chunk.surfaces else still
+            if last is not None:
+                self._previous[b] = (time, last)
 
     def look(self, b: int, mesh: Mesh, surface: Surface) -> None:
         """Record what is doubtful about a surface whose triangles are new; each kind is told once."""

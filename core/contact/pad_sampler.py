@@ -54,7 +54,7 @@ class PadSampler:
         self._rates = StretchRates()
         self._skipped = {"pair_samples_far": 0, "surfaces_far": 0}
         self._noted: dict[int, tuple[Finding, ...]] = {}
-        self._deforming = DeformingSurfaces([body.name for body in scene.bodies], self._repairs)
+        self._deforming = DeformingSurfaces(scene.bodies, self._repairs)
 
     def renew(self, scene: TactileScene) -> None:
         """Go on with other settings of the same fingers, bodies and screens."""
@@ -113,7 +113,7 @@ class PadSampler:
         """Return everything that was taken in.
 
         Raises:
-            DermisError: there was no sample, times do not rise, or an animated parameter is missing from some chunks.
+            DermisError: there was no sample, times do not rise, or an animated parameter is never a number.
         """
         if not self._chunks:
             raise DermisError("no samples", where=f"scene '{self._scene.name}'", remedy="Check the frame range")
@@ -121,7 +121,7 @@ class PadSampler:
         if not (np.diff(times) > 0.0).all():
             raise DermisError("the samples' times do not rise", where=f"scene '{self._scene.name}'")
         frames = np.concatenate([c.frames for c in self._chunks])
-        animated = self._repairs.animated(self._chunks, frames)
+        animated = self._repairs.animated(self._chunks, frames, self._scene)
         first, count = self._first, self._count - self._first
         pairs = {key: pair.assembled(first, count) for key, pair in sorted(self._pairs.items()) if pair.start}
         noted = {**self._noted, **self._deforming.noted}
@@ -168,10 +168,17 @@ class PadSampler:
             if b in chunk.surfaces:
                 boxes = deforming[b]
                 if any(body.parameters.get(name, BODY[name].absent) for name in ("weight_on", "content_on")):
-                    self._centres.setdefault(b, []).append(centres_of(chunk.surfaces[b]))
+                    before = [] if body.mesh is None else [self._still_centres(b, c) for c in self._chunks[:-1]]
+                    self._centres.setdefault(b, before).append(centres_of(chunk.surfaces[b]))
             else:
                 boxes = box_of(rigid_mesh(body))[None]
+                if b in self._centres:
+                    self._centres[b].append(self._still_centres(b, chunk))
             yield b, *boxes_in_world(bodies[b], boxes)
+
+    def _still_centres(self, b: int, chunk: Chunk) -> Array:
+        """Return the centre of the surface that the header gives a body, at every sample of a chunk."""
+        return np.repeat(centres_of((rigid_mesh(self._scene.bodies[b]),)), len(chunk.times), axis=0)
 
     # -- narrow phase --------------------------------------------------------------------------------------------
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..errors import DermisError, Finding
 from ..interpolate import MAX_SAMPLES
+from ..parameters.device import DEVICE
 from ..parameters.finger import FINGER
 from ..parameters.material import BODY
 from ..parameters.parameter import Table
@@ -78,7 +79,7 @@ class Body:
         name: unique among the scene's bodies.
         parameters: haptic material and behaviour (SI), such as `Library.material` gives; animated ones come with the
             chunks.
-        mesh: the surface, constant in the object's space; None where every chunk brings its own.
+        mesh: the surface in the object's space, where a chunk brings none; None where every chunk brings its own.
         content: names of bodies that this one contains, for [S3] eq. 5.
         simulated: moved by a simulation and therefore sampled at whole frames.
     """
@@ -130,8 +131,10 @@ class Chunk:
         frames: scene frame of each sample, sub-frames as fractions, shape (n,).
         times: [s] since the start of the range, shape (n,).
         fingers, bodies, screens: object-to-world matrices [translation in m], shape (count, n, 4, 4).
-        surfaces: per deforming body its surface at each sample; the same triangles array where topology holds.
-        animated: animated parameters, keyed 'finger/0/pattern', 'body/3/friction', shape (n,).
+        surfaces: per deforming body its surface at each sample; the same triangles array where topology holds. A body
+            with a surface in the header may deform in some chunks only.
+        animated: animated parameters, keyed 'finger/0/pattern', 'body/3/friction', shape (n,). Where a chunk does not
+            bring one, the header's value holds.
     """
 
     frames: Array
@@ -238,6 +241,29 @@ def sample_frames(fps: Fraction, frame_range: tuple[int, int], rate: float) -> t
     frames = frame_range[0] + times * float(fps)
     whole = np.rint(frames)
     return np.where(np.abs(frames - whole) < 1e-9, whole, frames), times
+
+
+def constant(scene: TactileScene, key: str) -> float:
+    """Return the header's value of a parameter that other chunks animate, such as 'body/3/friction'.
+
+    Raises:
+        DermisError: the key names nothing of the header.
+    """
+    kind, _, rest = key.partition("/")
+    places, _, name = rest.rpartition("/")
+    table = {"finger": FINGER, "body": BODY, "screen": SCREEN, "device": DEVICE}.get(kind, {})
+    try:
+        first, *more = map(int, places.split("/"))
+        owners = {"finger": scene.fingers, "body": scene.bodies, "screen": scene.screens, "device": scene.fingers}
+        owner: Any = owners[kind][first]
+        owner = owner.devices[more[0]] if kind == "device" else owner
+        return float(owner.parameters.get(name, table[name].absent))
+    except (KeyError, IndexError, ValueError, TypeError) as error:
+        raise DermisError(
+            "an animated value is missing from some of the chunks, and the header has none",
+            where=key,
+            remedy="Give it in every chunk, or among the parameters of its owner",
+        ) from error
 
 
 def validate(scene: TactileScene) -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..errors import DermisError, Finding
-from ..scene.tactile_scene import Chunk
+from ..scene.tactile_scene import Chunk, TactileScene, constant
 
 
 class Repairs:
@@ -46,17 +46,24 @@ class Repairs:
                 self._last_pose[kind, i] = poses[i, -1]
         return poses
 
-    def animated(self, chunks: Sequence[Chunk], frames: Array) -> dict[str, Array]:
+    def animated(self, chunks: Sequence[Chunk], frames: Array, scene: TactileScene) -> dict[str, Array]:
         """Join the animated parameters, and hold the last good value where one is not finite.
 
+        Where a chunk does not bring a parameter, the header's value holds.
+
         Raises:
-            DermisError: an animated parameter that is missing from a chunk, has a wrong length, or is never finite.
+            DermisError: an animated parameter that has a wrong length, is never finite, or that the header does not
+                have and a chunk lacks.
         """
         joined: dict[str, Array] = {}
         for key in sorted({key for c in chunks for key in c.animated}):
-            if not all(key in c.animated for c in chunks):
-                raise DermisError("an animated value is missing from some of the chunks", where=key)
-            values = np.concatenate([np.asarray(c.animated[key], dtype=np.float64) for c in chunks])
+            parts = [
+                np.asarray(c.animated[key], np.float64)
+                if key in c.animated
+                else np.full(len(c.times), constant(scene, key))
+                for c in chunks
+            ]
+            values = np.concatenate(parts)
             if len(values) != len(frames):
                 raise DermisError(
                     "an animated value needs one number per sample",

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from blender_addon import compat
+from core.scene.tactile_scene import constant
 
 
 def empty(name: str, location: Sequence[float] = (0.0, 0.0, 0.0)) -> bpy.types.Object:
@@ -74,15 +75,24 @@ def span(first: int, last: int, fps: int = 24, fps_base: float = 1.0) -> bpy.typ
 
 
 def joined(tactile: Any) -> dict[str, Any]:
-    """Draw all chunks of a sampled scene and join their arrays."""
+    """Draw all chunks of a sampled scene and join their arrays; what a chunk does not bring comes from the header."""
     chunks = list(tactile.chunks)
+    deforming = sorted({b for c in chunks for b in c.surfaces})
+    keys = sorted({key for c in chunks for key in c.animated})
+
+    def surface(b: int, c: Any) -> Any:
+        return c.surfaces.get(b) or (tactile.bodies[b].mesh,) * len(c.times)
+
+    def values(key: str, c: Any) -> Any:
+        return c.animated[key] if key in c.animated else np.full(len(c.times), constant(tactile, key))
+
     out: dict[str, Any] = {
         "frames": np.concatenate([c.frames for c in chunks]),
         "times": np.concatenate([c.times for c in chunks]),
         "fingers": np.concatenate([c.fingers for c in chunks], axis=1),
         "bodies": np.concatenate([c.bodies for c in chunks], axis=1),
         "screens": np.concatenate([c.screens for c in chunks], axis=1),
-        "surfaces": {b: [m for c in chunks for m in c.surfaces[b]] for b in chunks[0].surfaces},
-        "animated": {k: np.concatenate([c.animated[k] for c in chunks]) for k in chunks[0].animated},
+        "surfaces": {b: [m for c in chunks for m in surface(b, c)] for b in deforming},
+        "animated": {key: np.concatenate([values(key, c) for c in chunks]) for key in keys},
     }
     return out

@@ -181,6 +181,35 @@ def test_deforming_surface_brings_its_own_velocity() -> None:
     assert not pair.surface_velocity[0].any()
 
 
+@pytest.mark.parametrize("first", [64, 128])
+def test_a_body_may_begin_to_deform_in_a_later_chunk(first: int) -> None:
+    """Nothing differs from a body whose surface comes with every chunk; its centre of gravity does not, either."""
+    t = times()
+    still = cuboid(0.05, 0.05, 0.04)
+    up = np.array([0, 0, 1.0]) * (still.vertices[:, 2:] > 0)
+    moved = [Mesh(still.vertices + 0.01 * (x - t[first - 1]) * up, still.triangles) for x in t]
+    meshes = tuple(still if k < first else mesh for k, mesh in enumerate(moved))
+    finger = poses(np.tile([0, 0, 0.06], (len(t), 1)))[None]
+    thing = poses(np.zeros((len(t), 3)))[None]
+    made = []
+    for mesh in (still, None):
+        body = Body("late", mesh, {"weight_on": True})
+        sampler = PadSampler(TactileScene("s", Fraction(24), (1, 25), RATE, (Finger("f"),), (body,), (), ()))
+        for i in range(0, len(t), 64):
+            k = slice(i, i + 64)
+            surfaces = {0: meshes[k]} if mesh is None or i >= first else {}
+            none = np.zeros((0, len(t[k]), 4, 4))
+            sampler.add(Chunk(1 + 24 * t[k], t[k], finger[:, k], thing[:, k], none, surfaces))
+        made.append(sampler.finish())
+    late, whole = made
+    pair, other = late.pairs[0, 0], whole.pairs[0, 0]
+    assert pair.gap == pytest.approx(other.gap, abs=1e-15)
+    assert pair.gap[-1] == pytest.approx(0.02 - 0.01 * (t[-1] - t[first - 1]))
+    np.testing.assert_array_equal(pair.surface_velocity, other.surface_velocity)
+    assert pair.surface_velocity is not None and pair.surface_velocity[first] == pytest.approx([0, 0, 0.01])
+    np.testing.assert_array_equal(late.centres[0], whole.centres[0])
+
+
 @pytest.mark.parametrize("size", [97, 1])
 @pytest.mark.parametrize("sheared", [False, True])
 def test_an_animated_scale_brings_the_velocity_of_the_surface(sheared: bool, size: int) -> None:

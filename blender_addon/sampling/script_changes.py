@@ -1,0 +1,288 @@
+"""What scripts change at changes of the frame: shapes, visibility, settings.
+
+Without such scripts, Blender evaluates anew only what its relations make depend on time, and these hold for the whole
+range. A script obeys no relation: it may begin at any frame. Where scripts run, every sample is therefore compared with
+the one before. Shapes are read only when Blender says that something was edited.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import bpy
+import numpy as np
+
+from .. import compat
+from .._core import Array, Finding, core
+from ..properties import object_properties
+from . import participants, simulated_motion
+from .meshes import MeshReader
+from .participants import Entry, Participants
+
+_LISTS = ("frame_change_pre", "frame_change_post")
+_OURS = __name__.rpartition(".sampling.")[0]
+
+_BRANCHES = {"FINGER": "finger", "SCREEN": "screen", "TOUCHABLE": "material"}
+_CONSTANT = {"preset", "enabled", "screen", "source", "image", "filepath", "mesh_object", "resolution"}
+"""Settings that a bake depends on and that no table of parameters has."""
+_WORLD = ("gravity", "use_gravity", "unit_settings.scale_length")
+
+
+def _foreign(name: str) -> list[Any]:
+    return [f for f in getattr(bpy.app.handlers, name) if not str(getattr(f, "__module__", "")).startswith(_OURS)]
+
+
+def run_here() -> bool:
+    """Return whether functions that are not ours run at changes of the frame."""
+    return any(_foreign(name) for name in _LISTS)
+
+
+@contextmanager
+def held_back() -> Iterator[None]:
+    """Let no function of others run at changes of the frame."""
+    before = {name: list(getattr(bpy.app.handlers, name)) for name in _LISTS}
+    for name in _LISTS:
+        foreign = _foreign(name)
+        getattr(bpy.app.handlers, name)[:] = [f for f in before[name] if f not in foreign]
+    try:
+        yield
+    finally:
+        for name, functions in before.items():
+            getattr(bpy.app.handlers, name)[:] = functions
+
+
+def needed(scene: bpy.types.Scene) -> bool:
+    """Return whether a scene must be watched: scripts run, or what is constant over a bake is animated."""
+    return run_here() or not compat.animated_paths(scene).isdisjoint(_WORLD)
+
+
+class Watch:
+    """Follows what scripts change, sample by sample, while it is entered as a context.
+
+    Attributes:
+        findings: what changes and cannot be followed, each with the frame at which it first did.
+    """
+
+    def __init__(
+        self,
+        scene: bpy.types.Scene,
+        view_layer: bpy.types.ViewLayer,
+        swept: Participants,
+        surfaces: Sequence[Any],
+        reader: MeshReader,
+        timely: frozenset[int],
+    ) -> None:
+        """Take what is there at the first frame, which is the current one.
+
+        Args:
+            surfaces: the bodies' surfaces in the header. reader: the one that read them.
+            timely: session uids of all that Blender evaluates anew because time goes on.
+        """
+        self.findings: list[Any] = []
+        self._scene, self._view_layer, self._reader, self._timely = scene, view_layer, reader, timely
+        self._unit, self._names = swept.unit, [e.name for e in swept.bodies]
+        place = {o.session_uid: i for i, o in enumerate(bpy.data.objects)}
+        self._bodies = [
+            (b, place[e.uid], e) for b, e in enumerate(swept.bodies) if e.instance is None and not e.blinking
+        ]
+        self._still = {b: mesh for b, mesh in enumerate(surfaces) if mesh is not None}
+        self._gone: set[int] = set()
+        self._changed: set[int] = set()
+        self._rows: dict[int, list[Any]] = {b: [] for b, _, _ in self._bodies}  # of the samples of a chunk
+        self._edited = True
+        self._frame: int | None = None
+        self._settings = {o.session_uid: _settings(o) for o in scene.objects if participants.role_of(o) != "NONE"}
+        self._shown = {uid: not participants.is_disabled(o, view_layer) for uid, o in self._others().items()}
+        self._world = _world(scene)
+        self._off = {key for key, on in simulated_motion.switches(scene) if not on}
+        self._keyable = _keyable(swept, place)
+        self._following: dict[str, list[float]] = {}  # of the samples of a chunk
+
+    def __enter__(self) -> Watch:
+        bpy.app.handlers.frame_change_post.append(self._note)  # the last: it sees what the others have edited
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        bpy.app.handlers.frame_change_post.remove(self._note)
+
+    def _note(self, _scene: bpy.types.Scene, depsgraph: Any = None) -> None:
+        if depsgraph is None or any(u.id.original.session_uid not in self._timely for u in depsgraph.updates):
+            self._edited = True
+
+    def look(self, depsgraph: bpy.types.Depsgraph) -> None:
+        """Compare the current frame; it is the next sample of the chunk."""
+        frame = self._scene.frame_current
+        if frame != self._frame:
+            self._frame = frame
+            self._look_at_settings(float(frame))
+        if self._edited:
+            self._edited = False
+            for uid, obj in self._others().items():
+                if self._shown.get(uid) == participants.is_disabled(obj, self._view_layer):
+                    self._tell(f"object '{obj.name_full}'", "visibility", float(frame))
+            for b, at, entry in self._bodies:
+                self._look_at_body(b, bpy.data.objects[at], entry, depsgraph)
+        for b, row in self._rows.items():
+            row.append(core.scene.tactile_scene.ABSENT if b in self._gone else self._still.get(b))
+        for key, values in self._following.items():
+            values.append(self._value(key))
+
+    def follow(self, chunk: Any) -> Any:
+        """Return a chunk of the samples since the last one with what has changed in them, or before."""
+        absent = core.scene.tactile_scene.ABSENT
+        surfaces, animated = dict(chunk.surfaces), dict(chunk.animated)
+        for b, row in self._rows.items():
+            self._tell_absence(b, [mesh is absent for mesh in row], chunk.frames)
+            if b in surfaces:  # it deforms with time too
+                own = surfaces[b]
+                surfaces[b] = tuple(absent if mine is absent else his for mine, his in zip(row, own, strict=True))
+            elif b in self._changed:
+                surfaces[b] = tuple(row)
+            row.clear()
+        for key, values in self._following.items():
+            before = len(chunk.times) - len(values)
+            animated[key] = np.array([self._keyable[key].first] * before + values)
+            values.clear()
+        return replace(chunk, surfaces=surfaces, animated=animated)
+
+    def _look_at_body(self, b: int, obj: bpy.types.Object, entry: Entry, depsgraph: bpy.types.Depsgraph) -> None:
+        if participants.is_disabled(obj, self._view_layer):
+            self._gone.add(b)
+            self._changed.add(b)
+            return
+        self._gone.discard(b)
+        if b not in self._still:
+            return
+        mesh = self._reader.read(obj.evaluated_get(depsgraph), self._unit, entry.mirrored, entry.curved)
+        if mesh is not self._still[b]:
+            self._still[b] = mesh if len(mesh.triangles) else core.scene.tactile_scene.ABSENT
+            self._changed.add(b)
+
+    def _look_at_settings(self, frame: float) -> None:
+        objects = participants.look_up(set(self._settings))
+        for uid, first in self._settings.items():
+            obj = objects.get(uid)
+            now = first if obj is None else _settings(obj)
+            if now != first:
+                self._compare(obj, first, now, frame)
+        for name, value in _world(self._scene).items():
+            if value != self._world[name]:
+                self._tell(f"scene '{self._scene.name_full}'", name, frame)
+        for (uid, name), on in simulated_motion.switches(self._scene) if self._off else ():
+            if on and (uid, name) in self._off:
+                self._tell(_owner(uid), name or "rigid body world", frame)
+
+    def _compare(self, obj: Any, first: dict[str, Any], now: dict[str, Any], frame: float) -> None:
+        animated = compat.animated_paths(obj)
+        for path in sorted(now.keys() | first.keys()):
+            if now.get(path) == first.get(path) or f"dermis.{path}" in animated:
+                continue
+            key = next((k for k, v in self._keyable.items() if (v.uid, v.path) == (obj.session_uid, path)), None)
+            if key is not None:
+                self._following.setdefault(key, [])
+            elif path == "role" or (path.startswith(_BRANCHES[participants.role_of(obj)]) and _matters(path)):
+                self._tell(f"object '{obj.name_full}'", path, frame)
+
+    def _value(self, key: str) -> float:
+        """Return a parameter of the object itself: Blender evaluates nothing because a script sets one of ours."""
+        parameter = self._keyable[key]
+        return float(bpy.data.objects[parameter.place].dermis.path_resolve(parameter.path)) * parameter.factor
+
+    def _others(self) -> dict[int, bpy.types.Object]:
+        """Return fingers and screens, which are there all the time or not at all."""
+        return {o.session_uid: o for o in self._scene.objects if participants.role_of(o) in ("FINGER", "SCREEN")}
+
+    def _tell(self, where: str, name: str, frame: float) -> None:
+        if any((f.code, f.where, f.value) == ("setting-changed", where, name) for f in self.findings):
+            return
+        self.findings.append(
+            Finding(
+                "warning",
+                "setting-changed",
+                "it changes within the range, but a bake takes it as it is at the first frame",
+                where=where,
+                value=name,
+                remedy="Keep it constant, or bake the range in parts",
+                frame=frame,
+            )
+        )
+
+    def _tell_absence(self, b: int, gone: list[bool], frames: Array) -> None:
+        """Report, once, when a body is first not there."""
+        where = f"object '{self._names[b]}'"
+        if not any(gone) or any((f.code, f.where) == ("absent", where) for f in self.findings):
+            return
+        self.findings.append(
+            Finding(
+                "info",
+                "absent",
+                "a script hides it or takes its faces for a while, and it cannot be touched meanwhile",
+                where=where,
+                frame=float(frames[gone.index(True)]),
+            )
+        )
+
+
+class _Keyable(NamedTuple):
+    """A parameter that is constant so far: of the object at a place in Blender's list, with its first value in SI."""
+
+    uid: int
+    place: int
+    path: str
+    factor: float
+    first: float
+
+
+def _keyable(swept: Participants, place: Mapping[int, int]) -> dict[str, _Keyable]:
+    """Return the parameters that can change within a bake and are not animated, by their keys in a chunk."""
+    out = {}
+    for kind, entries in (("finger", swept.fingers), ("body", swept.bodies), ("screen", swept.screens)):
+        for index, entry in enumerate(entries):
+            obj = bpy.data.objects[place[entry.uid]]
+            for parameter in participants.keyable_parameters(obj):
+                name, path, factor = parameter
+                if parameter not in entry.animated:
+                    first = float(obj.dermis.path_resolve(path)) * factor
+                    key = participants.animated_key(kind, index, name)
+                    out[key] = _Keyable(entry.uid, place[entry.uid], path, factor, first)
+    return out
+
+
+def _settings(obj: bpy.types.Object) -> dict[str, Any]:
+    """Return everything that is set of an object, by its path below `dermis`."""
+    out = dict(_flat(compat.stored(obj, "dermis")))
+    material = obj.dermis.material
+    if participants.role_of(obj) == "TOUCHABLE" and material.content_kind == "child":
+        out["material.content_kind"] = (material.content_kind, *sorted(c.name_full for c in obj.children))
+    return out
+
+
+def _world(scene: bpy.types.Scene) -> dict[str, Any]:
+    return dict(zip(_WORLD, (tuple(scene.gravity), scene.use_gravity, scene.unit_settings.scale_length), strict=True))
+
+
+def _owner(uid: int) -> str:
+    obj = next((o for o in bpy.data.objects if o.session_uid == uid), None)
+    return "scene" if obj is None else f"object '{obj.name_full}'"
+
+
+def _flat(values: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the path and the value of everything in nested groups and lists."""
+    if isinstance(values, dict):
+        for name, value in values.items():
+            yield from _flat(value, f"{path}.{name}" if path else name)
+    elif isinstance(values, list) and values and isinstance(values[0], dict):
+        for index, value in enumerate(values):
+            yield from _flat(value, f"{path}[{index}]")
+    else:
+        yield path, values
+
+
+def _matters(path: str) -> bool:
+    """Return whether a bake depends on a setting of an object's role."""
+    name = path.rpartition(".")[2]
+    tables = (*object_properties.TABLES.values(), core.parameters.skin.SKIN, core.parameters.skin.SKIN_CONTACT)
+    return name in _CONSTANT or any(name == row.saved for table in tables for row in table.values() if row.label)

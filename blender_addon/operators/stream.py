@@ -103,8 +103,8 @@ class DERMIS_OT_stream_arm(Streaming, bpy.types.Operator):
             440,
             "ERROR",
         )
-        if caution := session.caution(context.scene.dermis_stream.protocol):
-            words(self.layout.box(), caution, 440, "INFO")
+        for text in filter(None, (session.caution(context.scene), session.silence())):
+            words(self.layout.box(), text, 440, "INFO")
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Arm once."""

@@ -102,8 +102,10 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
         layout.label(text=now["state"].capitalize(), icon=ICONS.get(now["state"], "QUESTION"))
         if now.get("message"):
             paragraph(layout, context, now["message"], "ERROR" if another or now["state"] != State.READY else "INFO")
-        if caution := session.caution(context.scene.dermis_stream.protocol):
+        if caution := session.caution(context.scene):
             paragraph(layout, context, caution, "ERROR")
+        if silence := session.silence():
+            paragraph(layout, context, silence, "INFO")
         for key in ("notice", "not_rendered"):
             if now.get(key):
                 paragraph(layout, context, now[key], "INFO")

@@ -51,10 +51,22 @@ def streams(scene: bpy.types.Scene) -> bool:
     return _client is not None and _scene == scene.session_uid
 
 
+def caution(scene: bpy.types.Scene) -> str:
+    """Return the warning about the scene's board: the connected one's own, before that its protocol's; '' for none."""
+    if streams(scene) and "caution" in _status:
+        return str(_status["caution"])
+    return _caution(scene.dermis_stream.protocol)
+
+
 @cache
-def caution(protocol: str) -> str:
-    """Return what a person has to know of boards that speak a protocol, before a finger goes in; '' for nothing."""
+def _caution(protocol: str) -> str:
     return core.stream.protocols.adapter.adapter_of(protocol).caution
+
+
+def silence() -> str:
+    """Return the connected board's declared behaviour in silence, as a sentence; '' before it is known."""
+    text = str(_status.get("silence", {}).get("text", ""))
+    return f"{text[:1].upper()}{text[1:]}." if text else ""
 
 
 def status() -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,9 @@ HANDSHAKE = 3.0  # a device that has not said who it is after this long is none 
 class Connection:
     """One device, as far as link and protocol know it.
 
+    Args:
+        clock: read again just before a command leaves, see `Outbox`.
+
     Attributes:
         link: to the device. adapter: its protocol. outbox: commands on their way into the link. output: what it gets.
 
@@ -28,13 +32,19 @@ class Connection:
     """
 
     def __init__(
-        self, link: Transport, adapter: Adapter, output: DeviceOutput, counters: Counter[str], now: float
+        self,
+        link: Transport,
+        adapter: Adapter,
+        output: DeviceOutput,
+        counters: Counter[str],
+        now: float,
+        clock: Callable[[], float] | None = None,
     ) -> None:
         if adapter.datagrams and not link.datagrams:
             raise DermisError(f"{adapter.title} goes over udp://", where=link.name)
         capacity.check(adapter, link, output.rate)
         self.link, self.adapter, self.output = link, adapter, output
-        self.outbox = Outbox(link, adapter, counters, capacity.bucket(adapter, link, output.rate))
+        self.outbox = Outbox(link, adapter, counters, capacity.bucket(adapter, link, output.rate), clock)
         self._opened = now
         adapter.opened(now)
 
@@ -54,15 +64,19 @@ class Connection:
             DermisError: the device cannot be used, or has not answered.
             Gone: the link is closed.
         """
-        if fault := self.adapter.fault:
-            self.adapter.fault = ""
+        if fault := self.take_fault():
             raise DermisError(fault, where=self.link.name)
         self.outbox.poll(now)
         if not self.adapter.ready and now - self._opened > HANDSHAKE:
             raise DermisError(
-                f"nobody answered within {HANDSHAKE:g} s", where=self.link.name, remedy=self.adapter.silence
+                f"nobody answered within {HANDSHAKE:g} s", where=self.link.name, remedy=self.adapter.unanswered
             )
         return self.adapter.ready
+
+    def take_fault(self) -> str:
+        """Return why the device cannot be used, once; '' for no reason."""
+        fault, self.adapter.fault = self.adapter.fault, ""
+        return fault
 
     @property
     def output_hz(self) -> float:
@@ -80,7 +94,12 @@ class Connection:
         adapter = self.adapter
         return {
             "device": adapter.device,
-            "watchdog": adapter.watchdog,
+            "silence": {
+                "does": adapter.silence.does.value,
+                "after_ms": plain(1e3 * adapter.silence.after),
+                "by": adapter.silence.by,
+                "text": str(adapter.silence),
+            },
             "caution": adapter.caution,
             "output_hz": adapter.output_hz,
             "notice": adapter.notice,

@@ -2,6 +2,10 @@
 
 Whatever ends a stream, the device goes to its safe state first, at its own speed, and what waits in the link leaves;
 only then may the link be closed. After a stop, a stall or a fault nothing moves until a person arms again.
+
+The sender is its own dead man's switch: where no command has left for longer than the board's declared silence, as
+after a suspension, the board may have moved by itself. The stream ends then, and the way to the safe state begins where
+the declaration says that the board is.
 """
 
 from __future__ import annotations
@@ -15,6 +19,7 @@ from .connection import Connection
 from .drain import Drain
 from .outbox import SendResult
 from .protocols.packets import Reach
+from .protocols.silence import Does
 from .request import StreamRequest
 from .safe_ramp import SafeRamp
 from .state import State
@@ -51,7 +56,8 @@ class Drive:
         self.leaving = self.drained = self.driven = False
         self._counters = counters
         self._since = 0.0  # when arming began [s]
-        self._stalled = False
+        self._began = 0.0  # when the device began to be driven, live or to its safe state [s]
+        self._stalled = self._fell_silent = False
         self._ramp: SafeRamp | None = None
         self._drain: Drain | None = None
 
@@ -79,8 +85,8 @@ class Drive:
         adapter = self.connection.adapter
         if self.armed:
             self.give_up(now, message)
-        elif self.phase is Phase.IDLE and adapter.ready and adapter.own_safe:
-            self.connection.outbox.send(adapter.safe())
+        elif self.phase is Phase.IDLE and adapter.ready and (messages := adapter.retract()) is not None:
+            self.connection.outbox.send(messages, now)
 
     def give_up(self, now: float, message: str) -> None:
         """Go to the safe state if the device is armed, for a reason."""
@@ -104,7 +110,7 @@ class Drive:
         moved, adapter = self.output.recalibrate(calibration), self.connection.adapter
         adapter.wire = self.output.wire  # its safe pose may be another one
         self.blend()
-        if moved and self.armed and adapter.watchdog:
+        if moved and self.armed and adapter.silence.watched:
             self.message = "Until you stop and arm again, the device's own safe pose is that of the calibration before"
 
     def blend(self) -> None:
@@ -121,12 +127,25 @@ class Drive:
             DermisError: the device cannot be used, or has not answered.
             Gone: the link is closed.
         """
+        self._fell_silent = self._was_silent(now)  # before anything is said again
         self.connection.receive(now)
-        if self._drain is None:
+        if self._drain is not None:
+            self._note_fault()
+            self.drained = self._drain.done(now)
+            self.message = "; ".join(filter(None, (self.message, self._drain.message)))
+            return False
+        if not self.leaving:
             return self.connection.poll(now)
-        self.drained = self._drain.done(now)
-        self.message = "; ".join(filter(None, (self.message, self._drain.message)))
-        return False
+        self._note_fault()
+        self.connection.outbox.poll(now)
+        return True
+
+    def _note_fault(self) -> None:
+        """Say a fault on the way to the safe state once; the way goes on as far as the link carries it."""
+        fault = self.connection.take_fault()
+        if fault and fault not in self.message:
+            self._counters["faults"] += 1
+            self.message = "; ".join(filter(None, (self.message.rstrip("."), fault)))
 
     def tick(self, now: float, *, alive: bool) -> None:
         """Do what is due. `alive`: Blender gives signs of life, or need not.
@@ -136,10 +155,15 @@ class Drive:
         """
         if self.phase is Phase.ARMING:
             self._await_armed(now)
+        if self._fell_silent and self.phase in (Phase.LIVE, Phase.SAFING):
+            self._stalled |= self.phase is Phase.LIVE
+            self._after_silence(now)
         if self.phase is Phase.LIVE:
             self._live(now, alive)
         if self.phase is Phase.SAFING:
             self._safing(now)
+        if self.phase is Phase.LIVE:
+            self._stay_alive(now)
 
     def next(self, now: float) -> float:
         """Return when the next thing will be due [s]: soon enough for a stop, however slow the device."""
@@ -170,14 +194,13 @@ class Drive:
     def pose_known(self) -> bool:
         """Whether it is known where the device is: it says so, or this link drove it, and it holds on."""
         adapter = self.connection.adapter
-        asked = adapter.own_safe  # it goes there by itself, and says so
-        lets_go = asked or adapter.lets_go or self.output.wire.reach == Reach.RELEASE
-        return adapter.pose is not None or (self.driven and (self.armed or not lets_go))
+        held = adapter.silence.holds and not adapter.tells_pose and self.output.wire.reach != Reach.RELEASE
+        return adapter.pose is not None or (self.driven and (self.armed or held))
 
     @property
     def astray(self) -> bool:
         """Whether a device whose link is lost now may stay away from its safe state."""
-        watched = self.connection.adapter.watchdog  # then the device sees to itself
+        watched = self.connection.adapter.silence.watched  # then the device sees to itself
         open_ways = (Phase.SAFING, Phase.DRAINING) if watched else (Phase.SAFING, Phase.DRAINING, Phase.LIVE)
         return self.driven and self.phase in open_ways
 
@@ -204,15 +227,16 @@ class Drive:
 
     def _await_armed(self, now: float) -> None:
         adapter, output = self.connection.adapter, self.output
+        if now - self._since > ARMING:
+            self.give_up(now, "the device did not arm in time")
+            return
         if not adapter.armed:
-            if now - self._since > ARMING:
-                self.give_up(now, "the device did not arm")
             return
         pose = adapter.pose
         if pose is None:  # where it is nobody knows; where it may be without harm, the preset does
-            pose = output.limiter.last if self.driven and not adapter.own_safe else output.wire.safe
+            pose = output.limiter.last if self.driven and not adapter.tells_pose else output.wire.safe
         output.begin(pose, now, self.horizon, self.request.ramp)
-        self.phase = Phase.LIVE
+        self.phase, self._began, self._fell_silent = Phase.LIVE, now, False
 
     def _live(self, now: float, alive: bool) -> None:
         """Send the samples that are due; what the link has held back comes first."""
@@ -257,27 +281,83 @@ class Drive:
         adapter, output, outbox = self.connection.adapter, self.output, self.connection.outbox
         live, self.phase = self.phase is Phase.LIVE, Phase.SAFING
         outbox.unsent = None
-        if adapter.own_safe or not live:
-            outbox.send(adapter.safe())
+        retracting = adapter.retract()
+        if retracting is not None or not live:
+            outbox.send(adapter.safe() if retracting is None else retracting, now)
             output.limiter.last = output.wire.safe.copy()
             self._finish_safing(now)
-            return
-        self._ramp = SafeRamp(output.limiter, self.connection.ramp_period, now)
+        elif self._was_silent(now):
+            self.phase = Phase.LIVE
+            self._after_silence(now)
+        else:
+            self._begin_ramp(now)
+
+    def _begin_ramp(self, now: float) -> None:
+        """Lead the device to its safe state from the pose that it was driven to last."""
+        self.phase, self._began = Phase.SAFING, now
+        self._ramp = SafeRamp(self.output.limiter, self.connection.ramp_period, now)
         self._safing(now)
+
+    # -- the sender's own silence
+
+    def _was_silent(self, now: float) -> bool:
+        """Return whether no message has left for longer than the board's declared silence."""
+        return self._quiet(now) > self.connection.adapter.silence.after
+
+    def _quiet(self, now: float) -> float:
+        """Return for how long nothing has left since the device began to be driven [s]."""
+        return now - max(self.connection.outbox.left_at, self._began)
+
+    def _stay_alive(self, now: float) -> None:
+        """Say something where commands are so far apart that the board would count this sender as silent."""
+        adapter = self.connection.adapter
+        if self._quiet(now) * adapter.least_rate > 1.0:
+            messages = adapter.sign_of_life(self.output.limiter.last, now)
+            self.connection.outbox.send(messages, now, moves=True, count=False)
+
+    def _after_silence(self, now: float) -> None:
+        """End the stream; go to safety from the pose that the board's declaration names, or nowhere."""
+        adapter, output, outbox = self.connection.adapter, self.output, self.connection.outbox
+        silence, safing = adapter.silence, self.phase is Phase.SAFING
+        at_last_command = silence.does in (Does.STOPS, Does.KEEPS) or output.wire.reach == Reach.AT_ONCE
+        if safing and (at_last_command or (self._ramp is not None and self._ramp.there)):
+            return  # the way goes on from where it was, or is at its end
+        quiet = f"no command has left for {self._quiet(now):.2g} s, and the board's limit is {silence.after:.2g} s"
+        self.message = "; ".join(filter(None, (self.message.rstrip(".") if safing else "", f"{quiet}: arm again")))
+        self._counters["silences"] += 1
+        outbox.unsent = None
+        retracting = adapter.retract()
+        if retracting is not None:
+            outbox.send(retracting, now)
+            output.limiter.last = output.wire.safe.copy()
+            self._finish_safing(now)
+        elif at_last_command:
+            self._begin_ramp(now)
+        elif silence.does is Does.RETRACTS:
+            output.limiter.last = output.wire.safe.copy()
+            if not safing:
+                self._begin_ramp(now)
+        else:
+            adapter.safe()  # ends arming; its messages are commands, and are not sent
+            adapter.forget()
+            self.driven = False
+            self._counters["safe states not confirmed"] += silence.does is Does.UNKNOWN
+            self.message += f". Nothing is sent, because {silence}, so its pose is not known. Switch its supply off"
+            self._finish_safing(now)
 
     def _safing(self, now: float) -> None:
         """Lead the device there, and say the safe state again and again once it is reached."""
         adapter, ramp, send = self.connection.adapter, self._ramp, self.connection.outbox.send
         assert ramp is not None
         if ramp.due(now):
-            if send(adapter.command(ramp.step(now), now, None)):
+            if send(adapter.command(ramp.step(now), now, None), now, moves=True):
                 ramp.sent(now)
             else:
                 adapter.forget()
                 ramp.undo()
         while ramp.there and ramp.said < REPEAT:
             adapter.forget()  # said again in full
-            if not send(adapter.safe() or adapter.command(self.output.wire.safe, now, None)):
+            if not send(adapter.safe() or adapter.command(self.output.wire.safe, now, None), now, moves=True):
                 break
             ramp.said += 1
         if ramp.said == REPEAT:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
+from collections.abc import Callable
 from enum import Enum
 
 from ..arrays import Array
@@ -31,13 +32,24 @@ class Outbox:
 
     Args:
         bucket: how fast commands may leave.
+        clock: read again just before a command leaves; None: the time handed in is the time that it leaves.
 
     Attributes:
+        left_at: when something left last, a message or a part of what waits in the link [s].
         unsent: values and play-out time of a command that found no room and still has time; None: there is none.
     """
 
-    def __init__(self, link: Transport, adapter: Adapter, counters: Counter[str], bucket: TokenBucket) -> None:
-        self._link, self._adapter, self._counters, self._bucket = link, adapter, counters, bucket
+    def __init__(
+        self,
+        link: Transport,
+        adapter: Adapter,
+        counters: Counter[str],
+        bucket: TokenBucket,
+        clock: Callable[[], float] | None = None,
+    ) -> None:
+        self._link, self._adapter, self._counters, self._bucket, self._clock = link, adapter, counters, bucket, clock
+        self.left_at = -math.inf
+        self._in_link = 0  # bytes that waited in the link when it had no room last
         self._waiting: deque[bytes] = deque()
         self._refused = self._crowded = -math.inf  # when the link had no room last; when it said so too late [s]
         self.unsent: tuple[Array, float] | None = None
@@ -59,19 +71,27 @@ class Outbox:
             self._waiting.popleft()
             self._counters["dropped"] += 1
         while self._waiting and self._link.send(self._waiting[0]):
-            self._left(self._waiting.popleft())
+            self._left(self._waiting.popleft(), now)
         if self._waiting:
             self._refused = now
 
-    def send(self, messages: list[bytes], *, count: bool = True) -> bool:
-        """Send messages; return whether all of them left. `count`: those that did not are counted as dropped."""
+    def send(self, messages: list[bytes], now: float, *, moves: bool = False, count: bool = True) -> bool:
+        """Send messages of a moment; return whether all of them left.
+
+        Args:
+            moves: they move actuators. They are not sent once they have grown old, as in a process that was suspended
+                between the moment and the write. count: messages that did not leave are counted as dropped.
+        """
         whole = True
         for message in messages:
-            if self._link.send(message):
-                self._left(message)
+            old = moves and self._clock is not None and self._clock() - now > self._adapter.silence.after
+            if not old and self._link.send(message):
+                self._left(message, now)
             else:
                 self._counters["dropped"] += count
                 whole = False
+        if not whole and (waiting := self._link.pending()) != self._in_link:
+            self._in_link, self.left_at = waiting, now  # a full link that still moves is not silent
         return whole
 
     def command(self, values: Array, play: float | None, now: float, patience: float) -> SendResult:
@@ -82,7 +102,7 @@ class Outbox:
         """
         self.unsent = None
         free = not self._waiting and self._may_leave(now)
-        if free and self.send(self._adapter.command(values, now, play), count=False):
+        if free and self.send(self._adapter.command(values, now, play), now, moves=True, count=False):
             self._counters["sent"] += 1
             return SendResult.SENT
         if free:
@@ -102,6 +122,7 @@ class Outbox:
             return False
         return self._bucket.open(now, prompt=self._adapter.prompt and now - self._crowded > MEMORY)
 
-    def _left(self, message: bytes) -> None:
+    def _left(self, message: bytes, now: float) -> None:
+        self.left_at = now
         self._counters["bytes"] += len(message)
         self._bucket.take(len(message))

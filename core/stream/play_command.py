@@ -48,7 +48,7 @@ class _Player(LocalStream):
             say(str(finding))
         more = {"look_ahead": options.look_ahead, "ramp": options.ramp, "play_on": True}
         request = request_from(options, key, connect=True, track=str(options.track), **more)
-        super().__init__(Streamer(open_any_link), request, signals)
+        super().__init__(Streamer(open_any_link, clock=clock.now), request, signals)
         self._number = 0
         self._playing_since: float | None = None
         self._not_rendered = ""

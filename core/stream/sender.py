@@ -34,7 +34,7 @@ def run(path: Path, load_screen: Callable[[Path], Screen] | None = None) -> int:
     for name in Signals.NAMES:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), lambda number, _: ended.append(str(number)))
-    streamer = Streamer(open_any_link, load_screen)
+    streamer = Streamer(open_any_link, load_screen, clock.now)
     gc.collect()
     gc.freeze()  # a collection in the middle of a stream then has little to look at
     try:

@@ -35,6 +35,7 @@ class Streamer:
     Args:
         open_link: opens a URL for a device and a protocol; may raise DermisError.
         load_screen: reads a screen map for the mode 'panel'.
+        clock: read again just before a command leaves, see `Outbox`; None where time is simulated.
 
     Attributes:
         request: what is wanted now. counters: sent, dropped, skipped ... on this link and its next attempts.
@@ -42,9 +43,12 @@ class Streamer:
     """
 
     def __init__(
-        self, open_link: Callable[[Url, Wire, str], Transport], load_screen: Callable[[Path], Screen] | None = None
+        self,
+        open_link: Callable[[Url, Wire, str], Transport],
+        load_screen: Callable[[Path], Screen] | None = None,
+        clock: Callable[[], float] | None = None,
     ) -> None:
-        self._open_link, self._load_screen = open_link, load_screen
+        self._open_link, self._load_screen, self._clock = open_link, load_screen, clock
         self.request = StreamRequest()
         self.counters: Counter[str] = Counter()
         self.output: DeviceOutput | None = None
@@ -188,7 +192,7 @@ class Streamer:
         link = self._open_link(url, output.wire, request.protocol)
         try:
             adapter = adapters.make(request.protocol, output.wire, url.options)
-            connection = Connection(link, adapter, output, self.counters, now)
+            connection = Connection(link, adapter, output, self.counters, now, self._clock)
         except DermisError:
             link.close()
             raise
@@ -206,11 +210,8 @@ class Streamer:
             self._plan_retry(now)
             self._close(f"{error}{lost if astray else ''}")
         except DermisError as error:
-            message, drive = str(error), self.drive
+            message = str(error)
             self.counters["faults"] += 1
-            if drive is not None and drive.leaving:  # nothing more can be done with it
-                self._close(message)
-                return
             self._faulty = True
             self._plan_retry(now)
             self._guarded(now, lambda: self._leave(now, message))

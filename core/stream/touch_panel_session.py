@@ -28,7 +28,7 @@ class PanelSession(LocalStream):
     """
 
     def __init__(self, request: StreamRequest, screen: Screen, given: TouchInput | None, signals: Signals) -> None:
-        super().__init__(Streamer(open_any_link, lambda _: screen), request, signals)
+        super().__init__(Streamer(open_any_link, lambda _: screen, clock.now), request, signals)
         self.given = given
         self.touches = self.reports = 0
         self.volts = (0.0, 0.0)

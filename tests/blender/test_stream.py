@@ -94,7 +94,7 @@ def test_connect_arm_follow_stop(scene: Any) -> None:
     bpy.ops.dermis.stream_arm()
     wanted = a_track().values[500, 2:]
     status = wait(lambda s: s["armed"] and np.allclose(heard(s), wanted, atol=1e-4))
-    assert status["state"] == "streaming" and status["watchdog"]
+    assert status["state"] == "streaming" and status["silence"]["by"] == "board"
     shown = views.devices(scene)
     assert shown.source == "device" and shown.source in cards.SOURCE_COLOURS
     assert shown.rows[0].values["tactor_x"] == pytest.approx(-5e-4, abs=2e-6), "the twin shows what the device reports"
@@ -296,9 +296,35 @@ def test_how_it_is_streamed_changes_no_bake(scene: Any) -> None:
 
 
 def test_only_boards_without_a_watchdog_are_warned_of() -> None:
+    scene = bpy.context.scene
     for protocol in ("maestro", "servo-animation", "torque", "osc"):
-        assert "watchdog" in session.caution(protocol) or "last pulses" in session.caution(protocol)
-    assert session.caution("native") == ""
+        scene.dermis_stream.protocol = protocol
+        assert "watchdog" in session.caution(scene) or "last pulses" in session.caution(scene)
+    scene.dermis_stream.protocol = "native"
+    assert session.caution(scene) == ""
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ("", "In silence it does something that nobody has declared."),
+        ("?silence=keeps", "In silence it keeps its last commands."),
+        ("?silence=retracts&silence_ms=120", "In silence it goes to its safe state by itself after 120 ms."),
+    ],
+)
+def test_arming_asks_by_the_declaration_of_the_boards_silence(scene: Any, options: str, sentence: str) -> None:
+    """A board that holds its pose in silence is armed again without the question; one that may let go is not."""
+    settings = scene.dermis_stream
+    settings.protocol, settings.url, settings.mode, settings.ramp = "maestro", f"virtual:{options}", "jog", 0.0
+    assert bpy.ops.dermis.stream_connect() == {"FINISHED"}
+    wait(state("ready"))
+    assert session.silence() == sentence
+    assert session.pose_unknown(), "nothing has driven it"
+    session.arm(scene, fingers_out=True)
+    wait(lambda status: status["armed"] and status["counters"].get("sent", 0) > 3)
+    session.stop()
+    wait(state("ready"))
+    assert session.pose_unknown() == (options == "")
 
 
 def test_a_beat_costs_next_to_nothing_while_the_sender_hangs(scene: Any) -> None:

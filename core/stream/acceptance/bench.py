@@ -201,7 +201,8 @@ class Bench:
         if native is None or self.streamer.drive is None:
             return None
         native.pose = None
-        self._raw(native.ask_pose())
+        for message in native.ask_pose():
+            self._raw(message)
         self.until(lambda: native.pose is not None, 0.3)
         return native.pose
 
@@ -221,7 +222,8 @@ class Bench:
                 self._raw(message)
             if native.pose is not None or now - asked > POSE_EVERY:
                 native.pose, asked = None, now
-                self._raw(native.ask_pose())
+                for message in native.ask_pose():
+                    self._raw(message)
             for data in link.receive():
                 native.receive(data, self._clock())
             if native.pose is not None:

@@ -14,7 +14,7 @@ SHARE = 0.8  # part of what a link carries that commands may take: answers asked
 
 def needed(adapter: Adapter, rate: float) -> float:
     """Return the most bytes a second that commands at a rate [Hz] put on the link, with all that goes beside them."""
-    return rate * adapter.command_bytes + adapter.other_bytes
+    return max(rate, adapter.least_rate) * adapter.command_bytes + adapter.other_bytes
 
 
 def bucket(adapter: Adapter, link: Transport, rate: float) -> TokenBucket:
@@ -48,7 +48,7 @@ def check(adapter: Adapter, link: Transport, rate: float) -> None:
         return
     faster = needed(adapter, rate) / SHARE
     fits = math.floor((SHARE * link.carries - adapter.other_bytes) / adapter.command_bytes)
-    slower = f"Set Rate to {fits} Hz, or take" if fits >= 1 else "Take"
+    slower = f"Set Rate to {fits} Hz, or take" if fits >= max(adapter.least_rate, 1.0) else "Take"
     raise DermisError(
         f"the link cannot carry commands at {rate:g} Hz",
         where=link.name,

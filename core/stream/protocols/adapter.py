@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 from ...arrays import Array
 from ...errors import DermisError
+from .packets import DeviceState
+from .silence import SENDER_AFTER, SIGNS, Does, Silence
 from .wire import Wire
 
 
@@ -27,17 +29,17 @@ class Adapter:
 
     Class attributes:
         name: in URLs and menus. title: for people.
-        watchdog: the receiver goes to its safe state by itself when the sender falls silent.
-        own_safe: one message makes the receiver go to its safe state; otherwise the sender moves it there.
+        tells_pose: the device reports its pose; None as `pose` then means that it does not know it.
         timed: commands may carry their play-out time.
         datagrams: messages go as datagrams, never as a stream.
-        lets_go: some of its receivers let go by themselves when commands end, and cannot say so.
         baud: of a serial port whose URL names none.
-        caution: what a person has to know before a finger goes in.
-        silence: what to look for where nobody answers.
-        OPTIONS: names of what a URL may set.
+        unanswered: advice where nobody answers.
+        OPTIONS: names of the options that a URL may set.
 
     Attributes:
+        silence: the board's declared behaviour when no more commands reach it.
+        caution: warning for a person who is about to put a finger in; '' for none.
+        state: state that the device reports of itself, None where its protocol does not report one.
         ready: the device has been recognised. armed: it takes commands. fault: why it cannot be used, in words.
         device: its identifier in hex digits; '' where it has none to tell.
         pose: where the device says it is, as driven [units], or None.
@@ -47,19 +49,18 @@ class Adapter:
         queue: commands that the device can hold for later; 0: not known.
         output_hz: how often the actuators can take a new value [Hz]; 0: not known, or at every command.
         notice: what a person should know of the device that has been recognised, in words.
+        least_rate: commands or their repetitions a second that keep the board from counting its sender as silent [Hz].
         command_bytes: the most that one command takes. other_bytes: the most that goes beside commands, a second.
     """
 
     name = ""
     title = ""
-    watchdog = False
-    own_safe = False
+    tells_pose = False
     timed = False
     datagrams = False
-    lets_go = False
     baud = 115_200
     caution = ""
-    silence = "Check port, protocol, baud rate and power"
+    unanswered = "Check port, protocol, baud rate and power"
     command_bytes = 0
     other_bytes = 0.0
     OPTIONS: tuple[str, ...] = ()
@@ -75,6 +76,9 @@ class Adapter:
             )
         self.wire = wire
         self.options = options
+        self.silence = self._declared_silence()
+        self.least_rate = SIGNS / self.silence.after
+        self.state: DeviceState | None = None
         self.ready = False
         self.armed = False
         self.fault = ""
@@ -111,8 +115,24 @@ class Adapter:
     def forget(self) -> None:
         """Forget the last command: it did not leave, or must not be relied on; the next one says everything again."""
 
+    def ask_pose(self) -> list[bytes]:
+        """Return messages that ask the device for its state and pose; none where the protocol has no question."""
+        return []
+
+    def sign_of_life(self, values: Array, now: float) -> list[bytes]:
+        """Return messages that keep the board from counting its sender as silent, and move nothing.
+
+        `values`: the last ones commanded [units]. Only asked for where commands are far apart.
+        """
+        self.forget()
+        return self.command(values, now, None)
+
+    def retract(self) -> list[bytes] | None:
+        """Return messages upon which the device goes to its safe state by itself; None: the sender leads it there."""
+        return None
+
     def safe(self) -> list[bytes]:
-        """Return messages that make the device safe; without `own_safe`, the last ones after the way there."""
+        """Return the last messages after the way to the safe state, such as those that let actuators go."""
         self.armed = False
         return []
 
@@ -120,6 +140,30 @@ class Adapter:
     def settled(self) -> bool:
         """Return whether the device has confirmed the last `safe`; True where its protocol confirms nothing."""
         return True
+
+    def _declared_silence(self) -> Silence:
+        """Read the behaviour in silence that the URL declares; unknown where it declares none.
+
+        Raises:
+            DermisError: no such behaviour, or an impossible time.
+        """
+        given = self.options.get("silence", "")
+        if not given:
+            return Silence()
+        if given not in {does.value for does in Does}:
+            raise DermisError(
+                "no such behaviour in silence",
+                where=f"protocol '{self.name}', silence",
+                value=given,
+                limit=", ".join(does.value for does in Does),
+            )
+        does = Does(given)
+        if does in (Does.KEEPS, Does.UNKNOWN):
+            silence = Silence(does)
+        else:
+            silence = Silence(does, self.whole("silence_ms", round(1e3 * SENDER_AFTER), 10, 60_000) / 1e3, "board")
+        self.caution = f"The address declares that {silence}. Nothing has checked that: try it before a finger goes in."
+        return silence
 
     def number(self, name: str, default: float) -> float:
         """Read an option as a number.

@@ -28,7 +28,7 @@ class Maestro(Adapter):
         "This board keeps its last pulses when the computer falls silent. Set 'Serial timeout' in the Maestro "
         "Control Center to 0.1 s and what each servo does on error, or keep a switch at hand."
     )
-    OPTIONS = ("first", "pulse_low_us", "pulse_high_us")
+    OPTIONS = ("first", "pulse_low_us", "pulse_high_us", "silence", "silence_ms")
 
     def __init__(self, wire: Wire, options: Mapping[str, str]) -> None:
         super().__init__(wire, options)

@@ -14,6 +14,7 @@ from . import packets
 from .adapter import Adapter, Touch
 from .clock import DeviceClock, RoundTrips
 from .packets import DeviceState, Kind, Nack, Packet, Reach
+from .silence import Does, Silence
 from .wire import REACH, Wire
 
 WATCHDOG_MS = 50  # silence after which the device goes to its safe state: with 30 ms of backlog and a pulse's 20, 100
@@ -32,9 +33,9 @@ class Native(Adapter):
     """Dermis native, versions 1 and 2. Options: `watchdog_ms`; `reach`, 'ramp' or 'release' instead of the preset's."""
 
     name, title = "native", "Dermis native"
-    watchdog = own_safe = timed = True
+    tells_pose = timed = True
     baud = 500_000
-    silence = "Check port, protocol, power and baud rate: boards flashed before version 2 need ?baud=115200"
+    unanswered = "Check port, protocol, power and baud rate: boards flashed before version 2 need ?baud=115200"
     OPTIONS = ("reach", "watchdog_ms")
 
     def __init__(self, wire: Wire, options: Mapping[str, str]) -> None:
@@ -42,12 +43,15 @@ class Native(Adapter):
         wire.need_ranges(self.title)
         self.watchdog_ms = self.whole("watchdog_ms", WATCHDOG_MS, 10, 80)  # [ms]; more, and 100 ms are not kept
         self.reach = self._reach(options.get("reach", ""))
+        does = Does.LETS_GO if self.reach == Reach.RELEASE else Does.RETRACTS
+        self.silence = Silence(does, self.watchdog_ms / 1e3, "board")
+        self.least_rate = 0.0  # its questions for the clock are signs of life
         full = packets.command(0xFFFFFFFF, np.full(wire.count, packets.FULL, np.uint16), timed=True)
         self.command_bytes = len(packets.pack(Kind.COMMAND, 0xFF, 0xFFFF, full))
         self.other_bytes = len(packets.pack(Kind.SYNC, 0xFF, 0xFFFF, b"\xff" * 4)) / SYNC_EVERY
         self.clock = DeviceClock()
         self.decoder = packets.Decoder()
-        self.state = DeviceState.IDLE
+        self.state: DeviceState = DeviceState.IDLE
         self._session = 0
         self._sequence = 0
         self._due: dict[str, float] = {}
@@ -89,7 +93,7 @@ class Native(Adapter):
             if not self.fault and self._is_due("hello", HELLO_EVERY, now):
                 if self._sequence and self._sequence % HELLO_TIMES == 0:
                     self._draw_session()
-                out.append(self.ask_pose())
+                out += self.ask_pose()
             return out
         silence = SILENCE_ARMED if self.armed else SILENCE
         if now - self._heard > silence:
@@ -105,7 +109,7 @@ class Native(Adapter):
                     self.watchdog_ms, self.reach, self.wire.counts(self.wire.safe), self.wire.slew_counts()
                 )
                 out.append(self._pack(Kind.CONFIGURE, body))
-            out.append(self.ask_pose())  # where it stands once it is armed: a way to safety went on until then
+            out += self.ask_pose()  # where it stands once it is armed: a way to safety went on until then
         self._judge_link(now)
         well = self.prompt and not self.congested and now - self._heard < OVERDUE
         if self._is_due("sync", SYNC_EVERY if well else SAFE_EVERY, now):
@@ -117,7 +121,7 @@ class Native(Adapter):
             self._oldest = min(self._oldest, now)
             out.append(self._pack(Kind.SYNC, token.to_bytes(4, "little")))
             if not (self._wants_arms or self._safes) and self._is_due("hello", HELLO_EVERY, now):
-                out.append(self.ask_pose())  # it may have let go. Behind a SYNC, whose way back tells the link's pace
+                out += self.ask_pose()  # it may have let go. Behind a SYNC, whose way back tells the link's pace
         return out
 
     def arm(self) -> None:
@@ -132,13 +136,21 @@ class Native(Adapter):
         when = self.clock.device_us(play) if timed and play is not None else 0
         return [self._pack(Kind.COMMAND, packets.command(when, self.wire.counts(values), timed=timed))]
 
-    def ask_pose(self) -> bytes:
+    def ask_pose(self) -> list[bytes]:
         """Return a question for identity and pose; to the same session it changes nothing at the device."""
-        return self._pack(Kind.HELLO, packets.hello(self.wire.count, self.wire.hash))
+        return [self._pack(Kind.HELLO, packets.hello(self.wire.count, self.wire.hash))]
+
+    def sign_of_life(self, values: Array, now: float) -> list[bytes]:
+        """Return nothing: `poll` asks for the clock often enough."""
+        return []
 
     def forget(self) -> None:
         """Take the last number back: its packet did not leave, and the device must not miss it."""
         self._sequence = (self._sequence - 1) & 0xFFFF
+
+    def retract(self) -> list[bytes]:
+        """Return SAFE, now and again until the device confirms it."""
+        return self.safe()
 
     def safe(self) -> list[bytes]:
         """Return SAFE, now and again until the device confirms it."""

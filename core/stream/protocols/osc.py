@@ -31,7 +31,7 @@ class Osc(Adapter):
         "OSC knows no sign of life: what receives it keeps its last values unless it has a watchdog of its own. "
         "Build one in that acts after 0.1 s of silence."
     )
-    OPTIONS = ("prefix",)
+    OPTIONS = ("prefix", "silence", "silence_ms")
 
     def __init__(self, wire: Wire, options: Mapping[str, str]) -> None:
         super().__init__(wire, options)

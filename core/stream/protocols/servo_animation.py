@@ -26,12 +26,11 @@ class ServoAnimation(Adapter):
     """Blender Servo Animation. Options: `first` servo id, positions at a channel's low and high."""
 
     name, title = "servo-animation", "Blender Servo Animation"
-    lets_go = True  # the sketch in presets/firmware does, after 0.5 s
     caution = (
         "This receiver has no watchdog and no check sum: it keeps its last positions when the computer falls "
         "silent. Keep a switch in the servos' supply at hand."
     )
-    OPTIONS = ("first", "position_low", "position_high")
+    OPTIONS = ("first", "position_low", "position_high", "silence", "silence_ms")
 
     def __init__(self, wire: Wire, options: Mapping[str, str]) -> None:
         super().__init__(wire, options)

@@ -35,12 +35,12 @@ class Torque(Adapter):
     """
 
     name, title = "torque", "Torque board"
-    own_safe = datagrams = True
+    tells_pose = datagrams = True
     caution = (
         "The paper says nothing of a watchdog in the board. It must let its motors go after 20 ms without a "
         "datagram; check yours before a finger goes in."
     )
-    OPTIONS = ("inertia", "loop_hz", "torque", "stiffness")
+    OPTIONS = ("inertia", "loop_hz", "torque", "stiffness", "silence", "silence_ms")
 
     def __init__(self, wire: Wire, options: Mapping[str, str]) -> None:
         super().__init__(wire, options)
@@ -146,6 +146,10 @@ class Torque(Adapter):
         self.counters["torque limited"] += int(saturated.sum())
         self._stepped = now
         return [self._pack(held, now)]
+
+    def retract(self) -> list[bytes]:
+        """Return no torque at all."""
+        return self.safe()
 
     def safe(self) -> list[bytes]:
         """Return no torque at all."""

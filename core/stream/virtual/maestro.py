@@ -10,7 +10,7 @@ from ..protocols.wire import Wire
 class MaestroDevice:
     """A Pololu Maestro without a serial time-out: targets in quarter microseconds; 0: no pulses."""
 
-    watchdog = datagrams = False
+    datagrams = False
 
     def __init__(self, wire: Wire, *, stuck: int = -1, low_us: float = 1000.0, high_us: float = 2000.0) -> None:
         self.wire = wire

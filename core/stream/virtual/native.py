@@ -39,7 +39,6 @@ class NativeDevice:
         safe_at: when the safe state was reached last [s], or None.
     """
 
-    watchdog = True
     datagrams = False
 
     def __init__(

@@ -19,7 +19,6 @@ class OscDevice:
         waiting: bundles for later: when [s], number, messages.
     """
 
-    watchdog = False
     datagrams = True
 
     def __init__(self, wire: Wire, *, stuck: int = -1) -> None:

@@ -10,7 +10,7 @@ from ..protocols.wire import Wire
 class ServoAnimationDevice:
     """A receiver of Blender Servo Animation: every 0x3C starts anew, also in the middle of a position."""
 
-    watchdog = datagrams = False
+    datagrams = False
 
     def __init__(self, wire: Wire, *, stuck: int = -1, low: float = 1000.0, high: float = 2000.0) -> None:
         self.wire = wire

@@ -17,7 +17,7 @@ class TorqueDevice:
         encoder: step of the reported angles [rad].
     """
 
-    watchdog = datagrams = True
+    datagrams = True
     TIMEOUT, STEP = 0.02, 5e-5
 
     def __init__(

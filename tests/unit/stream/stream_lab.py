@@ -38,7 +38,7 @@ class Lab:
         self.sent: list[tuple[float, bytes]] = []
         self.preset = Library().load("devices", key)
         self.request = StreamRequest(
-            connect=True, url="lab", protocol=protocol, device={"key": key, "preset": self.preset}, **request
+            connect=True, protocol=protocol, device={"key": key, "preset": self.preset}, **{"url": "lab", **request}
         )
         self.streamer = Streamer(self._open, load_screen)
         self.streamer.apply(copy.deepcopy(self.request), self.now)

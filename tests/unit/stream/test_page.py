@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from core.devices.spec import Channel, DeviceSpec
+from core.presets import Library
 from core.stream.links import url
 from core.stream.protocols import adapter, native, packets, torque
 from core.stream.protocols.packets import DeviceState, Kind, Nack, Reach
+from core.stream.protocols.silence import Does, Silence
 from core.stream.protocols.wire import Wire
 from core.stream.virtual import faults
 
@@ -107,3 +109,17 @@ def test_times_ports_faults_and_options_are_the_codes_own() -> None:
     for name in adapter.NAMES:
         for option in adapter.adapter_of(name).OPTIONS:
             assert f"`{option}`" in PAGE, option
+
+
+@pytest.mark.parametrize("name", sorted(adapter.NAMES))
+def test_the_table_of_boards_in_silence_is_the_adapters_declaration(name: str) -> None:
+    row = re.search(rf"^\| `{name}` \| (\S+)[;,].* \| (\d+) ms.* \| (\w+) \|$", PAGE, re.M)
+    assert row is not None, name
+    key = "haptip" if name == "torque" else "cable_platform"
+    silence = adapter.make(name, Wire.of(Library().device(key)), {}).silence
+    assert row.groups() == (silence.does.value, f"{1e3 * silence.after:g}", silence.by)
+
+
+def test_every_declaration_of_silence_has_its_row() -> None:
+    rows = dict(re.findall(r"^\| `([a-z-]+)` \| [^|]* \| [^|]* \| (not known|the safe one)", PAGE, re.M))
+    assert rows == {d.value: "the safe one" if Silence(d).holds else "not known" for d in Does}

@@ -115,7 +115,7 @@ def test_the_ramp_is_told_and_nothing_is_armed_meanwhile() -> None:
 
 def test_a_link_that_was_full_or_a_sender_that_slept_makes_up_for_nothing() -> None:
     for hinder in ("full", "slept"):
-        lab = far_lab("maestro")
+        lab = far_lab("maestro", url="lab?silence=keeps")
         path: list[np.ndarray] = []
         lab.stops += 1
         follow(lab, 0.05, path)
@@ -178,7 +178,7 @@ def test_few_commands_do_not_add_up_to_a_large_step() -> None:
 
 
 def test_a_board_that_took_nothing_of_it_stands_nobody_knows_where() -> None:
-    lab = far_lab("maestro")
+    lab = far_lab("maestro", url="lab?silence=keeps")
     assert lab.streamer.status()["pose_known"] and lab.streamer.connection is not None
     lab.streamer.connection.link.send = lambda message: False  # type: ignore[method-assign]
     lab.stops += 1
@@ -260,7 +260,7 @@ def test_an_unknown_pose_is_said_and_the_first_command_is_the_safe_pose() -> Non
     preset = copy.deepcopy(Library().load("devices", "cable_platform"))
     retracted = {"value": 20, "unit": "deg", "source": "a test"}
     preset["safe"] = {"reach": "ramp", "values": dict.fromkeys(FAR, retracted)}
-    lab = Lab("maestro", "cable_platform", mode="jog", jog=FAR, ramp=1.0)
+    lab = Lab("maestro", "cable_platform", mode="jog", jog=FAR, ramp=1.0, url="lab?silence=keeps")
     lab.set(device={"key": "cable_platform", "preset": preset})
     lab.run(0.1)
     assert lab.streamer.status()["pose_known"] is False

@@ -84,7 +84,8 @@ def test_samples_ahead_of_their_time_wait_for_room_and_none_is_lost(track_file: 
 
 @pytest.mark.parametrize("protocol", ["maestro", "servo-animation"])
 def test_a_safe_state_that_finds_no_room_is_sent_when_there_is(protocol: str) -> None:
-    lab = Lab(protocol, mode="jog", jog={"pulley_1": 0.4, "pulley_2": -0.4}, ramp=0.0)
+    url = "lab?silence=keeps"
+    lab = Lab(protocol, mode="jog", jog={"pulley_1": 0.4, "pulley_2": -0.4}, ramp=0.0, url=url)
     lab.run(0.1)
     lab.arm()
     lab.run(0.3)

@@ -65,7 +65,7 @@ def test_the_rest_of_the_protocol_is_reckoned_too() -> None:
     bytes_a_second = sum(len(message) for _, message in lab.sent[before:]) / 2.0
     sender = lab.streamer.connection.adapter
     assert isinstance(sender, Native)
-    assert bytes_a_second == pytest.approx(sender.other_bytes + len(sender.ask_pose()) / 0.1, rel=0.05)
+    assert bytes_a_second == pytest.approx(sender.other_bytes + len(sender.ask_pose()[0]) / 0.1, rel=0.05)
 
 
 @pytest.mark.parametrize(("baud", "protocol"), [(115_200, "native"), (57_600, "maestro"), (9600, "servo-animation")])

@@ -100,7 +100,7 @@ def test_the_device_in_the_box_speaks_every_protocol(protocol: str) -> None:
                 break
         assert told["pulley_1"] == pytest.approx(0.2, abs=0.005) and abs(told["pulley_2"]) < 0.005
         status = client.status()
-        assert status["watchdog"] == (protocol == "native")
+        assert (status["silence"]["does"] == "retracts") == (protocol == "native")
         assert bool(status["caution"]) == (protocol != "native"), "without a watchdog a person is told"
 
 

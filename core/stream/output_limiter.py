@@ -10,8 +10,8 @@ from ..arrays import Array
 from .protocols.wire import Wire
 
 SLACK = 1e-9
-PERIODS = 2.0  # a step counts as at most so many periods between commands, however long the sender slept
-SLOWEST = 0.1  # between two commands of a slow link [s]; longer, and more than the preset's rate, counts as this
+PERIODS = 2.0  # a step counts as at most so many planned periods, however late it is [1]
+SLOWEST = 0.1  # where few commands are planned a step counts as this, or two periods of the preset's own rate [s]
 LIMITS = ("range", "disc", "slew", "not_finite")
 
 Blend = tuple[Array, float, float]  # from where [units], how much of it is through [s], how long it takes [s]
@@ -21,8 +21,7 @@ class OutputLimiter:
     """Turns wanted values into driven ones that can do no harm; every limit applied is counted.
 
     Time counts only as far as commands leave: after a sleep nobody has moved the device meanwhile, so neither the slew
-    nor the blend gets credit for it. A link that carries commands more slowly than planned gets that pace's credit
-    after a few of them.
+    nor the blend gets credit for it. A late command therefore makes a movement longer, never a step larger.
 
     Args:
         period: between commands as planned [s]; of the device's rate if left out.
@@ -37,9 +36,8 @@ class OutputLimiter:
         self._counts = {kind: np.zeros(wire.count, np.int64) for kind in LIMITS}
         self.last: Array = self.driven(wire.rest)
         self._time = -np.inf
-        self._step = 0.0  # what the last command's time counted for [s]
         self._blend: Blend | None = None
-        self._before: tuple[Array, float, float, Blend | None] = (self.last, self._time, self._step, self._blend)
+        self._before: tuple[Array, float, Blend | None] = (self.last, self._time, self._blend)
 
     @property
     def limited(self) -> Counter[str]:
@@ -59,8 +57,8 @@ class OutputLimiter:
         return np.minimum(np.maximum(wire.zero + wire.gain * wanted, wire.lower_limit), wire.upper_limit)
 
     def plan(self, period: float) -> None:
-        """Take another period between commands [s]; how long the steps before it took counts no more."""
-        self._period, self._step = period, 0.0
+        """Take another period between commands [s]."""
+        self._period = period
 
     def begin(self, pose: Array, time: float, seconds: float) -> None:
         """Start from a pose [units]: blend from there to what is wanted over some seconds, never faster than slew.
@@ -68,9 +66,9 @@ class OutputLimiter:
         A pose outside the limits is left at that speed too, not at once.
         """
         self.last = np.where(np.isfinite(pose), pose, self.driven(self.wire.rest))
-        self._time, self._step = time, 0.0
+        self._time = time
         self._blend = (self.last.copy(), 0.0, seconds) if seconds > 0 else None
-        self._before = (self.last, self._time, self._step, self._blend)
+        self._before = (self.last, self._time, self._blend)
 
     def blend(self, time: float, seconds: float) -> None:
         """Blend over to something else from what was driven last; a blend that has longer to go keeps its time."""
@@ -79,7 +77,7 @@ class OutputLimiter:
 
     def undo(self) -> None:
         """Forget the last step: its command did not leave."""
-        self.last, self._time, self._step, self._blend = self._before
+        self.last, self._time, self._blend = self._before
 
     def step(self, wanted: Array, time: float) -> Array:
         """Return what to drive at a time [s] that never goes back, and remember it."""
@@ -129,10 +127,9 @@ class OutputLimiter:
 
     def _credit(self, time: float) -> float:
         """Return for how long a step may count that is taken at a time [s], and remember what was before it."""
-        self._before = (self.last, self._time, self._step, self._blend)
-        # A pace that has become steady counts in full: twice the step before, then twice that, up to a limit.
-        most = min(PERIODS * max(self._period, self._step), max(SLOWEST, PERIODS / self.wire.spec.rate))
-        elapsed = self._step = min(max(time - self._time, 0.0), most)
+        self._before = (self.last, self._time, self._blend)
+        most = min(PERIODS * self._period, max(SLOWEST, PERIODS / self.wire.spec.rate))
+        elapsed = min(max(time - self._time, 0.0), most)
         self._time = time
         return elapsed
 

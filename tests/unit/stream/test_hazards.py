@@ -88,31 +88,19 @@ def test_a_sleep_gives_no_credit_to_blend_or_speed() -> None:
     assert np.allclose(path, np.outer((2, 3, 4), wire.slew) * 0.001), "two periods, then one each"
 
 
-def test_a_link_that_is_slow_throughout_gets_its_own_pace() -> None:
-    """Commands at 20 Hz where 100 Hz were planned, then at 2 Hz: twice the step before, in full, at most 0.1 s."""
+def test_late_commands_take_longer_and_go_no_farther() -> None:
+    """Commands at 20 Hz where 100 Hz were planned, then at 2 Hz: each step counts as two planned periods."""
     spec = DeviceSpec("slow", "Slow", "t", 100.0, (Channel("a", "rad", -10.0, 10.0, 1.0, 0.0, "m"),))
     limiter = OutputLimiter(Wire.of(spec))
     limiter.begin(np.zeros(1), 0.0, 0.0)
     path = [float(limiter.step(np.array([10.0]), 0.05 * k)[0]) for k in range(1, 6)]
-    assert np.allclose(np.diff([0.0, *path]), [0.02, 0.04, 0.05, 0.05, 0.05])
+    assert np.allclose(np.diff([0.0, *path]), 0.02)
     late = [float(limiter.step(np.array([10.0]), 0.25 + 0.5 * k)[0]) for k in range(1, 4)]
-    assert np.allclose(np.diff([path[-1], *late]), 0.1)
-
-
-def test_a_sender_that_was_stopped_in_the_ramp_does_not_jump() -> None:
-    lab = Lab("maestro", mode="jog", jog={"pulley_1": 0.4}, ramp=1.0)
-    lab.begin()
-    path: list[float] = []
-    lab.run(0.1, lambda: path.append(float(lab.at[0])))
-    lab.now += 0.9
-    lab.run(1.0, lambda: path.append(float(lab.at[0])))
-    step = 2 * np.radians(24) / 4000  # a quarter of a microsecond
-    assert np.abs(np.diff(path[1:])).max() <= 1.5 * 0.4 * 2 * TICK + step
-    assert path[-1] == pytest.approx(0.4, abs=step)
+    assert np.allclose(np.diff([path[-1], *late]), 0.02)
 
 
 def test_commands_that_did_not_leave_do_not_count() -> None:
-    """Half a second without room in the link: the blend waits for it."""
+    """Nearly as long without room in the link as the board may hear nothing: the blend waits for it."""
     lab = Lab("servo-animation", mode="jog", jog={"pulley_1": 0.4}, ramp=1.0)
     lab.begin()
     path: list[float] = []
@@ -120,8 +108,8 @@ def test_commands_that_did_not_leave_do_not_count() -> None:
     assert lab.streamer.connection is not None
     link, send = lab.streamer.connection.link, lab.streamer.connection.link.send
     link.send = lambda message: False  # type: ignore[method-assign]
-    lab.run(0.5)
-    assert lab.streamer.counters["dropped"] > 400
+    lab.run(0.095)
+    assert lab.streamer.counters["dropped"] > 80
     link.send = send  # type: ignore[method-assign]
     lab.run(0.25, lambda: path.append(float(lab.at[0])))
     step = 2 * np.radians(24) / 1000

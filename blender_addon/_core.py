@@ -53,7 +53,8 @@ if TYPE_CHECKING:
     import core.matching.table
     import core.matching.thimble
     import core.matching.thimble_use
-    import core.motion
+    import core.motion.recorded_poses
+    import core.number_rows
     import core.npz
     import core.pipeline.bake
     import core.own_presets

@@ -1,46 +1,179 @@
-"""Rows of numbers from a text file, with a line of names or without."""
+"""Rows of numbers from a text file, with a line of names or without: the one reader of .csv files from elsewhere."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from .arrays import Array
+from .column_names import Column, columns_of, time_column
 from .errors import DermisError
 from .files import read_text
 
+SEPARATORS = ";\t,"  # the first of them that stands in the first line; else white space
+LONGEST_SPAN = 86_400.0  # [s], a day: no recording of a finger is longer, and numbers of another unit are
 
-def read_rows(path: Path) -> Array:
-    """Read a .csv file of numbers, shape (n, c); what is no number becomes NaN.
 
-    A first line without a single number is one of names. Lines that begin with '#' and empty ones are passed over. A
-    line of missing values ('nan') is a line of values.
+@dataclass(frozen=True)
+class Line:
+    """A line of a file: its number from 1, and its cells without what surrounds them."""
+
+    number: int
+    cells: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Numbers in columns.
+
+    Attributes:
+        where: the file. names: of the columns; none where the file has no line of names.
+        values: NaN where a cell holds no number, shape (n, c). lines: the number of each row's line in the file.
+    """
+
+    where: str
+    names: tuple[str, ...]
+    values: Array
+    lines: tuple[int, ...]
+
+    def columns(self) -> tuple[Column, ...]:
+        """Return what the names say.
+
+        Raises:
+            DermisError: see `column_names.columns_of`.
+        """
+        return columns_of(self.names, self.where)
+
+    def place(self, row: int, column: int | None = None) -> str:
+        """Return where a number stands, for people."""
+        text = f"{self.where}, line {self.lines[row]}"
+        if column is None:
+            return text
+        return f"{text}, column {column + 1}" + (f" '{self.names[column]}'" if self.names else "")
+
+    def times(self) -> tuple[Array, int]:
+        """Return times [s], rising, shape (n,), and their column: the first where the file has no names.
+
+        Raises:
+            DermisError: no column is the time by its name, or see `check_times`.
+        """
+        index, unit = 0, 1.0
+        if self.names:
+            columns = self.columns()
+            index = time_column(columns, self.where)
+            unit = columns[index].unit or 1.0
+        times = self.values[:, index] * unit
+        check_times(times, self, index)
+        return times, index
+
+
+def check_times(times: Array, rows: Rows, column: int) -> None:
+    """Refuse times that cannot be.
+
+    Args:
+        times: [s], shape (n,). rows, column: where they stand.
+
+    Raises:
+        DermisError: a time that is missing or no later than the one before, or more than a day in all.
+    """
+    bad = np.flatnonzero(~np.isfinite(times))
+    if len(bad):
+        raise DermisError("a time is missing or not finite", where=rows.place(int(bad[0]), column))
+    late = np.flatnonzero(np.diff(times) <= 0.0)
+    if len(late):
+        row = int(late[0]) + 1
+        raise DermisError(
+            "times do not rise",
+            where=rows.place(row, column),
+            value=float(rows.values[row, column]),
+            limit=f"> {rows.values[row - 1, column]:.12g}, of the row before",
+        )
+    if len(times) and times[-1] - times[0] > LONGEST_SPAN:
+        raise DermisError(
+            "these times cannot be seconds: the recording would last longer than a day",
+            where=rows.place(len(times) - 1, column),
+            value=f"{times[-1] - times[0]:.6g} s",
+            limit=f"{LONGEST_SPAN:g} s",
+            remedy="Name their unit in the line of names, such as 'time [ms]', or choose the right column",
+        )
+
+
+def read_rows(path: Path) -> Rows:
+    """Read a .csv file of numbers; what is no number becomes NaN.
+
+    Cells are parted by semicolons, tabs, commas or white space. Where no comma parts them, a comma in a number is a
+    decimal comma. A first line without a single number is one of names; so is a comment directly before the numbers
+    whose words are all names of columns. Other lines that begin with '#', and empty ones, are passed over. A line of
+    missing values ('nan') is a line of values.
 
     Raises:
         DermisError: the file is no text, has no rows, or rows of different lengths.
     """
-    where = str(path)
-    text = read_text(path, encoding="utf-8-sig")
-    lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
-    if lines and all(_number(field) is None for field in lines[0][1].split(",")):
-        lines = lines[1:]
+    lines, separator, comment = lines_of(path)
+    names: tuple[str, ...] = ()
+    if lines and all(number(cell, separator) is None for cell in lines[0].cells):
+        names, lines = lines[0].cells, lines[1:]
     if not lines:
-        raise DermisError("the file has no rows of numbers", where=where)
-    rows = [[_number(field) for field in line.split(",")] for _, line in lines]
-    for (line, _), row in zip(lines, rows, strict=True):
-        if len(row) != len(rows[0]):
+        raise DermisError("the file has no rows of numbers", where=str(path))
+    for line in lines:
+        if len(line.cells) != len(names or lines[0].cells):
             raise DermisError(
                 "a row has another number of values than the first",
-                where=f"{where}, line {line}",
-                value=len(row),
-                limit=str(len(rows[0])),
+                where=f"{path}, line {line.number}",
+                value=len(line.cells),
+                limit=str(len(names or lines[0].cells)),
             )
-    return np.array([[np.nan if v is None else v for v in row] for row in rows], np.float64)
+    if not names and len(comment) == len(lines[0].cells) and _all_known(comment, str(path)):
+        names = comment
+    read = ((number(cell, separator) for cell in line.cells) for line in lines)
+    values = np.array([[np.nan if v is None else v for v in row] for row in read], np.float64)
+    return Rows(str(path), names, values, tuple(line.number for line in lines))
 
 
-def _number(field: str) -> float | None:
+def lines_of(path: Path) -> tuple[list[Line], str, tuple[str, ...]]:
+    """Return the lines of a file that are neither empty nor comments, what parts their cells, and the last comment's.
+
+    Returns:
+        lines; ';', a tab, ',' or '' for white space; the cells of the comment directly before the first line.
+
+    Raises:
+        DermisError: the file cannot be read, or is no text.
+    """
+    kept: list[tuple[int, str]] = []
+    comment = ""
+    for i, line in enumerate(read_text(path, encoding="utf-8-sig").splitlines(), 1):
+        if line.startswith("#"):
+            comment = line.lstrip("# ") if not kept else comment
+        elif line.strip():
+            kept.append((i, line))
+    first = kept[0][1] if kept else ""
+    separator = next((s for s in SEPARATORS if s in first), "")
+    return [Line(i, _cells(line, separator)) for i, line in kept], separator, _cells(comment, separator)
+
+
+def number(cell: str, separator: str = ",") -> float | None:
+    """Return a cell's number, None where it holds none; the comma is a decimal one where it parts no cells."""
     try:
-        return float(field)
+        return float(cell)
+    except ValueError:
+        if separator == "," or "," not in cell or "." in cell:
+            return None
+    try:
+        return float(cell.replace(",", "."))
     except ValueError:
         return None
+
+
+def _cells(line: str, separator: str) -> tuple[str, ...]:
+    parts = line.split(separator) if separator else line.split()
+    return tuple(part.strip().strip('"').strip() for part in parts)
+
+
+def _all_known(names: Sequence[str], where: str) -> bool:
+    try:
+        return all(column.meaning for column in columns_of(names, where))
+    except DermisError:
+        return False

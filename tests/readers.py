@@ -21,6 +21,7 @@ from core.errors import DermisError
 from core.files import read_bytes
 from core.matching.screen_map import ScreenMap
 from core.matching.table import SkinTable
+from core.motion import recorded_poses
 from core.scene import scene_file
 from core.skin import file as skin_file
 from core.skin import own_mesh, sensor
@@ -302,10 +303,21 @@ READERS = (
     ),
     _reader(
         "rows of numbers",
-        "core.number_rows:read_rows",
+        "core.number_rows:lines_of",
         ".csv",
         lambda: [b"a,b\n1,2\n3,nan\n# c\n4,5\n"],
         number_rows.read_rows,
+    ),
+    _reader(
+        "recorded poses",
+        "core.number_rows:lines_of",
+        ".csv",
+        lambda: [
+            b"time [ms],x_mm,y_mm,z_mm,rx_deg,ry_deg,rz_deg\n0,1,2,3,0,0,90\n10,1,2,4,0,0,91\n",
+            b"t;x;y;z;qw;qx;qy;qz\n0;1,5;2;3;1;0;0;0\n0,5;1,5;2;4;0;1;0;0\n",
+            b"# timestamp tx ty tz qx qy qz qw\n0 1 2 3 0 0 0 1\n1 1 2 4 0 0 0 1\n",
+        ],
+        recorded_poses.read,
     ),
     _reader("look-up table", "core.matching.table:SkinTable.load", ".npz", lambda: [ex.skin_table()], _use_table),
     _reader(
@@ -402,12 +414,10 @@ READERS = (
         lambda: [b"t,a,b\n0,1,2\n1,2,3\n"],
         lambda path: sensor.read_stimuli(path, 2),
     ),
-    _reader(
-        "recording", "core.design.recordings:_columns", ".csv", lambda: [ex.recording()], recordings.read_recording
-    ),
+    _reader("recording", "core.number_rows:lines_of", ".csv", lambda: [ex.recording()], recordings.read_recording),
     _reader(
         "recorded table",
-        "core.design.recordings:_columns",
+        "core.number_rows:lines_of",
         ".csv",
         lambda: [ex.recorded_table()],
         lambda path: recordings.read_table(path, np.ones(3), ENDS),

@@ -1,19 +1,32 @@
 # mypy: disable-error-code="valid-type"
 """Recorded poses as keys of the active object."""
 
+from dataclasses import replace
 from math import ceil
+from typing import Any
 
 import bpy
+import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 from mathutils import Matrix
 
-from .. import changes
-from .._core import DermisError
+from .. import changes, reporting
+from .._core import DermisError, core
 from ..layouts import properties, words
-from ..placing import keyed_poses, recording
+from ..placing import keyed_poses
 from ..polls import needs
 from ..quantities import metres_per_unit
 from .work import File
+
+UNITS = {"M": 1.0, "CM": 1e-2, "MM": 1e-3}  # [m]
+_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # what is up there becomes up here
+SHOWN, LOOKED_AT = 4, 1000  # rows that the dialog shows, and that it tries the columns on
+
+
+def _compose(self: Any, _context: bpy.types.Context) -> None:
+    """Write the choices of the dialog as names of columns."""
+    if self.ask:
+        self.columns = core.motion.recorded_poses.names_of(self.time.lower(), self.turn.lower(), self.unit.lower())
 
 
 @needs(
@@ -21,35 +34,97 @@ from .work import File
     "Select the object that shall move, one of this file",
 )
 class DERMIS_OT_import_poses(File, bpy.types.Operator):
-    """Key the active object, such as a finger, by recorded poses: columns of time, x, y, z and a quaternion"""
+    """Key the active object, such as a finger, by recorded poses: a time, x, y, z and a rotation in each row"""
 
     bl_idname = "dermis.import_poses"
     bl_label = "Import Poses"
     bl_options = {"REGISTER", "UNDO"}
     suffix = ".csv"
 
-    filter_glob: StringProperty(default="*.csv", options={"HIDDEN"})
+    filter_glob: StringProperty(default="*.csv;*.txt;*.tsv", options={"HIDDEN"})
     first: IntProperty(name="First Frame", description="Where the recording begins", default=1)
     rate: FloatProperty(
-        name="Rows a Second", description="Of a file that has no times (3 or 7 columns)", default=100.0, min=0.1
+        name="Rows a Second", description="Of a file without times, or that counts frames", default=100.0, min=0.1
     )
     unit: EnumProperty(
         name="Unit",
-        description="Of the places",
+        description="Of places, where the file does not say",
         items=(("M", "Metres", ""), ("CM", "Centimetres", ""), ("MM", "Millimetres", "")),
+        update=_compose,
     )
     y_up: BoolProperty(name="Y Is Up", description="As WebXR and many trackers write; else Z is up, as in Blender")
-    w_last: BoolProperty(name="W Comes Last", description="Quaternions are x, y, z, w; else w, x, y, z")
+    columns: StringProperty(
+        name="Columns",
+        description="Names of the columns with commas between, where the file has none or others: 'time_ms, x_mm, "
+        "y_mm, z_mm, qw, qx, qy, qz'; '-' is a column that is not used. Empty: the file's own",
+    )
+    time: EnumProperty(
+        name="Time",
+        description="First column",
+        items=(
+            ("NONE", "None", "Rows have no time; they follow each other at Rows a Second"),
+            ("S", "Seconds", ""),
+            ("MS", "Milliseconds", ""),
+            ("US", "Microseconds", ""),
+            ("FRAME", "Frames", "Frames are counted, at Rows a Second"),
+        ),
+        options={"SKIP_SAVE"},
+        update=_compose,
+    )
+    turn: EnumProperty(
+        name="Rotation",
+        description="Columns behind x, y and z",
+        items=(
+            ("NONE", "None", "The object keeps its rotation"),
+            ("WXYZ", "Quaternion W, X, Y, Z", ""),
+            ("XYZW", "Quaternion X, Y, Z, W", ""),
+            ("EULER_DEG", "Euler Angles, Degrees", "About the fixed X, then Y, then Z: roll, pitch, yaw"),
+            ("EULER_RAD", "Euler Angles, Radians", "About the fixed X, then Y, then Z: roll, pitch, yaw"),
+            ("VECTOR_RAD", "Rotation Vector, Radians", "Axis times angle"),
+            ("VECTOR_DEG", "Rotation Vector, Degrees", "Axis times angle"),
+        ),
+        options={"SKIP_SAVE"},
+        update=_compose,
+    )
+    by_hand: BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
+    ask: BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
+    _rows: Any = None  # of the file that the dialog asks about
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Ask for the file; then, where it does not say what its columns are, for these."""
+        if not self.ask:
+            self.by_hand = True
+            return super().invoke(context, event)
+        try:
+            self._rows = core.number_rows.read_rows(self.path())
+        except DermisError as error:
+            return reporting.report_error(self, error, self.bl_label)
+        self._guess()
+        return context.window_manager.invoke_props_dialog(self, width=640, title="What the Columns Are")
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Key the object; a person who chose the file is asked first what it does not say."""
+        if self.by_hand and not self.ask and not self.columns and not bpy.app.background and self._unsaid():
+            bpy.ops.dermis.import_poses(
+                "INVOKE_DEFAULT",
+                filepath=self.filepath,
+                first=self.first,
+                rate=self.rate,
+                unit=self.unit,
+                y_up=self.y_up,
+                ask=True,
+            )
+            return {"CANCELLED"}
+        return super().execute(context)
 
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw what a file holds, then how it is read."""
-        words(
-            self.layout,
-            "One row a pose: x, y, z in 3 columns; before them a time; after them a quaternion",
-            230.0,
-            "INFO",
-        )
-        properties(self.layout, self, "first", "rate", "unit", "y_up", "w_last", keys=False)
+        if self.ask:
+            self._draw_question()
+        else:
+            text = "One row a pose. The line of names says what is what: time [ms], x_mm, qw, rx_deg ..."
+            words(self.layout, text, 230.0, "INFO")
+        properties(self.layout, self, "first", "rate", "unit", "y_up", "columns", keys=False)
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Read the file and key it."""
@@ -61,20 +136,61 @@ class DERMIS_OT_import_poses(File, bpy.types.Operator):
                 where=f"object '{obj.name}'",
                 remedy="Clear its parent, keeping the transformation",
             )
-        times, places, turned = recording.read(
-            path, rate=self.rate, unit=recording.UNITS[self.unit], y_up=self.y_up, w_last=self.w_last
-        )
-        rotation = obj.matrix_world.to_quaternion().to_matrix()
-        unit = metres_per_unit(scene)
+        made = core.motion.recorded_poses.read(path, columns=self.columns, rate=self.rate, unit=UNITS[self.unit])
+        up = _Y_UP if self.y_up else np.eye(3)
+        places = made.places @ up.T / metres_per_unit(scene)
+        own = np.array(obj.matrix_world.to_quaternion().to_matrix())
+        turns = np.broadcast_to(own, (len(places), 3, 3)) if made.turns is None else up @ made.turns
         poses = [
-            Matrix.Translation(place / unit) @ (turned[i] if turned else rotation).to_4x4()
-            for i, place in enumerate(places)
+            Matrix.Translation(place) @ Matrix(turn).to_4x4()
+            for place, turn in zip(places.tolist(), turns, strict=True)
         ]
         rate = scene.render.fps / scene.render.fps_base
-        last = keyed_poses.key(obj, [self.first + rate * float(t) for t in times], poses)
+        last = keyed_poses.key(obj, [self.first + rate * float(t) for t in made.times], poses)
         scene.frame_end = max(scene.frame_end, ceil(last))
         changes.mark_dirty(obj.name)
-        return f"Keyed {len(times)} poses, frames {self.first} to {ceil(last)}"
+        unused = f"; not used: {', '.join(made.unused)}" if made.unused else ""
+        return (
+            f"Keyed {len(places)} poses over {made.times[-1]:.4g} s, frames {self.first} to {ceil(last)}"
+            f"{'' if made.turns is not None else ', without rotation'}{unused}"
+        )
+
+    def _unsaid(self) -> bool:
+        """Return whether the file leaves open what its columns are."""
+        try:
+            core.motion.recorded_poses.read(self.path())
+        except DermisError as error:
+            return bool(error.code == core.motion.recorded_poses.NOT_SAID)
+        return False
+
+    def _guess(self) -> None:
+        """Choose what the file most likely holds."""
+        found = core.motion.recorded_poses.guess(self._rows)
+        self.time, self.turn, self.unit = (word.upper() for word in (found.time, found.turn, found.unit))
+        self.columns = core.motion.recorded_poses.suggestion(self._rows) or self.columns
+
+    def _draw_question(self) -> None:
+        """Draw the first rows, the choices and what comes of them."""
+        layout, rows = self.layout, self._rows
+        properties(layout, self, "time", "turn", keys=False)
+        if rows is None:  # in the panel of the last operation
+            return
+        named = [name.strip() for name in self.columns.split(",")] if self.columns else list(rows.names)
+        grid = layout.box().row()
+        for index in range(rows.values.shape[1]):
+            column = grid.column(align=True)
+            column.label(text=named[index] if index < len(named) else "?")
+            for value in rows.values[:SHOWN, index]:
+                column.label(text=f"{value:.6g}")
+        few = replace(rows, values=rows.values[:LOOKED_AT], lines=rows.lines[:LOOKED_AT])
+        try:
+            made = core.motion.recorded_poses.of_rows(few, columns=self.columns, rate=self.rate, unit=UNITS[self.unit])
+        except DermisError as error:
+            words(layout, f"{error.what[0].upper()}{error.what[1:]} ({error.value}).", 600.0, "ERROR")
+        else:
+            span = np.ptp(made.places, axis=0).max()
+            text = f"The first {len(made.times)} rows take {made.times[-1]:.4g} s and move {1e3 * span:.4g} mm."
+            words(layout, text, 600.0, "CHECKMARK")
 
 
 CLASSES: tuple[type, ...] = (DERMIS_OT_import_poses,)

@@ -8,6 +8,7 @@ Source: [S2] III, whose sensor has 19 electrodes and DC pressure, 12 bits
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,11 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array
+from ..column_names import columns_of, length_or_angle
 from ..errors import DermisError
-from ..files import read_text
 from ..matching.nearest import NEIGHBOURS
 from ..matching.readings import SATURATED, at_the_end
 from ..matching.table import SkinTable
+from ..number_rows import Rows, check_times, lines_of, number
 
 SLACK = 0.01  # of a motor's range, that a recorded command may lie beyond its ends
 LONGEST = 4_000_000  # lines; a whole day at 100 Hz is about twice that, and no interaction
@@ -49,16 +51,15 @@ def read_recording(path: Path) -> Recording:
             trailing separators, values that are no numbers, times that do not rise.
     """
     path = Path(path)
-    names, values = _columns(path, 1, "a column 'time' and one a channel")
-    where = str(path)
-    if names[0].strip().lower().partition("[")[0].strip() not in ("time", "t", "seconds"):
+    rows = _columns(path, 1, "a column 'time' and one a channel")
+    names, where = rows.names, rows.where
+    columns = columns_of(names, where)
+    if columns[0].meaning != "time":
         raise DermisError("the first column must be the time", where=where, value=names[0], limit="time")
-    times, readings = values[:, 0], values[:, 1:]
+    times, readings = rows.values[:, 0] * (columns[0].unit or 1.0), rows.values[:, 1:]
     if len(times) < 2:
         raise DermisError("too few samples", where=where, value=len(times), limit=">= 2")
-    late = np.flatnonzero(np.diff(times) <= 0.0)
-    if len(late):
-        raise DermisError("times do not rise", where=f"{where}, line {late[0] + 3}", value=float(times[late[0] + 1]))
+    check_times(times, rows, 0)
     _channels(readings, names[1:], where)
     return Recording(path.stem, times, readings, tuple(names[1:]))
 
@@ -109,9 +110,10 @@ def read_table(path: Path, scale: Array, ends: Array | None = None) -> SkinTable
     """
     path = Path(path)
     motors = len(scale)
-    names, values = _columns(path, motors, f"{motors} motors and one a channel")
-    where = str(path)
-    commands, readings = values[:, :motors], values[:, motors:]
+    rows = _columns(path, motors, f"{motors} motors and one a channel")
+    names, where = rows.names, rows.where
+    units = [length_or_angle(name) for name in names[:motors]]
+    commands, readings = rows.values[:, :motors] * units, rows.values[:, motors:]
     if len(commands) < NEIGHBOURS:
         raise DermisError(
             "too few rows",
@@ -127,10 +129,10 @@ def read_table(path: Path, scale: Array, ends: Array | None = None) -> SkinTable
             i, j = outside[0]
             raise DermisError(
                 "a command is beyond the motor's range",
-                where=f"{where}, line {i + 2}, {names[j]}",
+                where=f"{where}, line {rows.lines[i]}, {names[j]}",
                 value=float(commands[i, j]),
                 limit=f"{ends[0, j]:.4g} to {ends[1, j]:.4g}, in SI",
-                remedy="Write rad and m, not degrees and mm, or mend the preset's range",
+                remedy="Write rad and m, or the unit into the column's name, or mend the preset's range",
             )
     still = np.flatnonzero(np.ptp(commands, axis=0) == 0.0)
     if len(still):
@@ -144,31 +146,30 @@ def read_table(path: Path, scale: Array, ends: Array | None = None) -> SkinTable
         "source": path.name,
         "asked": len(commands),
         "rest_rows": int((~keep).sum()) + 1,
-        "channels": names[motors:],
+        "channels": list(names[motors:]),
     }
     return SkinTable(commands[keep], _smallest(readings[keep]), int(keep[:rest].sum()), scale, 0.0, meta)
 
 
-def _columns(path: Path, leading: int, wanted: str) -> tuple[list[str], Array]:
+def _columns(path: Path, leading: int, wanted: str) -> Rows:
     """Read names and numbers; say what is wrong with the shape of the file, not only that it is wrong."""
     where = str(path)
-    text = read_text(path, encoding="utf-8-sig")
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    lines, separator, _ = lines_of(path)
     if len(lines) < 2:
         raise DermisError("no data", where=where, value=f"{len(lines)} lines", limit="a line of names, and values")
     if len(lines) > LONGEST:
         raise DermisError("too long", where=where, value=len(lines), limit=f"{LONGEST} lines")
-    separator = max(",;\t", key=lines[0].count)
-    names = [name.strip() for name in lines[0].split(separator)]
+    names = lines[0].cells
     columns = len(names)
-    if names and names[-1] == "":
+    if names[-1] == "":
         raise DermisError(
             "lines end with a separator",
             where=where,
-            value=lines[0][-12:],
+            value=", ".join(names)[-12:],
             remedy="Remove it: it stands for an empty channel",
         )
-    if columns > 1 and not _is_number(names[0]) and all(_is_number(name) for name in names[1:]):
+    numbers = [number(name, separator) is not None for name in names]
+    if columns > 1 and not numbers[0] and all(numbers[1:]):
         raise DermisError(
             "the file is transposed",
             where=where,
@@ -178,39 +179,39 @@ def _columns(path: Path, leading: int, wanted: str) -> tuple[list[str], Array]:
         )
     if columns <= leading:
         raise DermisError("channels are missing", where=where, value=f"{columns} columns", limit=wanted)
-    if _is_number(names[0]):
+    if numbers[0]:
         raise DermisError("the line of names is missing", where=where, value=names[0], limit=wanted)
     if len(set(names)) != len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise DermisError("two columns have one name", where=where, value=twice)
     values = np.empty((len(lines) - 1, columns))
     for i, line in enumerate(lines[1:]):
-        cells = line.split(separator)
-        place = f"{where}, line {i + 2}"
-        if len(cells) != columns:
-            if len(cells) == columns + 1 and cells[-1].strip() == "":
+        place = f"{where}, line {line.number}"
+        if len(line.cells) != columns:
+            if len(line.cells) == columns + 1 and line.cells[-1] == "":
                 raise DermisError("the line ends with a separator", where=place, remedy="Remove it")
             raise DermisError(
-                "the line has another length", where=place, value=f"{len(cells)} values", limit=str(columns)
+                "the line has another length", where=place, value=f"{len(line.cells)} values", limit=str(columns)
             )
-        try:
-            values[i] = [float(cell) for cell in cells]
-        except ValueError as error:
-            bad = next(j for j, cell in enumerate(cells) if not _is_number(cell))
-            raise DermisError("not a number", where=f"{place}, {names[bad]}", value=cells[bad].strip()) from error
+        read = [number(cell, separator) for cell in line.cells]
+        for name, cell, value in zip(names, line.cells, read, strict=True):
+            if value is None:
+                raise DermisError("not a number", where=f"{place}, {name}", value=cell)
+        values[i] = read
+    rows = Rows(where, names, values, tuple(line.number for line in lines[1:]))
     wrong = np.argwhere(~np.isfinite(values))
     if len(wrong):
         i, j = wrong[0]
         raise DermisError(
             "a value is not finite",
-            where=f"{where}, line {i + 2}, {names[j]}",
+            where=f"{where}, line {rows.lines[i]}, {names[j]}",
             value=str(values[i, j]),
             remedy="Leave the sample out, or repair it",
         )
-    return names, values
+    return rows
 
 
-def _channels(readings: Array, names: list[str], where: str) -> None:
+def _channels(readings: Array, names: Sequence[str], where: str) -> None:
     """Refuse channels that are dead or saturated."""
     for name, series, full in zip(names, readings.T, at_the_end(readings).tolist(), strict=True):
         if full > SATURATED:
@@ -234,11 +235,3 @@ def _smallest(readings: Array) -> NDArray[Any]:
     """Return whole counts in 16 bits, which tables are fast and small with, and all else as it is."""
     whole = readings.astype(np.uint16) if 0.0 <= readings.min() and readings.max() < 2**16 else readings
     return whole if np.array_equal(whole, readings) else readings
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

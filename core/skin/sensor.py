@@ -101,8 +101,9 @@ def read_stimuli(path: Path, channels: int) -> tuple[Array, Array]:
     """
     path, where = Path(path), str(path)
     if path.suffix.lower() == ".csv":
-        values = read_rows(path)
-        times, stimuli = values[:, 0], values[:, 1:]
+        rows = read_rows(path)
+        times, index = rows.times()
+        stimuli = np.delete(rows.values, index, axis=1)
     else:
         with opened_npz(path, kind="a recording of stimuli") as archive:
             times, stimuli = archive.array("times"), archive.array("stimuli")

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array
+from ..column_names import length_or_angle
 from ..errors import DermisError
 from ..npz import opened_npz
 from ..number_rows import read_rows
@@ -123,8 +124,9 @@ def read_table(path: Path) -> SampleTable:
     """
     path, where = Path(path), str(path)
     if path.suffix.lower() == ".csv":
-        values = read_rows(path)
-        found = {"x": values[:, :3], "channels": values[:, 3:]}
+        rows = read_rows(path)
+        units = [length_or_angle(name) for name in rows.names[:3]] or [1.0] * 3
+        found = {"x": rows.values[:, :3] * units[: rows.values.shape[1]], "channels": rows.values[:, 3:]}
     else:
         with opened_npz(path, kind="a table") as archive:
             found = archive.arrays(n for n in ("x", "channels", "memory", "trajectory", "times") if n in archive.names)

@@ -14,7 +14,7 @@ CORE = ROOT / "core"
 ADDON = ROOT / "blender_addon"
 
 GROUND = set(
-    "arrays errors units version foreign files npz number_rows cache interpolate recent following steps "
+    "arrays errors units version foreign files npz column_names number_rows cache interpolate recent following steps "
     "parameters shipped memory clock".split()
 )
 # Files of devices/ that need no more than a device's description: presets are judged by them.
@@ -45,7 +45,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "foreign": {"errors"},
     "files": {"errors", "foreign"},
     "npz": {"errors", "foreign", "files"},
-    "number_rows": {"arrays", "errors", "files"},
+    "column_names": {"errors"},
+    "number_rows": {"arrays", "column_names", "errors", "files"},
     "interpolate": {"arrays", "errors", "units"},
     "cache": {"errors", "units", "version", "files"},
     "work": GROUND,

@@ -46,6 +46,25 @@ def test_a_recording_is_read(write, separator):
     assert found.name == "touch"
 
 
+def test_units_of_times_and_decimal_commas_are_read(write):
+    """Milliseconds were taken for seconds, and a decimal comma for no number."""
+    values = counts() + 0.25
+    found = read_recording(write(text(np.column_stack([np.arange(50) * 10, values]), ("time [ms]", *NAMES))))
+    np.testing.assert_allclose(found.times, np.arange(50) / 100)
+    commas = recording(values, separator=";").replace(".", ",")
+    found = read_recording(write(commas))
+    np.testing.assert_array_equal(found.readings, values)
+    np.testing.assert_allclose(found.times, np.arange(50) / 100)
+
+
+def test_units_of_motors_are_read(write):
+    values = counts(40)
+    moved = np.random.default_rng(3).uniform(0.0, 2.0, (40, 3))
+    given = np.column_stack([np.degrees(moved[:, :2]), moved[:, 2] * 1e3, values])
+    table = read_table(write(exact(given, "m1 [deg]", "m2_deg", "m3_mm", *NAMES)), np.full(3, 2.0))
+    np.testing.assert_allclose(table.commands, moved, rtol=1e-12)
+
+
 def changed(row, column, value):
     lines = recording().splitlines()
     cells = lines[row].split(",")
@@ -86,7 +105,7 @@ BAD = {
     "nan": (changed(3, 2, "nan"), "line 4, e2: a value is not finite"),
     "text": (changed(3, 2, "oops"), "line 4, e2: not a number .*oops"),
     "empty cell": (changed(3, 2, ""), "line 4, e2: not a number"),
-    "times": (changed(4, 0, "0.01"), "line 5: times do not rise"),
+    "times": (changed(4, 0, "0.01"), "line 5, column 1 'time': times do not rise"),
     "names": ("\n".join(recording().splitlines()[1:]), "the line of names is missing"),
     "no time": (recording().replace("time", "e0", 1), "first column must be the time"),
     "twice": (recording().replace("e2", "e1", 1), "two columns have one name .*e1"),

@@ -184,9 +184,9 @@ def test_tables_of_another_form_are_refused(tmp_path, arrays, words):
 def test_a_line_of_missing_values_is_not_one_of_names(tmp_path):
     path = tmp_path / "t.csv"
     path.write_text("# by hand\npitch,roll,distance,e1\n\n0.1,0.2,0.018,5\n0.1,,0.018,nan\n")
-    np.testing.assert_array_equal(read_rows(path), [[0.1, 0.2, 0.018, 5.0], [0.1, np.nan, 0.018, np.nan]])
+    np.testing.assert_array_equal(read_rows(path).values, [[0.1, 0.2, 0.018, 5.0], [0.1, np.nan, 0.018, np.nan]])
     path.write_text("nan,nan,nan,nan\n0.1,0.2,0.018,5\n")
-    assert read_rows(path).shape == (2, 4)
+    assert read_rows(path).values.shape == (2, 4)
     with pytest.raises(DermisError, match="not finite"):
         read_table(path)
     path.write_text("0.1,0.2,0.018,5\n0.1,0.2\n")

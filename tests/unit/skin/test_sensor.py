@@ -116,7 +116,29 @@ def test_untouched_readings_stay_below_the_noise_floor(channels):
     assert noise_floor_of(0.0, channels) == 0.0
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "t_ms,a,b\n0,1.5,2\n250,2,3\n",
+        "time [ms];a;b\n0;1,5;2\n250;2;3\n",
+        "a,timestamp,b\n1.5,10,2\n2,10.25,3\n",
+        "0\t1,5\t2\n0,25\t2\t3\n",
+    ],
+)
+def test_names_and_separators_are_those_of_all_recordings(tmp_path, text):
+    (tmp_path / "a.csv").write_text(text)
+    times, stimuli = read_stimuli(tmp_path / "a.csv", 2)
+    np.testing.assert_allclose(times - times[0], [0.0, 0.25])
+    np.testing.assert_array_equal(stimuli, [[1.5, 2.0], [2.0, 3.0]])
+
+
+def test_times_must_be_named_where_there_are_names(tmp_path):
+    (tmp_path / "a.csv").write_text("a,b,c\n0,1,2\n1,2,3\n")
+    with pytest.raises(DermisError, match="no column is the time by its name"):
+        read_stimuli(tmp_path / "a.csv", 2)
+
+
 def test_a_first_sample_of_missing_values_is_no_line_of_names(tmp_path):
     (tmp_path / "a.csv").write_text("nan" + ",nan" * 19 + "\n0.1" + ",1" * 19 + "\n")
-    with pytest.raises(DermisError, match="row 1: a stimulus is not finite"):
+    with pytest.raises(DermisError, match="line 1, column 1: a time is missing"):
         read_stimuli(tmp_path / "a.csv", 19)

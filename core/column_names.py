@@ -1,0 +1,180 @@
+"""Names of columns: whose number a column holds, and in what unit, as files of poses and recordings write it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import radians
+
+from .errors import DermisError
+
+TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # [s]
+LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}  # [m]
+ANGLES = {"rad": 1.0, "deg": radians(1.0)}  # [rad]
+_SPELLED = {
+    "sec": "s", "secs": "s", "second": "s", "seconds": "s", "msec": "ms", "millisecond": "ms", "milliseconds": "ms",
+    "usec": "us", "microsecond": "us", "microseconds": "us", "\u00b5s": "us", "\u03bcs": "us", "nsec": "ns",
+    "nanosecond": "ns", "nanoseconds": "ns", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
+    "centimeters": "cm", "centimetres": "cm", "millimeters": "mm", "millimetres": "mm", "\u00b5m": "um",
+    "\u03bcm": "um", "micrometers": "um", "micrometres": "um", "radian": "rad", "radians": "rad", "degree": "deg",
+    "degrees": "deg", "\u00b0": "deg",
+}  # fmt: skip
+_OF_TIME = {"time", "t", "times", "timestamp", "timestamps", "elapsed", "elapsedtime", "timesec"}
+_OF_FRAMES = {"frame", "frames", "framenumber", "frameno"}
+_PLACE = {"", "p", "pos", "position", "loc", "location", "translation", "trans"}
+_TURN = {"r", "rot", "rotation", "euler", "angle", "eulerangle", "orientation", "ori"}
+_VECTOR = {"rv", "rotvec", "rotvector", "rotationvector", "axisangle"}
+_QUATERNION = {"q", "quat", "quaternion", "rotquat"}
+_ANGLES = {"roll": "rx", "pitch": "ry", "yaw": "rz"}
+_DIMENSIONS: Mapping[str, Mapping[str, float]] = {
+    "t": TIMES,
+    "f": {},
+    "p": LENGTHS,
+    "r": ANGLES,
+    "v": ANGLES,
+    "q": {"1": 1.0},
+}
+
+
+@dataclass(frozen=True)
+class Column:
+    """What a column's name says.
+
+    Attributes:
+        name: as the file writes it.
+        meaning: 'time', 'frame'; 'x', 'y', 'z'; 'rx', 'ry', 'rz' (Euler angles); 'vx', 'vy', 'vz' (a rotation vector);
+            'qw', 'qx', 'qy', 'qz' (a quaternion); '' where the name says none of these.
+        unit: SI units of one, None where the name has no unit.
+    """
+
+    name: str
+    meaning: str
+    unit: float | None = None
+
+
+def columns_of(names: Sequence[str], where: str) -> tuple[Column, ...]:
+    """Return what names say, in their order.
+
+    A quaternion may be written as `rotation_x` to `rotation_w`, and as `w, x, y, z` or `x, y, z, w` behind a place's
+    `x, y, z`.
+
+    Raises:
+        DermisError: a unit in brackets that is none of a column's, or two columns for one number.
+    """
+    found = [_column(name, where) for name in names]
+    _short_quaternion(found)
+    if any(column.meaning == "rw" for column in found):
+        turned = {"rw": "qw", "rx": "qx", "ry": "qy", "rz": "qz"}
+        found = [Column(c.name, turned.get(c.meaning, c.meaning), c.unit) for c in found]
+    seen: dict[str, str] = {}
+    for column in found:
+        if column.meaning and seen.setdefault(column.meaning, column.name) is not column.name:
+            raise DermisError(
+                "two columns are the same number",
+                where=where,
+                value=f"{seen[column.meaning]}, {column.name}",
+                remedy="Rename or remove one of them",
+            )
+    return tuple(found)
+
+
+def time_column(columns: Sequence[Column], where: str) -> int:
+    """Return the index of the column of times.
+
+    Raises:
+        DermisError: there is none.
+    """
+    for index, column in enumerate(columns):
+        if column.meaning == "time":
+            return index
+    raise DermisError(
+        "no column is the time by its name",
+        where=where,
+        value=", ".join(column.name for column in columns)[:80],
+        limit="time, t, timestamp, with a unit or in seconds: 'time [ms]', 't_ms'",
+        remedy="Rename the column of times",
+    )
+
+
+def length_or_angle(name: str) -> float:
+    """Return SI units of one in a column whose name has a unit of length or angle; 1 where it has none."""
+    unit = _unit(name)[1]
+    return {**LENGTHS, **ANGLES}.get(unit, 1.0)
+
+
+def _column(name: str, where: str) -> Column:
+    base, unit, bracketed = _unit(name)
+    meaning = _meaning(base)
+    if not meaning:
+        base, unit, bracketed = name, "", False  # the last word was no unit
+        meaning = _meaning(base)
+    if not meaning or not unit:
+        return Column(name, meaning)
+    kind = "t" if meaning == "time" else "f" if meaning == "frame" else meaning[0] if len(meaning) == 2 else "p"
+    units = _DIMENSIONS[kind]
+    if unit not in units:
+        if not bracketed:
+            return Column(name, "")
+        raise DermisError(
+            "the unit is none of this column's",
+            where=f"{where}, column '{name}'",
+            value=unit,
+            limit=", ".join(units) or "no unit",
+            remedy="Write one of these, or convert the column",
+        )
+    return Column(name, meaning, units[unit])
+
+
+def _unit(name: str) -> tuple[str, str, bool]:
+    """Return a name without its unit, the unit or '', and whether it stood in brackets."""
+    text = name.strip().strip("\"'").strip().lstrip("#").strip()
+    match = re.fullmatch(r"(.+?)\s*[\[(]([^\])]*)[\])]", text)
+    if match:
+        unit = match[2].strip().lower()
+        return match[1], _SPELLED.get(unit, unit), True
+    match = re.fullmatch(r"(.+?)[\s_.:/-]+([^\s_.:/-]+)", text)
+    if match:
+        last = match[2].lower()
+        last = _SPELLED.get(last, last)
+        if last in TIMES or last in LENGTHS or last in ANGLES:
+            return match[1], last, False
+    if text.lower() in _SPELLED and _SPELLED[text.lower()] in TIMES:  # 'milliseconds'
+        return "time", _SPELLED[text.lower()], False
+    return text, "", False
+
+
+def _meaning(name: str) -> str:
+    key = re.sub(r"[^a-z0-9]", "", name.lower())
+    if key in _OF_TIME:
+        return "time"
+    if key in _OF_FRAMES:
+        return "frame"
+    if key in _ANGLES:
+        return _ANGLES[key]
+    for axis in "xyzw":
+        rest = [key.removesuffix(axis)] if key.endswith(axis) else []
+        rest += [key.removeprefix(axis)] if key.startswith(axis) else []  # 'x_pos'
+        for word in rest:
+            if word in _QUATERNION:
+                return f"q{axis}"
+            if word in _TURN:
+                return f"r{axis}"
+            if word in _VECTOR and axis != "w":
+                return f"v{axis}"
+            if word in _PLACE | {"t"} and axis != "w":  # 'tx' of translations
+                return axis
+    return "w" if key == "w" else ""
+
+
+def _short_quaternion(found: list[Column]) -> None:
+    """Name the four columns 'w, x, y, z' or 'x, y, z, w' behind a place's 'x, y, z'."""
+    meanings = [column.meaning for column in found]
+    for i in range(3, len(found) - 3):
+        four = meanings[i : i + 4]
+        if four in (["w", "x", "y", "z"], ["x", "y", "z", "w"]) and "x" in meanings[:i]:
+            found[i : i + 4] = [Column(c.name, f"q{c.meaning}", c.unit and 1.0) for c in found[i : i + 4]]
+            return
+    for i, column in enumerate(found):
+        if column.meaning == "w":
+            found[i] = Column(column.name, "qw", column.unit)

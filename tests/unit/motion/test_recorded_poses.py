@@ -1,0 +1,184 @@
+"""Recorded poses: names decide columns, units and order; what contradicts them or has no names is refused."""
+
+from __future__ import annotations
+
+from math import radians
+
+import numpy as np
+import pytest
+
+from core.errors import DermisError
+from core.motion import recorded_poses
+from core.number_rows import read_rows
+
+HALF = 0.5**0.5
+
+
+@pytest.fixture
+def write(tmp_path):
+    def put(text):
+        path = tmp_path / "poses.csv"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return put
+
+
+def turned(axis, angle):
+    """Return the rotation about one axis, from its definition."""
+    c, s = np.cos(angle), np.sin(angle)
+    i, j = [(1, 2), (2, 0), (0, 1)][axis]
+    made = np.eye(3)
+    made[i, i] = made[j, j] = c
+    made[j, i], made[i, j] = s, -s
+    return made
+
+
+ANGLES = (10.0, -20.0, 100.0)
+TURN = turned(2, radians(100)) @ turned(1, radians(-20)) @ turned(0, radians(10))  # about fixed X, then Y, then Z
+VECTOR = np.array([0.3, -1.2, 0.4])
+
+
+def quaternion():
+    """Return TURN as w, x, y, z, from its half angles."""
+    w = 0.5 * np.sqrt(1.0 + np.trace(TURN))
+    return [w, *(np.array([TURN[2, 1] - TURN[1, 2], TURN[0, 2] - TURN[2, 0], TURN[1, 0] - TURN[0, 1]]) / (4.0 * w))]
+
+
+W, X, Y, Z = (repr(float(v)) for v in quaternion())
+DEGREES = ",".join(map(str, ANGLES))
+RADIANS = ",".join(repr(radians(a)) for a in ANGLES)
+
+HEADERS = {
+    "angles": ("time,x,y,z,rx_deg,ry_deg,rz_deg", f"1,2,3,{DEGREES}", 1.0),
+    "units in brackets": (
+        "time [s],x [mm],y [mm],z [mm],roll [\u00b0],pitch [\u00b0],yaw [\u00b0]",
+        f"1000,2000,3000,{DEGREES}",
+        1.0,
+    ),
+    "units in words": (
+        "Time (ms),Position X (cm),Position Y (cm),Position Z (cm),rotX (rad),rotY (rad),rotZ (rad)",
+        f"100,200,300,{RADIANS}",
+        1e-3,
+    ),
+    "suffixes": ("t_us,x_mm,y_mm,z_mm,qw,qx,qy,qz", f"1000,2000,3000,{W},{X},{Y},{Z}", 1e-6),
+    "w last": ("timestamp,tx,ty,tz,qx,qy,qz,qw", f"1,2,3,{X},{Y},{Z},{W}", 1.0),
+    "one letter": ("t,x,y,z,x,y,z,w", f"1,2,3,{X},{Y},{Z},{W}", 1.0),
+    "w, x, y, z": ("t,x,y,z,w,x,y,z", f"1,2,3,{W},{X},{Y},{Z}", 1.0),
+    "Unity": (
+        "seconds,position.x,position.y,position.z,rotation.x,rotation.y,rotation.z,rotation.w",
+        f"1,2,3,{X},{Y},{Z},{W}",
+        1.0,
+    ),
+    "more columns": ("t,confidence,x,y,z,qw,qx,qy,qz,note", f"0.5,1,2,3,{W},{X},{Y},{Z},9", 1.0),
+}
+
+
+@pytest.mark.parametrize("name", HEADERS)
+def test_names_decide_columns_units_and_order(write, name):
+    header, rest, second = HEADERS[name]
+    made = recorded_poses.read(write(f"{header}\n7,{rest}\n9,{rest}\n"))
+    np.testing.assert_allclose(made.times, [0.0, 2.0 * second], rtol=1e-12)
+    np.testing.assert_allclose(made.places, [[1.0, 2.0, 3.0]] * 2, rtol=1e-12)
+    np.testing.assert_allclose(made.turns, [TURN] * 2, atol=1e-9)
+    assert made.unused == (("confidence", "note") if name == "more columns" else ())
+
+
+def test_columns_may_stand_in_any_order(write):
+    order = ["qz", "z", "time", "qx", "y", "qw", "x", "qy"]
+    value = dict(zip(order, [Z, 3, 0, X, 2, W, 1, Y], strict=True))
+    rows = "\n".join(",".join(str(t if n == "time" else value[n]) for n in order) for t in (0, 1))
+    made = recorded_poses.read(write(f"{','.join(order)}\n{rows}\n"))
+    np.testing.assert_allclose(made.turns, [TURN] * 2, atol=1e-9)
+    np.testing.assert_allclose(made.places, [[1.0, 2.0, 3.0]] * 2)
+
+
+def test_rotation_vectors_turn_about_themselves(write):
+    vector = ",".join(map(repr, VECTOR.tolist()))
+    made = recorded_poses.read(write(f"x,y,z,rotvec_x,rotvec_y,rotvec_z\n0,0,0,{vector}\n0,0,0,0,0,0\n"), rate=50.0)
+    angle = np.linalg.norm(VECTOR)
+    np.testing.assert_allclose(made.turns[0] @ VECTOR, VECTOR, atol=1e-12)
+    assert np.trace(made.turns[0]) == pytest.approx(1.0 + 2.0 * np.cos(angle))
+    side = np.cross(VECTOR, [1.0, 0.0, 0.0])
+    assert np.dot(np.cross(side, made.turns[0] @ side), VECTOR) * np.sin(angle) > 0.0
+    np.testing.assert_allclose(made.turns[1], np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(made.times, [0.0, 0.02])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "time;x;y;z\n0,5;1,25;2;3\n1,5;1,25;2;3\n",
+        "time\tx\ty\tz\n0.5\t1.25\t2\t3\n1.5\t1.25\t2\t3\n",
+        "# recorded at noon\n# time x y z\n0.5 1.25 2 3\n1.5   1.25 2 3\n",
+        '"time","x","y","z"\n"0.5","1.25","2","3"\n1.5,1.25,2,3\n',
+        "frame,x,y,z\n50,1.25,2,3\n150,1.25,2,3\n",
+    ],
+)
+def test_separators_decimal_commas_and_comments(write, text):
+    made = recorded_poses.read(write(text))
+    np.testing.assert_allclose(made.times, [0.0, 1.0])
+    np.testing.assert_allclose(made.places, [[1.25, 2.0, 3.0]] * 2)
+
+
+REFUSED = {
+    "no names": ("0,0,0\n1,1,1\n", "does not say what its columns are.*columns='x_m, y_m, z_m'"),
+    "angles for a quaternion": (
+        "time,x,y,z,rx,ry,rz\n0,0,0,0,90,0,0\n1,0,0,0,95,0,0\n",
+        "degrees or radians.*columns='time, x, y, z, rx_deg, ry_deg, rz_deg'",
+    ),
+    "other names": ("time,a,b,c\n0,0,0,0\n1,1,1,1\n", "do not say where x, y and z are.*columns='time_s, x_m"),
+    "half a quaternion": ("x,y,z,qx,qy,qz\n" + "0,0,0,0,0,0\n" * 2, "rotation is missing: qw"),
+    "no quaternion": (
+        "x,y,z,qw,qx,qy,qz\n0,0,0,1,0,0,0\n0,0,0,90,0,0,0\n",
+        "line 3, column 4 'qw': these four numbers are no rotation.*found '90'; allowed: 0.99 to 1.01",
+    ),
+    "going back": ("t,x,y,z\n0,0,0,0\n2,0,0,0\n1,0,0,0\n", "line 4, column 1 't': times do not rise"),
+    "standing": ("t,x,y,z\n0,0,0,0\n0,0,0,0\n", "line 3, column 1 't': times do not rise"),
+    "nanoseconds": ("time,x,y,z\n0,0,0,0\n1000000000,0,0,0\n", "cannot be seconds.*longer than a day"),
+    "slow": ("time,x,y,z\n" + "".join(f"{10 * i},0,0,0\n" for i in range(99)), "which unit the times.*'time_ms, x, y"),
+    "a gap": ("t,x,y,z\n0,1,2,3\n1,a,2,3\n", "line 3, column 2 'x': a value is missing"),
+    "no time": ("t,x,y,z\n0,1,2,3\n,1,2,3\n", "line 3, column 1 't': a time is missing"),
+    "feet": ("t,x [ft],y [ft],z [ft]\n0,1,2,3\n1,1,2,3\n", "unit is none of this column's.*'ft'; allowed: m, cm"),
+    "twice": ("t,x,y,z,pos_x\n0,1,2,3,4\n1,1,2,3,4\n", "two columns are the same number"),
+    "one row": ("t,x,y,z\n0,1,2,3\n", "a single row"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_unsaid_or_contradicts_is_refused(write, name):
+    text, words = REFUSED[name]
+    with pytest.raises(DermisError, match=words):
+        recorded_poses.read(write(text))
+
+
+def test_what_nobody_says_can_be_said(write):
+    plain = f"0,1,2,3,{DEGREES}\n10,1,2,3,{DEGREES}\n"
+    path = write(plain)
+    with pytest.raises(DermisError) as told:
+        recorded_poses.read(path)
+    assert told.value.code == recorded_poses.NOT_SAID
+    made = recorded_poses.read(path, columns="time_ms, x_m, y_m, z_m, rx_deg, ry_deg, rz_deg")
+    np.testing.assert_allclose(made.turns, [TURN] * 2, atol=1e-9)
+    np.testing.assert_allclose(made.times, [0.0, 0.01])
+    assert recorded_poses.read(path, columns="-, x, y, z, -, -, -").turns is None
+    for wrong, words in (("x, y, z", "another number of columns"), ("t, x, y, z, a, b, c", "named by something")):
+        with pytest.raises(DermisError, match=words):
+            recorded_poses.read(path, columns=wrong)
+
+
+@pytest.mark.parametrize(
+    ("rows", "names"),
+    [
+        ("0,0,0\n1,1,1\n", "x_m, y_m, z_m"),
+        ("0,0,0\n50,1,1\n", "x_mm, y_mm, z_mm"),
+        ("0,0,0,0\n1,1,1,1\n", "time_s, x_m, y_m, z_m"),
+        ("0,0,0,1,0,0,0\n1,0,0,0,1,0,0\n", "x_m, y_m, z_m, qw, qx, qy, qz"),
+        ("0,0,0,0,5,90,0\n1,0,0,0,5,91,0\n", "time_s, x_m, y_m, z_m, rx_deg, ry_deg, rz_deg"),
+        ("0,0,0,0,0.1,0,0\n1,0,0,0,0.2,0,0\n", "time_s, x_m, y_m, z_m, rx_rad, ry_rad, rz_rad"),
+        ("0,0,0,0,1,0,0,0\n1,0,0,0,1,0,0,0\n", "time_s, x_m, y_m, z_m, qw, qx, qy, qz"),
+        ("1,2\n3,4\n", ""),
+    ],
+)
+def test_the_guess_of_a_file_without_names(write, rows, names):
+    assert recorded_poses.suggestion(read_rows(write(rows))) == names

@@ -12,6 +12,7 @@ from .errors import DermisError
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # [s]
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}  # [m]
 ANGLES = {"rad": 1.0, "deg": radians(1.0)}  # [rad]
+LONGEST = 80  # letters of a name that is looked at
 _SPELLED = {
     "sec": "s", "secs": "s", "second": "s", "seconds": "s", "msec": "ms", "millisecond": "ms", "milliseconds": "ms",
     "usec": "us", "microsecond": "us", "microseconds": "us", "\u00b5s": "us", "\u03bcs": "us", "nsec": "ns",
@@ -129,6 +130,8 @@ def _column(name: str, where: str) -> Column:
 def _unit(name: str) -> tuple[str, str, bool]:
     """Return a name without its unit, the unit or '', and whether it stood in brackets."""
     text = name.strip().strip("\"'").strip().lstrip("#").strip()
+    if len(text) > LONGEST:
+        return text, "", False
     match = re.fullmatch(r"(.+?)\s*[\[(]([^\])]*)[\])]", text)
     if match:
         unit = match[2].strip().lower()

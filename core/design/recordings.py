@@ -182,7 +182,8 @@ def _columns(path: Path, leading: int, wanted: str) -> Rows:
     if numbers[0]:
         raise DermisError("the line of names is missing", where=where, value=names[0], limit=wanted)
     if len(set(names)) != len(names):
-        twice = next(name for name in names if names.count(name) > 1)
+        seen: set[str] = set()
+        twice = next(name for name in names if name in seen or seen.add(name))  # type: ignore[func-returns-value]
         raise DermisError("two columns have one name", where=where, value=twice)
     values = np.empty((len(lines) - 1, columns))
     for i, line in enumerate(lines[1:]):

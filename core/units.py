@@ -45,6 +45,8 @@ UNITS: dict[str, tuple[str, float]] = {
     "kg": ("kg", 1.0),
     "g": ("kg", 1e-3),
     "V": ("V", 1.0),
+    "B": ("B", 1.0),
+    "MB": ("B", 1e6),
     "bit/s": ("bit/s", 1.0),
     "kbit/s": ("bit/s", 1e3),
     "N/s": ("N/s", 1.0),

@@ -21,6 +21,9 @@ from core.matching.screen_map import ScreenMap
 from core.matching.table import SkinTable
 from core.scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene, sample_frames
 from core.skin import file as skin_file
+from core.stream.log.binary import BinaryForm
+from core.stream.log.row import Channel as LogColumn
+from core.stream.log.row import LogHeader, file_rows
 from core.stream.protocols import packets
 from core.stream.protocols.wire import Wire
 from core.surrogate import store as surrogate_store
@@ -264,6 +267,28 @@ def calibration_text() -> bytes:
 def request() -> bytes:
     device = {"key": "haptip", "preset": json.loads(preset("devices", "haptip"))}
     return json.dumps({"connect": True, "url": "virtual:", "device": device, "jog": {"pulley_1": 0.1}}).encode()
+
+
+def stream_log() -> bytes:
+    header = LogHeader(
+        log="0123456789abcdef",
+        started="2026-01-02T03:04:05.000006+00:00",
+        started_unix=1767323045.0,
+        clock=12.5,
+        device="haptip",
+        name="HapTip",
+        preset="ab",
+        protocol="native",
+        url="virtual:",
+        rate=1000.0,
+        channels=(LogColumn("pulley_1", "rad"),),
+        zero=(0.0,),
+        gain=(1.0,),
+        program="dermis 0",
+    )
+    rows, form = np.zeros(4, file_rows(1)), BinaryForm()
+    rows["number"], rows["play"] = np.arange(4), np.nan
+    return form.head(header) + form.rows(rows[:2]) + form.rows(rows[2:]) + form.end({"rows": 4, "lost": 0})
 
 
 SWEEP = """schema = "dermis-sweep 1"

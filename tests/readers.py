@@ -28,6 +28,8 @@ from core.skin import own_mesh, sensor
 from core.skin import store as skin_store
 from core.skin.remainder import Remainder
 from core.stiffening.stiffening import Stiffening
+from core.stream.log import binary as stream_log
+from core.stream.log.csv import CsvForm
 from core.stream.protocols import packets
 from core.stream.protocols.native import Native
 from core.stream.protocols.osc import Osc, bundle, message_head, read_bundle, read_message
@@ -183,6 +185,12 @@ def _use_row(path: Path) -> object:
     if found is None:
         raise DermisError("it is done once more")
     return found
+
+
+def _use_stream_log(path: Path) -> object:
+    file = stream_log.read(path)
+    form = CsvForm(len(file.header.channels))
+    return form.head(file.header) + form.rows(file.rows) + form.end(file.end or {})
 
 
 def _use_request(path: Path) -> object:
@@ -468,6 +476,13 @@ READERS = (
         lambda: [b'{"method": "DM2", "off": 0.25, "samples": 20}'],
         _use_row,
     ),
+    _reader(
+        "stream log",
+        "core.stream.log.binary:read core.stream.log.binary:loads core.stream.log.binary:_end",
+        ".dlog",
+        lambda: [ex.stream_log()],
+        _use_stream_log,
+    ),
     _reader("request", "", ".json", lambda: [ex.request()], _use_request, file=False),
 )
 
@@ -491,6 +506,12 @@ OWN = {
     "core.scene.scene_file:save": "writes",
     "core.skin.store:write_model": "writes",
     "core.skin.store:write_arrays": "writes",
+    "core.command_line.stream_log:run": "writes; the reader 'stream log' has the rest",
+    "core.stream.log.files:_published": "writes",
+    "core.stream.log.writer:serve": "its own sender's ring",
+    "core.stream.log.ring": "its own sender's rows and setup",
+    "core.work.mapped:MappedRecord.number": "its own parent's or child's record",
+    "core.work.mapped:MappedRecord._slot": "whole by its check sum, or not there",
     "core.stream.shared_state": "whole by its check sum, or not there; the reader 'request' has the rest",
     "core.stream.outbox:Outbox._may_leave": "asks whether a bucket is open",
     "core.stream.links.record:_opened": "writes a record",

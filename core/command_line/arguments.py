@@ -69,19 +69,20 @@ def seconds(text: str) -> float:
 
 
 def setting(name: str) -> Argument:
-    """Return the option for a number of `STREAM`."""
+    """Return the option for a number of `STREAM`, in the unit of Blender's window."""
     row = STREAM[name]
 
     def read(text: str) -> float:
-        value = number(text)
+        value = number(text) * row.factor
         try:
             row.check(value, "")
         except DermisError as error:
             raise argparse.ArgumentTypeError(f"{text} is not allowed: {error.limit}") from error
         return value
 
-    what = f"{row.text[0].lower()}{row.text[1:]} ({row.default:g} {row.unit})"
-    return argument(f"--{name.replace('_', '-')}", type=read, default=row.default, metavar=row.unit.upper(), help=what)
+    unit = row.window_unit
+    what = f"{row.text[0].lower()}{row.text[1:]} ({row.default / row.factor:g} {unit})"
+    return argument(f"--{name.replace('_', '-')}", type=read, default=row.default, metavar=unit.upper(), help=what)
 
 
 PRESETS = argument("--presets", type=Path, metavar="DIR", help="folder with presets of your own")
@@ -125,4 +126,21 @@ LINK = (
     argument("--url", required=True, help="port or URL of the device, 'virtual:' for the simulated one"),
     argument("--calibration", type=Path, metavar="FILE", help="calibration of this device"),
     setting("rate"),
+)
+LOG = (
+    argument(
+        "--log",
+        type=Path,
+        metavar="FILE",
+        help="write a log of the stream, a row a sample: NAME.csv, NAME.dlog (binary), or a folder",
+    ),
+    setting("log_size"),
+    setting("log_total"),
+    argument(
+        "--tee",
+        action="append",
+        default=[],
+        metavar="ADDRESS",
+        help="also send these rows to udp://HOST:PORT or lsl:NAME; more than once",
+    ),
 )

@@ -15,6 +15,7 @@ from ..version import version
 from .arguments import (
     LEVEL,
     LINK,
+    LOG,
     MAPS,
     PRESETS,
     QUIET,
@@ -183,6 +184,7 @@ def _add_stream(commands: Any) -> None:
         TRACK,
         *device("the track's own"),
         *LINK,
+        *LOG,
         setting("look_ahead"),
         setting("ramp"),
         switch("--yes", "arm without asking; its warnings are printed"),
@@ -195,6 +197,7 @@ def _add_stream(commands: Any) -> None:
         *device("electrovibration"),
         argument("map", type=Path, metavar="MAP", help="a screen's map: NAME.map.npz, as exported"),
         *LINK,
+        *LOG,
         argument(
             "--touch",
             default="device",
@@ -219,6 +222,24 @@ def _add_stream(commands: Any) -> None:
         argument("--state", type=Path, required=True, metavar="FILE", help="the shared state"),
         help="serve a shared state (not for people)",
         run="command_line.stream.send",
+    )
+    add_verb(
+        verbs,
+        "write",
+        argument("--ring", type=Path, required=True, metavar="FILE", help="the ring"),
+        help="write a log from a ring (not for people)",
+        run="stream.log.writer.serve",
+    )
+    add_verb(
+        verbs,
+        "log",
+        argument(
+            "files", type=Path, nargs="+", metavar="FILE", help="binary logs (.dlog): one, or all files of one log"
+        ),
+        argument("--out", type=Path, metavar="FILE.csv", help="the CSV to write; without it, the log is summed up"),
+        help="sum a binary log up, or make CSV of it",
+        run="command_line.stream_log.run",
+        writes={"out": False},
     )
     add_verb(
         verbs,

@@ -12,8 +12,10 @@ from ..errors import DermisError
 from .device_output import DeviceOutput, plain
 from .links import capacity
 from .links.transport import Transport
+from .log.row import Phase
 from .outbox import Outbox
 from .protocols.adapter import Adapter
+from .recorder import Recorder
 
 HANDSHAKE = 3.0  # a device that has not said who it is after this long is none [s]
 
@@ -26,6 +28,7 @@ class Connection:
 
     Attributes:
         link: to the device. adapter: its protocol. outbox: commands on their way into the link. output: what it gets.
+        recorder: writes down what it gets, where a person asked for that.
 
     Raises:
         DermisError: the protocol does not go over this link, or the link cannot carry the commands.
@@ -45,6 +48,7 @@ class Connection:
         capacity.check(adapter, link, output.rate)
         self.link, self.adapter, self.output = link, adapter, output
         self.outbox = Outbox(link, adapter, counters, capacity.bucket(adapter, link, output.rate), clock)
+        self.recorder = Recorder()
         self._opened = now
         adapter.opened(now)
 
@@ -77,6 +81,10 @@ class Connection:
         """Return why the device cannot be used, once; '' for no reason."""
         fault, self.adapter.fault = self.adapter.fault, ""
         return fault
+
+    def note(self, now: float, play: float | None, sent: bool, phase: Phase) -> None:
+        """Write down the sample that the limiter stepped to last; see `Recorder.note`."""
+        self.recorder.note(self.output, self.adapter, now, play, phase, sent=sent)
 
     @property
     def output_hz(self) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from typing import Any
 
 from ..devices.calibration import Calibration
@@ -24,3 +25,13 @@ def request_from(options: argparse.Namespace, key: str, **more: Any) -> StreamRe
         rate=options.rate,
         **more,
     )
+
+
+def log_from(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the fields of a request that say what is logged and teed."""
+    return {
+        "log": os.path.abspath(options.log) if options.log else "",  # its writer works in another folder
+        "log_size": options.log_size,
+        "log_total": options.log_total,
+        "tee": " ".join(options.tee),
+    }

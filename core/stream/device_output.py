@@ -30,6 +30,7 @@ class DeviceOutput:
     Attributes:
         wire: the device. rate: of commands [Hz]. sample_clock: which samples are due, and how late they were.
         limiter: the last thing before the wire. source: None where none could be made.
+        wanted: what was asked for last [units], before calibration and limits.
 
     Raises:
         DermisError: no device is chosen, or its preset or calibration cannot be used.
@@ -42,6 +43,7 @@ class DeviceOutput:
         self.sample_clock = SampleClock(self.rate)
         self.limiter = OutputLimiter(self.wire, self.sample_clock.period)
         self.source = source
+        self.wanted = self.wire.safe_command
 
     @property
     def moving(self) -> bool:

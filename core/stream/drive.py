@@ -17,6 +17,7 @@ from ..arrays import Array
 from ..devices.calibration import Calibration
 from .connection import Connection
 from .drain import Drain
+from .log.row import Phase as Logged
 from .outbox import SendResult
 from .protocols.packets import Reach
 from .protocols.silence import Does
@@ -259,8 +260,8 @@ class Drive:
                 return
             clock.sent(now, horizon)
         for moment in clock.due(now, horizon):
-            wanted = source.values_at(moment if horizon else now + self.request.look_ahead, now)
-            if not self._send(output.limiter.step(wanted, moment), moment if horizon else None, now):
+            output.wanted = source.values_at(moment if horizon else now + self.request.look_ahead, now)
+            if not self._send(output.limiter.step(output.wanted, moment), moment if horizon else None, now):
                 break
         self._counters["skipped"] = clock.skipped
         if isinstance(source, PanelSource):
@@ -269,6 +270,8 @@ class Drive:
     def _send(self, values: Array, play: float | None, now: float) -> bool:
         """Send one command; return whether others may follow, False where it waits for room."""
         result = self.connection.outbox.command(values, play, now, 2 * self.output.sample_clock.period)
+        if result is not SendResult.UNSENT:
+            self.connection.note(now, play, result is SendResult.SENT, Logged.LIVE)
         if result is SendResult.DROPPED:
             self.output.limiter.undo()  # nothing was stepped after it
         self.driven |= result is SendResult.SENT
@@ -278,23 +281,37 @@ class Drive:
 
     def _to_safe(self, now: float) -> None:
         """Begin the way to the safe state: the device's own, where it knows one or has got no samples yet."""
-        adapter, output, outbox = self.connection.adapter, self.output, self.connection.outbox
+        adapter = self.connection.adapter
         live, self.phase = self.phase is Phase.LIVE, Phase.SAFING
-        outbox.unsent = None
+        self._drop_unsent(now)
         retracting = adapter.retract()
         if retracting is not None or not live:
-            outbox.send(adapter.safe() if retracting is None else retracting, now)
-            output.limiter.last = output.wire.safe.copy()
-            self._finish_safing(now)
+            self._send_safe(adapter.safe() if retracting is None else retracting, now)
         elif self._was_silent(now):
             self.phase = Phase.LIVE
             self._after_silence(now)
         else:
             self._begin_ramp(now)
 
+    def _send_safe(self, messages: list[bytes], now: float) -> None:
+        """Send the word on which the device goes to its safe state by itself."""
+        output = self.output
+        left = self.connection.outbox.send(messages, now)
+        output.wanted, output.limiter.last = output.wire.safe_command, output.wire.safe.copy()
+        self.connection.note(now, None, left, Logged.SAFE)
+        self._finish_safing(now)
+
+    def _drop_unsent(self, now: float) -> None:
+        """Forget the sample that waits for room."""
+        outbox = self.connection.outbox
+        if outbox.unsent is not None:
+            self.connection.note(now, outbox.unsent[1], False, Logged.LIVE)
+        outbox.unsent = None
+
     def _begin_ramp(self, now: float) -> None:
         """Lead the device to its safe state from the pose that it was driven to last."""
         self.phase, self._began = Phase.SAFING, now
+        self.output.wanted = self.output.wire.safe_command
         self._ramp = SafeRamp(self.output.limiter, self.connection.ramp_period, now)
         self._safing(now)
 
@@ -317,7 +334,7 @@ class Drive:
 
     def _after_silence(self, now: float) -> None:
         """End the stream; go to safety from the pose that the board's declaration names, or nowhere."""
-        adapter, output, outbox = self.connection.adapter, self.output, self.connection.outbox
+        adapter, output = self.connection.adapter, self.output
         silence, safing = adapter.silence, self.phase is Phase.SAFING
         at_last_command = silence.does in (Does.STOPS, Does.KEEPS) or output.wire.reach == Reach.AT_ONCE
         if safing and (at_last_command or (self._ramp is not None and self._ramp.there)):
@@ -325,12 +342,10 @@ class Drive:
         quiet = f"no command has left for {self._quiet(now):.2g} s, and the board's limit is {silence.after:.2g} s"
         self.message = "; ".join(filter(None, (self.message.rstrip(".") if safing else "", f"{quiet}: arm again")))
         self._counters["silences"] += 1
-        outbox.unsent = None
+        self._drop_unsent(now)
         retracting = adapter.retract()
         if retracting is not None:
-            outbox.send(retracting, now)
-            output.limiter.last = output.wire.safe.copy()
-            self._finish_safing(now)
+            self._send_safe(retracting, now)
         elif at_last_command:
             self._begin_ramp(now)
         elif silence.does is Does.RETRACTS:
@@ -350,7 +365,9 @@ class Drive:
         adapter, ramp, send = self.connection.adapter, self._ramp, self.connection.outbox.send
         assert ramp is not None
         if ramp.due(now):
-            if send(adapter.command(ramp.step(now), now, None), now, moves=True):
+            left = send(adapter.command(ramp.step(now), now, None), now, moves=True)
+            self.connection.note(now, None, left, Logged.RAMP)
+            if left:
                 ramp.sent(now)
             else:
                 adapter.forget()
@@ -359,6 +376,7 @@ class Drive:
             adapter.forget()  # said again in full
             if not send(adapter.safe() or adapter.command(self.output.wire.safe, now, None), now, moves=True):
                 break
+            self.connection.note(now, None, True, Logged.SAFE)
             ramp.said += 1
         if ramp.said == REPEAT:
             self._finish_safing(now)

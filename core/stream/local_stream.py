@@ -11,10 +11,13 @@ from .. import clock
 from ..errors import DermisError
 from .drive import Drive
 from .links.url import unnamed
+from .recorder import words
 from .request import StreamRequest
 from .signals import Interrupted, Signals
 from .state import State
 from .streamer import Streamer
+
+LOG_SECONDS = 5.0  # for the end of a log to be written; the device is safe by then [s]
 
 
 class LocalStream:
@@ -24,12 +27,14 @@ class LocalStream:
         request: link, device and what is streamed. signals: that end it.
 
     Attributes:
-        streamer: that does it. unsure: the safe state could not be made sure of.
+        streamer: that does it. unsure: the safe state could not be made sure of. logged: the log is whole, or there is
+            none.
     """
 
     def __init__(self, streamer: Streamer, request: StreamRequest, signals: Signals) -> None:
         self.streamer, self.request, self.signals = streamer, request, signals
         self.unsure = False
+        self.logged = True
 
     def connect(self) -> Drive:
         """Open the link, and wait until the device has been recognised.
@@ -86,6 +91,10 @@ class LocalStream:
             say(streamer.drive.going)
         while not streamer.finished:
             self._pass_time()
+        log = streamer.recorder.finish(LOG_SECONDS)
+        if log:
+            say(words(log))
+            self.logged &= not (log.get("ended") or log.get("lost"))
         self.unsure |= streamer.counters["safe states not confirmed"] > unsure
 
     def tick(self, now: float) -> float:

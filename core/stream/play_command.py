@@ -8,7 +8,7 @@ from .. import clock
 from ..presets import Library
 from ..track import export
 from ..track.check import preset_findings
-from .device_options import request_from
+from .device_options import log_from, request_from
 from .local_stream import LocalStream, say
 from .shared_state import Heartbeat
 from .signals import Interrupted, Signals
@@ -20,7 +20,7 @@ full speed. Take the finger out before you arm; put it in when the device stands
 
 
 def play(options: argparse.Namespace) -> int:
-    """Play a track once; return 0, or 128 and the number of the signal that ended it.
+    """Play a track once; return 0, 1 where the log is not whole, or 128 and the number of the signal that ended it.
 
     Raises:
         DermisError: the device could not be reached, disarmed itself, or its safe state could not be made sure of.
@@ -35,7 +35,7 @@ def play(options: argparse.Namespace) -> int:
         finally:
             player.finish()
     player.tell()
-    return 128 + signals.number if signals.number else 0
+    return 128 + signals.number if signals.number else int(not player.logged)
 
 
 class _Player(LocalStream):
@@ -46,7 +46,7 @@ class _Player(LocalStream):
         key = options.device or self._track.spec.key
         for finding in preset_findings(self._track, Library(options.presets), key):
             say(str(finding))
-        more = {"look_ahead": options.look_ahead, "ramp": options.ramp, "play_on": True}
+        more = {"look_ahead": options.look_ahead, "ramp": options.ramp, "play_on": True, **log_from(options)}
         request = request_from(options, key, connect=True, track=str(options.track), **more)
         super().__init__(Streamer(open_any_link, clock=clock.now), request, signals)
         self._number = 0

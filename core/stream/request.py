@@ -11,6 +11,7 @@ from ..devices.calibration import Calibration
 from ..devices.spec import DeviceSpec, from_preset
 from ..errors import DermisError
 from ..parameters.stream import STREAM
+from .log.settings import LogSettings, settings_of
 
 _LINK = ("connect", "url", "protocol", "device")
 _SOURCE = ("mode", "track", "screen", "offset", "play_on", "jog")
@@ -27,6 +28,8 @@ class StreamRequest:
         offset: start offset [s]. look_ahead: [s]. ramp: blend from the first pose [s].
         stall: without a heartbeat for this long comes the safe state [s]. play_on: a baked track plays on meanwhile.
         reconnect: try again by itself when a link is lost. rate: of commands [Hz]; 0: the device's own.
+        log: file or folder for a log, '' for none. log_format: of files in a folder. log_size, log_total: of one file,
+            and of all files of one log [bytes]. tee: addresses for its rows, with blanks between them.
     """
 
     connect: bool = False
@@ -47,6 +50,11 @@ class StreamRequest:
     play_on: bool = STREAM["play_on"].absent
     reconnect: bool = STREAM["reconnect"].absent
     rate: float = STREAM["rate"].absent
+    log: str = ""
+    log_format: str = STREAM["log_format"].absent
+    log_size: float = STREAM["log_size"].absent
+    log_total: float = STREAM["log_total"].absent
+    tee: str = ""
 
     def same_link(self, other: StreamRequest) -> bool:
         """Return whether another request is about the same link."""
@@ -67,6 +75,11 @@ class StreamRequest:
         for name, value in self.jog.items():
             if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < math.inf:
                 raise DermisError("not a finite number", where=f"jog, {name}", value=value)
+        self.log_settings().check()
+
+    def log_settings(self) -> LogSettings:
+        """Return what is logged, and where."""
+        return settings_of(self.log, self.log_format, self.log_size, self.log_total, self.tee)
 
     def spec(self) -> DeviceSpec:
         """Return what the device is.

@@ -8,59 +8,20 @@ from __future__ import annotations
 
 import contextlib
 import json
-import mmap
 import os
 import struct
-import tempfile
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ..errors import DermisError
+from ..work.mapped import MappedRecord, create, mapped
 
 MAGIC = b"DERMIS-SHARED 2\0"
-_SLOT = struct.Struct("<QII")  # number, length, CRC-32 of number and record
 _HEARTBEAT = struct.Struct("<IBdH")  # stops, flags, time [s], how many values
 HEARTBEAT_BYTES, REQUEST_BYTES, STATUS_BYTES = 4096, 1 << 20, 1 << 16
 MAX_VALUES = 255
 PLAYING, HAS_TIME = 1, 2
-
-
-class _Record:
-    """One record in two slots of a mapped file."""
-
-    def __init__(self, memory: mmap.mmap, offset: int, size: int) -> None:
-        self._memory, self._offset, self._size = memory, offset, size
-        self._number = max((self._slot(k)[0] for k in (0, 1)), default=0)
-
-    def put(self, data: bytes) -> None:
-        if len(data) > self._size - _SLOT.size:
-            raise DermisError(
-                "a record is too long for the shared state", value=len(data), limit=str(self._size - _SLOT.size)
-            )
-        self._number += 1
-        at = self._offset + (self._number & 1) * self._size
-        self._memory[at + _SLOT.size : at + _SLOT.size + len(data)] = data
-        crc = zlib.crc32(data, self._number & 0xFFFFFFFF)
-        self._memory[at : at + _SLOT.size] = _SLOT.pack(self._number, len(data), crc)
-
-    def number(self) -> int:
-        """Return the number of the newest record without reading it; it may still be half written."""
-        numbers = [struct.unpack_from("<Q", self._memory, self._offset + k * self._size)[0] for k in (0, 1)]
-        return int(max(numbers))
-
-    def get(self) -> tuple[int, bytes] | None:
-        found = max((self._slot(k) for k in (0, 1)), key=lambda s: s[0])
-        return found if found[0] else None
-
-    def _slot(self, k: int) -> tuple[int, bytes]:
-        at = self._offset + k * self._size
-        number, length, crc = _SLOT.unpack_from(self._memory, at)
-        if not number or length > self._size - _SLOT.size:
-            return 0, b""
-        data = self._memory[at + _SLOT.size : at + _SLOT.size + length]
-        return (number, data) if zlib.crc32(data, number & 0xFFFFFFFF) == crc else (0, b"")
 
 
 @dataclass(frozen=True)
@@ -86,24 +47,23 @@ class SharedState:
 
     def __init__(self, path: Path, descriptor: int) -> None:
         self.path = path
-        try:
-            self._memory = mmap.mmap(descriptor, self.SIZE)
-        finally:
-            os.close(descriptor)
+        self._memory = mapped(descriptor, self.SIZE)
         at = len(MAGIC)
-        self._heartbeat = _Record(self._memory, at, HEARTBEAT_BYTES)
-        self._request = _Record(self._memory, at + 2 * HEARTBEAT_BYTES, REQUEST_BYTES)
-        self._status = _Record(self._memory, at + 2 * (HEARTBEAT_BYTES + REQUEST_BYTES), STATUS_BYTES)
+        self._heartbeat = MappedRecord(self._memory, at, HEARTBEAT_BYTES)
+        self._request = MappedRecord(self._memory, at + 2 * HEARTBEAT_BYTES, REQUEST_BYTES)
+        self._status = MappedRecord(self._memory, at + 2 * (HEARTBEAT_BYTES + REQUEST_BYTES), STATUS_BYTES)
 
     @classmethod
     def create(cls) -> SharedState:
-        """Make a state that only this user may read, in memory where the system has a place for that."""
-        shared = Path("/dev/shm")
-        folder = str(shared) if shared.is_dir() and os.access(shared, os.W_OK) else None
-        descriptor, name = tempfile.mkstemp(prefix="dermis-shared-", dir=folder)
-        os.ftruncate(descriptor, cls.SIZE)
+        """Make a state that only this user may read, in memory where the system has a place for that.
+
+        Raises:
+            DermisError: there is no room.
+        """
+        path, descriptor = create("dermis-shared-", cls.SIZE)
+        os.lseek(descriptor, 0, os.SEEK_SET)
         os.write(descriptor, MAGIC)
-        return cls(Path(name), descriptor)
+        return cls(path, descriptor)
 
     @classmethod
     def open(cls, path: Path) -> SharedState:

@@ -20,6 +20,7 @@ from .links.transport import Gone, Transport
 from .links.url import Url
 from .protocols import adapter as adapters
 from .protocols.wire import Wire
+from .recorder import Recorder
 from .request import StreamRequest
 from .shared_state import Heartbeat
 from .state import State
@@ -40,6 +41,7 @@ class Streamer:
     Attributes:
         request: what is wanted now. counters: sent, dropped, skipped ... on this link and its next attempts.
         output: what the device gets, None before the first connection. drive: of the open link, None without one.
+        recorder: of the log that a person asked for.
     """
 
     def __init__(
@@ -53,6 +55,7 @@ class Streamer:
         self.counters: Counter[str] = Counter()
         self.output: DeviceOutput | None = None
         self.drive: Drive | None = None
+        self.recorder = Recorder()
         self._message = ""  # while there is no link, which has its own
         self._faulty = self._closing = False
         self._arm_id = self._stops = 0  # of the last arming and stop that were heard of
@@ -77,6 +80,8 @@ class Streamer:
             self._leave(now, "")
             self._retry_at = now
         leaving = self.drive is not None and self.drive.leaving
+        if self.drive is not None and not leaving:
+            self._log(self.drive.connection, now)
         if self.drive is not None and not leaving and request.calibration != old.calibration:
             self.drive.recalibrate(request.calibrated())
         if self.output is not None and not leaving and not request.same_source(old):
@@ -156,6 +161,7 @@ class Streamer:
             "arm_id": self._arm_id,
             "pose_known": drive is not None and drive.pose_known,
             "counters": dict(self.counters),
+            "log": self.recorder.status(),
             **(self.output.status() if self.output is not None else {}),
             **(drive.connection.status() if drive is not None else {}),
         }
@@ -193,6 +199,8 @@ class Streamer:
         try:
             adapter = adapters.make(request.protocol, output.wire, url.options)
             connection = Connection(link, adapter, output, self.counters, now, self._clock)
+            connection.recorder = self.recorder
+            self.recorder.choose(request, output, adapter, now)
         except DermisError:
             link.close()
             raise
@@ -231,6 +239,16 @@ class Streamer:
         drive, self.drive, self._message = self.drive, None, message
         if drive is not None:
             drive.connection.link.close()
+        if self._closing or not self.request.connect:
+            self.recorder.close()
+
+    def _log(self, connection: Connection, now: float) -> None:
+        """Begin or end the log under way; what cannot be written is told, and the stream goes on."""
+        try:
+            self.recorder.choose(self.request, connection.output, connection.adapter, now)
+        except DermisError as error:
+            assert self.drive is not None
+            self.drive.message = str(error)
 
     # -- arming, and what is streamed
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import DermisError
-from .device_options import request_from
+from .device_options import log_from, request_from
 from .signals import Interrupted, Signals
 from .touch_panel_session import PanelSession
 from .touch_sources import touch_input
@@ -19,6 +19,8 @@ TELL_TOUCHES = ("native", "osc")  # protocols whose device may have a touch pane
 
 def run(options: argparse.Namespace, load_screen: Callable[[Path], Any]) -> int:
     """Connect, arm, answer touches until a signal or the end of the touches, and end at 0 V.
+
+    Returns 0, or 1 where the log is not whole.
 
     Raises:
         DermisError: a map, device, link or source of touches that cannot be used; says which.
@@ -38,7 +40,7 @@ def run(options: argparse.Namespace, load_screen: Callable[[Path], Any]) -> int:
             remedy="Choose a source with --touch",
         )
     screen = load_screen(options.map)
-    more = {"mode": "panel", "screen": str(options.map), "ramp": 0.0, "play_on": True}
+    more = {"mode": "panel", "screen": str(options.map), "ramp": 0.0, "play_on": True, **log_from(options)}
     request = request_from(options, options.device or "electrovibration", connect=True, **more)
     given, signals = touch_input(options.touch, options.unit, screen.size), Signals()
     session = PanelSession(request, screen, given, signals)
@@ -58,4 +60,4 @@ def run(options: argparse.Namespace, load_screen: Callable[[Path], Any]) -> int:
         print(session.summary())
     if session.unsure:
         raise session.refusal("0 V could not be made sure of")
-    return 0
+    return int(not session.logged)

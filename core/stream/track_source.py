@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,7 @@ class TrackSource:
 
     Attributes:
         loss: what the low-passed track leaves out; None: it is played as it is.
+        asked: time of the track whose values were asked for last [s]; NaN before the first.
     """
 
     def __init__(
@@ -50,6 +52,7 @@ class TrackSource:
         self._values = np.stack([track.column(n) for n in wire.names], axis=1)
         self._safe = wire.safe_command
         self.loss: Loss | None = None
+        self.asked = math.nan
         if output_hz > 0 and len(track.times) > 1:
             self._low_pass(wire, output_hz)
         step = track.duration / (len(self._times) - 1) if len(self._times) > 1 else 0.0
@@ -85,7 +88,8 @@ class TrackSource:
 
     def values_at(self, moment: float, now: float) -> Array:
         """Return values [units] at a moment; before and after the track the device is safe."""
-        return self.value(self.clock.at(moment, now) + self.offset)
+        self.asked = self.clock.at(moment, now) + self.offset
+        return self.value(self.asked)
 
     def value(self, time: float) -> Array:
         """Return the track's values at a time of its own."""

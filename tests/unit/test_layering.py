@@ -27,7 +27,7 @@ SCENE = GROUND | {"scene"}
 TRACK = DEVICE | {"presets", "track"}
 CONTACT = SCENE | {"motion", "skin", "stiffening", "surface", "contact.solver"}
 MATCHING = CONTACT | TRACK | {"contact", "tissue", "devices", "effects", "images", "surrogate", "matching"}
-LIVE = TRACK | {"work", "stream.protocols", "stream.links", "stream.virtual"}
+LIVE = TRACK | {"work", "stream.protocols", "stream.links", "stream.virtual", "stream.log"}
 # folder or loose file: which others it may import. Within itself everybody may; no file imports in a circle.
 MAY_IMPORT: dict[str, set[str]] = {
     # the ground
@@ -83,6 +83,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "stream.protocols": DEVICE,
     "stream.links": DEVICE | {"stream.protocols"},
     "stream.virtual": DEVICE | {"stream.protocols", "stream.links", "work"},
+    "stream.log": DEVICE | {"stream.protocols", "stream.links", "work"},
     "stream": LIVE,
     "stream.acceptance": LIVE | {"stream"},
 }

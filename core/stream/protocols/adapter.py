@@ -42,7 +42,8 @@ class Adapter:
         state: state that the device reports of itself, None where its protocol does not report one.
         ready: the device has been recognised. armed: it takes commands. fault: why it cannot be used, in words.
         device: its identifier in hex digits; '' where it has none to tell.
-        pose: where the device says it is, as driven [units], or None.
+        pose: where the device says it is, as driven [units], or None. pose_at: when it said so [s], or NaN.
+        follows_pose: the device is asked for its pose while it is driven, too, where it has to be asked.
         touch: the last touch of a panel. counters: what went wrong or was changed, by name.
         round_trip: the last one [s], or NaN. congested: answers stay away, so the link holds more than it carries.
         prompt: the last answer came as soon as any, or there are none: nothing waits on the way.
@@ -83,6 +84,8 @@ class Adapter:
         self.armed = False
         self.fault = ""
         self.pose: Array | None = None
+        self.pose_at = math.nan
+        self.follows_pose = False
         self.touch: Touch | None = None
         self.counters: Counter[str] = Counter()
         self.round_trip = float("nan")
@@ -111,6 +114,10 @@ class Adapter:
     def command(self, values: Array, now: float, play: float | None) -> list[bytes]:
         """Return the messages for values [units]; `play`: when they count, None for at once."""
         raise NotImplementedError
+
+    def carried(self, values: Array) -> Array:
+        """Return the values that the protocol's numbers stand for, for values [units], shape (..., channels)."""
+        return values
 
     def forget(self) -> None:
         """Forget the last command: it did not leave, or must not be relied on; the next one says everything again."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...arrays import Array
 from ...errors import DermisError
@@ -56,8 +57,7 @@ class Maestro(Adapter):
 
     def command(self, values: Array, now: float, play: float | None) -> list[bytes]:
         """Return one Set Target for each channel that changed; all of them now and then."""
-        part = (values - self.wire.range_low) / (self.wire.range_high - self.wire.range_low)
-        targets = np.rint(self.low + (self.high - self.low) * np.clip(part, 0, 1)).astype(int)
+        targets = self._targets(values)
         if now - self._when > REFRESH:
             changed, self._when = np.arange(len(targets)), now
         else:
@@ -65,6 +65,15 @@ class Maestro(Adapter):
         self._sent = targets
         message = b"".join(target(self.first + int(i), int(targets[i])) for i in changed)
         return [message] if message else []
+
+    def carried(self, values: Array) -> Array:
+        """Return the values of the targets, in whole quarter microseconds."""
+        part = (self._targets(values) - self.low) / (self.high - self.low)
+        return self.wire.range_low + (self.wire.range_high - self.wire.range_low) * part
+
+    def _targets(self, values: Array) -> NDArray[np.int_]:
+        part = (values - self.wire.range_low) / (self.wire.range_high - self.wire.range_low)
+        return np.rint(self.low + (self.high - self.low) * np.clip(part, 0, 1)).astype(int)
 
     def safe(self) -> list[bytes]:
         """Return the end of all pulses where the safe state is to let go; else the pose already is the safe one."""

@@ -120,7 +120,8 @@ class Native(Adapter):
             self._asked[token] = now
             self._oldest = min(self._oldest, now)
             out.append(self._pack(Kind.SYNC, token.to_bytes(4, "little")))
-            if not (self._wants_arms or self._safes) and self._is_due("hello", HELLO_EVERY, now):
+            asks = not (self._wants_arms or self._safes) or (self.armed and self.follows_pose)
+            if asks and self._is_due("hello", HELLO_EVERY, now):
                 out += self.ask_pose()  # it may have let go. Behind a SYNC, whose way back tells the link's pace
         return out
 
@@ -135,6 +136,10 @@ class Native(Adapter):
         timed = play is not None and self.clock.known
         when = self.clock.device_us(play) if timed and play is not None else 0
         return [self._pack(Kind.COMMAND, packets.command(when, self.wire.counts(values), timed=timed))]
+
+    def carried(self, values: Array) -> Array:
+        """Return the values of the counts."""
+        return self.wire.values(self.wire.counts(values))
 
     def ask_pose(self) -> list[bytes]:
         """Return a question for identity and pose; to the same session it changes nothing at the device."""
@@ -230,6 +235,7 @@ class Native(Adapter):
                 )
             self.queue, self.output_hz = welcome.queue, float(welcome.output_hz)
             self.pose = None if welcome.pose is None else self.wire.values(welcome.pose)
+            self.pose_at = now
             self._wants_pose = self._wants_pose and welcome.state != DeviceState.ARMED
             self._device_state(welcome.state)
 

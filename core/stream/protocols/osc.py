@@ -12,6 +12,8 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping
 
+import numpy as np
+
 from ...arrays import Array
 from ...errors import DermisError
 from .adapter import Adapter, Touch
@@ -48,6 +50,10 @@ class Osc(Adapter):
     def command(self, values: Array, now: float, play: float | None) -> list[bytes]:
         """Return one bundle, which counts as it arrives, whatever `play` says."""
         return [bundle(IMMEDIATELY, [head + struct.pack(">f", v) for head, v in zip(self._heads, values, strict=True)])]
+
+    def carried(self, values: Array) -> Array:
+        """Return the values as float32."""
+        return values.astype(np.float32).astype(np.float64)
 
     def safe(self) -> list[bytes]:
         """Return the safe values, and word that nothing is armed any more where the safe state is to let go."""

@@ -68,8 +68,7 @@ class ServoAnimation(Adapter):
 
     def command(self, values: Array, now: float, play: float | None) -> list[bytes]:
         """Return one command for each servo that changed; all of them now and then."""
-        part = np.clip((values - self.wire.range_low) / (self.wire.range_high - self.wire.range_low), 0.0, 1.0)
-        wanted = self.low + (self.high - self.low) * part
+        wanted = self._wanted(values)
         positions = np.rint(wanted).astype(int)
         if now - self._when > REFRESH:
             due, self._when = np.arange(len(positions)), now
@@ -82,6 +81,17 @@ class ServoAnimation(Adapter):
             self.counters["positions moved off the byte 0x3C"] += int(position != positions[i])
             out.append(command(self.ids[i], position))
         return [b"".join(out)] if out else []
+
+    def carried(self, values: Array) -> Array:
+        """Return the values of the positions."""
+        wanted = self._wanted(values)
+        positions = np.array([around_trap(one) for one in wanted.ravel().tolist()], np.float64).reshape(wanted.shape)
+        part = (positions - self.low) / (self.high - self.low)
+        return self.wire.range_low + (self.wire.range_high - self.wire.range_low) * part
+
+    def _wanted(self, values: Array) -> Array:
+        part = np.clip((values - self.wire.range_low) / (self.wire.range_high - self.wire.range_low), 0.0, 1.0)
+        return self.low + (self.high - self.low) * part
 
 
 def command(servo: int, position: int) -> bytes:

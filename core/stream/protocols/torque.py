@@ -118,7 +118,7 @@ class Torque(Adapter):
         elif step <= 1e-4:
             return
         self._angle, self._heard, self._alive, self.ready = angle, now, now, True
-        self.pose = angle
+        self.pose, self.pose_at = angle, now
 
     def arm(self) -> None:
         """Start the loop without what it summed up before."""

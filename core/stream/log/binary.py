@@ -1,0 +1,145 @@
+"""Rows as compact binary, version 1: blocks with check sums, so that a file is readable wherever its writing ended.
+
+Little-endian:
+
+    8 bytes   magic 89 44 52 4D 4C 0D 0A 01 (0x89 "DRML" CR LF, version 1)
+    u32       length of the header
+    header    UTF-8 JSON
+    u32       CRC-32 (zlib's) of everything before it
+    blocks    u32 number of rows n, u32 CRC-32 of n and the rows, n rows
+    end       u32 FF FF FF FF, u32 length, u32 CRC-32 of both and the text, UTF-8 JSON; only in a file that was finished
+
+A row: number u64, time f64, play f64, track f64, heard f64, skipped u32, phase u8, fate u8, 2 bytes of 0, then f32
+commanded, limited, sent and reported, each for all channels.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import DermisError
+from ...files import read_bytes
+from ...foreign import MAX_SETTINGS, json_of
+from .row import Fate, LogHeader, Phase, Rows, file_rows, header_of
+
+MAGIC = b"\x89DRML\r\n\x01"
+END = 0xFFFFFFFF
+_PAIR = struct.Struct("<II")
+
+
+class BinaryForm:
+    """Blocks of rows."""
+
+    def head(self, header: LogHeader) -> bytes:
+        """Return what a file begins with."""
+        text = json.dumps(header.plain()).encode()
+        data = MAGIC + struct.pack("<I", len(text)) + text
+        return data + struct.pack("<I", zlib.crc32(data))
+
+    def rows(self, rows: Rows) -> bytes:
+        """Return one block; nothing for no rows."""
+        count, data = struct.pack("<I", len(rows)), rows.tobytes()
+        return count + struct.pack("<I", zlib.crc32(data, zlib.crc32(count))) + data if len(rows) else b""
+
+    def end(self, summary: Mapping[str, Any]) -> bytes:
+        """Return what a file that is whole ends with."""
+        text = json.dumps(dict(summary)).encode()
+        start = _PAIR.pack(END, len(text))
+        return start + struct.pack("<I", zlib.crc32(text, zlib.crc32(start))) + text
+
+
+@dataclass(frozen=True)
+class LogFile:
+    """One file of a log.
+
+    Attributes:
+        header: what it says of the stream. rows: in the layout `row.file_rows`.
+        end: what stands at its end; None where its writer was ended before, or still writes.
+        unread: bytes behind the last whole block.
+    """
+
+    header: LogHeader
+    rows: Rows
+    end: Mapping[str, Any] | None
+    unread: int
+
+    @property
+    def lost(self) -> int:
+        """Rows that found no room in the ring, as far as the file says."""
+        said = (self.end or {}).get("lost", 0)
+        return said if type(said) is int else 0
+
+
+def read(path: Path) -> LogFile:
+    """Read a binary log, up to its last whole block.
+
+    Raises:
+        DermisError: it is none, of another version, or its header is damaged.
+    """
+    return loads(read_bytes(Path(path)), where=str(path))
+
+
+def loads(data: bytes, *, where: str = "log") -> LogFile:
+    """Read a binary log from bytes; see `read`.
+
+    Raises:
+        DermisError: it is none, of another version, or its header is damaged.
+    """
+    if not data.startswith(MAGIC[:-1]):
+        raise DermisError("not a binary log", where=where, value=data[:8].hex(" "), limit=MAGIC.hex(" "))
+    if data[7:8] != MAGIC[7:]:
+        raise DermisError(
+            "written by another version of Dermis", where=where, value=data[7:8].hex(), limit="01", remedy="Update"
+        )
+    size = int.from_bytes(data[8:12], "little")
+    at = 12 + size + 4
+    if (
+        len(data) < at
+        or size > MAX_SETTINGS
+        or int.from_bytes(data[at - 4 : at], "little") != zlib.crc32(data[: at - 4])
+    ):
+        raise DermisError("the header of the log is damaged or cut short", where=where, remedy="Copy the file again")
+    plain = json_of(data[12 : 12 + size], f"{where}, header")
+    if not isinstance(plain, dict):
+        raise DermisError("the header of the log is no object", where=where)
+    header = header_of(plain, f"{where}, header")
+    layout = file_rows(len(header.channels))
+    parts, end = [], None
+    while at + _PAIR.size <= len(data):
+        count, check = _PAIR.unpack_from(data, at)
+        if count == END:
+            found = _end(data, at, where)
+            if found is not None:
+                end, at = found
+            break
+        stop = at + _PAIR.size + count * layout.itemsize
+        if not count or stop > len(data):
+            break
+        block = data[at + _PAIR.size : stop]
+        if zlib.crc32(block, zlib.crc32(data[at : at + 4])) != check:
+            break
+        parts.append(np.frombuffer(block, layout))
+        at = stop
+    rows = np.concatenate(parts) if parts else np.zeros(0, layout)
+    if (rows["phase"] > max(Phase)).any() or (rows["fate"] > max(Fate)).any():
+        raise DermisError("a row of a kind that this version does not know", where=where, remedy="Update Dermis")
+    return LogFile(header, rows, end, len(data) - at)
+
+
+def _end(data: bytes, at: int, where: str) -> tuple[Mapping[str, Any], int] | None:
+    """Return what stands at the end of a file, and where that ends; None where it is cut or damaged."""
+    _, size = _PAIR.unpack_from(data, at)
+    text = data[at + 12 : at + 12 + size]
+    check = int.from_bytes(data[at + 8 : at + 12], "little")
+    if len(text) != size or size > MAX_SETTINGS or zlib.crc32(text, zlib.crc32(data[at : at + 8])) != check:
+        return None
+    plain = json_of(text, f"{where}, end")
+    return (plain, at + 12 + size) if isinstance(plain, dict) else None

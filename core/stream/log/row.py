@@ -1,0 +1,150 @@
+"""A row of the log: one sample of one device, with all channels that its command carries; and the log's header."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import DermisError
+
+SCHEMA = "dermis-stream-log 1"
+BLOCKS = ("commanded", "limited", "sent", "reported")  # one value a channel each
+Rows = NDArray[np.void]
+
+
+class Phase(IntEnum):
+    """What the sample belongs to."""
+
+    LIVE = 0  # it comes from the source: track, preview, hand or finger
+    RAMP = 1  # a step on the way to the safe state, led by the sender
+    SAFE = 2  # the safe state itself, or the message that sends the device there
+
+
+class Fate(IntEnum):
+    """The outcome of a sample."""
+
+    SENT = 0
+    LATE = 1  # sent after its moment
+    DROPPED = 2  # the link had no room, or the stream ended first
+
+
+# What stands before the values of a row, in the ring and in a file alike; 48 bytes without gaps.
+HEAD: tuple[tuple[str, str], ...] = (
+    ("number", "<u8"),  # of the sample, from 0; lost rows leave a gap
+    ("time", "<f8"),  # when it left, or was dropped [s]
+    ("play", "<f8"),  # when it counts [s]; NaN: at once
+    ("track", "<f8"),  # time of the track that it shows [s]; NaN: it is of no track
+    ("heard", "<f8"),  # when the device reported the pose [s]; NaN: it has reported none
+    ("skipped", "<u4"),  # samples that were left out just before it
+    ("phase", "u1"),
+    ("fate", "u1"),
+    ("", "V2"),
+)
+
+
+def file_rows(channels: int) -> np.dtype[np.void]:
+    """Return the layout of rows in files and datagrams: values as float32, little-endian, without gaps."""
+    return _layout([(name, "<f4", (channels,)) for name in BLOCKS])
+
+
+def ring_rows(channels: int) -> np.dtype[np.void]:
+    """Return the layout of rows in the ring: values as the sender computes with them."""
+    return _layout([(name, "<f8", (channels,)) for name in BLOCKS if name != "sent"])
+
+
+def _layout(values: list[tuple[str, str, tuple[int]]]) -> np.dtype[np.void]:
+    return np.dtype([(name or "unused", kind) for name, kind in HEAD] + values)
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A column: its name and SI unit."""
+
+    name: str
+    unit: str
+
+
+@dataclass(frozen=True)
+class LogHeader:
+    """What stands once in every file of a log.
+
+    Attributes:
+        log: identifier of the log, the same in all its files. file: number of this file, from 1.
+        removed: how many of its older files were removed so far.
+        started: wall-clock time of the rows' time 0, UTC, as ISO 8601. started_unix: the same [s since 1970].
+        clock: reading of this computer's stream clock at time 0 [s].
+        device, name, preset: key, name and hash of the device preset. protocol, url: of the link.
+        rate: planned commands a second [Hz]. channels: in the order of the values.
+        zero, gain: of the calibration when the log began: limited = zero + gain * commanded, before limits.
+        program: that wrote it.
+    """
+
+    log: str
+    started: str
+    started_unix: float
+    clock: float
+    device: str
+    name: str
+    preset: str
+    protocol: str
+    url: str
+    rate: float
+    channels: tuple[Channel, ...]
+    zero: tuple[float, ...]
+    gain: tuple[float, ...]
+    program: str
+    file: int = 1
+    removed: int = 0
+
+    def plain(self) -> dict[str, Any]:
+        """Return it as JSON values."""
+        return {"schema": SCHEMA, **asdict(self)}
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the values' columns, with units: 'commanded.pulley_1[rad]'."""
+        return tuple(f"{block}.{c.name}[{c.unit}]" for block in BLOCKS for c in self.channels)
+
+
+def header_of(plain: Mapping[str, Any], where: str) -> LogHeader:
+    """Read a header from JSON values.
+
+    Raises:
+        DermisError: another schema, a field that is missing, unknown or of another kind.
+    """
+    if plain.get("schema") != SCHEMA:
+        raise DermisError(
+            "not a log of this version", where=where, value=plain.get("schema"), limit=SCHEMA, remedy="Update Dermis"
+        )
+    given = {name: value for name, value in plain.items() if name != "schema"}
+    names = {field.name for field in fields(LogHeader)}
+    if set(given) != names:
+        raise DermisError("fields of the header are missing or unknown", where=where, value=sorted(set(given) ^ names))
+    channels = given["channels"]
+    if not isinstance(channels, list) or not 0 < len(channels) < 256:
+        raise DermisError("no list of 1 to 255 channels", where=where)
+    if not all(isinstance(c, dict) and set(c) == {"name", "unit"} and _texts(c.values()) for c in channels):
+        raise DermisError("a channel is not a name and a unit", where=where)
+    for name in ("zero", "gain"):
+        if not isinstance(given[name], list) or len(given[name]) != len(channels) or not _numbers(given[name]):
+            raise DermisError("one number a channel is wanted", where=f"{where}, {name}")
+    texts = ("log", "started", "device", "name", "preset", "protocol", "url", "program")
+    if not _texts(given[name] for name in texts) or not _numbers(given[n] for n in ("started_unix", "clock", "rate")):
+        raise DermisError("a field of the header is of another kind", where=where)
+    if type(given["file"]) is not int or type(given["removed"]) is not int:
+        raise DermisError("a field of the header is of another kind", where=where)
+    numbers = {name: tuple(map(float, given[name])) for name in ("zero", "gain")}
+    return LogHeader(**{**given, **numbers, "channels": tuple(Channel(c["name"], c["unit"]) for c in channels)})
+
+
+def _texts(values: Any) -> bool:
+    return all(isinstance(value, str) for value in values)
+
+
+def _numbers(values: Any) -> bool:
+    return all(isinstance(v, int | float) and not isinstance(v, bool) and abs(v) < 1e300 for v in values)

@@ -1,0 +1,98 @@
+"""Memory that two processes share, as a mapped file; and a record in it that one of them writes and the other reads."""
+
+from __future__ import annotations
+
+import mmap
+import os
+import struct
+import tempfile
+import zlib
+from pathlib import Path
+
+from ..errors import DermisError
+
+_SLOT = struct.Struct("<QII")  # number, length, CRC-32 of number and record
+
+
+def create(prefix: str, size: int) -> tuple[Path, int]:
+    """Make a file of zeros that only this user may read, in memory where the system has a place for that.
+
+    Every page is there before it is mapped: a page for which there is no room later would end the process.
+
+    Returns:
+        path, and an open descriptor.
+
+    Raises:
+        DermisError: there is no room.
+    """
+    shared = Path("/dev/shm")
+    folder = str(shared) if shared.is_dir() and os.access(shared, os.W_OK) else None
+    descriptor, name = tempfile.mkstemp(prefix=prefix, dir=folder)
+    try:
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(descriptor, 0, size)
+        else:
+            left = size
+            while left:
+                left -= os.write(descriptor, bytes(min(left, 1 << 20)))
+    except OSError as error:
+        os.close(descriptor)
+        os.unlink(name)
+        raise DermisError("no room for shared memory", where=name, value=f"{size} bytes, {error.strerror}") from error
+    return Path(name), descriptor
+
+
+def mapped(descriptor: int, size: int) -> mmap.mmap:
+    """Map an open file, and close its descriptor."""
+    try:
+        return mmap.mmap(descriptor, size)
+    finally:
+        os.close(descriptor)
+
+
+class MappedRecord:
+    """One record in two slots of a mapped file, each with a number and a CRC-32; the newest whole one counts.
+
+    Nobody ever waits, and a reader never sees half a record.
+
+    Args:
+        offset, size: of the first of the two slots [bytes].
+    """
+
+    def __init__(self, memory: mmap.mmap, offset: int, size: int) -> None:
+        self._memory, self._offset, self._size = memory, offset, size
+        self._number = max((self._slot(k)[0] for k in (0, 1)), default=0)
+
+    def put(self, data: bytes) -> None:
+        """Write a record in place of the one before.
+
+        Raises:
+            DermisError: it is too long.
+        """
+        if len(data) > self._size - _SLOT.size:
+            raise DermisError(
+                "a record is too long for the shared state", value=len(data), limit=str(self._size - _SLOT.size)
+            )
+        self._number += 1
+        at = self._offset + (self._number & 1) * self._size
+        self._memory[at + _SLOT.size : at + _SLOT.size + len(data)] = data
+        crc = zlib.crc32(data, self._number & 0xFFFFFFFF)
+        self._memory[at : at + _SLOT.size] = _SLOT.pack(self._number, len(data), crc)
+
+    def number(self) -> int:
+        """Return the number of the newest record without reading it; it may still be half written."""
+        numbers = [struct.unpack_from("<Q", self._memory, self._offset + k * self._size)[0] for k in (0, 1)]
+        return int(max(numbers))
+
+    def get(self) -> tuple[int, bytes] | None:
+        """Return the newest whole record and its number, None before the first."""
+        found = max((self._slot(k) for k in (0, 1)), key=lambda s: s[0])
+        return found if found[0] else None
+
+    def _slot(self, k: int) -> tuple[int, bytes]:
+        at = self._offset + k * self._size
+        number, length, crc = _SLOT.unpack_from(self._memory, at)
+        if not number or length > self._size - _SLOT.size:
+            return 0, b""
+        data = self._memory[at + _SLOT.size : at + _SLOT.size + length]
+        return (number, data) if zlib.crc32(data, number & 0xFFFFFFFF) == crc else (0, b"")

@@ -30,6 +30,8 @@ class Judged:
 
     Attributes:
         ahead: the most that a step was ahead of the declared speed [s]. heard: when the last byte came [s].
+        periods: the largest step, in periods of the device's rate at its declared speed [1].
+        commands, away: messages, and those after which it was not told to be safe. gap: the longest silence [s].
     """
 
     def __init__(self, protocol: str, wire: Wire) -> None:
@@ -42,15 +44,19 @@ class Judged:
     def mark(self) -> None:
         """Forget how it came here."""
         self.ahead, self.steps = 0.0, 0
+        self.periods, self.commands, self.away, self.gap = 0.0, 0, 0, 0.0
         self._last, self._at = self.told(), clock.now()
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
         """Take what arrived, byte by byte where several commands may come at once."""
+        self.gap = max(self.gap, now - self.heard)
         self.heard, out = now, []
         whole = self.datagrams or self._protocol == "native"
         for part in [data] if whole else [bytes((byte,)) for byte in data]:
             out += self.device.feed(part, now)
             self._look(now)
+        self.commands += 1
+        self.away += not self.safe
         return out
 
     def tick(self, now: float) -> list[bytes]:
@@ -87,7 +93,9 @@ class Judged:
         self.steps += 1
         if self._protocol != "torque" and not (self._protocol == "native" and self.safe):
             step = np.maximum(np.abs(told - self._last) - QUANTUM * (self.wire.range_high - self.wire.range_low), 0.0)
-            self.ahead = max(self.ahead, float(np.max(step / self.wire.slew)) - (now - self._at))
+            seconds = float(np.max(step / self.wire.slew))
+            self.ahead = max(self.ahead, seconds - (now - self._at))
+            self.periods = max(self.periods, seconds * self.wire.spec.rate)
         self._last, self._at = told, now
 
 
@@ -120,6 +128,10 @@ def main(protocol: str, key: str, baud: str) -> None:
             "told": judged.told().tolist(),
             "ahead": judged.ahead,
             "steps": judged.steps,
+            "periods": judged.periods,
+            "commands": judged.commands,
+            "away": judged.away,
+            "gap": judged.gap,
             "quiet": clock.now() - judged.heard,
         }
         print(json.dumps(answer), flush=True)

@@ -100,12 +100,11 @@ class Receiver:
         self.close()
 
 
-def connect(client: SenderClient, receiver: Receiver) -> None:
-    """Connect and jog far from the safe state."""
+def connect(client: SenderClient, receiver: Receiver, options: str = "") -> None:
+    """Connect and jog far from the safe state; `options` are added to the address."""
     preset = Library().load("devices", receiver.key)
-    client.connect(
-        receiver.url, receiver.protocol, receiver.key, preset, mode="jog", jog=far(receiver.protocol), ramp=0.0
-    )
+    url = f"{receiver.url}?{options}" if options else receiver.url
+    client.connect(url, receiver.protocol, receiver.key, preset, mode="jog", jog=far(receiver.protocol), ramp=0.0)
     client.heartbeat()
     client.wait("ready", 20)
     client.heartbeat()
@@ -135,10 +134,10 @@ def runs(pid: int) -> bool:
 
 
 @contextlib.contextmanager
-def sender(receiver: Receiver) -> Iterator[SenderClient]:
-    """Give a sender whose device stands far from its safe state."""
+def sender(receiver: Receiver, options: str = "") -> Iterator[SenderClient]:
+    """Give a sender whose device stands far from its safe state; `options` are added to the address."""
     with SenderClient() as client:
-        connect(client, receiver)
+        connect(client, receiver, options)
         until(receiver.reached, client.heartbeat, f"far from safe ({client.status()['message']})")
         receiver.ask("mark")
         yield client
@@ -196,7 +195,7 @@ from tests.exits import connect
 class Receiver:
     protocol, key, url = sys.argv[1:4]
 client = SenderClient()
-connect(client, Receiver)
+connect(client, Receiver, sys.argv[4])
 print(client.pid, flush=True)
 while not select.select([sys.stdin], [], [], 0.02)[0]:
     client.heartbeat()
@@ -223,28 +222,36 @@ def by_close(receiver: Receiver) -> None:
         pass
 
 
-def by_quit(receiver: Receiver) -> None:
-    """End the process that started the sender."""
+@contextlib.contextmanager
+def parent(receiver: Receiver, options: str = "") -> Iterator[tuple[subprocess.Popen[str], int]]:
+    """Give a process that streams as Blender does, with its sender's id; the device stands far from its safe state."""
     root = str(Path(__file__).parents[1])
-    parent = subprocess.Popen(
-        [sys.executable, "-c", PARENT, receiver.protocol, receiver.key, receiver.url],
+    process = subprocess.Popen(
+        [sys.executable, "-c", PARENT, receiver.protocol, receiver.key, receiver.url, options],
         env=environment() | {"PYTHONPATH": os.pathsep.join([root, *filter(None, sys.path)])},
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
     )
-    assert parent.stdin is not None and parent.stdout is not None
+    assert process.stdin is not None and process.stdout is not None
     try:
-        pid = int(parent.stdout.readline())
+        pid = int(process.stdout.readline())
         until(receiver.reached, lambda: None, "far from safe")
         receiver.ask("mark")
-        parent.stdin.close()
-        parent.wait(20)
+        yield process, pid
+        process.stdin.close()
+        process.wait(20)
         until(lambda: not runs(pid), lambda: None, "the sender ends")
     finally:
-        parent.kill()
-        parent.wait()
-        parent.stdout.close()
+        process.kill()
+        process.wait()
+        process.stdout.close()
+
+
+def by_quit(receiver: Receiver) -> None:
+    """End the process that started the sender."""
+    with parent(receiver):
+        pass
 
 
 def by_signal(receiver: Receiver, name: str) -> None:

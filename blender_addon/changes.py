@@ -13,7 +13,7 @@ from contextlib import contextmanager
 
 import bpy
 
-from . import action_content
+from . import action_content, scene_time
 
 # Changes of these types reach the sampled scene; others, such as screens and brushes, do not.
 _RELEVANT = (
@@ -42,6 +42,7 @@ _generation = 0
 _ticks = 0
 _edits = 0
 _forms = 0
+_clocks: dict[int, tuple[float, ...]] = {}  # by the scene's session uid
 
 
 def dirty() -> frozenset[str]:
@@ -89,6 +90,7 @@ def expect(changed: bpy.types.ID) -> None:
 def clear_dirty() -> None:
     """Forget changes, because a bake has just seen them."""
     _dirty.clear()
+    _look_at_clocks()
     action_content.look()
 
 
@@ -101,6 +103,8 @@ def note_updates(depsgraph: bpy.types.Depsgraph | None) -> bool:
     changed, expected = False, frozenset(_expected)
     _expected.clear()
     for update in depsgraph.updates:
+        if isinstance(update.id, bpy.types.Scene):
+            changed |= note_clock(update.id.original)
         if expected and update.id.original.session_uid in expected:
             continue
         # Selecting an object also arrives here, with neither flag set; so do channels of an action.
@@ -117,6 +121,16 @@ def note_updates(depsgraph: bpy.types.Depsgraph | None) -> bool:
     return changed
 
 
+def note_clock(scene: bpy.types.Scene) -> bool:
+    """Note a scene's frame rate and time stretching, of which Blender tells nothing; return whether they changed."""
+    before, now = _clocks.get(scene.session_uid), scene_time.settings(scene)
+    _clocks[scene.session_uid] = now
+    changed = before not in (None, now) and not _muted
+    if changed:
+        mark_dirty(scene.name)
+    return changed
+
+
 def note_history() -> None:
     """Note an undo or a redo."""
     _begin_generation("undo")
@@ -125,6 +139,7 @@ def note_history() -> None:
 def note_file() -> None:
     """Note that another file was opened: what changed in the one before is of no interest any more."""
     _dirty.clear()
+    _look_at_clocks()
     _begin_generation("file")
 
 
@@ -142,6 +157,11 @@ def muted() -> Iterator[None]:
 def sweeping() -> bool:
     """Return whether a sweep of ours is under way: the scene is then at a frame to which nobody has put it."""
     return _muted > 0
+
+
+def _look_at_clocks() -> None:
+    _clocks.clear()
+    _clocks.update((scene.session_uid, scene_time.settings(scene)) for scene in bpy.data.scenes)
 
 
 def _begin_generation(why: str) -> None:

@@ -16,7 +16,7 @@ from typing import Any
 
 import bpy
 
-from . import baking, preferences
+from . import baking, preferences, scene_time
 from ._core import DermisError, core, worst
 from .results import export_parts, store
 from .sampling import frames, scene_sweep
@@ -79,7 +79,7 @@ def _parts(
     options: argparse.Namespace, scene: bpy.types.Scene, made: Any, folder: Path
 ) -> tuple[list[Path], list[Any]]:
     span = _span(options) or frames.frame_range(scene)
-    result = store.Result(made, float(frames.frames_per_second(scene)), float(span[0]), -1, ())
+    result = store.Result(made, scene_time.clock(scene, span[0]), -1, ())
     active = scene.objects.get(options.finger) if options.finger else scene.view_layers[0].objects.active
     if options.finger and active is None:
         raise DermisError(

@@ -31,6 +31,7 @@ def _on_frame(scene: bpy.types.Scene, depsgraph: Any = None) -> None:
     # Without a window nobody looks; a sweep or a render job must not pay for a preview.
     if changes.sweeping() or depsgraph is None or bpy.app.background or bpy.app.is_job_running("RENDER"):
         return
+    changes.note_clock(scene)
     shown.on_frame(scene)
 
 

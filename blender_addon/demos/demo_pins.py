@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
+from .. import scene_time
 from .._core import core
 from . import demo_shapes, demo_stage
 
@@ -21,10 +22,10 @@ def build(depth: float = 2e-3, friction: float = 0.6, direction: float = 0.0) ->
     """
     sliding = core.scene.sliding
     fps = int(sliding.FPS)
-    frames = np.arange(1, 2 + round((sliding.SETTLE + sliding.SLIDE) * fps))
+    frames = np.arange(1.0, 2.0 + round((sliding.SETTLE + sliding.SLIDE) * fps))
     scene = demo_stage.begin(NAME, fps, int(frames[-1]))
     demo_stage.finger_with_skin(scene, "Index", DEVICE)
     plane = demo_stage.touchable(demo_stage.add(scene, "Plane", demo_shapes.block(*SIZE)), friction)
-    places = sliding.plane_offset((frames - 1) / fps, depth, direction)
+    places = sliding.plane_offset(scene_time.clock(scene, 1.0).seconds(frames), depth, direction)
     demo_stage.key(plane, "location", np.column_stack([frames, places]), "LINEAR")
     return demo_stage.finish(scene, (-0.05, 0.09, 0.05), (0.0, 0.0, 0.004))

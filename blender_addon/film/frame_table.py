@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import bpy
 
+from .. import scene_time
 from .._core import Floats32
 from .film_objects import MODIFIER
 
@@ -22,14 +23,23 @@ class FrameTable(NamedTuple):
     """What a mesh does over frames that follow one another.
 
     Attributes:
-        first: frame of the first row.
+        first, step: the evaluated frame of the first row, and from one row to the next.
         positions: of its vertices in the object's space, shape (f, d, 3).
         values: by the name of the attribute, shape (f, d) each.
     """
 
-    first: int
+    first: float
+    step: float
     positions: Floats32
     values: Mapping[str, Floats32]
+
+    @classmethod
+    def of_scene(
+        cls, scene: bpy.types.Scene, first: int, positions: Floats32, values: Mapping[str, Floats32]
+    ) -> FrameTable:
+        """Return a table with a row for each whole scene frame from a first one on."""
+        start, after = (scene_time.evaluated(scene, float(frame)) for frame in (first, first + 1))
+        return cls(start, after - start, positions, values)
 
 
 def play(obj: bpy.types.Object, table: FrameTable) -> None:
@@ -73,7 +83,9 @@ class _Nodes:
         frames, vertices = table.positions.shape[:2]
         source = self._new("GeometryNodeObjectInfo", points)
         self._points = source.outputs["Geometry"]
-        passed = self._math("SUBTRACT", self._new("GeometryNodeInputSceneTime").outputs["Frame"], float(table.first))
+        passed = self._math("SUBTRACT", self._new("GeometryNodeInputSceneTime").outputs["Frame"], table.first)
+        if table.step != 1.0:
+            passed = self._math("DIVIDE", passed, table.step)
         passed = self._math("MINIMUM", self._math("MAXIMUM", passed, 0.0), float(frames - 1))
         before = self._new("FunctionNodeFloatToInt", passed)
         before.rounding_mode = "FLOOR"

@@ -62,7 +62,7 @@ def work_out(scene: bpy.types.Scene, fingers: list[str]) -> Steps:
         positions = np.stack([r[0] for r in rows])
         values = {n: np.stack([r[1][n] for r in rows]) for n in ATTRIBUTES}
         surface = skin_field.kit(touch.model.mesh).surface
-        table = FrameTable(int(_frames(touch)[0]), positions, values)
+        table = FrameTable.of_scene(scene, _frames(touch)[0], positions, values)
         made.append(Made(name, surface.triangles, table, np.array([r[2] for r in rows])))
     return made
 
@@ -112,10 +112,9 @@ def _with_nail(skin: Made, finger: bpy.types.Object, scene: bpy.types.Scene) -> 
     first, frames = skin.table.positions.shape[1], len(lifted)
     place = {old: first + new for new, old in enumerate(numbers)}
     nothing = np.zeros((frames, len(numbers)), np.float32)
-    table = FrameTable(
-        skin.table.first,
-        np.concatenate([skin.table.positions, lifted.astype(np.float32)], axis=1),
-        {name: np.concatenate([values, nothing], axis=1) for name, values in skin.table.values.items()},
+    table = skin.table._replace(
+        positions=np.concatenate([skin.table.positions, lifted.astype(np.float32)], axis=1),
+        values={name: np.concatenate([values, nothing], axis=1) for name, values in skin.table.values.items()},
     )
     return table, faces + [[place[i] for i in nail] for nail in nails], len(nails)
 

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from .. import compat
+from .. import compat, scene_time
 from .._core import Array, DermisError, core
 from ..devices import skin_models
 from ..jobs import Steps
@@ -53,11 +53,11 @@ def work_out(scene: bpy.types.Scene, fingers: Sequence[str]) -> Steps:
     for step, output in enumerate(outputs):
         yield core.pipeline.bake.Progress("twin", step, len(outputs))
         obj, last = scene.objects[output.finger], math.floor(export_parts.last_frame(result) + 1e-6)
-        frames = np.arange(math.ceil(result.first - 1e-6), last + 1.0, dtype=np.float64)
+        frames = np.arange(math.ceil(result.clock.first - 1e-6), last + 1.0, dtype=np.float64)
         rows = [device_preview.baked_row(result, output, float(frame)) for frame in frames]
         with skin_models.one_thread():
             try:
-                pins = _pins(obj, rows, int(frames[0])) if rows[0].drawn == "pins" else None
+                pins = _pins(scene, obj, rows, int(frames[0])) if rows[0].drawn == "pins" else None
                 pieces = pieces_of(scene, obj, rows)
             except DermisError as error:  # the other devices are made all the same
                 refused.append(error.as_finding())
@@ -80,7 +80,7 @@ def place(scene: bpy.types.Scene, made: Sequence[Made]) -> list[bpy.types.Object
         for piece in twin.pieces:
             obj = _child(scene, root, f"{twin.finger} {piece.name}", piece.name, *_merged(piece.shape))
             _dress(obj, _material("Dermis Twin Light" if piece.glows else "Dermis Twin", glows=piece.glows))
-            _key(obj, twin.frames, piece)
+            _key(obj, scene_time.evaluated(scene, twin.frames), piece)
         if twin.pins is not None:
             pins = twin.pins[0]
             obj = _child(scene, root, f"{twin.finger} Pins", "Pins", pins.positions, pins.triangles)
@@ -91,7 +91,7 @@ def place(scene: bpy.types.Scene, made: Sequence[Made]) -> list[bpy.types.Object
     return roots
 
 
-def _pins(obj: bpy.types.Object, rows: Sequence[Any], first: int) -> tuple[Part, FrameTable]:
+def _pins(scene: bpy.types.Scene, obj: bpy.types.Object, rows: Sequence[Any], first: int) -> tuple[Part, FrameTable]:
     """Return the pins of an array with their share of the greatest force, as the view draws them."""
     pins = pin_preview.pins_of(obj, rows[0].device)
     if pins is None:
@@ -101,7 +101,7 @@ def _pins(obj: bpy.types.Object, rows: Sequence[Any], first: int) -> tuple[Part,
     share = np.clip(np.array([row.numbers for row in rows])[:, hits] / pins.force_limit[hits], 0.0, 1.0)
     each = len(drawn[0].positions) // max(int(hits.sum()), 1)
     values = {"force_share": np.repeat(share, each, axis=1).astype(np.float32)}
-    return drawn[0], FrameTable(first, np.stack([d.positions for d in drawn]), values)
+    return drawn[0], FrameTable.of_scene(scene, first, np.stack([d.positions for d in drawn]), values)
 
 
 def _child(
@@ -123,7 +123,7 @@ def _merged(shape: Part) -> tuple[Any, Any]:
 
 
 def _key(obj: bpy.types.Object, frames: Array, piece: Piece) -> None:
-    """Replace an object's keys: straight from frame to frame, and none for what does not change."""
+    """Replace an object's keys at evaluated frames: straight between them, and none for what does not change."""
     if obj.animation_data is not None:
         action = obj.animation_data.action
         obj.animation_data_clear()

@@ -6,7 +6,7 @@ import re
 import bpy
 from bpy.props import IntProperty
 
-from .. import reporting
+from .. import reporting, scene_time
 from ..preferences import presets_folder
 from ..results import store
 from .work import select_only
@@ -29,8 +29,7 @@ class DERMIS_OT_go_to_finding(bpy.types.Operator):
             return {"CANCELLED"}
         finding = findings[self.index]
         if finding.frame is not None:
-            whole = int(finding.frame // 1)
-            context.scene.frame_set(whole, subframe=finding.frame - whole)
+            scene_time.go_to(context.scene, finding.frame)
         named = (context.scene.objects.get(name) for name in re.findall(r"'([^']+)'", finding.where))
         obj = next((o for o in named if o is not None), None)
         if obj is not None and obj.visible_get():

@@ -8,7 +8,7 @@ import bpy
 from bpy.props import EnumProperty, FloatProperty, StringProperty
 from mathutils import Vector
 
-from .. import changes, doubts
+from .. import changes, doubts, scene_time
 from .._core import DermisError
 from ..layouts import properties
 from ..placing import gesture, keyed_poses, surfaces
@@ -126,12 +126,13 @@ class DERMIS_OT_add_gesture(Work, bpy.types.Operator):
             skin = finger.dermis.finger.skin
             skin.shown, skin.depth_mode, skin.force_limit = True, "compliant", self.force
         times, frames = gesture.poses(asked, finger.matrix_world, spot, nearest, metres_per_unit(scene))
-        rate = scene.render.fps / scene.render.fps_base
-        first = float(scene.frame_current)
-        last = keyed_poses.key(finger, [first + rate * t for t in times], frames)
-        scene.frame_end = max(scene.frame_end, ceil(last))
+        clock = scene_time.clock(scene, scene_time.shown(scene))
+        shown = [clock.frames(float(t)) for t in times]
+        keyed_poses.key(finger, [scene_time.evaluated(scene, frame) for frame in shown], frames)
+        last = ceil(shown[-1])
+        scene.frame_end = max(scene.frame_end, last)
         changes.mark_dirty(finger.name)
-        return f"Keyed frames {first:.0f} to {ceil(last)}"
+        return f"Keyed frames {clock.first:g} to {last}"
 
 
 def _free(context: bpy.types.Context) -> bpy.types.Object:

@@ -10,7 +10,7 @@ import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 from mathutils import Matrix
 
-from .. import changes, reporting
+from .. import changes, reporting, scene_time
 from .._core import DermisError, core
 from ..layouts import properties, words
 from ..placing import keyed_poses
@@ -145,13 +145,14 @@ class DERMIS_OT_import_poses(File, bpy.types.Operator):
             Matrix.Translation(place) @ Matrix(turn).to_4x4()
             for place, turn in zip(places.tolist(), turns, strict=True)
         ]
-        rate = scene.render.fps / scene.render.fps_base
-        last = keyed_poses.key(obj, [self.first + rate * float(t) for t in made.times], poses)
-        scene.frame_end = max(scene.frame_end, ceil(last))
+        frames = scene_time.clock(scene, self.first).frames(made.times)
+        keyed_poses.key(obj, scene_time.evaluated(scene, frames).tolist(), poses)
+        last = ceil(frames[-1])
+        scene.frame_end = max(scene.frame_end, last)
         changes.mark_dirty(obj.name)
         unused = f"; not used: {', '.join(made.unused)}" if made.unused else ""
         return (
-            f"Keyed {len(places)} poses over {made.times[-1]:.4g} s, frames {self.first} to {ceil(last)}"
+            f"Keyed {len(places)} poses over {made.times[-1]:.4g} s, frames {self.first} to {last}"
             f"{'' if made.turns is not None else ', without rotation'}{unused}"
         )
 

@@ -2,6 +2,7 @@
 
 import bpy
 
+from .. import scene_time
 from ..timeline import strip
 
 
@@ -22,8 +23,7 @@ class DERMIS_OT_strip_jump(bpy.types.Operator):
         mark = strip.mark_at(context, event.mouse_region_x, event.mouse_region_y)
         if mark is None:
             return {"PASS_THROUGH"}
-        whole = int(mark.frame // 1)
-        context.scene.frame_set(whole, subframe=mark.frame - whole)
+        scene_time.go_to(context.scene, mark.frame)
         self.report({"INFO"}, mark.text)
         return {"FINISHED"}
 

@@ -12,13 +12,13 @@ from .. import compat
 from .surfaces import turning
 
 
-def key(obj: bpy.types.Object, frames: Sequence[float], poses: Sequence[Matrix]) -> float:
-    """Key an object without a parent at frames, straight between them; return the last frame.
+def key(obj: bpy.types.Object, frames: Sequence[float], poses: Sequence[Matrix]) -> None:
+    """Key an object without a parent at evaluated frames, straight between them.
 
     Keys that it has from the first frame to the last go.
 
     Args:
-        frames: rising. poses: of the object in the scene, one each.
+        frames: at which keys lie, rising (`scene_time.evaluated`). poses: of the object in the scene, one each.
     """
     path = turning(obj)
     rows: list[tuple[float, ...]] = []
@@ -36,7 +36,6 @@ def key(obj: bpy.types.Object, frames: Sequence[float], poses: Sequence[Matrix])
         _replace(bag, *(("location", i) if i < 3 else (path, i - 3)), frames, values)
     obj.location = rows[0][:3]
     setattr(obj, path, rows[0][3:])
-    return frames[-1]
 
 
 def _replace(bag: Any, path: str, index: int, frames: Sequence[float], values: Sequence[float]) -> None:

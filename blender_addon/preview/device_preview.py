@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from .. import changes
+from .. import changes, scene_time
 from .._core import DermisError, core
 from ..devices import active_presets
 from ..preferences import library
@@ -107,7 +107,7 @@ def step(context: bpy.types.Context) -> Preview:
         _live.ends.clear()
     _live.taken = None
     gap = None if not same or _live.trail is None or _live.last is None else frame - _frame(_live.last)
-    again = gap is None or not goes_on(gap * scene.render.fps_base / scene.render.fps)
+    again = gap is None or not goes_on(scene_time.clock(scene, 0.0).duration(gap))
     if again and frame in _live.kept and (skin_preview.seen(scene, frame) or not skin_preview.any_solved(scene)):
         _live.preview = replace(_live.kept[frame], note=as_it_was(_live.kept[frame].note))
         return _live.preview
@@ -116,7 +116,7 @@ def step(context: bpy.types.Context) -> Preview:
         sample = _live.taken = scene_sweep.sample_now(scene, context.evaluated_depsgraph_get())
         trail, outputs = _extended(sample, gap, edited)
         _live.trail, _live.last = trail, sample
-        _live.preview = _live.kept[frame] = _rendered(trail, outputs, frame)
+        _live.preview = _live.kept[frame] = _rendered(trail, sample, outputs, frame)
         _live.ends.keep(frame, lambda: _End(trail, trail.save(), sample, _live.first))
     except DermisError as error:
         return _note(scene, str(scene_header.reason(_live.taken, error) if _live.taken else error))
@@ -166,14 +166,15 @@ def _extended(
         gap: frames since the trail's end; None where it has none. edited: whether settings may be others.
     """
     trail, chunk, _live.since = _live.trail, _chunk(sample), None
+    clock = scene_time.Clock(sample.fps, 0.0)
     if trail is not None and _live.last is not None and _signature(_live.last) == _signature(sample):
         if gap == 0.0:
             return trail, trail.again(_header(sample), chunk)
-        if gap is not None and goes_on(gap / float(sample.fps)):
+        if gap is not None and goes_on(clock.duration(gap)):
             if edited:
                 trail.renew(_header(sample))
             return trail, trail.add(chunk)
-    near = _live.ends.nearest(_frame(sample), float(sample.fps))
+    near = _live.ends.nearest(_frame(sample), clock)
     if near is not None and _signature(near[1].last) == _signature(sample):
         _live.since, (trail, kept, _, _live.first) = near
         trail.restore(kept)
@@ -202,9 +203,14 @@ def _signature(sample: core.scene.tactile_scene.TactileScene) -> tuple[Any, ...]
     )
 
 
-def _rendered(trail: core.pipeline.trail.Trail, outputs: tuple[Any, ...], frame: float) -> Preview:
+def _rendered(
+    trail: core.pipeline.trail.Trail,
+    sample: core.scene.tactile_scene.TactileScene,
+    outputs: tuple[Any, ...],
+    frame: float,
+) -> Preview:
     bake = core.pipeline.bake.Bake(outputs, (), {}, "")
-    result = store.Result(bake, trail.frames_per_second, trail.first, -1, ())
+    result = store.Result(bake, scene_time.Clock(sample.fps, trail.first), -1, ())
     note = origin(_live.first, _live.since, begins=trail.taken == 1)
     return Preview(frame, "live", note, tuple(baked_row(result, output, frame) for output in outputs))
 
@@ -245,7 +251,7 @@ def baked_row(result: store.Result, output: core.pipeline.bake.Output, frame: fl
     signals = {} if mismatch is None else {"mismatch": mismatch}
     row = row_of(output.finger, output.device, spec, by_channel(spec, values), contact, signals=signals)
     if row.drawn == "tactor" and len(track.times):
-        now = (frame - result.first) / result.fps
+        now = result.clock.seconds(frame)
         times = np.linspace(now - TRAIL_SECONDS, now, 61)
         path = np.stack([np.interp(times, track.times, track.column(n)) for n in ("tactor_x", "tactor_y")], axis=1)
         row = replace(row, path=path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
+from ..scene_time import Clock
 from .rows import goes_on
 
 S = TypeVar("S")
@@ -28,9 +29,9 @@ class KeptStates(Generic[S]):
         while len(self._states) > most:
             del self._states[next(iter(self._states))]
 
-    def nearest(self, frame: float, frames_per_second: float) -> tuple[float, S] | None:
+    def nearest(self, frame: float, clock: Clock) -> tuple[float, S] | None:
         """Return the nearest kept state from which a frame can be stepped to, and its own frame; None without one."""
-        near = [other for other in self._states if goes_on((frame - other) / frames_per_second)]
+        near = [other for other in self._states if goes_on(clock.duration(frame - other))]
         return (max(near), self._states[max(near)]) if near else None
 
     def clear(self) -> None:

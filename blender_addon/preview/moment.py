@@ -10,13 +10,15 @@ from contextlib import contextmanager
 
 import bpy
 
+from .. import scene_time
+
 _held: float | None = None
 _passing = False
 
 
 def frame_of(scene: bpy.types.Scene) -> float:
-    """Return the frame that is worked out, with its sub-frame: the scene's, unless another one is held."""
-    return float(scene.frame_current_final) if _held is None else _held
+    """Return the scene frame that is worked out, with its sub-frame: the one shown, unless another one is held."""
+    return scene_time.shown(scene) if _held is None else _held
 
 
 def passing() -> bool:

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from .. import changes, redraw
+from .. import changes, redraw, scene_time
 from .._core import DermisError, core
 from ..devices import active_presets, skin_models
 from ..results import store
@@ -122,7 +122,7 @@ def own(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
 
 def seen(scene: bpy.types.Scene, frame: float) -> bool:
     """Return whether a frame, other than the next one, was visited since the last change and is shown as it was."""
-    gap = (frame - _live.end) * scene.render.fps_base / scene.render.fps
+    gap = scene_time.clock(scene, _live.end).seconds(frame)
     return _unchanged(scene) and frame in _live.seen and not goes_on(gap)
 
 
@@ -256,7 +256,8 @@ def _prepare(scene: bpy.types.Scene, sample: Any, frame: float) -> tuple[core.co
     """Pose the scene, and decide whether the history goes on; return whether this is the frame of before, once more."""
     names = tuple(b.name for b in sample.bodies)
     signature = (tuple(f.name for f in sample.fingers), names, sample.fps)
-    gap = (frame - _live.end) / float(sample.fps)
+    clock = scene_time.Clock(sample.fps, _live.end)
+    gap = clock.seconds(frame)
     if not _unchanged(scene) or _live.signature != signature:
         _live.seen.clear()
         _live.kept.clear()
@@ -266,7 +267,7 @@ def _prepare(scene: bpy.types.Scene, sample: Any, frame: float) -> tuple[core.co
     again = same and frame == _live.end and bool(_live.paths)
     _live.since, posed = None, _live.posed
     if not again and not (same and goes_on(gap)):
-        near = _live.kept.nearest(frame, float(sample.fps))
+        near = _live.kept.nearest(frame, clock)
         if near is None:
             _live.paths, _live.end, _live.first = {}, math.nan, frame
         else:

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from .. import changes
+from .. import changes, scene_time
 from .._core import DermisError, core
 from ..devices import active_presets, skin_models, thimble_devices
 from ..results import store
@@ -89,7 +89,7 @@ def live_rows(scene: bpy.types.Scene, skins: Sequence[SkinState]) -> tuple[Row, 
 
 def follow(scene: bpy.types.Scene, target: SkinState, device: Any) -> _FingerPath:
     """Let a finger's thimble follow the skin of the current frame, once."""
-    frame, fps = moment.frame_of(scene), scene.render.fps / scene.render.fps_base
+    frame, clock = moment.frame_of(scene), scene_time.clock(scene, 0.0)
     settings = _settings.make((target.finger, device.preset, changes.edits()), lambda: _settings_of(device))
     model = thimble_devices.pressed(scene.objects[target.finger], target.model)
     on = core.surrogate.press_points.pressed_on(model)
@@ -111,7 +111,7 @@ def follow(scene: bpy.types.Scene, target: SkinState, device: Any) -> _FingerPat
             if path.follower is None:
                 path.use = thimble_devices.prepared(device, model)
                 path.follower = core.matching.thimble.follower(path.use)
-            _step(path, target, frame, fps)
+            _step(path, target, frame, clock)
             path.seen[frame] = path.rendered
             path.kept.keep(frame, path.follower.matching.save)
         except DermisError as error:
@@ -136,16 +136,16 @@ def _settings_of(device: Any) -> tuple[Any, ...]:
     return tuple(sorted(thimble_devices.use_of(device).items()))
 
 
-def _step(path: _FingerPath, target: SkinState, frame: float, fps: float) -> None:
-    matching, gap = path.follower.matching, (frame - path.frame) / fps
+def _step(path: _FingerPath, target: SkinState, frame: float, clock: scene_time.Clock) -> None:
+    matching, gap = path.follower.matching, clock.duration(frame - path.frame)
     again = path.before is not None and frame == path.frame
     if again:
         matching.restore(path.before)
     else:
-        near = None if goes_on(gap) else path.kept.nearest(frame, fps)
+        near = None if goes_on(gap) else path.kept.nearest(frame, clock)
         if near is not None:
             matching.restore(near[1])
-            gap = (frame - near[0]) / fps
+            gap = clock.duration(frame - near[0])
         if path.before is not None and goes_on(gap):
             matching.change = path.use.device.servo_speed * gap
         else:
@@ -180,7 +180,7 @@ def _baked_state(scene: bpy.types.Scene, target: SkinState, device: Any, kind: s
     if kept is not None and kept[0] is played and kept[1] == frame:
         return kept[2]
     track = played.output.track
-    t = float(np.clip((frame - result.first) / result.fps, track.times[0], track.times[-1]))
+    t = float(np.clip(result.clock.seconds(frame), track.times[0], track.times[-1]))
     sample = max(int(np.searchsorted(track.times, t + 1e-9)) - 1, 0)
     share = 0.0
     if sample + 1 < len(track.times):

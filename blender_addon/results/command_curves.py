@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from .. import changes, compat
+from .. import changes, compat, scene_time
 from .._core import DermisError, core
 
 MARK = "dermis_commands"  # on what holds curves, the names of its properties; on an action, that it is ours
@@ -33,7 +33,8 @@ def write(scene: bpy.types.Scene, result: Any, *, rate: float = 0.0) -> Written:
     """Write the commands of a stored `Result` as locked curves, in place of those that are there.
 
     Args:
-        rate: keys a second [Hz], between frames too; 0: samples at whole frames, without keys. Values between the
+        rate: keys a second [Hz], between frames too; 0: a value at each whole frame, without keys where
+            Blender evaluates whole frames there. Values between the
             bake's samples are interpolated.
 
     Raises:
@@ -47,7 +48,7 @@ def write(scene: bpy.types.Scene, result: Any, *, rate: float = 0.0) -> Written:
         for finger in fingers:
             outputs = [o for o in result.bake.outputs if o.finger == finger]
             try:
-                more = _write(_holder(scene, finger), finger, outputs, result, rate)
+                more = _write(scene, _holder(scene, finger), finger, outputs, result, rate)
             except DermisError as error:
                 findings.append(error.as_finding(severity="warning"))
             else:
@@ -116,7 +117,9 @@ def _free(place: Any) -> bool:
     return place.is_editable and (animation is None or animation.action is None)
 
 
-def _write(holder: Any, finger: str, outputs: list[Any], result: Any, rate: float) -> tuple[int, int]:
+def _write(
+    scene: bpy.types.Scene, holder: Any, finger: str, outputs: list[Any], result: Any, rate: float
+) -> tuple[int, int]:
     """Write the curves of one finger; return how many, and how many keys."""
     action = bpy.data.actions.new(f"{finger} Commands")
     action[MARK] = True
@@ -128,17 +131,19 @@ def _write(holder: Any, finger: str, outputs: list[Any], result: Any, rate: floa
     for device, output in zip(devices, outputs, strict=True):
         track, spec = output.track, output.track.spec
         frames = _frames(track, result, rate)
-        times = (frames - result.first) / result.fps
+        at = scene_time.evaluated(scene, frames)
+        sampled = not rate and bool((at == np.round(at)).all())  # Blender's samples lie at whole evaluated frames
+        times = result.clock.seconds(frames)
         said = f"{spec.name}, {rate:g} Hz of {spec.rate:g}" if rate else f"{spec.name}, at frames, of {spec.rate:g} Hz"
         group = bag.groups.new(f"{said} ({device})" if device != output.device else said)
         limits: dict[str, float] = {}
 
-        def curve_of(name: str, at: Any, values: Any, group: Any = group) -> Any:
+        def curve_of(name: str, at: Any, values: Any, group: Any = group, sampled: bool = sampled) -> Any:
             holder[name] = float(values[0])
             curve = bag.fcurves.new(f'["{bpy.utils.escape_identifier(name)}"]', index=0)
             curve.group = group
             compat.fill(curve, at, values)
-            if not rate:  # samples, which nobody can edit, and which are no keys to step along in the timeline
+            if sampled:  # samples, which nobody can edit, and which are no keys to step along in the timeline
                 curve.convert_to_samples(int(at[0]), int(at[-1]) + 1)
             names.append(name)
             return curve
@@ -147,14 +152,14 @@ def _write(holder: Any, finger: str, outputs: list[Any], result: Any, rate: floa
             unit, factor = DISPLAYED.get(channel.unit, (channel.unit, 1.0))
             shown = f" ({unit})" if unit != "1" else ""
             curve = curve_of(
-                f"{device[:24]} {channel.name}{shown}"[:LONGEST], frames, factor * np.interp(times, track.times, values)
+                f"{device[:24]} {channel.name}{shown}"[:LONGEST], at, factor * np.interp(times, track.times, values)
             )
             curve.lock, keys = True, keys + len(frames)
             for limit in (channel.low, channel.high):
                 if limit is not None:
                     limits[f"{device[:24]} limit {factor * limit:.4g}{shown}"[:LONGEST]] = factor * limit
         for name, limit in limits.items():
-            curve = curve_of(name, frames[[0, -1]], [limit, limit])
+            curve = curve_of(name, at[[0, -1]], [limit, limit])
             curve.color_mode, curve.color, curve.lock = "CUSTOM", LIMIT_COLOUR, True
     holder[MARK] = "\n".join(names)
     animation = holder.animation_data or holder.animation_data_create()
@@ -164,10 +169,11 @@ def _write(holder: Any, finger: str, outputs: list[Any], result: Any, rate: floa
 
 
 def _frames(track: Any, result: Any, rate: float) -> Any:
-    """Return the frames of the keys."""
-    last = result.first + float(track.times[-1]) * result.fps if len(track.times) else result.first
-    step = result.fps / rate if rate else 1.0
-    return result.first + step * np.arange(int((last - result.first) / step + 1e-3) + 1)
+    """Return the scene frames of the values."""
+    clock = result.clock
+    step = clock.count(1.0 / rate) if rate else 1.0
+    lasting = clock.count(float(track.times[-1])) if len(track.times) else 0.0
+    return clock.first + step * np.arange(int(lasting / step + 1e-3) + 1)
 
 
 def _settle(scene: bpy.types.Scene) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 
 import bpy
 
+from .. import scene_time
 from .._core import DermisError, Finding, core
 
 
@@ -81,7 +82,7 @@ def plan(
             track = output.track
             if name:
                 try:
-                    start, stop = ((f - result.first) / result.fps for f in (first, last))
+                    start, stop = (result.clock.seconds(f) for f in (first, last))
                     track = core.track.export.cut(track, start, stop, name=name)
                 except core.track.export.EmptyRange as error:
                     empty.append(error)
@@ -147,11 +148,13 @@ def ranges(
         action = active.animation_data.action if active is not None and active.animation_data else None
         if action is None:
             raise DermisError("the active object has no action", where=active.name if active else scene.name)
-        first, last = action.frame_range
-        return [(action.name, float(first), float(last))]
+        first, last = (scene_time.shown_at(scene, float(frame)) for frame in action.frame_range)
+        return [(action.name, first, last)]
     end = last_frame(result)
     markers = sorted(
-        (float(m.frame), m.name or f"F_{m.frame}") for m in scene.timeline_markers if result.first <= m.frame < end
+        (float(m.frame), m.name or f"F_{m.frame}")
+        for m in scene.timeline_markers
+        if result.clock.first <= m.frame < end
     )
     if not markers:
         raise DermisError("no marker lies in the baked range", where=scene.name, remedy="Add markers with M")
@@ -162,17 +165,17 @@ def ranges(
 
 def last_frame(result: Any) -> float:
     """Return the frame at which a bake ends; its tracks end at their last whole sample, at or just before it."""
-    reached = [result.first + o.track.duration * result.fps for o in result.bake.outputs]
+    reached = [result.clock.frames(o.track.duration) for o in result.bake.outputs]
     for output in result.bake.outputs:
         words = output.track.meta.get("frame_range", "").split()
-        if len(words) == 2 and isclose(float(words[0]), result.first):
+        if len(words) == 2 and isclose(float(words[0]), result.clock.first):
             return float(words[1])
-    return max(reached, default=result.first)
+    return max(reached, default=result.clock.first)
 
 
 def _markers_outside(scene: bpy.types.Scene, result: Any) -> list[Any]:
     end = last_frame(result)
-    out = sorted(m.frame for m in scene.timeline_markers if not result.first <= m.frame <= end)
+    out = sorted(m.frame for m in scene.timeline_markers if not result.clock.first <= m.frame <= end)
     if not out:
         return []
     what = "markers lie outside the baked range, so no range begins there"
@@ -183,7 +186,7 @@ def _markers_outside(scene: bpy.types.Scene, result: Any) -> list[Any]:
             what,
             scene.name,
             f"{len(out)} of them",
-            f"frames {result.first:g} to {end:g}",
+            f"frames {result.clock.first:g} to {end:g}",
             frame=float(out[0]),
             count=len(out),
         )

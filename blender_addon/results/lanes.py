@@ -77,13 +77,13 @@ def lanes_of(result: Any) -> tuple[Lane, ...]:
 
     for output in result.bake.outputs:
         track, finger = output.track, output.finger
-        frames = result.first + track.times * result.fps
+        frames = result.clock.frames(track.times)
         add(finger, "touch", frames, np.asarray(output.signals.get("contact", np.zeros(len(frames)))))
         if "mismatch" in output.signals:
             add(finger, "mismatch", frames, np.asarray(output.signals["mismatch"]))
         add(finger, "limited", frames, limited(track, output.signals).astype(np.float64))
     for finger, (times, force) in stored_skins.forces_of(result.bake).items():
-        add(finger, "force", result.first + times * result.fps, np.asarray(force, np.float64))
+        add(finger, "force", result.clock.frames(times), np.asarray(force, np.float64))
     lanes = [Lane(finger, {k: tuple(s) for k, s in kinds.items()}) for finger, kinds in found.items()]
     return tuple(lanes[i] for i in bone_names.order(tuple(found), tuple(found)))
 

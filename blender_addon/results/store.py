@@ -16,11 +16,11 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .. import changes
+from .. import changes, scene_time
 from .._core import DermisError, Finding, core
 from ..preferences import setting, user_folder
 from ..properties import skin_properties
-from ..sampling.frames import frame_range, frames_per_second
+from ..sampling.frames import frame_range
 from . import stored_skins
 
 RESULT_VERSION = 3
@@ -39,15 +39,14 @@ class Result:
 
     Attributes:
         bake: the engine's `Bake`.
-        fps, first: frames a second, and the frame at which the tracks start.
+        clock: of the tracks.
         generation: of `changes` when it was made; -1 for one from an earlier session.
         fingerprint: the scene settings that no change handler reports.
         skins: size, material and accuracy of every skin of the bake, from which its model is made again.
     """
 
     bake: core.pipeline.bake.Bake
-    fps: float
-    first: float
+    clock: scene_time.Clock
     generation: int
     fingerprint: tuple[Any, ...]
     skins: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -58,10 +57,9 @@ _results: dict[int, Result] = {}
 
 def fingerprint(scene: bpy.types.Scene) -> tuple[Any, ...]:
     """Return the settings of a scene that a bake depends on and that change without a depsgraph update."""
-    render, units, mine = scene.render, scene.unit_settings, scene.dermis
+    units, mine = scene.unit_settings, scene.dermis
     return (
-        render.fps,
-        render.fps_base,
+        *scene_time.settings(scene),
         scene.frame_start,
         scene.frame_end,
         scene.use_preview_range,
@@ -80,9 +78,9 @@ def fingerprint(scene: bpy.types.Scene) -> tuple[Any, ...]:
 
 def keep(scene: bpy.types.Scene, bake: core.pipeline.bake.Bake) -> Result:
     """Take over the result of a bake that has just ended: from here on changes make it out of date."""
-    fps, first = float(frames_per_second(scene)), float(frame_range(scene)[0])
+    clock = scene_time.clock(scene, frame_range(scene)[0])
     skins = {name: skin_of(scene.objects[name]) for name in bake.skins if name in scene.objects}
-    kept = Result(bake, fps, first, changes.generation(), fingerprint(scene), skins)
+    kept = Result(bake, clock, changes.generation(), fingerprint(scene), skins)
     _results[scene.session_uid] = kept
     changes.clear_dirty()
     return kept
@@ -112,8 +110,8 @@ def forget() -> None:
 def values_at(result: Result, output: core.pipeline.bake.Output, frame: float) -> np.ndarray | None:
     """Return the values of a track at a frame, linearly between samples; None outside the range."""
     track = output.track
-    t = (frame - result.first) / result.fps
-    if not len(track.times) or t < track.times[0] - 1e-9 or t > track.times[-1] + 1.0 / result.fps:
+    t = result.clock.seconds(frame)
+    if not len(track.times) or t < track.times[0] - 1e-9 or t > track.times[-1] + result.clock.duration(1.0):
         return None
     return np.array([np.interp(t, track.times, column) for column in track.values.T])
 
@@ -122,7 +120,7 @@ def signal_at(result: Result, output: core.pipeline.bake.Output, name: str, fram
     """Return a diagnostic signal at a frame, or None where the bake has none of that name."""
     if name not in output.signals:
         return None
-    t = (frame - result.first) / result.fps
+    t = result.clock.seconds(frame)
     return float(np.interp(t, output.track.times, output.signals[name]))
 
 
@@ -190,8 +188,8 @@ def _write(path: Path, result: Result) -> None:
         {
             "version": RESULT_VERSION,
             "skins": skins,
-            "fps": result.fps,
-            "first": result.first,
+            "fps": float(result.clock.rate),
+            "first": result.clock.first,
             "outputs": outputs,
             "findings": [f.as_dict() for f in bake.findings],
             "skipped": dict(bake.skipped),
@@ -205,6 +203,8 @@ def _write(path: Path, result: Result) -> None:
 
 
 def _read(path: Path) -> Result:
+    from fractions import Fraction
+
     from_preset, track = core.devices.spec.from_preset, core.track.command_track.CommandTrack
     with core.foreign.damage_told("the stored result cannot be read", str(path), remedy="Bake again"):
         # trusted: of a device at rest ten thousand samples become ten bytes
@@ -245,4 +245,5 @@ def _read(path: Path) -> Result:
             skins,
         )
         made_of = {e["finger"]: {"skin": e["skin"], "level": e["level"]} for e in header.get("skins", [])}
-        return Result(bake, float(header["fps"]), float(header["first"]), -1, (), made_of)
+        clock = scene_time.Clock(Fraction(header["fps"]), float(header["first"]))
+        return Result(bake, clock, -1, (), made_of)

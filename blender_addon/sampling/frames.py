@@ -2,28 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import bpy
 import numpy as np
 
+from .. import scene_time
 from .._core import Array, core
-
-if TYPE_CHECKING:
-    from fractions import Fraction
-
-
-def frames_per_second(scene: bpy.types.Scene) -> Fraction:
-    """Return fps / fps_base as the simplest fraction that Blender's single precision stands for (30000/1001)."""
-    from fractions import Fraction
-
-    base = scene.render.fps_base
-    denominator = 1
-    while True:
-        fraction = Fraction(base).limit_denominator(denominator)
-        if fraction > 0 and np.float32(float(fraction)) == np.float32(base):
-            return Fraction(scene.render.fps) / fraction
-        denominator *= 10
 
 
 def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:
@@ -36,8 +19,9 @@ def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:
     return scene.frame_start, scene.frame_end
 
 
-def sweep_frames(fps: Fraction, span: tuple[int, int], rate: float) -> tuple[Array, Array]:
+def sweep_frames(scene: bpy.types.Scene, span: tuple[int, int], rate: float) -> tuple[Array, Array]:
     """Return the frames that Blender can evaluate nearest to a steady rate, and their times [s] from the first."""
-    frames, _ = core.scene.tactile_scene.sample_frames(fps, span, rate)
+    clock = scene_time.clock(scene, span[0])
+    frames, _ = core.scene.tactile_scene.sample_frames(clock.rate, span, rate)
     frames = frames.astype(np.float32).astype(np.float64)
-    return frames, (frames - span[0]) * fps.denominator / fps.numerator
+    return frames, clock.seconds(frames)

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
+from .. import scene_time
 from . import participants, script_changes
 from .participants import InstanceKey
 
@@ -65,10 +66,11 @@ def instances(
     if not participants.has_instancers(scene):
         return {}
     seen: dict[InstanceKey, list[Any]] = {}
-    begin = min(simulations.start, span[0]) if simulations.uids else span[0]
-    for frame in range(begin, span[1] + 1):
-        scene.frame_set(frame)
-        if frame < span[0]:
+    looked_at = set(map(float, range(span[0], span[1] + 1)))
+    steps = scene_time.simulated_frames(scene, simulations.start, span).tolist() if simulations.uids else []
+    for frame in sorted(looked_at.union(steps)):
+        scene_time.go_to(scene, frame)
+        if frame not in looked_at:
             continue  # particles must live from their start to be where they are later
         for key, _, item in participants.instances(depsgraph_of(scene, view_layer)):
             if key not in seen:

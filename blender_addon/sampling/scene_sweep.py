@@ -10,22 +10,19 @@ from __future__ import annotations
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
 
-from .. import changes
+from .. import changes, scene_time
 from .._core import Array, DermisError, core
 from ..quantities import metres_per_unit
 from . import height_maps, participants, prepass, scene_header, script_changes, simulated_motion
-from .frames import frame_range, frames_per_second, sweep_frames
+from .frames import frame_range, sweep_frames
 from .meshes import MeshReader
 from .participants import Entry, InstanceKey, Participants
 from .recorder import Recorder
-
-if TYPE_CHECKING:
-    from fractions import Fraction
 
 CHUNK = 64
 """Samples in a chunk. It is fixed, because the content hash sees chunks."""
@@ -37,14 +34,14 @@ _live_reader = MeshReader()
 @contextmanager
 def undisturbed(scene: bpy.types.Scene) -> Iterator[None]:
     """Mute our handlers and put the scene back to its frame at the end, whatever happens."""
-    name, frame, subframe = scene.name_full, scene.frame_current, scene.frame_subframe
+    name, frame = scene.name_full, scene_time.shown(scene)
     with changes.muted():
         try:
             yield
         finally:
             again = _scene_named(name)
             if again is not None:
-                again.frame_set(frame, subframe=subframe)
+                scene_time.go_to(again, frame)
 
 
 class Sweep:
@@ -110,7 +107,7 @@ def sample(
     scene = scene or bpy.context.scene
     view_layer = view_layer or (bpy.context.view_layer if scene == bpy.context.scene else scene.view_layers[0])
     span = span or frame_range(scene)
-    fps, rate = frames_per_second(scene), float(scene.dermis.sample_rate)
+    clock, rate = scene_time.clock(scene, span[0]), float(scene.dermis.sample_rate)
     findings = scene_header.scene_findings(scene)
     if span[1] <= span[0]:
         raise DermisError(
@@ -142,7 +139,7 @@ def sample(
             watch = script_changes.Watch(scene, view_layer, swept, surfaces, reader, timely.all)
     made = core.scene.tactile_scene.TactileScene(
         scene.name_full,
-        fps,
+        clock.rate,
         span,
         rate,
         header.fingers,
@@ -156,10 +153,11 @@ def sample(
         made.validate()
     except DermisError as error:
         raise scene_header.reason(made, error) from error
-    frames, times = sweep_frames(fps, span, rate)
+    frames, times = sweep_frames(scene, span, rate)
     noticed: list[Any] = []
-    whole = _whole_frames(swept, simulations, span)
-    steps = _steps(swept, reader, frames, times, fps, whole, presence, chunk_size, noticed, watch, reliefs)
+    simulated = any(e.simulated for e in swept.entries)
+    whole = scene_time.simulated_frames(scene, simulations.start, span) if simulated else np.zeros(0)
+    steps = _steps(swept, reader, frames, times, clock, whole, presence, chunk_size, noticed, watch, reliefs)
     return replace(made, chunks=Sweep(steps, len(frames) + len(whole), noticed))
 
 
@@ -177,7 +175,8 @@ def sample_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> core.s
     if _forms != changes.forms():
         forget()
         _forms = changes.forms()
-    fps, span = frames_per_second(scene), frame_range(scene)
+    span = frame_range(scene)
+    clock = scene_time.clock(scene, span[0])
     key = (
         scene.session_uid,
         depsgraph.view_layer.name,
@@ -191,14 +190,13 @@ def sample_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> core.s
     live = _live
     recorder = Recorder(live.header.participants, _live_reader, 1, live.presence)
     recorder.record(0, depsgraph)
-    frame = float(np.float32(scene.frame_current_final))
-    time = (frame - span[0]) * fps.denominator / fps.numerator
-    chunk = recorder.chunk(np.array([frame]), np.array([time]), 1, [])
+    frames = np.array([scene_time.shown(scene)])
+    chunk = recorder.chunk(frames, clock.seconds(frames), 1, [])
     if not live.lasting:
         _live = None
     return core.scene.tactile_scene.TactileScene(
         scene.name_full,
-        fps,
+        clock.rate,
         span,
         float(scene.dermis.sample_rate),
         live.header.fingers,
@@ -254,19 +252,13 @@ def _scene_named(name: str) -> bpy.types.Scene | None:
     return next((s for s in bpy.data.scenes if s.name_full == name), None)
 
 
-def _whole_frames(swept: Participants, simulations: Any, span: tuple[int, int]) -> range:
-    if not any(e.simulated for e in swept.entries):
-        return range(0)
-    return range(min(simulations.start, span[0]), span[1] + 1)
-
-
 def _steps(
     swept: Participants,
     reader: MeshReader,
     frames: Array,
     times: Array,
-    fps: Fraction,
-    whole: range,
+    clock: scene_time.Clock,
+    whole: Array,
     presence: dict[InstanceKey, Any],
     chunk_size: int,
     findings: list[Any],
@@ -280,7 +272,7 @@ def _steps(
     with undisturbed(scene), watch or nullcontext():
         simulated = None
         if len(whole):
-            simulated = yield from _simulate(swept, reader, whole, frames[0], fps, presence, findings)
+            simulated = yield from _simulate(swept, reader, whole, clock, presence, findings)
         recorder = Recorder(swept, reader, chunk_size, presence, simulated)
         for start in range(0, len(frames), chunk_size):
             part = slice(start, min(start + chunk_size, len(frames)))
@@ -304,34 +296,32 @@ def _go_to(swept: Participants, frame: float) -> bpy.types.Depsgraph:
     scene = _scene_named(swept.scene) if bpy.context.scene.name_full != swept.scene else bpy.context.scene
     if scene is None:
         raise DermisError("the scene was removed while it was sampled", where=f"scene '{swept.scene}'")
-    whole = int(np.floor(frame))
-    scene.frame_set(whole, subframe=frame - whole)
+    scene_time.go_to(scene, frame)
     return scene.view_layers[swept.view_layer].depsgraph
 
 
 def _simulate(
     swept: Participants,
     reader: MeshReader,
-    whole: range,
-    first: float,
-    fps: Fraction,
+    whole: Array,
+    clock: scene_time.Clock,
     presence: dict[InstanceKey, Any],
     findings: list[Any],
 ) -> Generator[None, None, simulated_motion.Recording]:
-    """Run the simulations through, frame by frame from their start, and keep what they move."""
+    """Run the simulations through, step by step from their start, and keep what they move."""
 
     def pick(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
         return tuple(replace(e, animated=()) for e in entries if e.simulated)
 
     part = replace(swept, fingers=pick(swept.fingers), bodies=pick(swept.bodies), screens=pick(swept.screens))
     recorder = Recorder(part, reader, len(whole), presence)
-    recording = simulated_motion.Recording((np.array(whole, np.float64) - first) * fps.denominator / fps.numerator)
-    for k, frame in enumerate(whole):
-        recorder.record(k, _go_to(swept, float(frame)))
+    recording = simulated_motion.Recording(clock.seconds(whole))
+    for k, frame in enumerate(whole.tolist()):
+        recorder.record(k, _go_to(swept, frame))
         for entry, mesh in recorder.surfaces_of(k):
             recording.keep_surface(entry.name, mesh)
         yield None
-    chunk = recorder.chunk(np.array(whole, np.float64), recording.times, len(whole), findings, simulating=True)
+    chunk = recorder.chunk(whole, recording.times, len(whole), findings, simulating=True)
     for entries, poses in ((part.fingers, chunk.fingers), (part.bodies, chunk.bodies), (part.screens, chunk.screens)):
         for entry, matrices in zip(entries, poses, strict=True):
             recording.keep_poses(entry.name, matrices)

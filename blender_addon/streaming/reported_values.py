@@ -75,7 +75,7 @@ def of_file(scene: bpy.types.Scene) -> Preview | None:
     if not fingers:
         return None
     output = core.pipeline.bake.Output(named if named in fingers else fingers[0], track.spec.key, track, {}, ())
-    first, fps = streamed_track.origin(scene)
-    result = store.Result(core.pipeline.bake.Bake((output,), (), {}, ""), fps, first, -1, ())
+    bake = core.pipeline.bake.Bake((output,), (), {}, "")
+    result = store.Result(bake, streamed_track.origin(scene), -1, ())
     frame = moment.frame_of(scene)
     return Preview(frame, "file", "from a track file", (device_preview.baked_row(result, output, frame),))

@@ -7,6 +7,7 @@ from typing import Any
 
 import bpy
 
+from .. import scene_time
 from .._core import core
 from ..preview import device_preview
 from ..properties.fields import values
@@ -15,8 +16,7 @@ from . import agreed_paths, streamed_track
 
 def published(scene: bpy.types.Scene, names: Sequence[str]) -> tuple[float, tuple[float, ...]]:
     """Return the track's time of the frame that is shown, and in the mode 'follow' the values."""
-    first, fps = streamed_track.origin(scene)
-    moment = (float(scene.frame_current_final) - first) / fps
+    moment = streamed_track.origin(scene).seconds(scene_time.shown(scene))
     if scene.dermis_stream.mode != "follow":
         return moment, ()
     preview, output = device_preview.computed(scene), scene.dermis_stream.output

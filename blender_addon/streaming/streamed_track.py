@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 
 import bpy
 
+from .. import scene_time
 from .._core import DermisError, core
 from ..preferences import library
 from ..results import store
-from ..sampling.frames import frame_range, frames_per_second
+from ..sampling.frames import frame_range
 from . import agreed_paths, built_devices, finger_ids
 
 
@@ -20,8 +21,7 @@ class _Sent(NamedTuple):
     output: Any  # kept, or its id could be another's tomorrow
     scene: int  # session uid
     name: str
-    first: float
-    fps: float
+    clock: scene_time.Clock
 
 
 _files: list[Path] = []
@@ -135,7 +135,7 @@ def track_path(scene: bpy.types.Scene) -> str:
         with open(handle, "wb") as file:
             file.write(core.track.binary.dumps(output.track))
         _files.append(Path(name))
-        _sent = _Sent(output, scene.session_uid, name, result.first, result.fps)
+        _sent = _Sent(output, scene.session_uid, name, result.clock)
     return _sent.name
 
 
@@ -147,13 +147,13 @@ def outdated(scene: bpy.types.Scene) -> bool:
     return chosen_output(scene) is not (_sent.output if _sent is not None and mine else None)
 
 
-def origin(scene: bpy.types.Scene) -> tuple[float, float]:
-    """Return the frame at which the track starts that is played, and frames a second."""
+def origin(scene: bpy.types.Scene) -> scene_time.Clock:
+    """Return the clock of the track that is played."""
     if not scene.dermis_stream.track_file:
         started = _sent if _sent is not None and _sent.scene == scene.session_uid else store.current(scene)
         if started is not None:
-            return started.first, started.fps
-    return float(frame_range(scene)[0]), float(frames_per_second(scene))
+            return started.clock
+    return scene_time.clock(scene, frame_range(scene)[0])
 
 
 def loaded() -> Any:

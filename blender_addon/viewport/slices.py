@@ -17,7 +17,7 @@ from contextlib import nullcontext
 
 import bpy
 
-from .. import changes, redraw
+from .. import changes, redraw, scene_time
 from ..devices import skin_models
 from ..preview import moment, skin_preview
 from ..preview.rows import goes_on
@@ -74,8 +74,8 @@ class Slices:
 
     def start(self, scene: bpy.types.Scene) -> None:
         """Work on the scene as it is now, as long as a view may wait; go on in a timer."""
-        frame = float(scene.frame_current_final)
-        step = (frame - self._frame) * scene.render.fps_base / scene.render.fps
+        frame = scene_time.shown(scene)
+        step = scene_time.clock(scene, self._frame).seconds(frame)
         goes = step == 0.0 or goes_on(step)
         passing = not followed(scene) and (plays() or time.perf_counter() - self._came < rest())
         if step != 0.0 or self._of != (scene.session_uid, changes.edits()):
@@ -122,8 +122,8 @@ class Slices:
             if not isinstance(error, StopIteration):
                 raise
             self._came = time.perf_counter()
-            if float(scene.frame_current_final) != self._frame:  # the play has gone on meanwhile
-                self._renew(scene, float(scene.frame_current_final), passing=rest() > 0.0 and not followed(scene))
+            if scene_time.shown(scene) != self._frame:  # the play has gone on meanwhile
+                self._renew(scene, scene_time.shown(scene), passing=rest() > 0.0 and not followed(scene))
 
     def _on_timer(self) -> float | None:
         scene = self._scene()
@@ -143,7 +143,7 @@ class Slices:
         left = self._came + rest() - time.perf_counter()
         if left > 0.0 or plays():
             return max(left, REST)
-        self._renew(scene, float(scene.frame_current_final), passing=False)
+        self._renew(scene, scene_time.shown(scene), passing=False)
         self._spend(scene)
         redraw.views()
         return None

@@ -25,7 +25,7 @@ def bake_own() -> Result:
     try:
         scene = _scene()
         library = Library(None)
-        frames, _ = frames_of.sweep_frames(frames_of.frames_per_second(scene), frames_of.frame_range(scene), 240.0)
+        frames, _ = frames_of.sweep_frames(scene, frames_of.frame_range(scene), 240.0)
         places = [(int(frame), frame - int(frame)) for frame in frames.tolist()]
         own, bare = [], []
         with one_blas_thread():

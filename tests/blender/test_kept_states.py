@@ -2,35 +2,38 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import bpy
 import numpy as np
 
 from blender_addon.demos import demo_skin
 from blender_addon.preview import device_preview, skin_preview, thimble_preview
 from blender_addon.preview.kept_states import SPACING, STATES, KeptStates
+from blender_addon.scene_time import Clock
 from blender_addon.viewport import shown
 
-FPS = 24.0
+CLOCK = Clock(Fraction(24), 0.0)
 
 
 def test_the_nearest_state_before_is_found_within_a_quarter_second() -> None:
     kept = KeptStates[str]()
     for frame in (1.0, 2.0, 3.0, 4.0, 9.0):
         kept.keep(frame, lambda frame=frame: f"at {frame:g}")
-    assert kept.nearest(8.0, FPS) == (4.0, "at 4")
-    assert kept.nearest(12.0, FPS) == (9.0, "at 9")
-    assert kept.nearest(3.0, FPS) == (1.0, "at 1")  # 2 and 3 lie too near to 1
-    assert kept.nearest(1.0, FPS) is None and kept.nearest(16.0, FPS) is None
+    assert kept.nearest(8.0, CLOCK) == (4.0, "at 4")
+    assert kept.nearest(12.0, CLOCK) == (9.0, "at 9")
+    assert kept.nearest(3.0, CLOCK) == (1.0, "at 1")  # 2 and 3 lie too near to 1
+    assert kept.nearest(1.0, CLOCK) is None and kept.nearest(16.0, CLOCK) is None
     kept.clear()
-    assert kept.nearest(8.0, FPS) is None
+    assert kept.nearest(8.0, CLOCK) is None
 
 
 def test_the_oldest_makes_room() -> None:
     kept = KeptStates[int]()
     for k in range(STATES + 1):
         kept.keep(k * SPACING, lambda k=k: k)
-    assert kept.nearest(1.0, FPS) is None
-    assert kept.nearest(SPACING + 1.0, FPS) == (SPACING, 1)
+    assert kept.nearest(1.0, CLOCK) is None
+    assert kept.nearest(SPACING + 1.0, CLOCK) == (SPACING, 1)
 
 
 def test_a_thimble_goes_on_from_a_kept_state_and_is_shown_as_it_was() -> None:

@@ -9,9 +9,9 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import changes, quantities
+from blender_addon import changes, quantities, scene_time
 from blender_addon.properties import scene_properties
-from blender_addon.sampling import frames, scene_sweep
+from blender_addon.sampling import scene_sweep
 from core.errors import DermisError
 from tests.blender import build
 
@@ -59,7 +59,7 @@ def test_late_frames_carry_the_time_that_blender_evaluated():
 )
 def test_frame_rates_are_exact_fractions(fps, base, expected):
     scene = build.span(1, 30, fps, base)
-    assert frames.frames_per_second(scene) == expected
+    assert scene_time.rate(scene) == expected
 
 
 def test_ntsc_times_and_sample_count():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import pytest
 from blender_addon import changes
 from blender_addon._core import core
 from blender_addon.results import store
+from blender_addon.scene_time import Clock
 from blender_addon.streaming import session, streamed_track
 from blender_addon.viewport import shown as views
 
@@ -63,7 +65,7 @@ def test_another_bake_comes_with_its_own_first_frame(scene: Any) -> None:
     session.arm(scene)
     wait(there(a_track().values[500, 2:]))
     track = another_bake(scene, 7)
-    assert streamed_track.origin(scene) == (1.0, 24.0), "the sender has the old track still"
+    assert streamed_track.origin(scene) == Clock(Fraction(24), 1.0), "the sender has the old track still"
     session.heartbeat()
     assert np.allclose(sent().values, track.values, atol=1e-7), "it was given the new one without a setting's help"
     assert session._client._shared.read_heartbeat().time == pytest.approx(0.25)

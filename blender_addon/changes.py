@@ -122,7 +122,7 @@ def note_updates(depsgraph: bpy.types.Depsgraph | None) -> bool:
 
 
 def note_clock(scene: bpy.types.Scene) -> bool:
-    """Note a scene's frame rate and time stretching, of which Blender tells nothing; return whether they changed."""
+    """Note a scene's frame rate and time stretching; return whether they changed, since Blender does not tell."""
     before, now = _clocks.get(scene.session_uid), scene_time.settings(scene)
     _clocks[scene.session_uid] = now
     changed = before not in (None, now) and not _muted

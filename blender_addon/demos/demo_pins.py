@@ -21,11 +21,11 @@ def build(depth: float = 2e-3, friction: float = 0.6, direction: float = 0.0) ->
         depth: how deep the plane is pressed [m]. friction: its coefficient. direction: of the movement [rad].
     """
     sliding = core.scene.sliding
-    fps = int(sliding.FPS)
-    frames = np.arange(1.0, 2.0 + round((sliding.SETTLE + sliding.SLIDE) * fps))
-    scene = demo_stage.begin(NAME, fps, int(frames[-1]))
+    clock = scene_time.Clock(sliding.FPS, 1.0)
+    frames = np.arange(1, 1 + round(clock.frames(sliding.SETTLE + sliding.SLIDE))).astype(np.float64)
+    scene = demo_stage.begin(NAME, int(clock.rate), int(frames[-1]))
     demo_stage.finger_with_skin(scene, "Index", DEVICE)
     plane = demo_stage.touchable(demo_stage.add(scene, "Plane", demo_shapes.block(*SIZE)), friction)
-    places = sliding.plane_offset(scene_time.clock(scene, 1.0).seconds(frames), depth, direction)
+    places = sliding.plane_offset(clock.seconds(frames), depth, direction)
     demo_stage.key(plane, "location", np.column_stack([frames, places]), "LINEAR")
     return demo_stage.finish(scene, (-0.05, 0.09, 0.05), (0.0, 0.0, 0.004))

@@ -26,7 +26,11 @@ class DERMIS_OT_commands_as_curves(Work, bpy.types.Operator):
     keys: EnumProperty(
         name="Keys",
         items=(
-            ("FRAMES", "At Frames", "A value at every whole frame and no keys: what is faster than that is not seen"),
+            (
+                "FRAMES",
+                "At Frames",
+                "A value at every whole frame, as keys only where time is stretched. Faster changes are not seen",
+            ),
             ("RATE", "At a Rate", "Keys between frames too, which the timeline shows with those of the animation"),
         ),
     )

@@ -19,9 +19,9 @@ Measured in Blender 4.5 and 5.2, with *Time Stretching* at Old o and New n:
 * Rigid bodies, cloth and caches step at whole evaluated frames and stand still between them. They do not start where a
   whole evaluated frame is skipped. Starts and ends of caches are evaluated frames. Cloth also takes o / n of its time
   step. Simulation nodes follow fractions of a frame.
-* After a change of the stretch, the next update of the dependency graph evaluates what depends on time at the new frame.
-  A change of the frame rate evaluates nothing. Both arrive in `depsgraph_update_post` as an update of the scene with
-  neither flag set. Neither stretch nor frame rate can be animated.
+* After a change of the stretch, the next update of the dependency graph evaluates what depends on time at the new
+  frame. A change of the frame rate evaluates nothing. Both arrive in `depsgraph_update_post` as an update of the scene
+  with neither flag set. Neither stretch nor frame rate can be animated.
 * `frame_set(-7, subframe=0.25)` reads back as frame -6 and sub-frame -0.75, whose sum is right. `frame_set` cuts a
   negative sub-frame to 0, and assigning a negative `frame_float` goes to frame 0, so only `go_to` reaches such frames.
 * Timeline, dope sheet and graph editor draw frame numbers, ranges and markers at scene frames and go to scene frames

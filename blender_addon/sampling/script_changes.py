@@ -7,6 +7,7 @@ the one before. Shapes are read only when Blender says that something was edited
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -15,7 +16,7 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from .. import compat
+from .. import compat, scene_time
 from .._core import Array, Finding, core
 from ..properties import object_properties
 from . import participants, simulated_motion
@@ -114,7 +115,7 @@ class Watch:
 
     def look(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Compare the current frame; it is the next sample of the chunk."""
-        frame = self._scene.frame_current
+        frame = math.floor(scene_time.shown(self._scene))
         if frame != self._frame:
             self._frame = frame
             self._look_at_settings(float(frame))

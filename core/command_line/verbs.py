@@ -189,6 +189,8 @@ def _add_stream(commands: Any) -> None:
         setting("ramp"),
         switch("--yes", "arm without asking; its warnings are printed"),
         help="play a track to a device, once",
+        description="Play a track to a device, once. Exit status: 0; 1 where the device refused more than 1 %% of the "
+        "commands or took them too late, or where the log is not whole; 2 where it was not played to its end; 128 and a signal's number.",
         run="stream.play_command.play",
     )
     add_verb(
@@ -252,7 +254,7 @@ def _add_stream(commands: Any) -> None:
             action="append",
             default=[],
             metavar="NAME=VALUE",
-            help="loss, delay, jitter, corrupt, slow, stuck, skew, seed; more than once",
+            help="loss, delay, jitter, corrupt, slow, stuck, skew, freeze, jump, seed; more than once",
         ),
         help="run a virtual device until its input ends",
         run="command_line.stream.virtual",

@@ -50,6 +50,7 @@ class Connection:
         self.outbox = Outbox(link, adapter, counters, capacity.bucket(adapter, link, output.rate), clock)
         self.recorder = Recorder()
         self._opened = now
+        self._counters, self._refused = counters, 0
         adapter.opened(now)
 
     def receive(self, now: float) -> None:
@@ -60,6 +61,9 @@ class Connection:
         """
         for data in self.link.receive():
             self.adapter.receive(data, now)
+        if self.adapter.refused > self._refused:
+            self._counters["refused"] += self.adapter.refused - self._refused
+            self._refused = self.adapter.refused
 
     def poll(self, now: float) -> bool:
         """Send what the protocol itself has to say; return whether the device has been recognised.

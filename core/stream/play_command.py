@@ -1,15 +1,21 @@
-"""`stream play`: a track to a device, once; and whatever ends it, the safe state first."""
+"""`stream play`: a track to a device, once; and whatever ends it, the safe state first.
+
+Exit status: 0; 1 where the device refused more than `MOST` of the commands or took them too late, or where the log is
+not whole; 2 where the track was not played to its end; 128 and the number of the signal that ended it.
+"""
 
 from __future__ import annotations
 
 import argparse
 
 from .. import clock
+from ..errors import Finding
 from ..presets import Library
 from ..track import export
 from ..track.check import preset_findings
 from .device_options import log_from, request_from
 from .local_stream import LocalStream, say
+from .protocols.refusals import MOST
 from .shared_state import Heartbeat
 from .signals import Interrupted, Signals
 from .streamer import Streamer
@@ -20,7 +26,7 @@ full speed. Take the finger out before you arm; put it in when the device stands
 
 
 def play(options: argparse.Namespace) -> int:
-    """Play a track once; return 0, 1 where the log is not whole, or 128 and the number of the signal that ended it.
+    """Play a track once; return the exit status.
 
     Raises:
         DermisError: the device could not be reached, disarmed itself, or its safe state could not be made sure of.
@@ -34,8 +40,8 @@ def play(options: argparse.Namespace) -> int:
             pass
         finally:
             player.finish()
-    player.tell()
-    return 128 + signals.number if signals.number else int(not player.logged)
+    status = player.tell()
+    return 128 + signals.number if signals.number else status or int(not player.logged)
 
 
 class _Player(LocalStream):
@@ -51,7 +57,7 @@ class _Player(LocalStream):
         super().__init__(Streamer(open_any_link, clock=clock.now), request, signals)
         self._number = 0
         self._playing_since: float | None = None
-        self._not_rendered = ""
+        self._not_rendered = self._notice = ""
 
     def play(self, *, ask: bool) -> None:
         """Connect, ask, arm, ramp, play.
@@ -62,9 +68,10 @@ class _Player(LocalStream):
         """
         drive, streamer = self.connect(), self.streamer
         adapter = drive.connection.adapter
-        for said in (adapter.caution, adapter.notice, "" if drive.pose_known else UNKNOWN_POSE):
+        for said in (adapter.caution, "" if drive.pose_known else UNKNOWN_POSE):
             if said:
                 say(said)
+        self._tell_notice()
         if ask:
             self.confirm(f"{self._track.spec.name} at {self.request.url} is about to move. Enter: arm; Ctrl-C: stop.")
         self.arm()
@@ -81,8 +88,8 @@ class _Player(LocalStream):
         self._not_rendered = str(self.streamer.status().get("not_rendered", ""))
         self.shut()
 
-    def tell(self) -> None:
-        """Print what was counted.
+    def tell(self) -> int:
+        """Print what was counted; return the exit status that the device's refusals ask for.
 
         Raises:
             DermisError: the safe state could not be made sure of.
@@ -94,6 +101,33 @@ class _Player(LocalStream):
             print("\n".join(filter(None, (text, self._not_rendered))))
         if self.unsure:
             raise self.refusal("the safe state could not be made sure of")
+        return self._tell_refusals()
+
+    def _tell_refusals(self) -> int:
+        """Say how many commands the device refused or took too late; return the exit status that this asks for."""
+        refused, sent = (self.streamer.counters[name] for name in ("refused", "sent"))
+        if not refused:
+            return 0
+        finding = Finding(
+            "error" if refused > MOST * sent else "warning",
+            "commands-refused",
+            "the device refused commands, or took them too late",
+            where=self.request.url,
+            value=f"{refused} of {sent}",
+            limit=f"{MOST:.0%}",
+            remedy="Play it again; where that does not help, check the device's clock and queue, or set --look-ahead 0",
+            count=refused,
+        )
+        say(str(finding))
+        return int(finding.severity == "error")
+
+    def _tell_notice(self) -> None:
+        """Say what the protocol has found meanwhile."""
+        connection = self.streamer.connection
+        notice = connection.adapter.notice if connection is not None else self._notice
+        if notice and notice != self._notice:
+            say(notice.removeprefix(self._notice).removeprefix(". "))
+        self._notice = notice
 
     def tick(self, now: float) -> float:
         """Give a sign of life, as Blender does, and do what is due."""
@@ -101,4 +135,6 @@ class _Player(LocalStream):
         self._number += 1
         heartbeat = Heartbeat(self._number, 0, since is not None, now - since if since is not None else 0.0, ())
         self.streamer.heartbeat(heartbeat, now)
-        return super().tick(now)
+        due = super().tick(now)
+        self._tell_notice()
+        return due

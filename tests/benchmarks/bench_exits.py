@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Any
 
 from core import clock
 from tests import exits
@@ -44,6 +46,47 @@ def exit_safe_lost() -> Result:
                         words.append(f"{name}, {protocol}: {found}")
     peers = {"runs": float(runs), "step ahead of its speed (ms)": 1e3 * ahead}
     return Result("exit_safe_lost", float(lost), "", None, peers, "; ".join(words[:3]) or None)
+
+
+# A device whose clock stands still, from its start or later, jumps back or ahead once a second, or runs far too fast.
+FAULTY_CLOCKS = ("freeze=0.001", "freeze=2", "freeze=4", "jump=-30", "jump=-1", "jump=-0.05", "jump=0.05", "jump=1")
+
+
+@benchmark("play_refused_unsaid", limit=0.0)
+def play_refused_unsaid() -> Result:
+    """Tracks played to devices with faulty clocks after which `stream play` ends with 0 and says nothing of it.
+
+    A device with a good clock is the peer: where it is told to be faulty, nothing that is said means anything.
+    """
+    unsaid, refused, words = 0, 0, []
+    for fault in (*FAULTY_CLOCKS, "skew=0"):
+        status, said, report = _played_to(fault)
+        told = "clock" in said or "refused" in said
+        if fault != "skew=0":
+            refused += int(status == 1)
+            if status == 0 and not told:
+                unsaid += 1
+                words.append(f"{fault}: {report}")
+        false_alarms = float(told)
+    peers = {"clocks": float(len(FAULTY_CLOCKS)), "ended with 1": float(refused), "false alarms": false_alarms}
+    return Result("play_refused_unsaid", float(unsaid), "", None, peers, "; ".join(words[:3]) or None)
+
+
+def _played_to(fault: str) -> tuple[int, str, dict[str, Any]]:
+    """Play a track to a virtual device on a pty; return exit status, what was said, and the device's own report."""
+    from core.work.child import command, environment
+    from tests.unit.stream.stream_box import Box
+    from tests.unit.stream.stream_lab import sine_track
+
+    box = Box("pty", "native", "haptip", fault)
+    try:
+        with tempfile.TemporaryDirectory(prefix="dermis-bench-") as folder:
+            play = command("stream", "play", str(sine_track(Path(folder) / "t.csv")), "--url", box.url, "--yes")
+            done = subprocess.run(play, env=environment(), capture_output=True, text=True, timeout=60, check=False)
+        return done.returncode, done.stdout + done.stderr, box.end()
+    finally:
+        box.process.kill()
+        box.process.wait()
 
 
 def _exits() -> dict[str, Exit]:

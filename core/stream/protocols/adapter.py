@@ -51,6 +51,7 @@ class Adapter:
         output_hz: how often the actuators can take a new value [Hz]; 0: not known, or at every command.
         notice: what a person should know of the device that has been recognised, in words.
         least_rate: commands or their repetitions a second that keep the board from counting its sender as silent [Hz].
+        refused: commands that the device says it did not take, or took too late.
         command_bytes: the most that one command takes. other_bytes: the most that goes beside commands, a second.
     """
 
@@ -95,6 +96,7 @@ class Adapter:
         self.notice = ""
         self.congested = False
         self.prompt = True
+        self.refused = 0
 
     def opened(self, now: float) -> None:
         """Begin: the link has just been opened."""

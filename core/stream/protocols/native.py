@@ -14,6 +14,7 @@ from . import packets
 from .adapter import Adapter, Touch
 from .clock import DeviceClock, RoundTrips
 from .packets import DeviceState, Kind, Nack, Packet, Reach
+from .refusals import MOST, Refusals
 from .silence import Does, Silence
 from .wire import REACH, Wire
 
@@ -55,7 +56,14 @@ class Native(Adapter):
         self._session = 0
         self._sequence = 0
         self._due: dict[str, float] = {}
-        self._asked: dict[int, float] = {}
+        self._asked: dict[int, tuple[float, int]] = {}  # when, and how many commands had been sent before
+        self._commands = 0
+        self._refusals = Refusals()
+        self._jumps = 0
+        self._refuses = False  # too many commands were refused in the last half second that was judged
+        self._at_once = self._was_at_once = False  # the next command empties the device's queue
+        self._old_firmware = ""
+        self._timing: list[str] = []  # what was found out about play-out times since it was armed
         self._oldest = math.inf  # question without an answer
         self._trips = RoundTrips()
         self._heard = self._polled = 0.0
@@ -117,7 +125,7 @@ class Native(Adapter):
             if len(self._asked) > 100:  # answers that never came
                 self._asked.clear()
                 self._oldest = math.inf
-            self._asked[token] = now
+            self._asked[token] = now, self._commands
             self._oldest = min(self._oldest, now)
             out.append(self._pack(Kind.SYNC, token.to_bytes(4, "little")))
             asks = not (self._wants_arms or self._safes) or (self.armed and self.follows_pose)
@@ -128,12 +136,17 @@ class Native(Adapter):
     def arm(self) -> None:
         """Configure the device, then arm it; repeated until it says that it is, and where it stands."""
         self._wants_arms = self._wants_pose = True
+        self.timed, self._refuses = type(self).timed, False
+        self._timing.clear()
+        self._tell_notice()
         self._unconfirmed, self._safes = False, 0
         self._due.pop("arm", None)
 
     def command(self, values: Array, now: float, play: float | None) -> list[bytes]:
         """Return one COMMAND, with the device's own time where it is known."""
-        timed = play is not None and self.clock.known
+        timed = play is not None and self.timed and self.clock.known and not self._at_once
+        self._was_at_once, self._at_once = self._at_once, False
+        self._commands += 1
         when = self.clock.device_us(play) if timed and play is not None else 0
         return [self._pack(Kind.COMMAND, packets.command(when, self.wire.counts(values), timed=timed))]
 
@@ -152,6 +165,8 @@ class Native(Adapter):
     def forget(self) -> None:
         """Take the last number back: its packet did not leave, and the device must not miss it."""
         self._sequence = (self._sequence - 1) & 0xFFFF
+        self._commands -= 1
+        self._at_once |= self._was_at_once
 
     def retract(self) -> list[bytes]:
         """Return SAFE, now and again until the device confirms it."""
@@ -184,11 +199,15 @@ class Native(Adapter):
                 self._unconfirmed, self._safes = False, 0
         elif packet.kind == Kind.SYNCED:
             reply = packets.Synced.read(packet.body)
-            asked = self._asked.pop(reply.host_us, None)
-            if asked is not None:
-                self._asked = {token: at for token, at in self._asked.items() if at > asked}  # older ones were lost
-                self._oldest = min(self._asked.values(), default=math.inf)
+            question = self._asked.pop(reply.host_us, None)
+            if question is not None:
+                asked, commands = question
+                self._asked = {token: q for token, q in self._asked.items() if q[0] > asked}  # older ones were lost
+                self._oldest = min((at for at, _ in self._asked.values()), default=math.inf)
                 self.clock.reply(asked, now, reply.device_us)
+                self._refusals.add(commands, reply)
+                self.refused = self._refusals.count
+                self._judge_timing(now)
                 self.round_trip = now - asked
                 self._trips.add(self.round_trip, idle=not self.armed)
             self._device_state(reply.state)
@@ -229,15 +248,48 @@ class Native(Adapter):
             if not self.ready:  # later on it answers a question for its pose, and excuses nothing
                 self.ready, self.fault = True, ""
             if welcome.version < packets.VERSION:
-                self.notice = (
+                self._old_firmware = (
                     f"The device's firmware speaks version {welcome.version} of the protocol. Flash it anew: "
                     "rubbish on the line can keep an older one from its safe state; its channels come there one by one"
                 )
+            self._tell_notice()
             self.queue, self.output_hz = welcome.queue, float(welcome.output_hz)
             self.pose = None if welcome.pose is None else self.wire.values(welcome.pose)
             self.pose_at = now
             self._wants_pose = self._wants_pose and welcome.state != DeviceState.ARMED
             self._device_state(welcome.state)
+
+    def _judge_timing(self, now: float) -> None:
+        """Synchronise the clocks again, or stop timing commands, where the device's clock or its refusals ask for it.
+
+        Commands that the device still holds were timed by what its clock showed before: the next one empties its queue.
+        """
+        jumped, self._jumps = self.clock.jumps > self._jumps, self.clock.jumps
+        refuses = self._refusals.too_many(self._commands, now)
+        again = bool(refuses and self._refuses)
+        self._refuses = self._refuses if refuses is None else refuses
+        if not self.timed:
+            return
+        if not self.clock.steady(now):
+            self._give_up_timing(f"its clock stands still, jumps or runs {self.clock.TOLERANCE:.0%} wrong")
+        elif again:
+            self._give_up_timing(f"more than {MOST:.0%} of the commands were still refused or late")
+        elif jumped or refuses:
+            if not jumped:  # which has begun anew by itself
+                self.clock.forget()
+            self._at_once = True
+            refused = f"More than {MOST:.0%} of the commands were refused or late"
+            why = "The device's clock jumped" if jumped else refused
+            self._tell_notice(f"{why}: the clocks were synchronised again")
+
+    def _give_up_timing(self, why: str) -> None:
+        self.timed = False
+        self._tell_notice(f"The device gets commands without a play-out time until it is armed again: {why}")
+
+    def _tell_notice(self, found: str = "") -> None:
+        if found and found not in self._timing:
+            self._timing.append(found)
+        self.notice = ". ".join(filter(None, (self._old_firmware, *self._timing)))
 
     def _judge_link(self, now: float) -> None:
         """Judge by answers that stay away what waits in a driver that does not tell."""

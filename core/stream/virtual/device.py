@@ -1,7 +1,8 @@
 """The simulated device: any protocol, with faults; on a link of this process, or as a program of its own.
 
 Options of the URL: `loss`, `delay`, `jitter`, `corrupt`, `slow` (see faults.py), `stuck` (number of an actuator that
-does not move), `skew` (of its clock), `finger` (1: a finger draws circles on its touch panel), `seed`.
+does not move), `skew`, `freeze`, `jump` (of its clock), `finger` (1: a finger draws circles on its touch
+panel), `seed`.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from ...errors import DermisError
 from ..links.url import Url
 from ..protocols.wire import Wire
 from . import faults as faults_module
-from .faults import Faults
+from .faults import Faults, FaultyClock
 
 DEVICES = {
     "native": ("native", "NativeDevice"),
@@ -52,8 +53,9 @@ def make(protocol: str, wire: Wire, options: dict[str, float]) -> Device:
     if protocol not in DEVICES:
         raise DermisError("no such protocol", value=protocol, limit=", ".join(DEVICES))
     module, name = DEVICES[protocol]
-    skewed = {"skew": options.get("skew", 0.0)} if protocol == "native" else {}  # the others have none
-    return getattr(import_module(f".{module}", __package__), name)(wire, stuck=stuck, **skewed)
+    faulty = FaultyClock(*(options.get(key, 0.0) for key in ("skew", "freeze", "jump")))
+    clock = {"clock": faulty} if protocol == "native" else {}  # the others have none
+    return getattr(import_module(f".{module}", __package__), name)(wire, stuck=stuck, **clock)
 
 
 def options_of(url: Url) -> dict[str, float]:

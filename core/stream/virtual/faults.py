@@ -1,4 +1,4 @@
-"""What can go wrong on a link, on purpose: loss, delay, corruption, a slow reader."""
+"""What can go wrong on purpose: loss, delay, corruption and a slow reader on a link; a device's clock."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ _LIMITS = {  # lowest, highest, unit
     "slow": (0.0, 1e9, " bytes a second"),
     "stuck": (-1.0, 254.0, ", whole"),
     "skew": (-0.1, 0.1, ""),
+    "freeze": (0.0, 3600.0, " s"),
+    "jump": (-60.0, 60.0, " s"),
     "seed": (0.0, 2.0**31, ", whole"),
     "finger": (0.0, 1.0, ", whole"),
 }
@@ -48,6 +50,25 @@ def check(name: str, value: float) -> None:
     low, high, unit = _LIMITS[name]
     if not low <= value <= high or ("whole" in unit and value != int(value)):
         raise DermisError("impossible fault", where=name, value=value, limit=f"{low:g} to {high:g}{unit}")
+
+
+@dataclass(frozen=True)
+class FaultyClock:
+    """A device's clock, and what is wrong with it.
+
+    Attributes:
+        skew: how much faster it runs than the host's [1]. freeze: it stands still from then on [s]; 0: never.
+        jump: it jumps by this once a second [s]; below 0: back.
+    """
+
+    skew: float = 0.0
+    freeze: float = 0.0
+    jump: float = 0.0
+
+    def shows(self, elapsed: float) -> float:
+        """Return what the clock shows [s], after so many seconds of the host."""
+        gone = min(elapsed, self.freeze) if self.freeze else elapsed
+        return gone * (1 + self.skew) + self.jump * math.floor(gone)
 
 
 @dataclass

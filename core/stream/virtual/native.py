@@ -14,6 +14,7 @@ from ...errors import DermisError
 from ..protocols import packets
 from ..protocols.packets import DeviceState, Kind, Nack, Packet, Reach, Welcome
 from ..protocols.wire import Wire
+from .faults import FaultyClock
 
 DEVICE_ID = b"VIRTUAL1"
 TOUCH_EVERY = 0.02  # a finger that stays down is reported again this often [s]
@@ -21,6 +22,7 @@ NACK_EVERY = 0.005  # one NACK in this time at most: a flood gets no answer to e
 WINDOW = 1024  # packets: what is further ahead was not lost on the way, it is old
 MAX_STEP = 5.0  # what a device that stood still may make up for [ms]: no jump
 AT_ONCE = 1e9  # [counts a millisecond]
+_RIGHT = FaultyClock()
 WATCHDOGS = range(10, 81)  # silences that may be asked for [ms]
 
 
@@ -29,7 +31,7 @@ class NativeDevice:
 
     Args:
         stuck: number of an actuator that does not move; -1: none.
-        skew: how much faster its clock runs than the host's [1].
+        clock: how its clock runs.
         queue: how many commands it can hold for later, at most 255.
         output_hz: what it says of how often its actuators take a new value [Hz]; 0: at every command.
 
@@ -46,7 +48,7 @@ class NativeDevice:
         wire: Wire,
         *,
         stuck: int = -1,
-        skew: float = 0.0,
+        clock: FaultyClock = _RIGHT,
         queue: int = 255,
         spec_hash: bytes = bytes(8),
         output_hz: int = 0,
@@ -61,7 +63,7 @@ class NativeDevice:
         self.safe_at: float | None = None
         self.touch: tuple[bool, float, float] | None = None
         self._touched = 0.0
-        self._stuck, self._skew, self._most, self._spec_hash = stuck, skew, queue, spec_hash
+        self._stuck, self._clock, self._most, self._spec_hash = stuck, clock, queue, spec_hash
         self._output_hz = output_hz
         self._start: float | None = None
         self._decoder = packets.Decoder()
@@ -85,7 +87,7 @@ class NativeDevice:
         """Return the device's own microseconds, unwrapped; they start near the overflow to try it."""
         if self._start is None:
             self._start = now
-        return 2**32 - 3_000_000 + round((now - self._start) * (1 + self._skew) * 1e6)
+        return 2**32 - 3_000_000 + round(self._clock.shows(now - self._start) * 1e6)
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
         """Take bytes; return answers."""

@@ -28,8 +28,15 @@ class Lab:
     """A streamer, a virtual device at the other end of a wire without delay, and a clock that the test turns."""
 
     def __init__(
-        self, protocol: str = "native", key: str = "haptip", *, load_screen: Any = None, **request: Any
+        self,
+        protocol: str = "native",
+        key: str = "haptip",
+        *,
+        load_screen: Any = None,
+        faults: Any = (),
+        **request: Any,
     ) -> None:
+        self.faults = dict(faults)
         self.now, self.number, self.heartbeats = 100.0, 0, True
         self.time: float | None = 0.0
         self.playing, self.stops, self.values = False, 0, ()
@@ -46,7 +53,7 @@ class Lab:
     def _open(self, url: Url, wire: Wire, protocol: str) -> Transport:
         lab = self
         self._answers = []
-        self.device: Any = make(protocol, wire, {})
+        self.device: Any = make(protocol, wire, self.faults)
 
         class Wired(Transport):
             name, datagrams = "lab", self.device.datagrams

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     import core.devices.spec
     import core.devices.thimble
     import core.effects.depth_map
+    import core.effects.map_repair
     import core.files
     import core.foreign
     import core.images

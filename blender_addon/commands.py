@@ -19,7 +19,7 @@ import bpy
 from . import baking, preferences, scene_time
 from ._core import DermisError, core, worst
 from .results import export_parts, store
-from .sampling import frames, scene_sweep
+from .sampling import frames, height_maps, participants, scene_sweep
 
 COMMAND = "dermis"
 LAST_FRAME = 1048574  # Blender's; its first is the same below zero
@@ -62,6 +62,7 @@ def render(options: argparse.Namespace) -> int:
 
 def _render(options: argparse.Namespace, scene: bpy.types.Scene, folder: Path) -> int:
     outputs = core.pipeline.outputs
+    _settle_maps(options, scene)
     made = _drained(baking.bake(scene, _library(options), span=_span(options)), options)
     if options.format or options.finger or options.part != "all":
         written, found = _parts(options, scene, made, folder)
@@ -110,6 +111,7 @@ def sample(options: argparse.Namespace) -> int:
     """Sample a file's scene and write it for `python -m core render`."""
     scene_file = core.scene.scene_file
     scene = _open(options)
+    _settle_maps(options, scene)
     tactile = scene_sweep.sample(scene, span=_span(options))
     try:
         scene_file.save(tactile, Path(options.out))
@@ -135,6 +137,14 @@ def _parser() -> argparse.ArgumentParser:
             metavar="FIRST:LAST",
             dest="span",
             help="frames to bake, both included; the scene's own if left out",
+        ),
+        argument(
+            "--no-data",
+            action="append",
+            default=[],
+            metavar="[SCREEN=]VALUE",
+            help="stored number of height maps that stands for 'nothing measured', or 'none': of one touch screen, or "
+            "of all that do not say; more than once",
         ),
         arguments.QUIET,
     )
@@ -205,6 +215,34 @@ def _open(options: argparse.Namespace) -> bpy.types.Scene:
             "no such scene", where=str(path), value=options.scene, limit=", ".join(s.name for s in bpy.data.scenes)
         )
     return scene
+
+
+def _settle_maps(options: argparse.Namespace, scene: bpy.types.Scene) -> None:
+    """Take over what `--no-data` says of the scene's maps, and refuse those that leave it open: nobody can be asked.
+
+    Raises:
+        DermisError: no such screen, or a map with a number that likely stands for 'no data' while nobody has said.
+    """
+    layer = bpy.context.view_layer if scene == bpy.context.scene else scene.view_layers[0]
+    screens = [o for o in participants.taking_part(scene, layer, []) if o.dermis.role == "SCREEN"]
+    for text in options.no_data:
+        name, _, value = text.rpartition("=")
+        core.effects.map_repair.no_data_of(value, "--no-data")
+        if name and all(obj.name != name for obj in screens):
+            known = ", ".join(obj.name for obj in screens)
+            raise DermisError("no such touch screen", where="--no-data", value=name, limit=known)
+        for obj in screens:
+            if obj.name == name or (not name and not height_maps.said_no_data(obj)):
+                obj.dermis.screen.no_data = value
+    for obj in screens:
+        try:
+            open_ = height_maps.unanswered(obj)
+        except DermisError:  # told, with all else, when the scene is sampled
+            continue
+        if open_:
+            raise DermisError(
+                open_[0].what, where=open_[0].where, value=open_[0].value, remedy=open_[0].remedy, code=open_[0].code
+            )
 
 
 def _span(options: argparse.Namespace) -> tuple[int, int] | None:

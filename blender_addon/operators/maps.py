@@ -14,7 +14,7 @@ from ..sampling import height_maps
 from .work import File
 
 _screen = core.parameters.screen
-SETTINGS = ("map_unit", "height_mm", "invert", "zero_is_hole")
+SETTINGS = ("map_unit", "height_mm", "invert", "no_data")
 
 
 @needs(lambda context: context.object is not None and context.object.dermis.role == "SCREEN", "Select a touch screen")
@@ -31,7 +31,7 @@ class DERMIS_OT_open_map(File, bpy.types.Operator):
     )
     height_mm: FloatProperty(name="Height", description=_screen.HEIGHT.text, default=2.0, min=0.0, unit="CAMERA")
     invert: BoolProperty(name="Depth Map", description="Depth, not height: larger is farther away")
-    zero_is_hole: BoolProperty(name="Zero Is a Hole", description="A stored 0 means that nothing was measured there")
+    no_data: StringProperty(name="No Data", description=_screen.NO_DATA.text)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Begin with what the screen has, and ask for the file."""
@@ -45,7 +45,7 @@ class DERMIS_OT_open_map(File, bpy.types.Operator):
         if self.map_unit == "white":
             column.prop(self, "height_mm")
         column.prop(self, "invert")
-        column.prop(self, "zero_is_hole")
+        column.prop(self, "no_data")
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Set file and answers, and look at the map: what is left to decide is drawn under Screen."""

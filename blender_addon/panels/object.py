@@ -91,13 +91,17 @@ class DERMIS_PT_screen(DermisPanel, bpy.types.Panel):
             if screen.map_unit == "white":
                 column.prop(screen, "height_mm")
             column.prop(screen, "invert")
-            column.prop(screen, "zero_is_hole")
+            column.prop(screen, "no_data", placeholder="0" if screen.zero_is_hole else "As the file declares")
         column.prop(screen, "touch_distance_mm")
         for finding in height_maps.offered(context.object) if screen.source != "MESH" else ():
             what = f"{finding.what[0].upper()}{finding.what[1:]} ({finding.value})."
             paragraph(layout, context, what, "QUESTION")
-            if finding.code == "zeros-like-holes":
-                layout.prop(screen, "zero_is_hole", text="Take Zeros as Holes", toggle=True)
+            if finding.code in height_maps.NO_DATA:
+                number = "0" if finding.code == "zeros-like-holes" else finding.value
+                row = layout.row(align=True)
+                for text, answer in ((f"{number} Is No Data", number), ("All Are Heights", "none")):
+                    button = row.operator("wm.context_set_string", text=text)
+                    button.data_path, button.value = "object.dermis.screen.no_data", answer
             else:
                 layout.grid_flow(columns=2, align=True).prop(screen, "map_unit", expand=True)
 

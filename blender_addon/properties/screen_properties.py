@@ -63,12 +63,8 @@ class DermisScreen(bpy.types.PropertyGroup):
         override=OVERRIDE,
     )
     invert: switch("Depth Map", "The image holds depth, not height: brighter is farther away", False)
-    zero_is_hole: switch(
-        "Zero Is a Hole",
-        "A stored 0 means that nothing was measured there, as depth cameras write "
-        "it; such pixels are filled from their rims",
-        False,
-    )
+    no_data: declare_one(_screen.NO_DATA)
+    zero_is_hole: switch("Zero Is a Hole", "Saved by earlier versions; No Data says it now", False)
     map_unit: declare_one(_screen.MAP_UNIT)
     height_mm: declare_one(_screen.HEIGHT)
     resolution: IntProperty(

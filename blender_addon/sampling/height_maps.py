@@ -18,7 +18,8 @@ from . import mesh_heights, meshes
 LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
 """Rec. 709 weights of red, green and blue."""
 
-OFFERED = ("zeros-like-holes", "no-unit")
+NO_DATA = ("zeros-like-holes", "no-data-likely")
+OFFERED = (*NO_DATA, "no-unit")
 """Findings of a map that the artist has to decide on."""
 DIM, BEYOND = 0.05, 0.01
 """Of white: a map that is nowhere brighter, or goes so far beyond black or white, is likely a measure."""
@@ -35,7 +36,8 @@ def forget() -> None:
 def offered(obj: bpy.types.Object) -> tuple[Any, ...]:
     """Return what the artist has to decide about the map that a screen was last read from, and has not decided yet."""
     settings = obj.dermis.screen
-    decided = {"zeros-like-holes": settings.zero_is_hole, "no-unit": settings.map_unit != "white"}
+    said = bool(_no_data(settings))
+    decided = {**dict.fromkeys(NO_DATA, said), "no-unit": settings.map_unit != "white"}
     return tuple(f for f in _offered.get(obj.session_uid, ()) if not decided[f.code])
 
 
@@ -46,6 +48,23 @@ def look(obj: bpy.types.Object) -> tuple[Any, ...]:
         DermisError: it cannot be read; what is `offered` says so too where only its unit is missing.
     """
     return _file(obj, sequence=False)[2]
+
+
+def said_no_data(obj: bpy.types.Object) -> bool:
+    """Return whether the artist has said which number of a screen's map stands for 'no data', or that none does."""
+    return bool(_no_data(obj.dermis.screen))
+
+
+def unanswered(obj: bpy.types.Object) -> tuple[Any, ...]:
+    """Return the findings of a screen's map on what may stand for 'no data', while nobody has said.
+
+    Raises:
+        DermisError: the map cannot be read.
+    """
+    if obj.dermis.screen.source == "MESH" or not _chosen(obj.dermis.screen) or said_no_data(obj):
+        return ()
+    _read(obj, None, 1.0)
+    return tuple(finding for finding in offered(obj) if finding.code in NO_DATA)
 
 
 def bounds(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -174,15 +193,21 @@ def _read(obj: bpy.types.Object, depsgraph: Any, unit: float) -> tuple[NDArray[n
     if settings.source == "MESH":
         heights, noticed = mesh_heights.cast(obj, depsgraph, unit, *bounds(obj, depsgraph))
         # Steps in a mesh are edges of the model, not of the storage: they stay.
-        made = depth_map.from_array(heights, levels=0, where=where)
+        made = depth_map.from_array(heights, no_data="none", levels=0, where=where)
         return made.heights, 1.0, noticed + made.findings
     if settings.source == "IMAGE":
         values, empty, noticed = pixels(settings.image, where)
+        largest = _largest(settings.image)
         made = depth_map.from_array(
-            values, **_meant(settings), declared=empty, levels=0 if settings.image.is_float else 256, where=where
+            values,
+            **_meant(settings),
+            declared=empty,
+            levels=largest + 1 if largest > 1 else 0,
+            largest=largest,
+            where=where,
         )
         unit_ = core.parameters.screen.UNITS_OF_MAPS[settings.map_unit]
-        height_unit = 0.0 if unit_ is None else unit_ * _largest(settings.image)
+        height_unit = 0.0 if unit_ is None else unit_ * largest
         return _with_unit(obj, replace(made, findings=noticed + made.findings, height_unit=height_unit), where)
     if not settings.filepath.strip():
         raise DermisError("no image file was chosen", where=where, remedy="Choose one in the Dermis tab under Screen")
@@ -207,7 +232,13 @@ def _file(obj: bpy.types.Object, *, sequence: bool) -> tuple[NDArray[np.float32]
 
 def _meant(settings: Any) -> dict[str, Any]:
     """Return how the artist says that a map is to be read."""
-    return {"meaning": "depth" if settings.invert else "height", "hole": 0.0 if settings.zero_is_hole else None}
+    no_data = core.effects.map_repair.no_data_of(_no_data(settings), f"screen '{settings.id_data.name_full}', No Data")
+    return {"meaning": "depth" if settings.invert else "height", "no_data": no_data}
+
+
+def _no_data(settings: Any) -> str:
+    """Return the artist's words on what stands for 'no data'; '' where there are none."""
+    return str(settings.no_data).strip() or ("0" if settings.zero_is_hole else "")
 
 
 def _with_unit(obj: bpy.types.Object, made: Any, where: str) -> tuple[NDArray[np.float32], float, tuple[Any, ...]]:
@@ -295,6 +326,7 @@ def _key(obj: bpy.types.Object) -> Any:
         s.source,
         s.invert,
         s.zero_is_hole,
+        s.no_data,
         s.height_mm,
         s.map_unit,
         s.filepath,

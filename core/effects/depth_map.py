@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .. import images
 from ..errors import DermisError, Finding
-from .map_repair import MapRepair, Meaning, Steps, number_of
+from .map_repair import MapRepair, Meaning, NoData, Steps, number_of
 
 FINEST_WHITE = 1 << 16  # levels of the finest format whose largest number is white
 SMALLEST_UNIT, LARGEST_UNIT = 1e-12, 1e3  # [m] of one stored number, atoms to hills
@@ -38,7 +38,7 @@ def read(
     source: str | Path | Sequence[str | Path],
     *,
     meaning: Meaning = "height",
-    hole: float | None = None,
+    no_data: NoData = None,
     steps: Steps = "smooth",
     unit: float | None = None,
 ) -> DepthMap:
@@ -50,15 +50,16 @@ def read(
     Args:
         source: a path, or paths (`core.images.sequence` finds the numbered ones that follow one).
         meaning: 'height' towards the viewer, or 'depth' away from the viewer, which is negated.
-        hole: a value that stands for 'nothing measured' (depth cameras write 0): with a unit the stored number, else
-            one as above, 0 to 1 in whole-number formats.
+        no_data: the number, as the file stores it, that stands for 'nothing measured', such as -9999; or 'none', where
+            every number is a height. Left out, a number that looks so is told. What the file itself declares (alpha 0,
+            a TIFF's tag 42113), and what is not finite, is no height in any case.
         steps: what to do with the staircases of 8-bit images; finer formats are exact and stay as they are.
         unit: metres that one stored number stands for, 1e-12 to 1e3: 1e-3 of a depth camera's millimetres. It gives
             `height_unit`.
 
     Raises:
         DermisError: no image, one that cannot be read, images of differing size or kind, nothing but holes, measures
-            without a unit, a unit that is out of range, a hole that is no number.
+            without a unit, a unit that is out of range, a `no_data` that is no number.
     """
     paths = [source] if isinstance(source, str | Path) else list(source)
     if not paths:
@@ -69,21 +70,21 @@ def read(
         limit = f"{SMALLEST_UNIT:g} to {LARGEST_UNIT:g} m"
         raise DermisError("the unit is no length that a number may stand for", where=where, value=unit, limit=limit)
     noticed: list[Finding] = []
-    work = MapRepair(meaning, hole, steps, where)
+    work = MapRepair(meaning, no_data, steps, where)
     heights: NDArray[np.float32] | None = None
     largest = 1  # the stored number that became 1
     for index, path in enumerate(paths):  # one image in memory at a time: a sequence has hundreds
         raster = images.read(path)
         shape = raster.values.shape
         if heights is None:
-            heights, largest = np.empty((len(paths), *shape), np.float32), _largest(raster)
+            heights, largest = np.empty((len(paths), *shape), np.float32), raster.largest
         if unit is None:
             _check_white(raster, path)
-        elif _largest(raster) != largest:
+        elif raster.largest != largest:
             raise DermisError(
                 "the images of a sequence differ in their numbers' type",
                 where=f"image '{Path(path).name}'",
-                value=f"up to {_largest(raster)}",
+                value=f"up to {raster.largest}",
                 limit=f"up to {largest}, as the first",
             )
         if heights.shape[1:] != shape:
@@ -93,8 +94,10 @@ def read(
                 value=f"{shape[1]} x {shape[0]}",
                 limit=f"{heights.shape[2]} x {heights.shape[1]}, as the first",
             )
-        white = 1 if unit is None else largest
-        heights[index] = work.repaired(raster.values, raster.holes, raster.levels, f"image '{Path(path).name}'", white)
+        place = f"image '{Path(path).name}'"
+        heights[index] = work.repaired(
+            raster.values, raster.holes, raster.levels, place, largest=raster.largest, signed=raster.signed
+        )
         noticed += raster.findings
     assert heights is not None
     shown = heights if len(paths) > 1 else heights[0]
@@ -106,10 +109,11 @@ def from_array(
     *,
     meaning: Meaning = "height",
     first_row: Literal["bottom", "top"] = "bottom",
-    hole: float | None = None,
+    no_data: NoData = None,
     steps: Steps = "smooth",
     declared: NDArray[np.bool_] | None = None,
     levels: int | None = None,
+    largest: float = 1.0,
     where: str = "depth map",
 ) -> DepthMap:
     """Repair heights that are already numbers: a Blender image's pixels, or a bake of a mesh.
@@ -120,7 +124,8 @@ def from_array(
         declared: pixels known to be empty, booleans, same shape as `values`.
         levels: how many values the numbers' source can tell apart, 0 for floating point and for measures of a mesh;
             left out, that of the array's type. Only 256 or fewer can be staircases.
-        hole: the one of the values that stands for 'nothing measured'.
+        largest: the stored number that 1 of the values stands for, 1 where they are as stored.
+        no_data: as for `read`.
         meaning, steps: as for `read`.
 
     Raises:
@@ -140,7 +145,7 @@ def from_array(
     if first_row not in ("bottom", "top"):
         raise DermisError("unknown first row", where=where, value=first_row, limit="bottom, top")
     empty = None if declared is None else _declared(declared, array.shape, where)
-    work = MapRepair(meaning, hole, steps, where)
+    work = MapRepair(meaning, no_data, steps, where)
     known = levels if levels is not None else (1 << 8 if array.dtype.itemsize == 1 else 0)
     single = array.ndim == 2
     stack = array[None] if single else array
@@ -148,7 +153,7 @@ def from_array(
     heights = np.empty(stack.shape, np.float32)
     for index, (values_, gap) in enumerate(zip(stack, gaps, strict=True)):
         place = where if single else f"{where}, map {index + 1} of {len(stack)}"
-        repaired = work.repaired(values_, gap, known, place)
+        repaired = work.repaired(values_, gap, known, place, largest=largest)
         heights[index] = repaired if first_row == "bottom" else repaired[::-1]
     return DepthMap(heights[0] if single else heights, work.findings())
 
@@ -164,16 +169,11 @@ def _declared(declared: Any, shape: tuple[int, ...], where: str) -> NDArray[np.b
     return empty
 
 
-def _largest(raster: images.Raster) -> int:
-    """Return the stored number that a raster's 1 stands for."""
-    return max(raster.levels - 1, 1)
-
-
 def _check_white(raster: images.Raster, path: str | Path) -> None:
     """Refuse measures without a unit."""
     if raster.levels <= FINEST_WHITE:
         return
-    found = np.array([raster.values.min(), raster.values.max()], np.float64) * _largest(raster)
+    found = np.array([raster.values.min(), raster.values.max()], np.float64) * raster.largest
     if np.abs(found).max() * LEAST_OF_RANGE < raster.levels:
         raise DermisError(
             "the map's whole numbers are measures, and nobody says in what unit",

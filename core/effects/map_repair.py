@@ -8,11 +8,24 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..errors import DermisError, Finding, Severity
-from .repair import FEWEST_LEVELS, MAX_LEVELS, filled, holds, holes_in, likely_holes, smoothed, staircase
+from .repair import (
+    CUSTOMARY,
+    FEWEST_LEVELS,
+    MAX_LEVELS,
+    filled,
+    holds,
+    holes_in,
+    likely_holes,
+    likely_no_data,
+    smoothed,
+    staircase,
+)
 
 Meaning = Literal["height", "depth"]
 Steps = Literal["smooth", "keep"]
+NoData = float | Literal["none"] | None
 MEANINGS: tuple[Meaning, ...] = ("height", "depth")
 STEPS: tuple[Steps, ...] = ("smooth", "keep")
 
@@ -21,13 +34,13 @@ class MapRepair:
     """Repairs map after map, and counts.
 
     Args:
-        meaning, hole, steps, where: as for `depth_map.from_array`.
+        meaning, no_data, steps, where: as for `depth_map.from_array`.
 
     Raises:
-        DermisError: an unknown meaning or kind of steps, or a hole that is no number.
+        DermisError: an unknown meaning or kind of steps, or a `no_data` that is neither a number nor 'none'.
     """
 
-    def __init__(self, meaning: Meaning, hole: float | None, steps: Steps, where: str) -> None:
+    def __init__(self, meaning: Meaning, no_data: NoData, steps: Steps, where: str) -> None:
         if meaning not in MEANINGS or steps not in STEPS:
             raise DermisError(
                 "unknown way to read a map",
@@ -36,29 +49,38 @@ class MapRepair:
                 limit="height or depth; smooth or keep",
             )
         self._sign = -1.0 if meaning == "depth" else 1.0
-        number = None if hole is None else number_of(hole, "hole", where)
+        self._asks = no_data is None
+        number = None if no_data is None or no_data == "none" else number_of(no_data, "no_data", where)
         self._hole = None if number is None or np.isnan(number) else number  # no numbers are holes as it is
         self._smooth, self._where = steps == "smooth", where
         self._pixels = self._holes = self._smoothed = self._kept = self._flat = self._few = self._levels = 0
         self._zeros = self._asked = 0
+        self._likely: dict[float, int] = {}
 
     def repaired(
-        self, values: NDArray[Any], declared: NDArray[np.bool_] | None, levels: int, where: str, white: int = 1
+        self,
+        values: NDArray[Any],
+        declared: NDArray[np.bool_] | None,
+        levels: int,
+        where: str,
+        *,
+        largest: float = 1.0,
+        signed: bool = False,
     ) -> NDArray[np.float64]:
         """Return one map's heights towards the viewer without holes and staircases, shape (rows, columns).
 
         Args:
-            white: what the hole that was asked for is to be divided by.
+            largest: the stored number that 1 of the values stands for. signed: whole numbers reach below 0.
         """
         with np.errstate(over="ignore"):  # beyond doubles is infinite, a hole
             heights = values.astype(np.float64)
         gaps = holes_in(heights, declared)
         if self._hole is not None:
-            asked = holds(values, self._hole / white)
+            asked = holds(values, self._hole / largest)
             self._asked += int(np.count_nonzero(asked))
             gaps |= asked
-        elif self._sign < 0.0:
-            self._zeros += likely_holes(heights[~gaps])
+        elif self._asks:
+            self._look(heights[~gaps], values.dtype, levels, largest, signed)
         known = ~gaps
         if not known.any():
             raise DermisError(
@@ -83,10 +105,27 @@ class MapRepair:
         self._flat += bool(heights.max() == heights.min())
         return heights
 
+    def _look(self, heights: Array, kind: np.dtype, levels: int, largest: float, signed: bool) -> None:
+        """Count what likely stands for 'no data'."""
+        zeros = likely_holes(heights) if self._sign < 0.0 else 0
+        self._zeros += zeros
+        if zeros or 0 < levels <= MAX_LEVELS:  # as few levels are brightness: white and black are heights
+            return
+        stored = [*CUSTOMARY, *((largest,) if levels else ()), *((-largest - 1.0,) if levels and signed else ())]
+        ends = np.array(stored) / largest
+        ends = (ends.astype(kind) if kind.kind == "f" else ends).astype(np.float64)
+        found = likely_no_data(heights, ends.tolist())
+        if found is not None:
+            number = stored[int(np.argmin(np.abs(ends - found[0])))]  # what single precision rounded, as it was stored
+            if found[0] not in ends:
+                number = float(round(found[0] * largest)) if levels else found[0] * largest
+            self._likely[number] = self._likely.get(number, 0) + found[1]
+
     def findings(self) -> tuple[Finding, ...]:
         """Return what was repaired and noticed, one finding a kind."""
         levels = f"{self._levels} levels"
         share, zeros = (f"{100.0 * n / max(self._pixels, 1):.3g} %" for n in (self._holes, self._zeros))
+        likely, count = max(self._likely.items(), key=lambda item: item[1], default=(0.0, 0))
         rows: tuple[tuple[int, Severity, str, str, str | None, str], ...] = (
             (
                 self._holes,
@@ -101,8 +140,8 @@ class MapRepair:
                 "warning" if self._hole else "info",  # a camera that missed nothing has no zeros
                 "no-such-hole",
                 "no pixel holds the value that stands for 'nothing measured'",
-                None if self._hole is None else f"{self._hole:g}",
-                "A file's whole numbers run from 0 to 1, unless a unit says what one of them stands for",
+                None if self._hole is None else f"{self._hole:.9g}",
+                "Give the number as the file stores it, such as 65535",
             ),
             (
                 self._zeros,
@@ -111,7 +150,16 @@ class MapRepair:
                 "pixels hold exactly 0, far from all others: depth cameras write 0 where they measured nothing, but "
                 "here it is a depth, and cliffs",
                 zeros,
-                "Take them as holes: Zero Is a Hole in the Dermis tab under Screen, hole=0 in a script",
+                say_no_data(0.0),
+            ),
+            (
+                count,
+                "warning",
+                "no-data-likely",
+                "many pixels hold one number that stands apart from all others, as files write 'no data', but here it "
+                "is a height, and cliffs",
+                _words(likely),
+                say_no_data(likely),
             ),
             (
                 self._smoothed,
@@ -144,6 +192,37 @@ class MapRepair:
             for count, severity, code, what, value, remedy in rows
             if count
         )
+
+
+def no_data_of(text: str, where: str) -> NoData:
+    """Return what a person's words say: '' nothing, 'none', or a number.
+
+    Raises:
+        DermisError: they say something else.
+    """
+    words = text.strip().lower()
+    if not words:
+        return None
+    if words == "none":
+        return "none"
+    try:
+        return float(words.replace(",", "."))
+    except ValueError as error:
+        limit = "a number as the file stores it, such as -9999, or 'none'"
+        raise DermisError("not a number that stands for 'no data'", where=where, value=text, limit=limit) from error
+
+
+def say_no_data(number: float) -> str:
+    """Return how a person says whether a number stands for 'no data'."""
+    text = _words(number)
+    return (
+        f"Say which: No Data {text} or none in the Dermis tab under Screen; --no-data {text} or --no-data none on the "
+        f"command line; no_data={text} or no_data='none' in a script"
+    )
+
+
+def _words(number: float) -> str:
+    return str(int(number)) if number == round(number) and abs(number) < 1e15 else repr(number)
 
 
 def number_of(value: Any, name: str, where: str) -> float:

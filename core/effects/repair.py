@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,9 +14,11 @@ from ..arrays import Array
 # A background at infinity is written as 1e10 by Blender's depth pass; no height or depth in use is as large.
 FAR = 1e9
 FEWEST_LEVELS, MAX_LEVELS = 16, 256
-# Zeros are likely holes of a depth map where they are this share of it or more, and nothing else is nearer to 0 than
+# One number likely stands for 'no data' where it is this share of a map or more, and nothing else is nearer to it than
 # this part of the farthest: a camera cannot measure so near, a rendered depth comes down to 0 in small steps.
-ZEROS, NEAREST = 1e-3, 0.05
+FREQUENT, NEAREST = 1e-3, 0.05
+# Numbers that writers of height maps use for it, besides the ends of their type (GDAL's and Esri's formats).
+CUSTOMARY = (-9999.0, -99999.0, -32767.0, -32768.0, 65535.0)
 _RELAXATIONS = 12
 _RADII = (64, 32, 16, 8, 4, 2, 1)
 _PASSES = 2
@@ -53,11 +56,39 @@ def holds(values: NDArray[Any], number: float) -> NDArray[np.bool_]:
 
 def likely_holes(depths: Array) -> int:
     """Return how many zeros of a depth map, shape (n,), stand for 'nothing measured'; 0 where they are depths."""
-    zeros = int(np.count_nonzero(depths == 0.0))
-    others = depths[depths != 0.0]
-    if zeros < max(ZEROS * len(depths), 1) or not len(others) or others.min() <= NEAREST * others.max():
+    return _stands_apart(depths, 0.0, NEAREST) if depths.size and not (depths < 0.0).any() else 0
+
+
+def likely_no_data(values: Array, ends: Sequence[float]) -> tuple[float, int] | None:
+    """Return the number that most likely stands for 'no data', and how many pixels hold it; None where none does.
+
+    It is the largest or the least number, frequent, and apart from all others: at an end of its type a little, else by
+    more than they differ among each other. Zero is the ground that reliefs stand on, and never one.
+
+    Args:
+        values: heights or depths, shape (n,). ends: numbers at an end of their type, or customary for it.
+    """
+    if not values.size:
+        return None
+    for number in (float(values.min()), float(values.max())):
+        if number == 0.0:
+            continue
+        count = _stands_apart(values, number, NEAREST if number in ends else 0.5)
+        if count > 1:
+            return number, count
+    return None
+
+
+def _stands_apart(values: Array, number: float, least: float) -> int:
+    """Return how many values are a number; 0 where they are few, or another is as near to it as this part of all."""
+    same = values == number
+    count, others = int(np.count_nonzero(same)), values[~same]
+    if count < max(FREQUENT * len(values), 1) or not len(others):
         return 0
-    return zeros if len(np.unique(_few(others))) >= FEWEST_LEVELS else 0  # fewer are a mask or terraces, meant so
+    distances = np.abs(others - number)
+    if distances.min() <= least * distances.max():
+        return 0
+    return count if len(np.unique(_few(others))) >= FEWEST_LEVELS else 0  # fewer are a mask or terraces, meant so
 
 
 def filled(values: Array, holes: NDArray[np.bool_]) -> Array:

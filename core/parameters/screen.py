@@ -56,6 +56,16 @@ HEIGHT = Parameter(
     soft=(None, 20e-3),
     digits=3,
 )
+# Says which stored number of a map is no height; what the reader of maps gets as `no_data`.
+NO_DATA = Parameter(
+    name="no_data",
+    unit=TEXT,
+    label="No Data",
+    text="The number, as the file stores it, that stands for 'nothing measured': 0 of depth cameras, -9999, 65535. "
+    "Such pixels are filled from their rims. 'none': every number is a height. Empty: as the file declares",
+    default="",
+    note="scripts give `depth_map.read` it as `no_data`",
+)
 UNITS_OF_MAPS = {"white": None, "m": 1.0, "mm": 1e-3, "um": 1e-6}  # metres that one stored number stands for
 MAP_UNIT = Parameter(
     name="map_unit",

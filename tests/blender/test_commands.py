@@ -107,6 +107,39 @@ def test_statuses(arguments, status, text, blend, tmp_path, capsys):
     assert text in captured.out + captured.err
 
 
+@pytest.fixture
+def mapped(blend, tmp_path) -> Path:
+    """Add a touch screen whose map has a patch of -9999 in it."""
+    heights = np.rint(200 + 3 * np.add.outer(np.arange(30.0), np.arange(40.0))).astype(np.int16)
+    heights[5:10, 8:20] = -9999
+    np.save(tmp_path / "heights.npy", heights)
+    settings = build.screen("Panel").dermis.screen
+    settings.source, settings.filepath, settings.map_unit = "FILE", str(tmp_path / "heights.npy"), "mm"
+    bpy.ops.wm.save_as_mainfile(filepath=str(blend))
+    return blend
+
+
+@pytest.mark.parametrize("verb", ["render", "sample"])
+def test_a_question_about_no_data_ends_the_work_and_names_the_option(mapped, tmp_path, capsys, verb):
+    out = tmp_path / "out.npz"
+    assert commands.main([verb, str(mapped), "--out", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert "--no-data -9999" in said and "--no-data none" in said and not out.exists()
+    for answer in ("-9999", "none", "Panel=-9999"):
+        assert commands.main([verb, str(mapped), "--out", str(out), "--no-data", answer]) == 0, answer
+    assert commands.main([verb, str(mapped), "--out", str(out), "--no-data", "Other=1"]) == 2
+    assert commands.main([verb, str(mapped), "--out", str(out), "--no-data", "far"]) == 2
+
+
+def test_the_option_makes_holes_of_no_data(mapped, tmp_path):
+    from core import load_scene
+
+    for answer, lowest in (("-9999", 0.2), ("none", -9.999)):
+        assert commands.main(["sample", str(mapped), "--out", str(tmp_path / "s.npz"), "--no-data", answer]) == 0
+        (screen,) = load_scene(tmp_path / "s.npz").screens
+        assert screen.height_map.min() * screen.height_unit == pytest.approx(lowest, abs=1e-3)
+
+
 def test_another_process_gives_the_same_bytes(blend, tmp_path):
     """Blender would call the registered function; the child finds it where Blender keeps it."""
     assert commands.main(["render", str(blend), "--out", str(tmp_path / "here")]) == 0

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from blender_addon import baking
+from blender_addon._core import DermisError
 from blender_addon.sampling import height_maps, scene_sweep
 from core.presets import Library
 from core.steps import drain
@@ -131,11 +132,11 @@ def test_zero_is_a_hole_where_the_artist_says_so(tmp_path):
     settings = build.screen().dermis.screen
     settings.invert, settings.image, settings.filepath = True, image("Depth", depth), str(tmp_path / "depth_1.npy")
     for source in ("IMAGE", "FILE", "SEQUENCE"):
-        settings.source, settings.zero_is_hole = source, False
+        settings.source, settings.no_data = source, ""
         heights, _, findings = relief()
         np.testing.assert_array_equal(heights, -depth)
         assert "holes-filled" not in findings
-        settings.zero_is_hole = True
+        settings.no_data = "0"
         heights, _, findings = relief()
         np.testing.assert_allclose(heights, -0.5, rtol=1e-6)
         assert findings["holes-filled"].count == 6
@@ -164,7 +165,7 @@ def test_a_depth_cameras_map_is_opened_with_the_question_what_its_numbers_are(tm
     heights, unit, findings = relief()
     np.testing.assert_allclose(heights * unit, -1e-3 * depth, atol=1e-6)
     assert findings["zeros-like-holes"].count == 60 and "no-unit" not in findings
-    settings.zero_is_hole = True  # what the panel offers
+    settings.no_data = "0"  # what the panel offers
     assert not height_maps.offered(obj)
     heights, unit, findings = relief()
     assert (heights * unit).max() < -0.89 and findings["holes-filled"].count == 60
@@ -352,3 +353,47 @@ def test_a_screens_track_lasts_as_long_as_a_tactors(rate):
     assert (tactor.device, voltage.device) == ("haptip", "electrovibration")
     np.testing.assert_array_equal(voltage.track.times, np.arange(1002) / 1000)  # 30 frames of 1001/30000 s
     np.testing.assert_array_equal(voltage.track.times, tactor.track.times)
+
+
+def elevations(tmp_path, number):
+    """Write a map of heights in whole millimetres, with a patch of one number where nothing was measured."""
+    x, y = np.meshgrid(np.linspace(0, 1, 40), np.linspace(0, 1, 30))
+    heights = np.rint(200 + 120 * x + 80 * y).astype(np.int16)
+    heights[5:10, 8:20] = number
+    np.save(tmp_path / "heights.npy", heights[::-1])
+    return str(tmp_path / "heights.npy")
+
+
+@pytest.mark.parametrize("number", [-9999, -32768, 32767])
+def test_no_data_of_a_height_map_is_asked_about(tmp_path, number):
+    """They became cliffs of many metres without a word."""
+    build.span(1, 3)
+    build.finger()
+    obj = build.screen()
+    bpy.context.view_layer.objects.active = obj
+    assert bpy.ops.dermis.open_map(filepath=elevations(tmp_path, number), map_unit="mm") == {"FINISHED"}
+    (asked,) = height_maps.offered(obj)
+    assert (asked.code, asked.value, asked.count) == ("no-data-likely", str(number), 60)
+    with bpy.context.temp_override(object=obj):  # the panel's buttons
+        bpy.ops.wm.context_set_string(data_path="object.dermis.screen.no_data", value=asked.value)
+    assert obj.dermis.screen.no_data == str(number) and not height_maps.offered(obj)
+    heights, unit, findings = relief()
+    assert 0.19 < (heights * unit).min() and (heights * unit).max() < 0.41 and findings["holes-filled"].count == 60
+    obj.dermis.screen.no_data = "none"
+    heights, unit, findings = relief()
+    assert "no-data-likely" not in findings and np.isclose(heights * unit, number * 1e-3).sum() == 60
+    obj.dermis.screen.no_data = "-9999 mm"
+    with pytest.raises(DermisError, match="No Data: .*not a number that stands for 'no data'"):
+        scene_sweep.sample()
+
+
+def test_files_of_earlier_versions_keep_their_zeros_as_holes(tmp_path):
+    build.span(1, 3)
+    build.finger()
+    depth = np.full((8, 8), 0.5, np.float32)
+    depth[2:4, 2:5] = 0.0
+    settings = build.screen().dermis.screen
+    settings.source, settings.image, settings.zero_is_hole = "IMAGE", image("Depth", depth), True
+    assert relief()[2]["holes-filled"].count == 6
+    settings.no_data = "none"
+    assert "holes-filled" not in relief()[2]

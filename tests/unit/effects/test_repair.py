@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from core.effects.depth_map import from_array, read
+from core.effects.map_repair import no_data_of
 from core.effects.repair import filled, smoothed, staircase
 from core.errors import DermisError
 from tests.unit.images.test_images import png, put
@@ -63,7 +64,7 @@ def test_nothing_but_holes_is_refused_and_one_pixel_is_enough():
 def test_a_depth_cameras_own_hole_value():
     depth = np.full((8, 8), 1.5, np.float32)
     depth[3, 3], depth[4, 4] = 0.0, 0.1
-    made = from_array(depth, meaning="depth", hole=0.1)
+    made = from_array(depth, meaning="depth", no_data=0.1)
     assert made.heights[4, 4] == pytest.approx(-1.5, abs=0.4)
     assert {f.code: f.count for f in made.findings}["holes-filled"] == 1
     assert made.heights[3, 3] == 0.0
@@ -189,8 +190,8 @@ def camera(rows=40, columns=60):
 def test_zeros_of_a_depth_camera_are_offered_as_holes():
     (offered,) = from_array(camera(), meaning="depth").findings
     assert offered.code == "zeros-like-holes" and offered.severity == "warning" and offered.count == 70
-    assert "hole=0" in offered.remedy and offered.value == "2.92 %"
-    taken = from_array(camera(), meaning="depth", hole=0)
+    assert "no_data=0" in offered.remedy and offered.value == "2.92 %"
+    taken = from_array(camera(), meaning="depth", no_data=0)
     assert [f.code for f in taken.findings] == ["holes-filled"] and taken.heights.max() < -500
 
 
@@ -244,7 +245,7 @@ def test_a_hole_is_the_stored_number_where_a_unit_says_so(tmp_path, kind, hole):
     stored = (waves() * 200).astype(kind)
     stored[20:24, 30:37] = hole
     np.save(tmp_path / "map.npy", stored)
-    made = read(tmp_path / "map.npy", hole=hole, unit=1e-3, steps="keep")
+    made = read(tmp_path / "map.npy", no_data=hole, unit=1e-3, steps="keep")
     (found,) = [f for f in made.findings if f.code == "holes-filled"]
     assert found.count == 28 and made.heights.max() * made.height_unit < 0.2
 
@@ -253,19 +254,91 @@ def test_a_hole_that_no_pixel_has_is_told(tmp_path):
     stored = (waves() * 200).astype(np.uint16) + 1
     stored[20:24, 30:37] = 65535
     np.save(tmp_path / "map.npy", stored)
-    (found,) = [f for f in read(tmp_path / "map.npy", hole=65535).findings if f.code == "no-such-hole"]
-    assert found.severity == "warning" and found.value == "65535" and "unit" in found.remedy
-    (found,) = [f for f in read(tmp_path / "map.npy", hole=0).findings if f.code == "no-such-hole"]
+    (found,) = [f for f in read(tmp_path / "map.npy", no_data=65534).findings if f.code == "no-such-hole"]
+    assert found.severity == "warning" and found.value == "65534" and "as the file stores it" in found.remedy
+    (found,) = [f for f in read(tmp_path / "map.npy", no_data=0).findings if f.code == "no-such-hole"]
     assert found.severity == "info"  # a camera that missed nothing
     for absent in (0.5, -1, 256 + int(stored[0, 0])):  # none of them is rounded or wrapped to one that is there
-        assert "no-such-hole" in {f.code for f in from_array(stored.astype(np.uint8), hole=absent).findings}
-    assert "no-such-hole" not in {f.code for f in from_array(waves(), hole=np.nan).findings}
+        assert "no-such-hole" in {f.code for f in from_array(stored.astype(np.uint8), no_data=absent).findings}
+    assert "no-such-hole" not in {f.code for f in from_array(waves(), no_data=np.nan).findings}
 
 
 @pytest.mark.parametrize("hole", ["a", [0], 1j])
 def test_a_hole_is_a_number(hole):
-    with pytest.raises(DermisError, match="the hole must be a number"):
-        from_array(waves(), hole=hole)
+    with pytest.raises(DermisError, match="the no_data must be a number"):
+        from_array(waves(), no_data=hole)
+
+
+def measured(kind, number, rows=40, columns=60):
+    """Return heights in millimetres, one number where nothing was measured."""
+    heights = np.rint(600 + 200 * waves(rows, columns)).astype(kind)
+    heights[5:12, 20:30] = number
+    return heights
+
+
+NO_DATA = [
+    (np.int16, -9999), (np.int16, -32768), (np.int16, 32767), (np.uint16, 65535), (np.int32, -9999),
+    (np.int32, -(2**31)), (np.float32, -9999.0), (np.float32, 65535.0), (np.float64, -32768.0), (np.float64, 5000.25),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "number"), NO_DATA)
+@pytest.mark.parametrize("meaning", ["height", "depth"])
+def test_a_number_apart_from_all_others_is_asked_about(tmp_path, kind, number, meaning):
+    np.save(tmp_path / "map.npy", measured(kind, number))
+    made = read(tmp_path / "map.npy", unit=1e-3, meaning=meaning)
+    (asked,) = made.findings
+    assert (asked.severity, asked.code, asked.count) == ("warning", "no-data-likely", 70)
+    assert (
+        asked.value == str(int(number) if number == int(number) else number)
+        and f"--no-data {asked.value} or --no-data none" in asked.remedy
+    )
+    assert np.abs(made.heights * made.height_unit).max() > 3.0  # a cliff of metres until somebody answers
+    filled = read(tmp_path / "map.npy", unit=1e-3, meaning=meaning, no_data=number)
+    assert [f.code for f in filled.findings] == ["holes-filled"] and filled.findings[0].count == 70
+    heights = np.abs(filled.heights * filled.height_unit)
+    assert 0.39 < heights.min() and heights.max() < 0.81
+    assert not read(tmp_path / "map.npy", unit=1e-3, meaning=meaning, no_data="none").findings
+
+
+@pytest.mark.parametrize("meaning", ["height", "depth"])
+def test_no_data_of_brightness_is_its_stored_number_too(tmp_path, meaning):
+    bright = measured(np.uint16, 0) * np.uint16(70)
+    bright[bright == 0] = 65535
+    np.save(tmp_path / "map.npy", bright)
+    (asked,) = read(tmp_path / "map.npy", meaning=meaning).findings
+    assert (asked.code, asked.value) == ("no-data-likely", "65535")
+    assert read(tmp_path / "map.npy", meaning=meaning, no_data=65535).heights.max() < 0.9
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        (waves() * 65535 / waves().max()).astype(np.uint16),  # white is its peak
+        np.minimum(waves() * 80000, 65535).astype(np.uint16),  # a plateau that the slopes reach
+        np.kron(np.eye(6), np.full((8, 8), 65535)).astype(np.uint16),  # a mask
+        np.where(waves() > 0.5, 255, 10 + 40 * waves()).astype(np.uint8),  # letters in 8 bit
+        np.where(waves() > 0.5, 0.0, 1.0 + waves()),  # ground
+        np.random.default_rng(0).normal(0.0, 9999.0, (40, 60)),
+    ],
+)
+def test_heights_are_not_taken_for_no_data(tmp_path, values):
+    np.save(tmp_path / "map.npy", values)
+    assert "no-data-likely" not in {f.code for f in read(tmp_path / "map.npy").findings}
+
+
+def test_a_sequence_counts_no_data_over_its_maps(tmp_path):
+    for i in (1, 2, 3):
+        np.save(tmp_path / f"map_{i}.npy", measured(np.int16, -9999))
+    (asked,) = read([tmp_path / f"map_{i}.npy" for i in (1, 2, 3)], unit=1e-3).findings
+    assert (asked.code, asked.value, asked.count) == ("no-data-likely", "-9999", 210)
+
+
+@pytest.mark.parametrize(("text", "value"), [("", None), (" none ", "none"), ("-9999", -9999.0), ("0,5", 0.5)])
+def test_words_on_no_data(text, value):
+    assert no_data_of(text, "here") == value
+    with pytest.raises(DermisError, match="here: not a number that stands for 'no data'"):
+        no_data_of("far away", "here")
 
 
 def test_declared_holes_may_be_a_list_of_booleans():
@@ -282,9 +355,9 @@ def test_what_single_precision_cannot_hold_is_a_hole(tmp_path):
     values = waves()
     values[5, 5] = 1e300
     np.save(tmp_path / "map.npy", values)
-    made = read(tmp_path / "map.npy", hole=1e300)
+    made = read(tmp_path / "map.npy", no_data=1e300)
     assert [f.code for f in made.findings] == ["holes-filled"] and made.findings[0].count == 1
-    assert from_array(values, hole=-1e300).heights.max() < 1
+    assert from_array(values, no_data=-1e300).heights.max() < 1
 
 
 def test_a_sequence_has_one_type_of_numbers(tmp_path):

@@ -18,7 +18,7 @@ import numpy as np
 from .. import changes, scene_time
 from .._core import Array, DermisError, core
 from ..quantities import metres_per_unit
-from . import height_maps, participants, prepass, scene_header, script_changes, simulated_motion
+from . import height_maps, participants, prepass, scene_header, script_changes, simulated_motion, single_precision
 from .frames import frame_range, sweep_frames
 from .meshes import MeshReader
 from .participants import Entry, InstanceKey, Participants
@@ -133,9 +133,10 @@ def sample(
         may_deform = None if script_changes.run_here() else timely.deforming
         screens = participants.look_up({entry.uid for entry in swept.screens}).values()
         reliefs = height_maps.frozen(screens, depsgraph, may_deform)
+        surfaces = [body.mesh for body in header.bodies]
+        coarse = single_precision.Steps(swept, rate, surfaces)
         watch = None
         if script_changes.needed(scene):
-            surfaces = [body.mesh for body in header.bodies]
             watch = script_changes.Watch(scene, view_layer, swept, surfaces, reader, timely.all)
     made = core.scene.tactile_scene.TactileScene(
         scene.name_full,
@@ -157,7 +158,7 @@ def sample(
     noticed: list[Any] = []
     simulated = any(e.simulated for e in swept.entries)
     whole = scene_time.simulated_frames(scene, simulations.start, span) if simulated else np.zeros(0)
-    steps = _steps(swept, reader, frames, times, clock, whole, presence, chunk_size, noticed, watch, reliefs)
+    steps = _steps(swept, reader, frames, times, clock, whole, presence, chunk_size, noticed, watch, reliefs, coarse)
     return replace(made, chunks=Sweep(steps, len(frames) + len(whole), noticed))
 
 
@@ -264,6 +265,7 @@ def _steps(
     findings: list[Any],
     watch: script_changes.Watch | None,
     reliefs: list[Any],
+    coarse: single_precision.Steps,
 ) -> Generator[Any, None, None]:
     """Yield None after each sample, and each chunk when it is complete."""
     scene = _scene_named(swept.scene)
@@ -285,7 +287,9 @@ def _steps(
                     relief.look(depsgraph, frame)
                 yield None
             chunk = recorder.chunk(frames[part], times[part], part.stop - part.start, findings)
+            coarse.look(chunk)
             yield chunk if watch is None else watch.follow(chunk)
+        findings += coarse.findings()
         for relief in reliefs:
             findings += relief.findings
         if watch is not None:

@@ -18,7 +18,16 @@ import numpy as np
 from .. import changes, scene_time
 from .._core import Array, DermisError, core
 from ..quantities import metres_per_unit
-from . import height_maps, participants, prepass, scene_header, script_changes, simulated_motion, single_precision
+from . import (
+    height_maps,
+    participants,
+    prepass,
+    render_differences,
+    scene_header,
+    script_changes,
+    simulated_motion,
+    single_precision,
+)
 from .frames import frame_range, sweep_frames
 from .meshes import MeshReader
 from .participants import Entry, InstanceKey, Participants
@@ -133,6 +142,7 @@ def sample(
         may_deform = None if script_changes.run_here() else timely.deforming
         screens = participants.look_up({entry.uid for entry in swept.screens}).values()
         reliefs = height_maps.frozen(screens, depsgraph, may_deform)
+        findings += render_differences.findings(swept, scene, view_layer, depsgraph, simulations.uids)
         surfaces = [body.mesh for body in header.bodies]
         coarse = single_precision.Steps(swept, rate, surfaces)
         watch = None

@@ -78,8 +78,7 @@ def find(scene: bpy.types.Scene) -> Simulations:
         for system in obj.particle_systems:
             sources.add(obj)
             starts.append(system.point_cache.frame_start)
-    dependants = _dependants(sources)
-    uids = frozenset(o.session_uid for o in dependants if isinstance(o, bpy.types.Object))
+    uids = frozenset(o.session_uid for o in dependants(sources) if isinstance(o, bpy.types.Object))
     return Simulations(uids, min(starts, default=scene.frame_start), tuple(sorted(fluids)))
 
 
@@ -103,7 +102,7 @@ def _simulates(tree: Any) -> bool:
     return False
 
 
-def _dependants(sources: set[Any]) -> set[Any]:
+def dependants(sources: set[Any]) -> set[Any]:
     """Return the sources and every ID that refers to one, directly or through others."""
     if not sources:
         return set()

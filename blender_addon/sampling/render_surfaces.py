@@ -1,0 +1,140 @@
+"""The surfaces of objects as the viewport and as renders evaluate them, and how far apart they are.
+
+bpy evaluates a scene for renders only while it renders and while it exports. An export changes neither the scene nor
+its history and runs no scripts at changes of the frame: each object is exported both ways, and the files are read.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import io
+import os
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, redirect_stdout, suppress
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from .._core import Array, DermisError, core
+
+_MILLIMETRE = 1e-3  # exported files have six decimals, which are nanometres then
+_MODES = {"viewport": "DAG_EVAL_VIEWPORT", "render": "DAG_EVAL_RENDER"}
+
+Surface = tuple[Array, NDArray[np.int64]]  # vertices [m], shape (V, 3), and triangles, shape (T, 3)
+
+
+def distances(
+    objects: list[bpy.types.Object], scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer
+) -> list[float | None]:
+    """Return how far the two surfaces of each object are apart at most [m]; None where Blender does not tell."""
+    if not objects:
+        return []
+    unit = float(scene.unit_settings.scale_length)
+    out: list[float | None] = []
+    with tempfile.TemporaryDirectory() as folder, _collections(objects) as names, _quiet():
+        for name in names:
+            files = []
+            for mode, evaluation in _MODES.items():
+                path = Path(folder, f"{mode}.obj")
+                with suppress(RuntimeError):  # no window to export from, for one
+                    _export(path, evaluation, name, scene, view_layer, unit / _MILLIMETRE)
+                    files.append(_read(path))
+            out.append(_apart(*files) if len(files) == len(_MODES) else None)
+    return out
+
+
+@contextmanager
+def _collections(objects: Iterable[bpy.types.Object]) -> Iterator[list[str]]:
+    """Give the names of collections of one object each, which are in no scene and are removed at the end."""
+    made = [bpy.data.collections.new("Dermis") for _ in objects]
+    try:
+        for collection, obj in zip(made, objects, strict=True):
+            collection.objects.link(obj)
+        yield [collection.name for collection in made]
+    finally:
+        for collection in made:
+            bpy.data.collections.remove(collection)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Let nothing be written to standard output: Blender reports there on every export."""
+    _flush()
+    try:
+        kept = os.dup(1)
+    except OSError:  # there is none
+        yield
+        return
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    try:
+        with redirect_stdout(io.StringIO()):
+            yield
+    finally:
+        _flush()
+        os.dup2(kept, 1)
+        os.close(kept)
+        os.close(nowhere)
+
+
+def _flush() -> None:
+    """Write out what Python and Blender keep in their buffers of standard output."""
+    with suppress(ValueError, AttributeError):  # it is closed, or there is none
+        sys.stdout.flush()
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL("ucrtbase" if sys.platform == "win32" else None).fflush(None)
+
+
+def _export(
+    path: Path, evaluation: str, collection: str, scene: bpy.types.Scene, view_layer: Any, scale: float
+) -> None:
+    window = bpy.context.window or next(iter(bpy.context.window_manager.windows), None)
+    with bpy.context.temp_override(window=window, scene=scene, view_layer=view_layer):
+        bpy.ops.wm.obj_export(
+            filepath=str(path),
+            check_existing=False,
+            export_animation=False,
+            collection=collection,
+            export_eval_mode=evaluation,
+            global_scale=scale,
+            forward_axis="Y",
+            up_axis="Z",
+            export_triangulated_mesh=True,
+            export_normals=False,
+            export_uv=False,
+            export_materials=False,
+        )
+
+
+def _read(path: Path) -> Surface:
+    """Return the vertices [m] and triangles of a file that was just exported."""
+    vertices: list[str] = []
+    faces: list[tuple[int, int, int]] = []
+    for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
+        if line.startswith("v "):
+            vertices.append(line[2:])
+        elif line.startswith("f "):
+            first, *rest = (int(corner.partition("/")[0]) - 1 for corner in line[2:].split())
+            faces += [(first, a, b) for a, b in zip(rest, rest[1:], strict=False)]
+    places = np.array(" ".join(vertices).split(), np.float64).reshape(-1, 3) * _MILLIMETRE
+    return places, np.array(faces, np.int64).reshape(-1, 3)
+
+
+def _apart(one: Surface, other: Surface) -> float | None:
+    """Return the largest distance from vertices and middles of triangles of each surface to the other [m]."""
+    if not len(one[1]) or not len(other[1]):
+        return None
+    try:
+        surfaces = [core.surface.gap.Surface.build(*surface) for surface in (one, other)]
+        found = []
+        for (places, triangles), surface in zip((one, other), reversed(surfaces), strict=True):
+            used = np.concatenate([places[np.unique(triangles)], places[triangles].mean(axis=1)])
+            found.append(np.abs(surface.query(used).gap).max())
+    except DermisError:  # all its faces are without area
+        return None
+    return float(max(found))

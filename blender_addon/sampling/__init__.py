@@ -7,6 +7,8 @@ frames            the range to bake, and the frames nearest to a steady rate
 scene_header      names, parameters and flaws, before the first sample
 height_maps       relief of screens; mesh_heights casts it from a mesh
 meshes            the vertices of an evaluated object
+instances         what instances show, read from the dependency graph; joined_pieces makes one surface of it,
+                  instance_samples records it, changes_seen says when it need not be read again
 recorder          poses, surfaces and animated parameters at one sample
 scene_sweep       all samples, in chunks: a `TactileScene`
 """

@@ -10,6 +10,7 @@ import numpy as np
 from .._core import Finding, core
 from ..properties.fields import value_of
 from . import meshes
+from .meshes import Geometry
 
 FELT = 50e-6
 """[m] between flat faces and the curved surface from which on it is told; 0.1 mm takes 5 % off a ball of 6 mm."""
@@ -28,23 +29,22 @@ def tolerance_of(obj: bpy.types.Object, matrix: Any) -> float | None:
     return float(core.surface.curved.TOLERANCE / _scale(matrix))
 
 
-def findings(evaluated: bpy.types.Object, unit: float, made: Any | None, where: str) -> tuple[Any, ...]:
+def findings(geometry: Geometry | None, matrix: Any, unit: float, made: Any | None, where: str) -> tuple[Any, ...]:
     """Return what is to be said of an object's surface: how it is curved, or that its facets will be felt.
 
     Args:
-        unit: metres in a scene unit. made: the `CurvedMesh` that its surface was read as; None where it is flat.
+        geometry: its surface, with normals. matrix: to the world, shape (4, 4). unit: metres in a scene unit.
+        made: the `CurvedMesh` that its surface was read as; None where it is flat.
     """
-    scale = _scale(evaluated.matrix_world)
+    scale = _scale(matrix)
     if made is not None:
         return tuple(made.findings(where, scale))
-    with meshes.evaluated_mesh(evaluated) as mesh:
-        if mesh is None or mesh.normals_domain == "FACE":
-            return ()
-        places, faces = meshes.to_metres(meshes.positions(mesh), unit, False), meshes.triangles(mesh)
-        if not 0 < len(faces) <= LOOKED_AT or not np.isfinite(places).all():
-            return ()
-        shown = meshes.normals(mesh)[meshes.triangles(mesh, "loops")]
-        flat = core.scene.tactile_scene.Mesh(places, faces)
+    if geometry is None or geometry.normals is None or not geometry.smooth:
+        return ()
+    places, faces = meshes.to_metres(geometry.positions, unit, False), geometry.topology.faces
+    if not 0 < len(faces) <= LOOKED_AT or not np.isfinite(places).all():
+        return ()
+    shown, flat = geometry.normals, core.scene.tactile_scene.Mesh(places, faces)
     offset = core.surface.curved.curved_mesh(flat, shown, tolerance=FELT / scale).offset * scale
     if offset <= FELT:
         return ()

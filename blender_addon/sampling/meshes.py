@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import bpy
 import numpy as np
@@ -61,86 +63,150 @@ def normals(mesh: bpy.types.Mesh) -> NDArray[np.float32]:
     return out
 
 
-@dataclass
-class _Last:
-    raw: NDArray[np.float32]
-    corners: NDArray[np.int32]
-    starts: int
-    unit: float
-    mesh: Any
+@dataclass(frozen=True, eq=False)
+class Topology:
+    """The triangles of a surface; the same object while they stay."""
+
     faces: NDArray[np.int32]
-    shading: Shading | None
+
+    @cached_property
+    def reflected(self) -> NDArray[np.int32]:
+        """The triangles in the other sense, for vertices that were reflected."""
+        return np.ascontiguousarray(self.faces[:, ::-1])
 
 
-@dataclass
-class Shading:
-    """What a curved surface is made of, and the surface.
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """A surface as Blender evaluated it, in scene units; the same object while nothing of it changes.
 
     Attributes:
-        tolerance: that it was made with [m]. loops: of the triangles' corners, shape (T, 3).
-        normals: of the loops, shape (loops, 3). curved: the surface.
+        positions: of the vertices, shape (V, 3).
+        topology: the triangles.
+        normals: that Blender shades the triangles' corners with, shape (T, 3, 3); None where nobody asked.
+        smooth: some of it shades smooth.
     """
 
-    tolerance: float
-    loops: NDArray[np.int32]
-    normals: NDArray[np.float32]
-    curved: Any
+    positions: NDArray[Any]
+    topology: Topology
+    normals: NDArray[np.float32] | None = None
+    smooth: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class _Last:
+    geometry: Geometry
+    corners: NDArray[np.int32]
+    polygons: int
+    loops: NDArray[np.int32] | None
 
 
 class MeshReader:
     """Reads surfaces and hands out the same `Mesh` while positions stay, the same triangles while topology stays."""
 
     def __init__(self) -> None:
-        self._last: dict[tuple[int, bool], _Last] = {}
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget every surface."""
+        self._last: dict[Hashable, _Last] = {}
+        self._made: WeakKeyDictionary[Geometry, dict[tuple[Any, ...], tuple[Any, Any]]] = WeakKeyDictionary()
+        self._curved: WeakKeyDictionary[Topology, dict[tuple[bool, float], Any]] = WeakKeyDictionary()
 
     def read(
         self, evaluated: bpy.types.Object, unit: float, mirrored: bool = False, tolerance: float | None = None
     ) -> Any:
-        """Return the evaluated surface of an object in its own space.
+        """Return the evaluated surface of an object in its own space, see `surface`."""
+        geometry = self.geometry_of(evaluated, tolerance is not None)
+        return self.surface(geometry, unit, mirrored, tolerance)
+
+    def geometry_of(self, evaluated: bpy.types.Object, shaded: bool) -> Geometry | None:
+        """Return what an object is evaluated to; None where its type has no surface.
 
         Args:
+            shaded: with the normals that it is shaded with.
+        """
+        with evaluated_mesh(evaluated) as mesh:
+            if mesh is None:
+                return None
+            return self.geometry(evaluated.original.session_uid, mesh, shaded)  # evaluated copies all have uid 0
+
+    def geometry(self, key: Hashable, mesh: bpy.types.Mesh, shaded: bool) -> Geometry:
+        """Return what an evaluated mesh holds: the same object as the last one of this key, where it is the same."""
+        raw, corners, polygons = positions(mesh), _corners(mesh), len(mesh.polygons)
+        last = self._last.get(key)
+        if last is not None and not (
+            last.polygons == polygons
+            and len(last.geometry.positions) == len(raw)
+            and np.array_equal(last.corners, corners)
+        ):
+            last = None
+        # The first triangulation holds while the faces do: Blender may split a bending quad along its other
+        # diagonal from one frame to the next, which would look like a change of topology.
+        topology = Topology(triangles(mesh)) if last is None else last.geometry.topology
+        loops = None if last is None else last.loops
+        known = None if last is None else last.geometry
+        shown = None
+        if shaded:
+            loops = triangles(mesh, "loops") if loops is None else loops
+            shown = normals(mesh)[loops]
+        if (
+            known is not None
+            and np.array_equal(known.positions, raw)
+            and (shown is None or (known.normals is not None and np.array_equal(known.normals, shown)))
+        ):
+            return known
+        made = Geometry(raw, topology, shown, mesh.normals_domain != "FACE")
+        self._last[key] = _Last(made, corners, polygons, loops)
+        return made
+
+    def surface(
+        self, geometry: Geometry | None, unit: float, mirrored: bool = False, tolerance: float | None = None
+    ) -> Any:
+        """Return a surface in its own space.
+
+        Args:
+            geometry: None where there is none.
             unit: metres in a scene unit.
             mirrored: reflect X, for objects of negative scale, whose matrices lose the reflection in turn.
             tolerance: how far it may be off the curved surface that its shading shows [m]; None for its flat faces.
         """
-        with evaluated_mesh(evaluated) as mesh:
-            if mesh is None:
-                return core.scene.tactile_scene.Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
-            raw = positions(mesh)
-            key = (evaluated.original.session_uid, mirrored)  # evaluated copies all have uid 0
-            last = self._last.get(key)
-            corners = _corners(mesh)
-            same = (
-                last is not None
-                and last.unit == unit
-                and last.starts == len(mesh.polygons)
-                and len(last.raw) == len(raw)
-                and np.array_equal(last.corners, corners)
-            )
-            known = last.shading if same else None  # type: ignore[union-attr]
-            shown = None if tolerance is None or not np.isfinite(raw).all() else normals(mesh)
-            if same and np.array_equal(last.raw, raw) and _alike(known, shown, tolerance):  # type: ignore[union-attr]
-                return last.mesh  # type: ignore[union-attr]
-            # The first triangulation holds while the faces do: Blender may split a bending quad along its other
-            # diagonal from one frame to the next, which would look like a change of topology.
-            faces = last.faces if same else _faces(mesh, mirrored)  # type: ignore[union-attr]
-            made = core.scene.tactile_scene.Mesh(to_metres(raw, unit, mirrored), faces)
-            shading = None
-            if shown is not None and tolerance is not None and len(faces):
-                loops = known.loops if known is not None else _faces(mesh, mirrored, "loops")
-                shading = _curved(made, loops, shown, mirrored, tolerance, known)
-                made = shading.curved.mesh
-            self._last[key] = _Last(raw, corners, len(mesh.polygons), unit, made, faces, shading)
-            return made
+        return self._surface(geometry, unit, mirrored, tolerance)[0]
 
-    def curved(self, evaluated: bpy.types.Object, mirrored: bool = False) -> Any | None:
-        """Return the `CurvedMesh` that an object was read as last; None where it was read flat."""
-        last = self._last.get((evaluated.original.session_uid, mirrored))
-        return None if last is None or last.shading is None else last.shading.curved
+    def curved(
+        self, geometry: Geometry | None, unit: float, mirrored: bool = False, tolerance: float | None = None
+    ) -> Any | None:
+        """Return the `CurvedMesh` that the `surface` of the same arguments is of; None where it is flat."""
+        return self._surface(geometry, unit, mirrored, tolerance)[1]
 
-    def clear(self) -> None:
-        """Forget every surface."""
-        self._last.clear()
+    def _surface(
+        self, geometry: Geometry | None, unit: float, mirrored: bool, tolerance: float | None
+    ) -> tuple[Any, Any]:
+        if geometry is None:
+            return core.scene.tactile_scene.Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32)), None
+        made = self._made.setdefault(geometry, {})
+        key = (unit, mirrored, tolerance)
+        if key not in made:
+            made[key] = self._surface_anew(geometry, unit, mirrored, tolerance)
+        return made[key]
+
+    def _surface_anew(
+        self, geometry: Geometry, unit: float, mirrored: bool, tolerance: float | None
+    ) -> tuple[Any, Any]:
+        topology = geometry.topology
+        faces = topology.reflected if mirrored else topology.faces
+        flat = core.scene.tactile_scene.Mesh(to_metres(geometry.positions, unit, mirrored), faces)
+        if tolerance is None or geometry.normals is None or not len(faces) or not np.isfinite(flat.vertices).all():
+            return flat, None
+        each = to_metres(geometry.normals.reshape(-1, 3), 1.0, mirrored).reshape(-1, 3, 3)
+        each = each[:, ::-1] if mirrored else each
+        known = self._curved.setdefault(topology, {})
+        last = known.get((mirrored, tolerance))
+        if last is not None:
+            made = last.moved(flat.vertices, each)
+        else:
+            made = core.surface.curved.curved_mesh(flat, each, tolerance=tolerance)
+        known[mirrored, tolerance] = made
+        return made.mesh, made
 
 
 def to_metres(raw: NDArray[Any], unit: float, mirrored: bool) -> NDArray[np.float64]:
@@ -183,32 +249,3 @@ def _corners(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
     else:
         mesh.loops.foreach_get("vertex_index", out)
     return out
-
-
-def _alike(known: Shading | None, shown: NDArray[np.float32] | None, tolerance: float | None) -> bool:
-    """Return whether a kept surface is what the same vertices would be made to again."""
-    if known is None or shown is None:
-        return known is None and shown is None
-    return known.tolerance == tolerance and np.array_equal(known.normals, shown)
-
-
-def _curved(
-    flat: Any,
-    loops: NDArray[np.int32],
-    shown: NDArray[np.float32],
-    mirrored: bool,
-    tolerance: float,
-    known: Shading | None,
-) -> Shading:
-    """Curve a surface by its shading, with the triangles that it had where that was the same way."""
-    each = to_metres(shown, 1.0, mirrored)[loops]
-    if known is not None and known.tolerance == tolerance:
-        made = known.curved.moved(flat.vertices, each)
-    else:
-        made = core.surface.curved.curved_mesh(flat, each, tolerance=tolerance)
-    return Shading(tolerance, loops, shown, made)
-
-
-def _faces(mesh: bpy.types.Mesh, mirrored: bool, of: str = "vertices") -> NDArray[np.int32]:
-    faces = triangles(mesh, of)
-    return np.ascontiguousarray(faces[:, ::-1]) if mirrored else faces

@@ -5,7 +5,6 @@ They are listed at one frame, for the whole sweep; their order is the order in t
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -14,8 +13,6 @@ import bpy
 from .. import compat
 from .._core import Finding, core
 from ..properties import object_properties
-
-_UNUSED = 2**31 - 1  # what Blender fills unused levels of a persistent id with
 
 
 class InstanceKey(NamedTuple):
@@ -31,8 +28,9 @@ class Entry:
     """One finger, body or screen.
 
     Attributes:
-        uid: session uid of the object; of an instance, that of the object it shows.
-        instance: set for instances.
+        uid: session uid of the object; of an instance, that of the object whose material it has.
+        instance: set for instances that are bodies of their own.
+        shows_instances: they are its own surface, or may hide that.
         mirrored: its matrix reflects; the reflection moves from matrix to mesh.
         deforming: its surface depends on time.
         simulated: it hangs on a simulation and is swept at whole frames.
@@ -43,6 +41,7 @@ class Entry:
     name: str
     uid: int
     instance: InstanceKey | None = None
+    shows_instances: bool = False
     mirrored: bool = False
     deforming: bool = False
     simulated: bool = False
@@ -50,6 +49,11 @@ class Entry:
     curved: float | None = None
     offset: tuple[float, ...] = (0.0, 0.0, 0.0)  # of a screen's middle from its origin [scene units, in its space]
     animated: tuple[tuple[str, str, float], ...] = ()  # (name, path below `dermis`, factor to SI)
+
+    @property
+    def shown_as(self) -> Any:
+        """The key of what instances show of it, see `instances.Shown`; None where its surface is its mesh."""
+        return self.instance or (self.uid if self.shows_instances else None)
 
 
 @dataclass
@@ -111,27 +115,13 @@ def taking_part(
     return found
 
 
-def has_instancers(scene: bpy.types.Scene) -> bool:
-    """Return whether anything in the scene can make instances."""
-    return any(
-        o.is_instancer or len(o.particle_systems) or any(m.type == "NODES" for m in o.modifiers) for o in scene.objects
+def instancers(scene: bpy.types.Scene) -> frozenset[int]:
+    """Return the session uids of what can make instances in a scene."""
+    return frozenset(
+        o.session_uid
+        for o in scene.objects
+        if o.is_instancer or len(o.particle_systems) or any(m.type == "NODES" for m in o.modifiers)
     )
-
-
-def instances(depsgraph: bpy.types.Depsgraph) -> Iterator[tuple[InstanceKey, str, Any]]:
-    """Yield key, name and `DepsgraphObjectInstance` of every instance of something touchable.
-
-    An instance is touchable where the object it shows is, or the object that makes it.
-    """
-    for item in depsgraph.object_instances:
-        if not item.is_instance:
-            continue
-        shown, maker = item.object.original, item.parent.original
-        if role_of(shown) != "TOUCHABLE" and role_of(maker) != "TOUCHABLE":
-            continue
-        ids = tuple(i for i in item.persistent_id if i != _UNUSED)
-        key = InstanceKey(maker.session_uid, shown.session_uid, ids)
-        yield key, instance_name(shown, maker, key), item
 
 
 def fingers_in_instances(depsgraph: bpy.types.Depsgraph) -> list[str]:
@@ -148,6 +138,25 @@ def fingers_in_instances(depsgraph: bpy.types.Depsgraph) -> list[str]:
 def instance_name(shown: bpy.types.Object, maker: bpy.types.Object, key: InstanceKey) -> str:
     """Return 'Cube @ Scatter 0.3': what is shown, what makes it, and its persistent id."""
     return f"{shown.name_full} @ {maker.name_full} {'.'.join(map(str, key.ids))}"
+
+
+def hidden_instances(obj: bpy.types.Object, view_layer: bpy.types.ViewLayer) -> list[Any]:
+    """Report an object whose instances Blender does not show because it is hidden with the eye; its mesh is felt."""
+    makes = obj.is_instancer or len(obj.particle_systems) > 0
+    if not makes and any(m.type == "NODES" and m.show_viewport for m in obj.modifiers):
+        geometry = obj.evaluated_get(view_layer.depsgraph).evaluated_geometry()
+        makes = geometry.instances_pointcloud() is not None
+    if not makes or not obj.hide_get(view_layer=view_layer):
+        return []
+    return [
+        Finding(
+            "warning",
+            "instances-hidden",
+            "it is hidden, and Blender shows no instances of what is hidden: they are not felt",
+            where=f"object '{obj.name_full}'",
+            remedy="Show it with the eye in the Outliner, or realize its instances",
+        )
+    ]
 
 
 def comes_and_goes(obj: bpy.types.Object) -> bool:

@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import bpy
-import numpy as np
 
 from .. import scene_time
 from . import participants, script_changes
-from .participants import InstanceKey
+from .instances import InstanceReader, Instances, Survey
 
 
 def depsgraph_of(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> bpy.types.Depsgraph:
@@ -57,24 +56,20 @@ def time_dependent(scene: bpy.types.Scene, first: int) -> TimeDependent:
 
 
 def instances(
-    scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, span: tuple[int, int], simulations: Any
-) -> dict[InstanceKey, Any]:
-    """Look at whole frames for instances of touchable objects: the header must name those that appear later.
-
-    Returns per instance None where it is always there, else its matrix [scene units] where it first was.
-    """
-    if not participants.has_instancers(scene):
-        return {}
-    seen: dict[InstanceKey, list[Any]] = {}
+    scene: bpy.types.Scene,
+    view_layer: bpy.types.ViewLayer,
+    span: tuple[int, int],
+    simulations: Any,
+    reader: InstanceReader,
+) -> Instances:
+    """Look at whole frames for instances of touchable objects: the header must name those that appear later."""
+    survey = Survey(reader)
+    if not participants.instancers(scene):
+        return survey.found()
     looked_at = set(map(float, range(span[0], span[1] + 1)))
     steps = scene_time.simulated_frames(scene, simulations.start, span).tolist() if simulations.uids else []
     for frame in sorted(looked_at.union(steps)):
         scene_time.go_to(scene, frame)
-        if frame not in looked_at:
-            continue  # particles must live from their start to be where they are later
-        for key, _, item in participants.instances(depsgraph_of(scene, view_layer)):
-            if key not in seen:
-                seen[key] = [0, np.array(item.matrix_world, np.float64)]
-            seen[key][0] += 1
-    total = span[1] - span[0] + 1
-    return {key: None if times == total else matrix for key, (times, matrix) in sorted(seen.items())}
+        if frame in looked_at:  # particles must live from their start to be where they are later
+            survey.look(depsgraph_of(scene, view_layer))
+    return survey.found()

@@ -6,7 +6,7 @@ frame_set of a light scene costs 30 microseconds, so every microsecond spent her
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 import bpy
@@ -14,8 +14,9 @@ import numpy as np
 
 from .._core import Array, DermisError, Finding, core
 from . import participants
+from .instance_samples import InstanceSamples
 from .meshes import MeshReader
-from .participants import Entry, InstanceKey, Participants
+from .participants import Entry, Participants
 
 SMALLEST_SCALE = 1e-6
 """What a scale of zero becomes: a matrix that cannot be inverted has no inside."""
@@ -25,14 +26,14 @@ class Recorder:
     """Records all who take part over at most `count` samples at a time."""
 
     def __init__(
-        self,
-        swept: Participants,
-        reader: MeshReader,
-        count: int,
-        presence: Mapping[InstanceKey, Any],
-        simulated: Any = None,
+        self, swept: Participants, reader: MeshReader, count: int, instances: InstanceSamples, simulated: Any = None
     ) -> None:
-        """Prepare buffers; `simulated` is the recording that stands in for what simulations move."""
+        """Prepare buffers.
+
+        Args:
+            instances: records what instances show, of the same bodies and samples.
+            simulated: the recording that stands in for what simulations move.
+        """
         self._participants, self._reader, self._simulated = swept, reader, simulated
         self._entries = swept.entries
         total = len(bpy.data.objects)
@@ -41,18 +42,19 @@ class Recorder:
         self._raw = np.empty((count, total * 16), np.float32)
         place = {int(uid): i for i, uid in enumerate(self._uids)}
         self._place = np.array([place[e.uid] for e in self._entries], np.int64)
-        self._instances = {e.instance: i for i, e in enumerate(self._entries) if e.instance is not None}
-        self._instance_raw = np.full((len(self._entries), count, 4, 4), np.nan)
-        self._last_known = {i: presence.get(key) for key, i in self._instances.items()}
         self._blinking = [
             (i, int(self._place[i])) for i, e in enumerate(self._entries) if e.blinking and e.instance is None
         ]
         self._present = np.ones((len(self._entries), count), bool)
         first_body = len(swept.fingers)
+        self._instances = instances
+        self._shown = np.array(instances.bodies, np.int64) + first_body  # their places among the entries
+        self._mirrored = np.array([e.mirrored for e in self._entries], bool)
+        self._offset = [(i, np.array(e.offset)) for i, e in enumerate(self._entries) if any(e.offset)]
         self._surfaced = [
             (first_body + i, i, e)
             for i, e in enumerate(swept.bodies)
-            if (e.deforming or e.blinking) and (simulated is None or not simulated.has_surface(e.name))
+            if (e.deforming or e.blinking) and e.shown_as is None and not _recorded(simulated, e)
         ]
         self._surfaces: list[list[Any]] = [[None] * count for _ in self._surfaced]
         self._absent = core.scene.tactile_scene.ABSENT
@@ -74,8 +76,8 @@ class Recorder:
             objects.foreach_get("matrix_world", self._raw[k])
         for i, place in self._blinking:
             self._present[i, k] = not participants.is_disabled(objects[place], depsgraph.view_layer)
-        if self._instances:
-            self._record_instances(k, depsgraph)
+        if self._shown.size:
+            self._instances.record(k, depsgraph)
         if self._surfaced:
             self._record_surfaces(k, depsgraph)
         for key, place, path, factor in self._animated:
@@ -94,6 +96,7 @@ class Recorder:
         bpy.data.objects.foreach_get("session_uid", self._now)
         if not np.array_equal(self._now, self._uids):
             self._changed()
+        self._take_instances(n)
         poses = self._poses(n)
         self._check_finite(poses, frames)
         self._mend_scales(poses, frames, findings)
@@ -103,6 +106,8 @@ class Recorder:
                     poses[i] = self._simulated.poses_at(entry.name, times)
         f, b = len(self._participants.fingers), len(self._participants.bodies)
         surfaces = {body: tuple(self._surfaces[s][:n]) for s, (_, body, _) in enumerate(self._surfaced)}
+        if self._shown.size:
+            surfaces |= self._instances.surfaces(n)
         if self._simulated is not None:
             for body, entry in enumerate(self._participants.bodies):
                 if self._simulated.has_surface(entry.name):
@@ -127,6 +132,7 @@ class Recorder:
         for s, (_, _, entry) in enumerate(self._surfaced):
             if entry.deforming:
                 yield entry, self._surfaces[s][k]
+        yield from self._instances.surfaces_now()
 
     def _animated_table(self) -> list[tuple[str, int, str, float]]:
         table = []
@@ -159,14 +165,11 @@ class Recorder:
         for place in self._place.tolist():
             row[place] = np.array(bpy.data.objects[place].evaluated_get(depsgraph).matrix_world).T
 
-    def _record_instances(self, k: int, depsgraph: bpy.types.Depsgraph) -> None:
-        indices = list(self._instances.values())
-        self._present[indices, k] = False
-        for key, _, item in participants.instances(depsgraph):
-            i = self._instances.get(key)
-            if i is not None:
-                self._present[i, k] = True
-                self._instance_raw[i, k] = item.matrix_world
+    def _take_instances(self, n: int) -> None:
+        """Take over when what instances show is there, and when it has faces."""
+        made = self._instances
+        self._present[self._shown, :n] = made.here[:, :n]
+        self._bare[self._shown, :n] = made.bare[:, :n] & self._present[self._shown, :n]
 
     def _record_surfaces(self, k: int, depsgraph: bpy.types.Depsgraph) -> None:
         for s, (i, _, entry) in enumerate(self._surfaced):
@@ -183,30 +186,13 @@ class Recorder:
         """Return matrices of all entries in metres, reflections taken out, shape (entries, n, 4, 4)."""
         rows = self._raw[:n].reshape(n, -1, 4, 4)[:, self._place]
         poses = rows.transpose(1, 0, 3, 2).astype(np.float64)  # Blender's are column-major
-        for i in self._instances.values():
-            poses[i] = self._hold(i, n)
-        for i, entry in enumerate(self._entries):
-            if any(entry.offset):
-                poses[i, :, :3, 3] += poses[i, :, :3, :3] @ np.array(entry.offset)
-            if entry.mirrored:
-                poses[i, :, :3, 0] *= -1.0
+        placed = self._instances.placed
+        poses[self._shown[placed]] = self._instances.places[placed, :n]
+        for i, offset in self._offset:
+            poses[i, :, :3, 3] += poses[i, :, :3, :3] @ offset
+        poses[self._mirrored, :, :3, 0] *= -1.0
         poses[:, :, :3, 3] *= self._participants.unit
         return poses
-
-    def _hold(self, i: int, n: int) -> Array:
-        """Return an instance's matrices, held where it is absent, so that no velocity comes of it."""
-        out = self._instance_raw[i, :n].copy()
-        here = self._present[i, :n]
-        last = self._last_known[i]
-        if last is None or (here.any() and not np.isfinite(last).all()):
-            last = out[np.argmax(here)].copy() if here.any() else np.eye(4)
-        for k in range(n):
-            if here[k]:
-                last = out[k]
-            else:
-                out[k] = last
-        self._last_known[i] = np.array(last)
-        return out
 
     def _check_finite(self, poses: Array, frames: Array) -> None:
         if np.isfinite(poses).all():
@@ -258,7 +244,12 @@ class Recorder:
     def _report_presence(self, frames: Array, findings: list[Any], simulating: bool) -> None:
         if simulating:
             return
-        for i, entry in enumerate(self._entries):
+        if self._shown.size:
+            for finding in self._instances.findings(frames, self._present[self._shown, : len(frames)]):
+                _note(findings, finding)
+        some = ~self._present[:, : len(frames)].all(axis=1) | self._bare[:, : len(frames)].any(axis=1)
+        for i in np.flatnonzero(some).tolist():
+            entry = self._entries[i]
             gone = ~self._present[i, : len(frames)]
             if gone.any():
                 _note(
@@ -285,6 +276,10 @@ class Recorder:
                         count=int(bare.sum()),
                     ),
                 )
+
+
+def _recorded(simulated: Any, entry: Entry) -> bool:
+    return simulated is not None and simulated.has_surface(entry.name)
 
 
 def depsgraph_is_active(depsgraph: bpy.types.Depsgraph, objects: list[bpy.types.Object]) -> bool:

@@ -14,6 +14,7 @@ from ..devices import platform_devices, thimble_devices
 from ..properties import object_properties, scene_properties, skin_properties
 from ..quantities import metres_per_unit
 from . import curved_surfaces, height_maps, participants
+from .instances import InstanceReader, Instances, Present
 from .meshes import MeshReader, zero_area_finding
 from .participants import Entry, InstanceKey, Participants
 from .simulated_motion import Simulations
@@ -105,7 +106,8 @@ def list_participants(
     view_layer: bpy.types.ViewLayer,
     simulations: Simulations,
     deforming: frozenset[int] | None,
-    presence: Mapping[InstanceKey, Any],
+    instances: Instances,
+    reader: InstanceReader,
     *,
     scripted: bool = False,
 ) -> Participants:
@@ -114,7 +116,7 @@ def list_participants(
     Args:
         scripted: scripts run at changes of the frame: what can be touched and is disabled now may be enabled later.
         deforming: session uids of objects whose surface depends on time; None if every surface may.
-        presence: the instances of the range, see `prepass.instances`.
+        instances: of the range. reader: of those of the current frame.
     """
     out = Participants(scene.name_full, view_layer.name, metres_per_unit(scene))
     fingers, bodies, screens = [], [], []
@@ -145,9 +147,12 @@ def list_participants(
                 )
             )
         else:
-            own = deforming is None or obj.session_uid in deforming
-            bodies.append(replace(entry, deforming=own, curved=curved_surfaces.tolerance_of(obj, matrix)))
-    if presence or participants.has_instancers(scene):
+            uid = obj.session_uid
+            own = deforming is None or uid in deforming or instances.objects.get(uid, False)
+            shows, curved = uid in instances.objects, curved_surfaces.tolerance_of(obj, matrix)
+            bodies.append(replace(entry, deforming=own, shows_instances=shows, curved=curved))
+            out.findings += participants.hidden_instances(obj, view_layer)
+    if instances.bodies or participants.instancers(scene):
         out.findings += [
             Finding(
                 "warning",
@@ -158,15 +163,24 @@ def list_participants(
             )
             for name in participants.fingers_in_instances(depsgraph)
         ]
-    bodies += _instance_entries(depsgraph, simulations, deforming, presence)
+    if instances.bodies:
+        bodies += _instance_entries(reader.read(depsgraph).places, simulations, deforming, instances.bodies)
     out.fingers, out.bodies, out.screens = tuple(fingers), tuple(bodies), tuple(screens)
     return out
 
 
-def header(depsgraph: bpy.types.Depsgraph, swept: Participants, reader: MeshReader, *, live: bool = False) -> Header:
+def header(
+    depsgraph: bpy.types.Depsgraph,
+    swept: Participants,
+    reader: MeshReader,
+    instances: InstanceReader,
+    *,
+    live: bool = False,
+) -> Header:
     """Read parameters, surfaces and reliefs at the current frame; leave out, with a finding, what cannot be used.
 
     Args:
+        reader: of surfaces. instances: reads those that instances show.
         live: for the preview: surfaces come with the chunks, reliefs are kept, animated parameters have their defaults.
     """
     findings = swept.findings
@@ -192,33 +206,45 @@ def header(depsgraph: bpy.types.Depsgraph, swept: Participants, reader: MeshRead
     if live:
         fingers = [_live_finger(f, objects[e.uid], e) for f, e in zip(fingers, swept.fingers, strict=True)]
     bodies, body_entries = [], []
+    shown = instances.read(depsgraph) if any(e.shown_as is not None for e in swept.bodies) else None
+    makers = {e.instance.instancer for e in swept.bodies if e.instance is not None}
+    unusable: set[tuple[int, int]] = set()
+    shared: dict[int, dict[str, Any]] = {}
     for entry in swept.bodies:
         obj = objects[entry.uid]
-        evaluated = obj.evaluated_get(depsgraph)
-        mesh = reader.read(evaluated, swept.unit, entry.mirrored, entry.curved)
+        if shown is not None and entry.shown_as is not None:
+            geometry = shown.surfaces.get(entry.shown_as)
+        else:
+            geometry = reader.geometry_of(obj.evaluated_get(depsgraph), entry.curved is not None or not live)
+        mesh = reader.surface(geometry, swept.unit, entry.mirrored, entry.curved)
         if live or not (entry.deforming or entry.blinking):  # these may get their faces later: the chunks tell
             try:
                 core.scene.tactile_scene.check_mesh(mesh, f"object '{entry.name}'")
             except DermisError as error:
-                findings.append(_left_out(error, "mesh-unusable"))
+                if entry.instance is None and entry.uid in makers:
+                    continue  # what it shows are bodies of their own
+                kind = (entry.uid, entry.uid) if entry.instance is None else entry.instance[:2]
+                if kind not in unusable:
+                    findings.append(_left_out(error, "mesh-unusable"))
+                unusable.add(kind)
                 continue
-        if entry.instance is None and not live and (flaw := zero_area_finding(mesh, entry.name)):
-            findings.append(flaw)
         if entry.instance is None and not live:
-            made = reader.curved(evaluated, entry.mirrored)
-            findings += curved_surfaces.findings(evaluated, swept.unit, made, f"object '{entry.name}'")
-        parameters = object_properties.parameters(obj.dermis.material)
-        if live:
-            parameters = _defaults(parameters, obj, entry)
+            if flaw := zero_area_finding(mesh, entry.name):
+                findings.append(flaw)
+            made = reader.curved(geometry, swept.unit, entry.mirrored, entry.curved)
+            matrix, where = obj.evaluated_get(depsgraph).matrix_world, f"object '{entry.name}'"
+            findings += curved_surfaces.findings(geometry, matrix, swept.unit, made, where)
+        parameters = shared.get(entry.uid)
+        if parameters is None:
+            parameters = object_properties.parameters(obj.dermis.material)
+            parameters = shared[entry.uid] = _defaults(parameters, obj, entry) if live else parameters
         own = entry.deforming or entry.blinking
         bodies.append(
             core.scene.tactile_scene.Body(entry.name, None if own else mesh, parameters, simulated=entry.simulated)
         )
         body_entries.append(entry)
-    bodies = [
-        _with_content(b, e, objects, {x.name for x in bodies}, findings)
-        for b, e in zip(bodies, body_entries, strict=True)
-    ]
+    names = {x.name for x in bodies}
+    bodies = [_with_content(b, e, objects, names, findings) for b, e in zip(bodies, body_entries, strict=True)]
     kept = replace(swept, bodies=tuple(body_entries), screens=tuple(screen_entries))
     return Header(kept, tuple(fingers), tuple(bodies), tuple(screens))
 
@@ -293,30 +319,33 @@ def _with_content(body: Any, entry: Entry, objects: Mapping[int, Any], names: se
 
 
 def _instance_entries(
-    depsgraph: bpy.types.Depsgraph,
+    now: Mapping[InstanceKey, Any],
     simulations: Simulations,
     deforming: frozenset[int] | None,
-    presence: Mapping[InstanceKey, Any],
+    instances: Mapping[InstanceKey, Present],
 ) -> list[Entry]:
-    if not presence:
-        return []
-    now = {key: np.array(i.matrix_world, np.float64) for key, _, i in participants.instances(depsgraph)}
-    objects = participants.look_up({u for key in presence for u in (key.instancer, key.object)})
+    """List the instances that are bodies; `now` has the places of those that are there at the current frame."""
+    objects = participants.look_up({u for key in instances for u in (key.instancer, key.object)})
+    animated = {p.material: participants.animated_parameters(objects[p.material]) for p in instances.values()}
+    tolerances = {p.material: curved_surfaces.tolerance_of(objects[p.material], np.eye(4)) for p in instances.values()}
     out = []
-    for key, first_seen in presence.items():
+    for key, present in instances.items():
         shown, maker = objects[key.object], objects[key.instancer]
-        matrix = now.get(key, first_seen)
+        matrix = now.get(key, present.first)
+        curved = tolerances[present.material]
+        if curved is not None and matrix is not None:
+            curved = curved_surfaces.tolerance_of(objects[present.material], matrix)
         out.append(
             Entry(
                 participants.instance_name(shown, maker, key),
-                key.object,
+                present.material,
                 key,
                 mirrored=matrix is not None and bool(np.linalg.det(matrix[:3, :3]) < 0),
-                deforming=deforming is None or key.object in deforming,
+                deforming=deforming is None or present.changing or key.object in deforming,
                 simulated=key.object in simulations.uids or key.instancer in simulations.uids,
-                blinking=first_seen is not None,
-                curved=curved_surfaces.tolerance_of(shown, np.eye(4) if matrix is None else matrix),
-                animated=participants.animated_parameters(shown),
+                blinking=present.first is not None,
+                curved=curved,
+                animated=animated[present.material],
             )
         )
     return sorted(out, key=lambda e: e.name)

@@ -7,7 +7,7 @@ taken at the nearest frame that single precision knows, and that very frame and 
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -28,7 +28,10 @@ from . import (
     simulated_motion,
     single_precision,
 )
+from .changes_seen import ChangesSeen
 from .frames import frame_range, sweep_frames
+from .instance_samples import InstanceSamples
+from .instances import InstanceReader, Instances, Present, only_now
 from .meshes import MeshReader
 from .participants import Entry, InstanceKey, Participants
 from .recorder import Recorder
@@ -38,6 +41,7 @@ CHUNK = 64
 
 
 _live_reader = MeshReader()
+_live_shown = InstanceReader(_live_reader)
 
 
 @contextmanager
@@ -126,17 +130,26 @@ def sample(
             limit="an end frame after the start frame",
             remedy="Set the range in the Output properties, or in the Dermis tab",
         )
-    reader = MeshReader()
+    reader, seen = MeshReader(), ChangesSeen(participants.instancers(scene))
+    shown = InstanceReader(reader, seen)
     simulations = simulated_motion.find(scene)
     with undisturbed(scene):
         timely = prepass.time_dependent(scene, span[0])
-        presence = prepass.instances(scene, view_layer, span, simulations)
-        scene.frame_set(span[0])
-        depsgraph = prepass.depsgraph_of(scene, view_layer)
-        swept = scene_header.list_participants(
-            scene, depsgraph, view_layer, simulations, timely.deforming, presence, scripted=script_changes.run_here()
-        )
-        header = scene_header.header(depsgraph, swept, reader)
+        with seen.watching():
+            instances = prepass.instances(scene, view_layer, span, simulations, shown)
+            scene.frame_set(span[0])
+            depsgraph = prepass.depsgraph_of(scene, view_layer)
+            swept = scene_header.list_participants(
+                scene,
+                depsgraph,
+                view_layer,
+                simulations,
+                timely.deforming,
+                instances,
+                shown,
+                scripted=script_changes.run_here(),
+            )
+            header = scene_header.header(depsgraph, swept, reader, shown)
         swept = header.participants
         gravity = scene_header.gravity(scene, findings)
         may_deform = None if script_changes.run_here() else timely.deforming
@@ -168,7 +181,8 @@ def sample(
     noticed: list[Any] = []
     simulated = any(e.simulated for e in swept.entries)
     whole = scene_time.simulated_frames(scene, simulations.start, span) if simulated else np.zeros(0)
-    steps = _steps(swept, reader, frames, times, clock, whole, presence, chunk_size, noticed, watch, reliefs, coarse)
+    readers = _Readers(reader, shown, seen, instances.bodies, {b.name: b.mesh for b in header.bodies})
+    steps = _steps(swept, readers, frames, times, clock, whole, chunk_size, noticed, watch, reliefs, coarse)
     return replace(made, chunks=Sweep(steps, len(frames) + len(whole), noticed))
 
 
@@ -196,11 +210,13 @@ def sample_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> core.s
         len(bpy.data.objects),
         metres_per_unit(scene),
     )
-    if _live is None or _live.key != key:
-        _live = _read_live(scene, depsgraph, span, key)
-    live = _live
-    recorder = Recorder(live.header.participants, _live_reader, 1, live.presence)
-    recorder.record(0, depsgraph)
+    with _live_shown.at_once():
+        if _live is None or _live.key != key:
+            _live = _read_live(scene, depsgraph, span, key)
+        live = _live
+        readers = _Readers(_live_reader, _live_shown, ChangesSeen(), {}, {})
+        recorder = readers.recorder(live.header.participants, 1)
+        recorder.record(0, depsgraph)
     frames = np.array([scene_time.shown(scene)])
     chunk = recorder.chunk(frames, clock.seconds(frames), 1, [])
     if not live.lasting:
@@ -224,7 +240,6 @@ class _Live(NamedTuple):
 
     key: tuple[Any, ...]
     header: Any
-    presence: dict[InstanceKey, Any]
     findings: tuple[Any, ...]
     lasting: bool  # it holds for other frames too
 
@@ -239,24 +254,44 @@ def _read_live(
     """Find out who takes part: once a change, and once a frame only where instances or visibility vary."""
     view_layer = scene.view_layers[depsgraph.view_layer.name]
     findings = scene_header.scene_findings(scene)
-    has = participants.has_instancers(scene)
-    presence = {k: None for k, _, _ in participants.instances(depsgraph)} if has else {}
+    has = participants.instancers(scene)
+    instances = only_now(_live_shown, depsgraph) if has else Instances({}, {})
     none = simulated_motion.Simulations(frozenset(), span[0], ())
-    swept = scene_header.list_participants(scene, depsgraph, view_layer, none, None, presence)
-    header = scene_header.header(depsgraph, swept, _live_reader, live=True)
+    swept = scene_header.list_participants(scene, depsgraph, view_layer, none, None, instances, _live_shown)
+    header = scene_header.header(depsgraph, swept, _live_reader, _live_shown, live=True)
     scene_header.gravity(scene, findings)
     varies = any(e.blinking or e.mirrored for e in header.participants.entries)
     varies |= any(f.code == "mesh-unusable" for f in header.participants.findings)  # it may get its faces later
     lasting = not has and not varies and not script_changes.run_here()
-    return _Live(key, header, presence, tuple(findings), lasting)
+    return _Live(key, header, tuple(findings), lasting)
 
 
 def forget() -> None:
     """Drop the surfaces and reliefs kept for the live preview."""
-    global _live
+    global _live, _live_shown
     _live = None
     _live_reader.clear()
+    _live_shown = InstanceReader(_live_reader)
     height_maps.forget()
+
+
+class _Readers(NamedTuple):
+    """What a sweep reads surfaces and instances with, and what is known of them.
+
+    Attributes:
+        instances: the bodies that are instances. surfaces: of the header, by name.
+    """
+
+    meshes: MeshReader
+    shown: InstanceReader
+    seen: ChangesSeen
+    instances: Mapping[InstanceKey, Present]
+    surfaces: Mapping[str, Any]
+
+    def recorder(self, swept: Participants, count: int, simulated: Any = None) -> Recorder:
+        """Return a recorder of at most `count` samples at a time."""
+        made = InstanceSamples(swept.bodies, self.meshes, self.shown, swept.unit, count, self.instances, self.surfaces)
+        return Recorder(swept, self.meshes, count, made, simulated)
 
 
 def _scene_named(name: str) -> bpy.types.Scene | None:
@@ -265,12 +300,11 @@ def _scene_named(name: str) -> bpy.types.Scene | None:
 
 def _steps(
     swept: Participants,
-    reader: MeshReader,
+    readers: _Readers,
     frames: Array,
     times: Array,
     clock: scene_time.Clock,
     whole: Array,
-    presence: dict[InstanceKey, Any],
     chunk_size: int,
     findings: list[Any],
     watch: script_changes.Watch | None,
@@ -281,11 +315,11 @@ def _steps(
     scene = _scene_named(swept.scene)
     if scene is None:
         raise DermisError("the scene was removed", where=f"scene '{swept.scene}'")
-    with undisturbed(scene), watch or nullcontext():
+    with undisturbed(scene), readers.seen.watching(), watch or nullcontext():
         simulated = None
         if len(whole):
-            simulated = yield from _simulate(swept, reader, whole, clock, presence, findings)
-        recorder = Recorder(swept, reader, chunk_size, presence, simulated)
+            simulated = yield from _simulate(swept, readers, whole, clock, findings)
+        recorder = readers.recorder(swept, chunk_size, simulated)
         for start in range(0, len(frames), chunk_size):
             part = slice(start, min(start + chunk_size, len(frames)))
             for k, frame in enumerate(frames[part].tolist()):
@@ -315,12 +349,7 @@ def _go_to(swept: Participants, frame: float) -> bpy.types.Depsgraph:
 
 
 def _simulate(
-    swept: Participants,
-    reader: MeshReader,
-    whole: Array,
-    clock: scene_time.Clock,
-    presence: dict[InstanceKey, Any],
-    findings: list[Any],
+    swept: Participants, readers: _Readers, whole: Array, clock: scene_time.Clock, findings: list[Any]
 ) -> Generator[None, None, simulated_motion.Recording]:
     """Run the simulations through, step by step from their start, and keep what they move."""
 
@@ -328,7 +357,7 @@ def _simulate(
         return tuple(replace(e, animated=()) for e in entries if e.simulated)
 
     part = replace(swept, fingers=pick(swept.fingers), bodies=pick(swept.bodies), screens=pick(swept.screens))
-    recorder = Recorder(part, reader, len(whole), presence)
+    recorder = readers.recorder(part, len(whole))
     recording = simulated_motion.Recording(clock.seconds(whole))
     for k, frame in enumerate(whole.tolist()):
         recorder.record(k, _go_to(swept, frame))

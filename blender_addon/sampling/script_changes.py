@@ -87,7 +87,7 @@ class Watch:
         self._unit, self._names = swept.unit, [e.name for e in swept.bodies]
         place = {o.session_uid: i for i, o in enumerate(bpy.data.objects)}
         self._bodies = [
-            (b, place[e.uid], e) for b, e in enumerate(swept.bodies) if e.instance is None and not e.blinking
+            (b, place[e.uid], e) for b, e in enumerate(swept.bodies) if e.shown_as is None and not e.blinking
         ]
         self._still = {b: mesh for b, mesh in enumerate(surfaces) if mesh is not None}
         self._gone: set[int] = set()

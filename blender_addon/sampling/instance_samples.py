@@ -1,0 +1,165 @@
+"""Places and surfaces of what instances show, over the samples of a chunk; most stay, and are not touched then."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from .._core import Array, Finding, core
+from . import participants
+from .instances import InstanceReader, Present, Shown
+from .meshes import MeshReader, Topology
+from .participants import Entry
+
+
+class InstanceSamples:
+    """Records the bodies whose surface instances show.
+
+    Args:
+        entries: of all bodies. meshes, reader: of surfaces, and of what instances show. unit: metres in a scene unit.
+        count: samples in a chunk. first: where instances first were that are not always there.
+        surfaces: of the header by name, None for what brings its own with the chunks.
+
+    Attributes:
+        bodies: indices of those that are recorded here.
+        placed: which of them have a place of their own, shape (m,); the others are where their object is.
+        places: to the world [scene units], of each at each sample; shape (m, count, 4, 4).
+        here, bare: when each is there, and when it has no faces, shape (m, count).
+    """
+
+    def __init__(
+        self,
+        entries: Sequence[Entry],
+        meshes: MeshReader,
+        reader: InstanceReader,
+        unit: float,
+        count: int,
+        first: Mapping[Any, Present],
+        surfaces: Mapping[str, Any],
+    ) -> None:
+        self._meshes, self._reader, self._unit = meshes, reader, unit
+        chosen = [(b, e) for b, e in enumerate(entries) if e.shown_as is not None]
+        self.bodies = [b for b, _ in chosen]
+        self._entries = [e for _, e in chosen]
+        self._surfaces = [surfaces.get(e.name) for e in self._entries]
+        self._keys = {e.shown_as for e in self._entries}
+        size = len(chosen)
+        self.placed = np.array([e.instance is not None for e in self._entries], bool)
+        self.places = np.empty((size, count, 4, 4))
+        self.here, self.bare = np.ones((size, count), bool), np.zeros((size, count), bool)
+        self._now = np.tile(np.eye(4), (size, 1, 1))
+        self._known = np.zeros(size, bool)  # whether it was anywhere yet
+        for s, entry in enumerate(self._entries):
+            present = first.get(entry.instance)
+            if present is not None and present.first is not None:
+                self._now[s], self._known[s] = present.first, True
+        self._here_now, self._bare_now = np.ones(size, bool), np.zeros(size, bool)
+        self._absent = core.scene.tactile_scene.ABSENT
+        self._mesh_now: list[Any] = [self._absent] * size
+        self._at_start: list[Any] = []
+        self._changed: dict[int, list[tuple[int, Any]]] = {}
+        self._topology: dict[int, Topology] = {}
+        self._others: dict[int, list[int]] = {}  # at which samples of the chunk the pieces of a surface are others
+        self._strange: dict[Any, list[int]] = {}  # at which samples something is shown that no entry stands for
+        self._shown: Shown | None = None
+
+    def record(self, k: int, depsgraph: bpy.types.Depsgraph) -> None:
+        """Take sample k of the current frame."""
+        if k == 0:
+            self._at_start, self._changed = list(self._mesh_now), {}
+            self._others, self._strange = {}, {}
+        shown = self._reader.read(depsgraph)
+        if shown is not self._shown:
+            self._take(shown, k)
+        elif k == 0 and self._shown is not None:
+            self._note_strange(self._shown, k)
+        self.places[:, k], self.here[:, k], self.bare[:, k] = self._now, self._here_now, self._bare_now
+
+    def _take(self, shown: Shown, k: int) -> None:
+        for s, entry in enumerate(self._entries):
+            key = entry.shown_as
+            place = shown.places.get(key) if entry.instance is not None else None
+            here = key in shown.surfaces
+            if place is not None:
+                if not self._known[s]:  # held where it will be, so that no velocity comes of it
+                    self.places[s, :k], self._known[s] = place, True
+                self._now[s] = place
+            geometry = shown.surfaces.get(key)
+            bare = geometry is None or not len(geometry.topology.faces)
+            mesh = self._absent
+            if here and not bare:
+                mesh = self._meshes.surface(geometry, self._unit, entry.mirrored, entry.curved)
+            self._here_now[s], self._bare_now[s] = here, here and bare
+            if mesh is not self._mesh_now[s]:
+                self._mesh_now[s] = mesh
+                self._changed.setdefault(s, []).append((k, mesh))
+            if entry.instance is None and geometry is not None:
+                known = self._topology.get(s)
+                self._topology[s] = geometry.topology
+                if known is not None and known is not geometry.topology:
+                    self._others.setdefault(s, []).append(k)
+        self._shown = shown
+        self._note_strange(shown, k)
+
+    def _note_strange(self, shown: Shown, k: int) -> None:
+        for key in shown.surfaces.keys() - self._keys:
+            self._strange.setdefault(key, []).append(k)
+
+    def surfaces(self, n: int) -> dict[int, tuple[Any, ...]]:
+        """Return the surfaces of n samples by body; without those that keep the header's all the while."""
+        out = {}
+        for s, body in enumerate(self.bodies):
+            changed = [c for c in self._changed.get(s, ()) if c[0] < n]
+            start = self._at_start[s]
+            if changed and changed[0][0] == 0:
+                start = changed.pop(0)[1]
+            if not changed and start is self._surfaces[s]:
+                continue
+            series: list[Any] = []
+            for at, mesh in [*changed, (n, None)]:
+                series += [start] * (at - len(series))
+                start = mesh
+            out[body] = tuple(series)
+        return out
+
+    def surfaces_now(self) -> Iterator[tuple[Entry, Any]]:
+        """Yield the surfaces of deforming bodies at the last sample."""
+        for s, entry in enumerate(self._entries):
+            if entry.deforming:
+                yield entry, self._mesh_now[s]
+
+    def findings(self, frames: Array, present: NDArray[np.bool_]) -> Iterator[Any]:
+        """Yield what cannot be followed in the chunk.
+
+        Args:
+            frames: of the samples, shape (n,). present: when each is there, shape (m, n).
+        """
+        for s, samples in self._others.items():
+            samples = [k for k in samples if k < len(frames) and present[s, k]]
+            if samples:
+                yield Finding(
+                    "info",
+                    "instances-change",
+                    "instances come or go, or get other faces: how they move is not known at that moment",
+                    where=f"object '{self._entries[s].name}'",
+                    frame=float(frames[samples[0]]),
+                    count=len(samples),
+                )
+        uids = {key if isinstance(key, int) else key.instancer for key in self._strange}
+        objects = participants.look_up(uids) if uids else {}
+        for key, samples in self._strange.items():
+            maker = objects.get(key if isinstance(key, int) else key.instancer)
+            if maker is None or samples[0] >= len(frames):
+                continue
+            yield Finding(
+                "warning",
+                "instance-between-frames",
+                "it shows an instance between whole frames that is at no whole frame, so that one is not felt",
+                where=f"object '{maker.name_full}'",
+                frame=float(frames[samples[0]]),
+                remedy="Let instances come and go at whole frames",
+            )

@@ -90,7 +90,7 @@ if TYPE_CHECKING:
     import core.stream.client
     import core.stream.links.serial_port
     import core.stream.links.url
-    import core.stream.protocols.adapter
+    import core.stream.protocols.adapters
     import core.stream.state
     import core.surface.curved
     import core.surrogate.store

@@ -138,7 +138,13 @@ def sender(receiver: Receiver, options: str = "") -> Iterator[SenderClient]:
     """Give a sender whose device stands far from its safe state; `options` are added to the address."""
     with SenderClient() as client:
         connect(client, receiver, options)
-        until(receiver.reached, client.heartbeat, f"far from safe ({client.status()['message']})")
+
+        def beat() -> None:  # a busy machine may have kept this process, or the sender, from arming
+            client.heartbeat()
+            if client.status()["state"] in ("ready", "stalled"):
+                client.arm()
+
+        until(receiver.reached, beat, f"far from safe ({client.status()['message']})", 60.0)
         receiver.ask("mark")
         yield client
     until(lambda: not client.alive, lambda: None, "the sender ends")
@@ -197,8 +203,15 @@ class Receiver:
 client = SenderClient()
 connect(client, Receiver, sys.argv[4])
 print(client.pid, flush=True)
-while not select.select([sys.stdin], [], [], 0.02)[0]:
+far = False  # until then it arms again where a busy machine has kept it from it
+while True:
+    if select.select([sys.stdin], [], [], 0.02)[0]:
+        if not sys.stdin.readline():
+            break
+        far = True
     client.heartbeat()
+    if not far and client.status()["state"] in ("ready", "stalled"):
+        client.arm()
 """
 
 
@@ -236,7 +249,9 @@ def parent(receiver: Receiver, options: str = "") -> Iterator[tuple[subprocess.P
     assert process.stdin is not None and process.stdout is not None
     try:
         pid = int(process.stdout.readline())
-        until(receiver.reached, lambda: None, "far from safe")
+        until(receiver.reached, lambda: None, "far from safe", 60.0)
+        process.stdin.write("far\n")
+        process.stdin.flush()
         receiver.ask("mark")
         yield process, pid
         process.stdin.close()

@@ -5,6 +5,7 @@ Nothing here waits, nothing connects by itself, and everything ends with the fil
 
 from __future__ import annotations
 
+import os
 import traceback
 from functools import cache
 from typing import Any
@@ -13,7 +14,7 @@ import bpy
 
 from .. import redraw
 from .._core import DermisError, core
-from ..preferences import library
+from ..preferences import library, user_folder
 from . import (
     agreed_paths,
     board_identity,
@@ -60,7 +61,8 @@ def caution(scene: bpy.types.Scene) -> str:
 
 @cache
 def _caution(protocol: str) -> str:
-    return core.stream.protocols.adapter.adapter_of(protocol).caution
+    adapters = core.stream.protocols.adapters
+    return "" if protocol == adapters.OTHER else adapters.adapter_of(protocol).caution
 
 
 def silence() -> str:
@@ -104,6 +106,7 @@ def connect(scene: bpy.types.Scene) -> None:
     device_calibration.fill_channels(scene)
     calibration = device_calibration.calibration_of(scene, key)
     request = request_fields.request_fields(scene)
+    os.environ.setdefault(core.stream.protocols.adapters.FOLDERS, str(user_folder("adapters")))
     _client = core.stream.client.SenderClient()
     try:
         _client.connect(settings.url, settings.protocol, key, preset, calibration=calibration.dumps(), **request)

@@ -17,6 +17,7 @@ STREAM = table(
             ("servo-animation", "Servo Animation", "Receivers of Blender Servo Animation; they have no watchdog"),
             ("torque", "Torque Board", "Torques over UDP at 1 kHz, HapTip style; positions are closed here"),
             ("osc", "OSC", "Open Sound Control over UDP; receivers need a watchdog of their own"),
+            ("other", "Other", "An adapter of your own, which the port names: ?adapter=NAME"),
         ),
     ),
     Parameter(

@@ -18,7 +18,7 @@ from .device_output import DeviceOutput
 from .drive import Drive
 from .links.transport import Gone, Transport
 from .links.url import Url
-from .protocols import adapter as adapters
+from .protocols import adapters
 from .protocols.wire import Wire
 from .recorder import Recorder
 from .request import StreamRequest

@@ -201,12 +201,12 @@ def encode() -> Result:
 
     from core.devices.spec import Channel, DeviceSpec
     from core.stream.output_limiter import OutputLimiter
-    from core.stream.protocols import adapter
+    from core.stream.protocols import adapters
     from core.stream.protocols.wire import Wire
 
     channels = tuple(Channel(f"c{i}", "m", -1e-3, 1e-3, 0.1, 0.0, f"m{i}") for i in range(128))
     wire = Wire.of(DeviceSpec("many", "Many", "t", RATE, channels))
-    native, limiter = adapter.make("native", wire, {}), OutputLimiter(wire)
+    native, limiter = adapters.make("native", wire, {}), OutputLimiter(wire)
     many = 256
     phases = np.random.default_rng(1).uniform(0, 2 * np.pi, 128)
     rows = 9e-4 * np.sin(2 * np.pi * 5 * np.arange(many)[:, None] / RATE + phases)

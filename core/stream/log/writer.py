@@ -25,7 +25,7 @@ from ... import clock
 from ...devices.calibration import Calibration
 from ...devices.spec import from_preset
 from ...work.child import follow_parent
-from ..protocols import adapter as adapters
+from ..protocols import adapters
 from ..protocols.wire import Wire
 from .binary import BinaryForm
 from .csv import CsvForm

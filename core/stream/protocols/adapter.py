@@ -209,36 +209,3 @@ class Adapter:
                 limit=f"{least} to {most}",
             )
         return number
-
-
-# protocol -> file of this folder, and class in it
-NAMES: Mapping[str, tuple[str, str]] = {
-    "native": ("native", "Native"),
-    "maestro": ("maestro", "Maestro"),
-    "servo-animation": ("servo_animation", "ServoAnimation"),
-    "torque": ("torque", "Torque"),
-    "osc": ("osc", "Osc"),
-}
-
-
-def adapter_of(protocol: str) -> type[Adapter]:
-    """Return the class of a protocol's adapters.
-
-    Raises:
-        DermisError: no such protocol.
-    """
-    from importlib import import_module
-
-    if protocol not in NAMES:
-        raise DermisError("no such protocol", value=protocol, limit=", ".join(NAMES))
-    module, name = NAMES[protocol]
-    return getattr(import_module(f".{module}", __package__), name)
-
-
-def make(protocol: str, wire: Wire, options: Mapping[str, str]) -> Adapter:
-    """Return the adapter of a protocol for a device.
-
-    Raises:
-        DermisError: no such protocol, an unknown option, or a device that the protocol cannot carry.
-    """
-    return adapter_of(protocol)(wire, options)

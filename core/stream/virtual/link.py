@@ -11,7 +11,7 @@ from typing import Any
 from ..links.open_link import open_link
 from ..links.transport import Gone, Stream, Transport
 from ..links.url import Url
-from ..protocols.adapter import adapter_of
+from ..protocols.adapters import adapter_of
 from ..protocols.wire import Wire
 from .device import Server, make, options_of
 
@@ -97,7 +97,7 @@ def open_any_link(url: Url, wire: Wire, protocol: str = "native") -> Transport:
     Raises:
         DermisError: it cannot be opened.
     """
-    return open_link(url, lambda inner: VirtualLink(protocol, wire, inner), adapter_of(protocol).baud)
+    return open_link(url, lambda inner: VirtualLink(protocol, wire, inner), adapter_of(protocol, url.options).baud)
 
 
 def _udp_pair() -> tuple[socket.socket, socket.socket]:

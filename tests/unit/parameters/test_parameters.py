@@ -26,7 +26,7 @@ from core.presets import check
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
 from core.skin.fingertip import LEVELS
 from core.skin.shape import FingertipShape
-from core.stream.protocols.adapter import NAMES as PROTOCOLS
+from core.stream.protocols.adapters import NAMES, OTHER
 from core.stream.request import StreamRequest
 from core.stream.virtual.device import DEVICES
 from core.units import UNITS
@@ -62,7 +62,7 @@ def test_choices_are_those_that_the_engine_has() -> None:
     assert set(DEVICE["pin_nodes"].keys) == set(get_args(Weighting))
     assert set(DEVICE["weight_sign"].keys) == set(SIGNS)
     assert set(SKIN_CONTACT["skin_level"].keys) == set(LEVELS)
-    assert set(STREAM["protocol"].keys) == set(PROTOCOLS) == set(DEVICES)
+    assert set(STREAM["protocol"].keys) - {OTHER} == set(NAMES) == set(DEVICES)
     assert tuple(LENGTHS) == tuple(field.name for field in fields(FingertipShape))
 
 

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from core.devices.spec import Channel, DeviceSpec
-from core.stream.protocols import adapter
+from core.stream.protocols import adapters
 from core.stream.protocols.native import Native
 from core.stream.protocols.wire import Wire
 
@@ -194,7 +194,7 @@ class Sender:
 
     def __init__(self, board: Board, wire: Wire) -> None:
         self.board = board
-        made = adapter.make("native", wire, {})
+        made = adapters.make("native", wire, {})
         assert isinstance(made, Native)
         self.adapter = made
         self.adapter.opened(board.now)

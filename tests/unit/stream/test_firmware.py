@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from core.stream.protocols import adapter
+from core.stream.protocols import adapters
 from tests.unit.stream.firmware_board import BAUD, Board, Sender, emulated, firmware, servos, wanted_us
 
 pytestmark = emulated
@@ -149,7 +149,7 @@ def test_damage_is_refused_and_does_not_spread(native: Board) -> None:
 def test_another_sender_is_refused_while_one_is_armed(native: Board) -> None:
     one = Sender(native, SERVOS)
     one.arm()
-    two = adapter.make("native", SERVOS, {})
+    two = adapters.make("native", SERVOS, {})
     two.opened(native.now)
     two._session = (one.adapter._session % 255) + 1  # type: ignore[attr-defined]
     for message in two.poll(native.now):

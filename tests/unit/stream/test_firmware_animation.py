@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from core.stream.protocols import adapter
+from core.stream.protocols import adapters
 from tests.unit.stream.firmware_board import ANIMATION_BAUD, Board, emulated, firmware, servos, wanted_us
 
 pytestmark = emulated
@@ -23,7 +23,7 @@ def animation() -> Iterator[Board]:
 
 @pytest.mark.parametrize("frames", [pytest.param(60, id="480"), pytest.param(1250, id="10000", marks=pytest.mark.long)])
 def test_random_values_reach_the_servos(animation: Board, frames: int) -> None:
-    sender, rng, worst = adapter.make("servo-animation", servos(), {}), np.random.default_rng(2), 0.0
+    sender, rng, worst = adapters.make("servo-animation", servos(), {}), np.random.default_rng(2), 0.0
     for k, values in enumerate(rng.uniform(-1, 1, (frames, 8))):
         for message in sender.command(values, k * 0.03, None):
             animation.send(message)
@@ -40,7 +40,7 @@ def test_random_values_reach_the_servos(animation: Board, frames: int) -> None:
 
 def test_no_pulse_on_a_channel_that_nobody_has_commanded(animation: Board) -> None:
     """A pulse of 1500 us to a servo that was not asked to move is a jump, at full speed, to where it may press."""
-    sender = adapter.make("servo-animation", servos(2), {"first": "3"})
+    sender = adapters.make("servo-animation", servos(2), {"first": "3"})
     for seconds in (0.2, 0.8, 0.2):  # the one in between ends the pulses
         for message in sender.command(np.array([0.5, -0.5]), animation.now, None):
             animation.send(message)
@@ -48,7 +48,7 @@ def test_no_pulse_on_a_channel_that_nobody_has_commanded(animation: Board) -> No
         assert sorted(animation.widths()) == [3, 4]
     animation.run(0.8)
     animation.pulses.clear()
-    for message in adapter.make("servo-animation", servos(1), {}).command(np.array([0.1]), 0.0, None):
+    for message in adapters.make("servo-animation", servos(1), {}).command(np.array([0.1]), 0.0, None):
         animation.send(message)
     animation.run(0.2)
     assert sorted(animation.widths()) == [0], "nor is what others were told before the silence taken up again"

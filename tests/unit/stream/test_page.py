@@ -12,7 +12,7 @@ import pytest
 from core.devices.spec import Channel, DeviceSpec
 from core.presets import Library
 from core.stream.links import url
-from core.stream.protocols import adapter, native, packets, torque
+from core.stream.protocols import adapters, native, packets, torque
 from core.stream.protocols.packets import DeviceState, Kind, Nack, Reach
 from core.stream.protocols.silence import Does, Silence
 from core.stream.protocols.wire import Wire
@@ -39,7 +39,7 @@ def framed(kind: int, sequence: int, body: bytes = b"") -> bytes:
 
 
 def by_adapter(name: str) -> bytes:
-    return adapter.make(name, WIRE, {}).command(np.array([0.0, 0.5]), 0.0, None)[0]
+    return adapters.make(name, WIRE, {}).command(np.array([0.0, 0.5]), 0.0, None)[0]
 
 
 MADE = {
@@ -106,17 +106,17 @@ def test_times_ports_faults_and_options_are_the_codes_own() -> None:
         assert url.Url(scheme).scheme and scheme.partition(":")[0] + ":" in PAGE
     for fault in faults.NAMES:
         assert f"`{fault}" in PAGE, fault
-    for name in adapter.NAMES:
-        for option in adapter.adapter_of(name).OPTIONS:
+    for name in adapters.NAMES:
+        for option in adapters.adapter_of(name).OPTIONS:
             assert f"`{option}`" in PAGE, option
 
 
-@pytest.mark.parametrize("name", sorted(adapter.NAMES))
+@pytest.mark.parametrize("name", sorted(adapters.NAMES))
 def test_the_table_of_boards_in_silence_is_the_adapters_declaration(name: str) -> None:
     row = re.search(rf"^\| `{name}` \| (\S+)[;,].* \| (\d+) ms.* \| (\w+) \|$", PAGE, re.M)
     assert row is not None, name
     key = "haptip" if name == "torque" else "cable_platform"
-    silence = adapter.make(name, Wire.of(Library().device(key)), {}).silence
+    silence = adapters.make(name, Wire.of(Library().device(key)), {}).silence
     assert row.groups() == (silence.does.value, f"{1e3 * silence.after:g}", silence.by)
 
 

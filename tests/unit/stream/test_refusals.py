@@ -15,7 +15,7 @@ from core.errors import DermisError
 from core.presets import Library
 from core.stream.client import SenderClient
 from core.stream.links.url import Url
-from core.stream.protocols import adapter
+from core.stream.protocols import adapters
 from core.stream.protocols.wire import Wire
 from core.stream.request import StreamRequest, request_of
 from core.stream.virtual.device import options_of
@@ -188,6 +188,6 @@ def test_the_command_line_names_what_cannot_be(option: str, value: str, capsys: 
 def test_options_and_faults_are_finite_numbers() -> None:
     for value in ("nan", "inf", "x"):
         with pytest.raises(DermisError, match="no whole number"):
-            adapter.make("native", Wire.of(HAPTIP), {"watchdog_ms": value})
+            adapters.make("native", Wire.of(HAPTIP), {"watchdog_ms": value})
         with pytest.raises(DermisError, match="no number"):
             options_of(Url(f"virtual:?stuck={value}"))

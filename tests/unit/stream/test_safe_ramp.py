@@ -18,7 +18,7 @@ from core.stream.drain import DRAIN
 from core.stream.links.capacity import ramp_period
 from core.stream.links.transport import Transport
 from core.stream.output_limiter import OutputLimiter
-from core.stream.protocols import adapter, packets
+from core.stream.protocols import adapters, packets
 from core.stream.protocols.packets import DeviceState, Kind
 from core.stream.protocols.wire import Wire
 from core.stream.safe_ramp import SafeRamp
@@ -157,7 +157,7 @@ def test_a_stream_of_few_commands_ends_in_a_ramp_of_many(rate: float) -> None:
 
 
 def test_a_slow_link_gets_no_more_than_it_carries_of_a_ramp() -> None:
-    made = adapter.make("maestro", Wire.of(Library().device("cable_platform")), {})
+    made = adapters.make("maestro", Wire.of(Library().device("cable_platform")), {})
     link = Transport()
     assert ramp_period(made, link, 1.0, 100.0) == 0.01
     link.carries = 150.0  # 12 bytes a command, of which four fifths may be used: ten of them

@@ -9,7 +9,7 @@ import pytest
 
 from core.errors import DermisError
 from core.presets import Library
-from core.stream.protocols import adapter
+from core.stream.protocols import adapters
 from core.stream.protocols.silence import Does, Silence
 from core.stream.protocols.wire import Wire
 from core.stream.state import State
@@ -220,16 +220,16 @@ def test_a_fault_that_repeats_does_not_cut_the_ramp(protocol: str) -> None:
 def test_an_address_declares_what_a_board_does(options: dict[str, str], expected: Silence) -> None:
     wire = Wire.of(Library().device("haptip"))
     for protocol in (*DRIVEN, "torque"):
-        made = adapter.make(protocol, wire, options)
+        made = adapters.make(protocol, wire, options)
         assert made.silence == expected
         assert "Nothing has checked that" in made.caution if options else made.caution
 
 
 def test_native_devices_declare_their_watchdog() -> None:
     wire = Wire.of(Library().device("cable_platform"))
-    assert adapter.make("native", wire, {}).silence == Silence(Does.RETRACTS, 0.05, "board")
-    assert adapter.make("native", wire, {"watchdog_ms": "20"}).silence.after == 0.02
-    assert adapter.make("native", wire, {"reach": "release"}).silence.does is Does.LETS_GO
+    assert adapters.make("native", wire, {}).silence == Silence(Does.RETRACTS, 0.05, "board")
+    assert adapters.make("native", wire, {"watchdog_ms": "20"}).silence.after == 0.02
+    assert adapters.make("native", wire, {"reach": "release"}).silence.does is Does.LETS_GO
 
 
 @pytest.mark.parametrize(
@@ -238,5 +238,5 @@ def test_native_devices_declare_their_watchdog() -> None:
 )
 def test_an_impossible_declaration_is_refused(options: dict[str, str]) -> None:
     with pytest.raises(DermisError) as refused:
-        adapter.make("maestro", Wire.of(Library().device("haptip")), options)
+        adapters.make("maestro", Wire.of(Library().device("haptip")), options)
     assert "silence" in str(refused.value)

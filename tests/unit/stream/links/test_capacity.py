@@ -17,7 +17,7 @@ from core.presets import Library
 from core.stream.links import capacity
 from core.stream.links.transport import Transport
 from core.stream.links.url import Url
-from core.stream.protocols import adapter
+from core.stream.protocols import adapters
 from core.stream.protocols.native import Native
 from core.stream.protocols.wire import Wire
 from core.stream.virtual.link import open_any_link
@@ -47,7 +47,7 @@ def test_no_command_is_longer_than_is_reckoned(protocol: str, count: int) -> Non
     if protocol == "maestro" and count > 24:
         return
     wire = many(count)
-    made, rng = adapter.make(protocol, wire, {"torque": "1"} if protocol == "torque" else {}), np.random.default_rng(1)
+    made, rng = adapters.make(protocol, wire, {"torque": "1"} if protocol == "torque" else {}), np.random.default_rng(1)
     longest = 0
     for k in range(300):
         made.forget()
@@ -70,7 +70,7 @@ def test_the_rest_of_the_protocol_is_reckoned_too() -> None:
 
 @pytest.mark.parametrize(("baud", "protocol"), [(115_200, "native"), (57_600, "maestro"), (9600, "servo-animation")])
 def test_the_rate_that_is_offered_really_passes_and_no_higher_one(baud: int, protocol: str) -> None:
-    made, link = adapter.make(protocol, HAPTIP, {}), Line(baud / 10)
+    made, link = adapters.make(protocol, HAPTIP, {}), Line(baud / 10)
     with pytest.raises(DermisError, match="the link cannot carry commands at 1000 Hz") as refused:
         capacity.check(made, link, 1000.0)
     said = str(refused.value)
@@ -86,7 +86,7 @@ def test_the_rate_that_is_offered_really_passes_and_no_higher_one(baud: int, pro
 
 def test_the_words_name_what_is_needed_and_what_is_carried() -> None:
     with pytest.raises(DermisError) as refused:
-        capacity.check(adapter.make("native", HAPTIP, {}), Line(11_520.0), 1000.0)
+        capacity.check(adapters.make("native", HAPTIP, {}), Line(11_520.0), 1000.0)
     said = str(refused.value)
     assert "21,500 bytes a second" in said and "80% of the 11,520 that it carries" in said
     assert "Set Rate to 385 Hz" in said and "268750 baud" in said
@@ -94,13 +94,13 @@ def test_the_words_name_what_is_needed_and_what_is_carried() -> None:
 
 def test_a_link_that_carries_too_little_for_any_rate_offers_none() -> None:
     with pytest.raises(DermisError) as refused:
-        capacity.check(adapter.make("native", HAPTIP, {}), Line(960.0), 1000.0)
+        capacity.check(adapters.make("native", HAPTIP, {}), Line(960.0), 1000.0)
     assert "Set Rate" not in str(refused.value) and "Take a faster link" in str(refused.value)
 
 
 def test_a_link_of_unknown_speed_and_the_protocols_own_baud_pass() -> None:
-    for protocol in adapter.NAMES:
-        made = adapter.make(protocol, HAPTIP, {})
+    for protocol in adapters.NAMES:
+        made = adapters.make(protocol, HAPTIP, {})
         capacity.check(made, Line(None), 1000.0)
         if not made.datagrams:
             capacity.check(made, Line(made.baud / 10), 1000.0 if protocol != "servo-animation" else 920.0)

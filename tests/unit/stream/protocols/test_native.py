@@ -8,7 +8,8 @@ import pytest
 from core.devices.calibration import Calibration
 from core.errors import DermisError
 from core.presets import Library
-from core.stream.protocols import adapter, packets
+from core.stream.protocols import adapters, packets
+from core.stream.protocols.adapter import Adapter
 from core.stream.protocols.native import Native
 from core.stream.protocols.packets import Kind, Reach
 from core.stream.protocols.wire import Wire
@@ -18,7 +19,7 @@ from tests.unit.stream.stream_lab import Lab
 HAPTIP = Wire.of(Library().device("haptip"))
 
 
-def configured(made: adapter.Adapter, device: NativeDevice) -> Reach:
+def configured(made: Adapter, device: NativeDevice) -> Reach:
     """Let an adapter and a device talk until it is armed; return how the device gets to its safe state."""
     made.opened(0.0)
     now = 0.0
@@ -36,16 +37,16 @@ def configured(made: adapter.Adapter, device: NativeDevice) -> Reach:
 
 @pytest.mark.parametrize(("given", "reach"), [("", Reach.RAMP), ("ramp", Reach.RAMP), ("release", Reach.RELEASE)])
 def test_the_url_may_ask_for_servos_that_let_go(given: str, reach: Reach) -> None:
-    made = adapter.make("native", HAPTIP, {"reach": given} if given else {})
+    made = adapters.make("native", HAPTIP, {"reach": given} if given else {})
     assert configured(made, NativeDevice(HAPTIP)) == reach
 
 
 def test_a_screen_stays_at_once() -> None:
     screen = Wire.of(Library().device("electrovibration"))
-    assert configured(adapter.make("native", screen, {}), NativeDevice(screen)) == Reach.AT_ONCE
+    assert configured(adapters.make("native", screen, {}), NativeDevice(screen)) == Reach.AT_ONCE
     for given in ("release", "ramp"):
         with pytest.raises(DermisError, match="at once, and no option delays that"):
-            adapter.make("native", screen, {"reach": given})
+            adapters.make("native", screen, {"reach": given})
 
 
 @pytest.mark.parametrize("version", packets.READS)
@@ -75,7 +76,7 @@ def test_a_board_that_does_not_answer_may_talk_at_the_old_speed() -> None:
 
 
 def test_questions_are_asked_more_often_while_answers_stay_away() -> None:
-    made = adapter.make("native", HAPTIP, {})
+    made = adapters.make("native", HAPTIP, {})
     device = NativeDevice(HAPTIP)
     configured(made, device)
     assert isinstance(made, Native)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from core.stream.protocols import adapter, packets
+from core.stream.protocols import adapters, packets
 from core.stream.protocols.packets import DeviceState, Kind, Nack, Packet, Reach
 from core.stream.virtual import native
 from core.stream.virtual.native import NativeDevice
@@ -354,7 +354,7 @@ def test_a_session_number_that_the_device_has_heard_before(monkeypatch: pytest.M
     for _ in range(20):
         r.say(Kind.SYNC, b"abcd")
     monkeypatch.setattr(os, "urandom", lambda n: bytes([next(drawn)]))
-    sender = adapter.make("native", WIRE, {})
+    sender = adapters.make("native", WIRE, {})
     sender.opened(r.now)
     for _ in range(800):
         sender.receive(r.feed(b"".join(sender.poll(r.now))) + r.pass_time(0.001), r.now)

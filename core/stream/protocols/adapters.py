@@ -1,0 +1,147 @@
+"""Adapters by the names of their protocols: those of this folder, and those from outside this package.
+
+An adapter from outside is a file in a folder of the user's, or an entry point of an installed package. An address names
+one, `?adapter=NAME`, with the protocol 'other'. NAME is looked for as `NAME.py` in the folders of the environment
+variable `DERMIS_ADAPTERS`, then among the entry points of the group `dermis.adapters`. Both give a function
+`adapter(api)` that returns a class derived from `api.Adapter`. An address cannot name a path, so a file that came from
+somebody else cannot have code of its own run.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import runpy
+from collections.abc import Callable, Mapping
+from importlib import import_module, metadata
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from ...errors import DermisError
+from .adapter import Adapter, Touch
+from .packets import DeviceState, Reach
+from .silence import Does, Silence
+from .wire import Wire
+
+FOLDERS = "DERMIS_ADAPTERS"  # environment variable: folders, separated as in PATH
+GROUP = "dermis.adapters"  # of entry points
+NAME = re.compile(r"[a-z][a-z0-9_]*")
+API = SimpleNamespace(
+    Adapter=Adapter,
+    DermisError=DermisError,
+    DeviceState=DeviceState,
+    Does=Does,
+    Reach=Reach,
+    Silence=Silence,
+    Touch=Touch,
+    Wire=Wire,
+)
+
+_loaded: dict[tuple[str, int], type[Adapter]] = {}
+
+
+# protocol -> file of this folder, and class in it
+NAMES: Mapping[str, tuple[str, str]] = {
+    "native": ("native", "Native"),
+    "maestro": ("maestro", "Maestro"),
+    "servo-animation": ("servo_animation", "ServoAnimation"),
+    "torque": ("torque", "Torque"),
+    "osc": ("osc", "Osc"),
+}
+
+
+OTHER = "other"  # protocol of adapters from outside: the option `adapter` names one, see above
+
+
+def adapter_of(protocol: str, options: Mapping[str, str] | None = None) -> type[Adapter]:
+    """Return the class of a protocol's adapters; `options` of the address name one from outside.
+
+    Raises:
+        DermisError: no such protocol or adapter.
+    """
+    if protocol == OTHER:
+        return adapter_named((options or {}).get("adapter", ""))
+    if protocol not in NAMES:
+        raise DermisError("no such protocol", value=protocol, limit=", ".join((*NAMES, OTHER)))
+    module, name = NAMES[protocol]
+    return getattr(import_module(f".{module}", __package__), name)
+
+
+def make(protocol: str, wire: Wire, options: Mapping[str, str]) -> Adapter:
+    """Return the adapter of a protocol for a device.
+
+    Raises:
+        DermisError: no such protocol, an unknown option, or a device that the protocol cannot carry.
+    """
+    given = {name: value for name, value in options.items() if (protocol, name) != (OTHER, "adapter")}
+    return adapter_of(protocol, options)(wire, given)
+
+
+def names() -> list[str]:
+    """Return the names of the adapters that are at hand."""
+    files = [path.stem for folder in _folders() for path in folder.glob("*.py") if NAME.fullmatch(path.stem)]
+    return sorted({*files, *(point.name for point in metadata.entry_points(group=GROUP))})
+
+
+def adapter_named(name: str) -> type[Adapter]:
+    """Return the adapter of a name.
+
+    Raises:
+        DermisError: there is none, or it does not keep the contract.
+    """
+    if not NAME.fullmatch(name):
+        raise DermisError(
+            "the address names no adapter",
+            where="protocol 'other', adapter",
+            value=name or "nothing",
+            limit="lower-case letters, digits and underscores",
+            remedy=f"Add ?adapter=NAME to the address. {_at_hand()}",
+        )
+    for folder in _folders():
+        if (path := folder / f"{name}.py").is_file():
+            return _of_file(path)
+    if point := next(iter(metadata.entry_points(group=GROUP, name=name)), None):
+        return _made(lambda: point.load()(API), f"entry point {point.value}")
+    places = ", ".join(map(str, _folders())) or f"a folder that {FOLDERS} names"
+    raise DermisError("no such adapter", value=name, limit=_at_hand(), remedy=f"Put {name}.py into {places}")
+
+
+def _of_file(path: Path) -> type[Adapter]:
+    """Return the adapter that a file defines; a file that has not changed is run once."""
+    key = str(path), path.stat().st_mtime_ns
+    if key not in _loaded:
+        _loaded[key] = _made(lambda: _function_of(path)(API), str(path))
+    return _loaded[key]
+
+
+def _function_of(path: Path) -> Any:
+    """Run a file; return its function `adapter`."""
+    defined = runpy.run_path(str(path))
+    if "adapter" not in defined:
+        raise DermisError("the file defines no function adapter(api)")
+    return defined["adapter"]
+
+
+def _made(make: Callable[[], Any], where: str) -> type[Adapter]:
+    """Return what an adapter's function returns, if that is an adapter.
+
+    Raises:
+        DermisError: it raised, or returned something else.
+    """
+    try:
+        made = make()
+    except Exception as error:  # code of somebody else, which may raise anything
+        value = str(error) if isinstance(error, DermisError) else f"{type(error).__name__}: {error}"
+        raise DermisError("the adapter cannot be loaded", where=where, value=value) from error
+    if not (isinstance(made, type) and issubclass(made, Adapter) and made is not Adapter):
+        raise DermisError("not an adapter", where=where, value=repr(made), limit="a class derived from api.Adapter")
+    return made
+
+
+def _folders() -> list[Path]:
+    return [Path(text) for text in os.environ.get(FOLDERS, "").split(os.pathsep) if text]
+
+
+def _at_hand() -> str:
+    return f"At hand: {', '.join(names()) or 'none'}"

@@ -23,7 +23,7 @@ from ..contact.posed_scene import PosedScene
 from ..errors import DermisError
 from ..parameters.skin import DEFAULT_SKIN
 from ..presets import Library
-from ..scene.tactile_scene import Chunk, DeviceUse, TactileScene, header
+from ..scene.tactile_scene import Chunk, DeviceUse, Mesh, TactileScene, header
 from ..skin.surface_store import smooth_pad
 from ..version import version
 from .share_job import Share
@@ -189,7 +189,16 @@ def _series(scene: TactileScene, chunks: Sequence[Chunk]) -> dict[str, str]:
         if body.mesh is not None:
             add(f"body/{b}/vertices", body.mesh.vertices)
             add(f"body/{b}/triangles", body.mesh.triangles)
+    last: dict[int, Mesh | None] = {b: body.mesh for b, body in enumerate(scene.bodies)}
+    count = 0
     for chunk in chunks:
+        for b, meshes in chunk.surfaces.items():
+            for i, mesh in enumerate(meshes, count):
+                if mesh is not last[b]:
+                    last[b] = mesh
+                    for part in (np.array([i]), mesh.vertices, mesh.triangles):
+                        add(f"body/{b}/surface", part.ravel())
+        count += len(chunk.times)
         add("frames", chunk.frames)
         add("times", chunk.times)
         for kind, poses in (("finger", chunk.fingers), ("body", chunk.bodies)):

@@ -112,6 +112,22 @@ def lifted(scene: TactileScene, body: int) -> TactileScene:
     return replace(scene, bodies=tuple(bodies))
 
 
+def later(scene: TactileScene, **brought: Any) -> TactileScene:
+    """Return the scene in chunks, of which those from the third on bring something."""
+    chunks = cut(scene)
+    late = [
+        replace(c, **{name: {k: make(len(c.times)) for k, make in what.items()} for name, what in brought.items()})
+        for c in chunks[2:]
+    ]
+    return replace(scene, chunks=[*chunks[:2], *late])
+
+
+def higher(scene: TactileScene, body: int) -> TactileScene:
+    """Return the scene in which an object gets higher later on."""
+    mesh = lifted(scene, body).bodies[body].mesh
+    return later(scene, surfaces={body: lambda n: (mesh,) * n})
+
+
 def wearing(scene: TactileScene, finger: int, **parameters: Any) -> TactileScene:
     fingers = list(scene.fingers)
     fingers[finger] = replace(fingers[finger], devices=(DeviceUse("pin_array_128", parameters), DeviceUse("haptip")))
@@ -126,6 +142,11 @@ CHANGES: dict[str, tuple[Change, set[str]]] = {
     "what it wears": (lambda s: wearing(s, 1, pin_method="FM2"), {"Index"}),
     "a skin": (lambda s: given(s, 2, contact="nodes"), {"Ring"}),
     "an animated friction": (lambda s: animated(s, "body/1/friction", 0.9), {"Index"}),
+    "a friction that changes later": (
+        lambda s: later(s, animated={"body/1/friction": lambda n: np.full(n, 0.9)}),
+        {"Index"},
+    ),
+    "a mesh that changes later": (lambda s: higher(s, 0), {"Thumb"}),
     "an object that comes": (lambda s: replace(s, chunks=moved(s.chunks, "bodies", 2, 0, -40e-3)), {"Index", "Ring"}),
     "how far everybody looks": (lambda s: given(s, 2, touch_distance=1e-3), {"Thumb", "Index", "Ring"}),
     "a cut": (lambda s: replace(s, chunks=[*cut(s)]), set()),

@@ -23,8 +23,8 @@ WHEN = ("frame_change_pre", "frame_change_post")
 
 
 @pytest.fixture
-def script() -> Iterator[Callable[..., None]]:
-    """Give a function that has another one run at changes of the frame, from frame LATE on."""
+def script() -> Iterator[Any]:
+    """Give a function that has another one run at changes of the frame, from frame LATE on; its `end` ends them."""
     device_preview.reset()
     added: list[tuple[list[Any], Any]] = []
 
@@ -37,9 +37,14 @@ def script() -> Iterator[Callable[..., None]]:
         getattr(bpy.app.handlers, when).append(run)
         added.append((getattr(bpy.app.handlers, when), run))
 
+    def end() -> None:
+        while added:
+            functions, run = added.pop()
+            functions.remove(run)
+
+    add.end = end  # type: ignore[attr-defined]
     yield add
-    for functions, run in added:
-        functions.remove(run)
+    end()
 
 
 def scene_of_cube() -> tuple[bpy.types.Scene, bpy.types.Object]:
@@ -74,7 +79,7 @@ def lift(mesh: bpy.types.Mesh) -> None:
 
 
 @pytest.mark.parametrize("when", WHEN)
-def test_a_mesh_that_a_script_changes_late_is_followed(script: Callable[..., None], when: str) -> None:
+def test_a_mesh_that_a_script_changes_late_is_followed(script: Any, when: str) -> None:
     scene, cube = scene_of_cube()
     script(lambda: lift(cube.data), when)
     tops = {f: m.vertices[:, 2].max() for f, m in surfaces_by_frame(scene).items()}
@@ -83,7 +88,7 @@ def test_a_mesh_that_a_script_changes_late_is_followed(script: Callable[..., Non
     assert [f for f, z in tops.items() if z == pytest.approx(0.5)] == list(range(1, LATE))
 
 
-def test_a_shape_key_that_a_script_sets_late_is_followed(script: Callable[..., None]) -> None:
+def test_a_shape_key_that_a_script_sets_late_is_followed(script: Any) -> None:
     scene, cube = scene_of_cube()
     cube.shape_key_add(name="Basis")
     key = cube.shape_key_add(name="Key")
@@ -95,7 +100,7 @@ def test_a_shape_key_that_a_script_sets_late_is_followed(script: Callable[..., N
     assert {f for f, z in tops.items() if z == pytest.approx(1.0)} == set(range(LATE, 21))
 
 
-def test_another_mesh_that_a_script_gives_an_object_is_followed(script: Callable[..., None]) -> None:
+def test_another_mesh_that_a_script_gives_an_object_is_followed(script: Any) -> None:
     scene, cube = scene_of_cube()
     other = bpy.data.meshes.new("Other")
     other.from_pydata([(0, 0, 3), (1, 0, 3), (0, 1, 3)], [], [(0, 1, 2)])
@@ -104,7 +109,7 @@ def test_another_mesh_that_a_script_gives_an_object_is_followed(script: Callable
     assert {f for f, n in counts.items() if n == 1} == set(range(LATE, 21))
 
 
-def test_a_modifier_whose_target_a_script_moves_is_followed(script: Callable[..., None]) -> None:
+def test_a_modifier_whose_target_a_script_moves_is_followed(script: Any) -> None:
     """Nothing of the cube itself is edited: Blender evaluates it because it depends on what is."""
     scene, cube = scene_of_cube()
     hook = build.empty("Hook")
@@ -132,7 +137,7 @@ def _exclude(cube: bpy.types.Object, on: bool) -> None:
 @pytest.mark.parametrize("disable", [_hide, _hide_collection, _exclude])
 @pytest.mark.parametrize("appears", [False, True])
 def test_what_a_script_hides_or_shows_late_goes_or_comes(
-    script: Callable[..., None], disable: Callable[[Any, bool], None], appears: bool
+    script: Any, disable: Callable[[Any, bool], None], appears: bool
 ) -> None:
     scene, cube = scene_of_cube()
     collection = bpy.data.collections.new("Part")
@@ -154,7 +159,7 @@ def test_what_a_script_hides_or_shows_late_goes_or_comes(
     assert {f for f in there if f == round(f)} == set(range(LATE, 21) if appears else range(1, LATE))
 
 
-def test_a_parameter_that_a_script_sets_late_is_followed(script: Callable[..., None]) -> None:
+def test_a_parameter_that_a_script_sets_late_is_followed(script: Any) -> None:
     scene, cube = scene_of_cube()
     finger = bpy.data.objects["Finger"]
     finger.dermis.finger.devices.add().preset = "haptip"
@@ -173,7 +178,7 @@ def test_a_parameter_that_a_script_sets_late_is_followed(script: Callable[..., N
     assert not (got["animated"]["device/0/0/scale"][~late] == 0.25).any()
 
 
-def test_a_setting_that_cannot_follow_is_told_with_its_frame(script: Callable[..., None]) -> None:
+def test_a_setting_that_cannot_follow_is_told_with_its_frame(script: Any) -> None:
     scene, cube = scene_of_cube()
     script(lambda: setattr(cube.dermis.material, "content_length_mm", 70.0), first=13)
     script(lambda: setattr(scene, "gravity", (0.0, 0.0, -1.0)), first=15)
@@ -190,9 +195,7 @@ def test_keyed_gravity_is_told_and_that_of_the_first_frame_holds() -> None:
     assert [(f.value, f.frame) for f in told(scene, "setting-changed")] == [("gravity", 8.0)]
 
 
-def test_a_script_that_changes_nothing_costs_no_finding_and_no_chunk_brings_surfaces(
-    script: Callable[..., None],
-) -> None:
+def test_a_script_that_changes_nothing_costs_no_finding_and_no_chunk_brings_surfaces(script: Any) -> None:
     scene, _ = scene_of_cube()
     script(lambda: None)
     tactile = scene_sweep.sample(scene)
@@ -210,7 +213,7 @@ def test_a_simulation_that_is_keyed_on_late_is_swept_at_whole_frames() -> None:
     assert scene_sweep.sample(scene).bodies[0].simulated
 
 
-def test_a_simulation_that_a_script_turns_on_late_is_told(script: Callable[..., None]) -> None:
+def test_a_simulation_that_a_script_turns_on_late_is_told(script: Any) -> None:
     scene, cube = scene_of_cube()
     cloth = cube.modifiers.new("Cloth", "CLOTH")
     cloth.show_viewport = False
@@ -219,7 +222,7 @@ def test_a_simulation_that_a_script_turns_on_late_is_told(script: Callable[..., 
     assert (found.where, found.value, found.frame) == ("object 'Cube'", "Cloth", LATE)
 
 
-def test_a_finger_that_a_script_enables_late_is_told(script: Callable[..., None]) -> None:
+def test_a_finger_that_a_script_enables_late_is_told(script: Any) -> None:
     scene, _ = scene_of_cube()
     thumb = build.finger("Thumb")
     thumb.hide_viewport = True
@@ -228,7 +231,7 @@ def test_a_finger_that_a_script_enables_late_is_told(script: Callable[..., None]
     assert (found.where, found.value, found.frame) == ("object 'Thumb'", "visibility", LATE)
 
 
-def test_a_relief_whose_mesh_a_script_changes_late_is_told(script: Callable[..., None]) -> None:
+def test_a_relief_whose_mesh_a_script_changes_late_is_told(script: Any) -> None:
     scene = build.span(1, 20)
     build.finger()
     pane, cube = build.screen(), build.cube("Relief", 0.05)
@@ -258,7 +261,7 @@ def test_what_is_hidden_at_first_and_made_by_modifiers_can_be_touched_later() ->
     assert there == (got["frames"] >= 5.0).tolist()
 
 
-def test_the_live_preview_follows_a_script(script: Callable[..., None]) -> None:
+def test_the_live_preview_follows_a_script(script: Any) -> None:
     scene, cube = scene_of_cube()
     script(lambda: setattr(cube, "hide_viewport", True), "frame_change_pre")
     seen = []
@@ -268,20 +271,57 @@ def test_the_live_preview_follows_a_script(script: Callable[..., None]) -> None:
     assert seen == [1, 1, 0]
 
 
-def test_a_bake_feels_a_mesh_that_a_script_lifts_late(script: Callable[..., None]) -> None:
-    scene, cube = scene_of_cube()
+def stroke(cube: bpy.types.Object, depth: float) -> None:
+    """Let the finger slide over the cube's top at a depth, wearing a shear tactor."""
     finger = bpy.data.objects["Finger"]
-    finger.location = (0.0, 0.0, 0.75)  # 0.25 m above the cube until it is lifted
+    build.keys(finger, "location", [1, 20], [(-0.1, 0.0, 0.5 - depth), (0.1, 0.0, 0.5 - depth)])
     finger.dermis.finger.devices.add().preset = "haptip"
-    script(lambda: lift(cube.data))
-    (output,) = drain(baking.bake(scene, Library(None))).outputs
-    contact, seconds = output.signals["contact"], (LATE - 1) / 24
+    cube.dermis.material.friction, cube.dermis.material.texture_on = 0.25, True
+
+
+def baked() -> tuple[np.ndarray, np.ndarray]:
+    """Return the track's values and when there is contact."""
+    made = drain(baking.bake(bpy.context.scene, Library(None)))
+    assert not [f for f in made.all_findings if f.severity == "error"]
+    return made.outputs[0].track.values, made.outputs[0].signals["contact"]
+
+
+def test_a_bake_feels_a_mesh_that_a_script_lifts_late_as_if_it_were_keyed(script: Any) -> None:
+    scene, cube = scene_of_cube()
+    stroke(cube, depth=-0.0005)  # above the cube until that is lifted
+    cube.shape_key_add(name="Basis")
+    key = cube.shape_key_add(name="Key")
+    for point in key.data:
+        point.co.z += 0.001 * (point.co.z > 0)
+    key.value = 0.0
+    script(lambda: setattr(key, "value", float(scene.frame_current >= LATE)), first=1)
+    scripted, contact = baked()
+    script.end()
+    build.keys(cube.data.shape_keys, 'key_blocks["Key"].value', [1, LATE], [0.0, 1.0], "CONSTANT")
+    keyed, contact_keyed = baked()
     times = np.arange(len(contact)) / 1000.0
-    assert contact[times > seconds + 0.01].all() and not contact[times < seconds - 0.05].any()
+    late = times >= (LATE - 1) / 24
+    assert contact[late][5:].all() and not contact[~late][:-5].any()
+    np.testing.assert_array_equal(contact, contact_keyed)
+    np.testing.assert_allclose(scripted, keyed, rtol=0, atol=1e-12)
+    assert np.abs(scripted).max() > 1e-5
+
+
+def test_a_bake_feels_a_friction_that_a_script_sets_late_as_if_it_were_keyed(script: Any) -> None:
+    scene, cube = scene_of_cube()
+    stroke(cube, depth=0.0005)
+    material = cube.dermis.material
+    script(lambda: setattr(material, "friction", 0.25 + 0.5 * (scene.frame_current >= LATE)), first=1)
+    scripted, _ = baked()
+    script.end()
+    build.keys(cube, "dermis.material.friction", [1, LATE], [0.25, 0.75], "CONSTANT")
+    keyed, _ = baked()
+    np.testing.assert_allclose(scripted, keyed, rtol=0, atol=1e-12)
+    assert np.abs(np.diff(scripted, axis=0)).max() > 1e-5
 
 
 def test_stored_settings_are_plain_values() -> None:
     cube = build.cube()
-    cube.dermis.material.friction = 0.25
+    cube.dermis.material.friction, cube.dermis.material.texture_on = 0.25, True
     assert compat.stored(cube, "dermis")["material"]["friction"] == 0.25
     assert compat.stored(build.empty("Bare"), "dermis") == {}

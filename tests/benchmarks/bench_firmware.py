@@ -16,7 +16,7 @@ COMMANDS = 5000
 
 def needed() -> None:
     """Say what is missing for an emulated board."""
-    from tests.unit.stream.firmware_board import MISSING
+    from tests.unit.stream.firmware_avr import MISSING
 
     if MISSING:
         raise RuntimeError(f"no emulated board, for want of {', '.join(MISSING)}")
@@ -26,12 +26,13 @@ def needed() -> None:
 def floods() -> Result:
     """Time from the last valid packet to a pulse that has moved towards safe: slowest channel, worst flood."""
     needed()
-    from tests.unit.stream.firmware_board import BAUD, Board, firmware
+    from tests.unit.stream.firmware_avr import AvrBoard
+    from tests.unit.stream.firmware_board import BAUD
     from tests.unit.stream.firmware_floods import ARRIVES, FLOODS, FRAME_US, ROUNDING_US, flood
 
     done = {}
     for name in FLOODS:
-        with Board(firmware(), BAUD) as board:
+        with AvrBoard() as board:
             done[name] = flood(board, name, BAUD)
     begins = {name: 1e3 * f.begins for name, f in done.items()}
     worst = max(begins, key=lambda name: begins[name])

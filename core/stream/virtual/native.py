@@ -97,10 +97,10 @@ class NativeDevice:
                 out += self._take(packet, now)
             except DermisError:
                 out += self._nack(packet.session, packet.sequence, Nack.MALFORMED, now)
-        if self._decoder.damaged:
-            self.damaged += self._decoder.damaged
-            self._decoder.damaged = 0
+        for _ in range(self._decoder.damaged):
             out += self._nack(self._session, self._last, Nack.DAMAGED, now)
+        self.damaged += self._decoder.damaged
+        self._decoder.damaged = 0
         return out
 
     def tick(self, now: float) -> list[bytes]:

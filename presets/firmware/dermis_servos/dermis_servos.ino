@@ -7,7 +7,8 @@
    for count 65535. No pulse leaves the board before it has been armed. When nothing valid has arrived for as long as
    the sender asked for, the board goes to its safe state by itself.
 
-   Needs nothing but the Arduino core: pulses come from timer 1, so pins 9 and 10 have no analogWrite().
+   Needs nothing but the Arduino core: pulses come from timer 1, so pins 9 and 10 have no analogWrite(). Everything
+   that depends on the chip is in its own header; chip.h selects it and says how to add another.
 */
 #ifndef DERMIS_CHANNELS
 #define DERMIS_CHANNELS 8 /* as many as your device preset drives, 1 to 8 */
@@ -17,11 +18,18 @@
 #define DERMIS_BAUD 500000 /* exact at 16 MHz; at 1000000 the pulses' interrupt makes the chip lose bytes */
 #endif
 
+#ifndef DERMIS_ID
+#define DERMIS_ID "DERMISU1" /* eight characters: give each board of yours another */
+#endif
+
 // #define DERMIS_RELAY_PIN 12 // a relay in the servos' supply: on while armed and on the way to safety
 // #define DERMIS_SERVO_ANIMATION // Blender Servo Animation's live mode instead of the native protocol
 
+#include "chip.h"
+#ifdef CHIP_ON_TIMER /* a chip that it knows; else the error of chip.h is the only one */
 #ifdef DERMIS_SERVO_ANIMATION
 #include "servo_animation.h"
 #else
 #include "native.h"
+#endif
 #endif

@@ -1,10 +1,12 @@
 /* Frames of the native protocol: zero, COBS of packet and CRC-32, zero. Each byte costs the same few cycles when it
    comes, so that whoever counts bytes has counted the work; an answer leaves whole at once, or not at all. */
 #pragma once
-#include "serial_line.h"
-#include <avr/pgmspace.h>
+#include "chip.h"
+#include <stdint.h>
 
-static const uint8_t LARGEST = 44; /* bytes of a CONFIGURE of eight channels with its check sum: nothing is longer */
+static const uint8_t LARGEST = 12 + 4 * CHIP_SERVOS; /* bytes of a CONFIGURE with its check sum: nothing is longer */
+static_assert(12 + 4 * CHIP_SERVOS < 254, "a CONFIGURE of so many channels needs wider counters");
+static_assert(LARGEST >= 18, "a HELLO must fit, too");
 
 /* CRC-32 a byte at a time: at half a million baud there are 320 cycles for each, and half of them are the receiver's. */
 static constexpr uint32_t crc_of(uint32_t crc, uint8_t bits) {
@@ -13,11 +15,11 @@ static constexpr uint32_t crc_of(uint32_t crc, uint8_t bits) {
 #define CRC4(n) crc_of(n, 8), crc_of(n + 1, 8), crc_of(n + 2, 8), crc_of(n + 3, 8)
 #define CRC16(n) CRC4(n), CRC4(n + 4), CRC4(n + 8), CRC4(n + 12)
 #define CRC64(n) CRC16(n), CRC16(n + 16), CRC16(n + 32), CRC16(n + 48)
-static const uint32_t CRC_OF_BYTE[256] PROGMEM = {CRC64(0), CRC64(64), CRC64(128), CRC64(192)};
+static const uint32_t CRC_OF_BYTE[256] CHIP_FLASH = {CRC64(0), CRC64(64), CRC64(128), CRC64(192)};
 static const uint32_t CRC_OF_WHOLE = 0xdebb20e3; /* of anything followed by its own check sum */
 
 static inline uint32_t crc_step(uint32_t crc, uint8_t byte) {
-  return pgm_read_dword(&CRC_OF_BYTE[(uint8_t)crc ^ byte]) ^ crc >> 8;
+  return chip_flash32(&CRC_OF_BYTE[(uint8_t)crc ^ byte]) ^ crc >> 8;
 }
 
 static uint16_t get16(const uint8_t *p) { return (uint16_t)p[0] | (uint16_t)p[1] << 8; }
@@ -69,7 +71,11 @@ __attribute__((always_inline)) static inline Found take_byte(uint8_t byte) {
 
 /* -- out */
 
-static uint8_t out[64];
+static const uint8_t MOST_OUT = 4 + 27 + 2 * CHIP_SERVOS + 4; /* header, body and check sum of a WELCOME: no answer is longer */
+static_assert(4 + 27 + 2 * CHIP_SERVOS + 4 < 254, "an answer of 254 bytes needs a second block of COBS");
+static_assert(MOST_OUT + 3 <= CHIP_LINE_ROOM, "the longest answer must fit into the line's buffer, or it never leaves");
+
+static uint8_t out[MOST_OUT];
 static uint8_t out_size;
 static uint16_t sequence_out = 0;
 
@@ -81,7 +87,7 @@ static void put32(uint32_t v) { put16((uint16_t)v); put16((uint16_t)(v >> 16)); 
    sender can count it. */
 static bool begin_answer(uint8_t kind, uint8_t session, uint8_t body_size) {
   sequence_out++;
-  if (room() < body_size + 11) return false; /* header 4, check sum 4, COBS 1, two zeros */
+  if (chip_line_room() < body_size + 11) return false; /* header 4, check sum 4, COBS 1, two zeros */
   out_size = 0;
   put8(kind);
   put8(session);
@@ -93,13 +99,13 @@ static void end_answer() {
   uint32_t crc = 0xffffffff;
   for (uint8_t i = 0; i < out_size; i++) crc = crc_step(crc, out[i]);
   put32(~crc);
-  put(0);
+  chip_line_put(0);
   for (uint8_t at = 0; at <= out_size; at++) { /* COBS; no packet of this board reaches 254 bytes */
     uint8_t n = 0;
     while (at + n < out_size && out[at + n]) n++;
-    put(n + 1);
-    while (n--) put(out[at++]);
+    chip_line_put(n + 1);
+    while (n--) chip_line_put(out[at++]);
   }
-  put(0);
-  send();
+  chip_line_put(0);
+  chip_line_send();
 }

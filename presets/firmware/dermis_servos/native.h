@@ -3,15 +3,25 @@
 #include "frames.h"
 #include "last_resort.h"
 #include "pulses.h"
+#include <string.h>
 
 static const uint8_t VERSION = 2;
-static const uint8_t QUEUE = 1000 / (4 + 2 * CHANNELS); /* what the memory holds: 125 for two channels, 50 for eight */
+static const uint16_t FITS = CHIP_QUEUE_BYTES / (4 + 2 * CHANNELS);
+static const uint8_t QUEUE = FITS < 255 ? FITS : 255; /* 1000 bytes hold 125 commands of two channels, 50 of eight */
+static_assert(QUEUE >= 1, "CHIP_QUEUE_BYTES: not one command fits");
+static_assert(sizeof DERMIS_ID == 9, "DERMIS_ID has eight characters");
+static_assert(chip_line_baud(DERMIS_BAUD), "DERMIS_BAUD: the chip's clock does not divide into this rate");
+#ifdef DERMIS_RELAY_PIN
+static_assert(chip_relay_pin(DERMIS_RELAY_PIN), "DERMIS_RELAY_PIN: this pin cannot be the relay's, README.md says which can");
+#endif
 
 /* Whatever comes in, the loop comes round to its watchdog and its limits: in 1.1 ms at the worst (emulated). */
 static const uint8_t BYTES_A_LOOP = 16;
 static const uint8_t NACK_EVERY = 5; /* ms */
 static const uint16_t WINDOW = 1024; /* packets: what is further ahead was not lost on the way, it is old */
 static const uint8_t MOST_STEPS = 5; /* ms of a way to safety that a stalled loop may make up for */
+static const uint8_t LEAST_WATCHDOG = 10, MOST_WATCHDOG = 80; /* ms of silence that a sender may ask for */
+static_assert(CHIP_WATCHDOG_MS > MOST_WATCHDOG, "the chip's reset must come after the way to safety has begun");
 static const uint8_t ARRIVING = 100; /* ms that a relay stays on for at the safe pose: servos lag behind their pulses */
 
 enum Kind : uint8_t {
@@ -43,9 +53,12 @@ static uint8_t queue_first = 0, queued = 0;
 
 /* -- movement */
 
-static uint16_t ticks_of(uint16_t count) {
+static const uint32_t SPAN = LONGEST - SHORTEST; /* ticks */
+static_assert(SPAN <= 65535, "CHIP_TICKS_A_US: so many ticks a pulse do not fit into 32 bits below");
+
+static ChipTicks ticks_of(uint16_t count) {
   uint32_t rounded = (uint32_t)count * SPAN + 32767u;
-  return SHORTEST + (uint16_t)((rounded + (rounded >> 16) + 1) >> 16); /* / 65535, exactly, without a division */
+  return (ChipTicks)(SHORTEST + ((rounded + (rounded >> 16) + 1) >> 16)); /* / 65535, exactly, without a division */
 }
 
 static void move_to(uint8_t channel, uint16_t count) { set_pulse(channel, ticks_of(count), count); }
@@ -63,7 +76,7 @@ static void approach(uint8_t channel, uint16_t count, uint16_t most_a_ms) {
 
 static void power(bool on) {
 #ifdef DERMIS_RELAY_PIN
-  digitalWrite(DERMIS_RELAY_PIN, on ? HIGH : LOW);
+  chip_relay(DERMIS_RELAY_PIN, on);
 #else
   (void)on;
 #endif
@@ -121,7 +134,7 @@ static void go_home(uint8_t steps) {
 
 /* Return the milliseconds that have passed since the last call; what a stall has saved up is not spent. */
 static uint8_t passed() {
-  uint32_t now = micros();
+  uint32_t now = chip_us();
   uint8_t steps = 0;
   for (; now - stepped >= 1000 && steps < MOST_STEPS; steps++) stepped += 1000;
   if (now - stepped >= 1000) stepped = now;
@@ -130,7 +143,7 @@ static uint8_t passed() {
 
 /* Hand over the commands whose time has come. */
 static void play() {
-  while (queued && (int32_t)(micros() - queue_when[queue_first]) >= 0) {
+  while (queued && (int32_t)(chip_us() - queue_when[queue_first]) >= 0) {
     memcpy(target, queue_counts[queue_first], sizeof target);
     queue_first = (uint8_t)((queue_first + 1) % QUEUE);
     queued--;
@@ -141,7 +154,7 @@ static void play() {
 
 static void say_no(uint8_t to_session, uint16_t sequence, Reason reason) {
   static uint32_t said = 0;
-  uint32_t now = millis();
+  uint32_t now = chip_ms();
   if (now - said < NACK_EVERY) {
     sequence_out++; /* dropped like one that finds no room */
     return;
@@ -164,9 +177,9 @@ static void say_welcome() {
   if (!begin_answer(WELCOME, session, 27 + (pose_known ? 2 * CHANNELS : 0))) return;
   put8(VERSION);
   put8(CHANNELS);
-  for (const char *id = "DERMISU1"; *id; id++) put8((uint8_t)*id);
+  for (const char *id = DERMIS_ID; *id; id++) put8((uint8_t)*id);
   for (uint8_t i = 0; i < 8; i++) put8(0); /* any preset */
-  put32(micros());
+  put32(chip_us());
   put8(state);
   put8(QUEUE);
   put16(ROUND_HZ);
@@ -178,7 +191,7 @@ static void say_welcome() {
 static void say_synced(uint32_t token) {
   if (!begin_answer(SYNCED, session, 20)) return;
   put32(token);
-  put32(micros());
+  put32(chip_us());
   put8(state);
   put8(queued);
   put16(received);
@@ -194,7 +207,7 @@ static void say_synced(uint32_t token) {
 static bool configure(const uint8_t *body, uint8_t size) {
   if (size != 4 + 4 * CHANNELS || body[3] != CHANNELS || body[2] > RELEASE) return false;
   uint16_t watchdog = get16(body);
-  if (watchdog < 10 || watchdog > 80) return false;
+  if (watchdog < LEAST_WATCHDOG || watchdog > MOST_WATCHDOG) return false;
   for (uint8_t c = 0; c < CHANNELS; c++) if (!get16(body + 6 + 4 * c)) return false;
   if (state == ARMED) return true; /* nobody changes what is safe under way */
   watchdog_ms = (uint8_t)watchdog;
@@ -224,7 +237,7 @@ static void take_command(const uint8_t *body, uint8_t size, uint16_t sequence) {
   if (size != 5 + 2 * CHANNELS) return say_no(session, sequence, MALFORMED);
   if (state != ARMED) return say_no(session, sequence, NOT_ARMED);
   uint32_t when = get32(body);
-  bool timed = body[4] & 1, now = !timed || (int32_t)(when - micros()) < 0;
+  bool timed = body[4] & 1, now = !timed || (int32_t)(when - chip_us()) < 0;
   if (!now && queued == QUEUE) return say_no(session, sequence, QUEUE_FULL);
   received++;
   if (now) queued = 0;
@@ -281,18 +294,18 @@ static void take_packet(const uint8_t *data, uint8_t size) {
   uint16_t ahead = sequence - sequence_in;
   if (ahead == 0 || ahead > WINDOW) return; /* a copy, overtaken, or out of another time: no sign of life */
   if (ahead > 1) {
-    lost += ahead - 1;
+    lost = (uint16_t)(lost + ahead - 1);
     say_no(session, sequence, GAP);
   }
   sequence_in = sequence;
-  heard = millis();
+  heard = chip_ms();
   if (!take_own(kind, body, size, sequence)) say_no(session, sequence, MALFORMED);
 }
 
 /* Take what has come in: so many bytes and one packet at most, the rest in the next loop. */
 static void receive() {
-  for (uint8_t n = min(waiting(), BYTES_A_LOOP); n; n--) {
-    Found found = take_byte(take());
+  for (uint8_t n = 0; n < BYTES_A_LOOP && chip_line_waiting(); n++) {
+    Found found = take_byte(chip_line_take());
     if (found == NOTHING) continue;
     if (found == WHOLE) return take_packet(packet, whole_size - 4);
     damaged++;
@@ -302,17 +315,17 @@ static void receive() {
 
 void setup() {
 #ifdef DERMIS_RELAY_PIN
-  pinMode(DERMIS_RELAY_PIN, OUTPUT);
+  chip_relay_begin(DERMIS_RELAY_PIN);
 #endif
   power(false);
   begin_pulses();
-  begin_line(DERMIS_BAUD);
+  chip_line_begin(DERMIS_BAUD);
   begin_watchdog();
 }
 
 void loop() {
   receive();
-  if (state == ARMED && millis() - heard > watchdog_ms) {
+  if (state == ARMED && chip_ms() - heard > watchdog_ms) {
     watchdogs++;
     go_safe();
   }

@@ -2,7 +2,10 @@
 #pragma once
 #include "last_resort.h"
 #include "pulses.h"
-#include "serial_line.h"
+
+#ifdef DERMIS_RELAY_PIN
+#error "DERMIS_RELAY_PIN works with the native protocol only: nothing tells this one when to switch the supply on."
+#endif
 
 static const uint8_t BYTES_A_LOOP = 16; /* whatever comes in, the silence is looked at */
 static const uint16_t SILENCE_MS = 500;
@@ -12,7 +15,7 @@ static uint32_t heard = 0;
 
 void setup() {
   begin_pulses();
-  begin_line(115200);
+  chip_line_begin(115200);
   begin_watchdog();
 }
 
@@ -21,11 +24,11 @@ static void take_byte(uint8_t byte) {
   if (filled == 5) return; /* nothing more before the next start */
   command[filled++] = byte;
   if (filled < 5 || command[0] != 0x3C || command[4] != 0x3E) return;
-  uint16_t us = (uint16_t)command[2] << 8 | command[3];
-  if (command[1] >= CHANNELS || us < 1000 || us > 2000) return;
-  set_pulse(command[1], us * 2, 0);
+  uint16_t us = (uint16_t)(command[2] << 8 | command[3]);
+  if (command[1] >= CHANNELS || us < SHORTEST_US || us > LONGEST_US) return;
+  set_pulse(command[1], (ChipTicks)(us * CHIP_TICKS_A_US), 0);
   pulsing = true;
-  heard = millis();
+  heard = chip_ms();
 }
 
 /* The original has no watchdog; here servos let go, and each begins anew with its own next command: nobody asked for
@@ -36,7 +39,7 @@ static void let_go() {
 }
 
 void loop() {
-  for (uint8_t n = min(waiting(), BYTES_A_LOOP); n; n--) take_byte(take());
-  if (pulsing && millis() - heard > SILENCE_MS) let_go();
+  for (uint8_t n = 0; n < BYTES_A_LOOP && chip_line_waiting(); n++) take_byte(chip_line_take());
+  if (pulsing && chip_ms() - heard > SILENCE_MS) let_go();
   alive();
 }

@@ -1,4 +1,4 @@
-"""The sender's own mind and the sketch on its emulated board, at the two ends of one paced line."""
+"""The sender's own mind and the sketch on its board, at the two ends of one paced line."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from core.stream.streamer import Streamer
 from core.stream.track_source import TrackSource
 from core.track import binary
 from core.track.command_track import CommandTrack
-from tests.unit.stream.firmware_board import BAUD, Board, firmware
+from tests.unit.stream.firmware_avr import AvrBoard
+from tests.unit.stream.firmware_board import Board, Chip
 
 TICK = 0.001
 START = 100.0  # the sender's clock when the board's begins [s]
@@ -55,7 +56,7 @@ class Line(Transport):
 
 
 class FirmwareLab:
-    """A streamer that plays a track on an emulated board; the test turns both their clocks.
+    """A streamer that plays a track on a board; the test turns both their clocks.
 
     Attributes:
         play_from: when the track's time 0 is played, on the board's clock [s].
@@ -127,11 +128,6 @@ def slow_track(path: Path, seconds: float) -> Path:
     return path
 
 
-def haptip_board() -> Board:
-    """Return the sketch for the tactor's two servos on its line."""
-    return Board(firmware("-DDERMIS_CHANNELS=2"), BAUD)
-
-
 @dataclass(frozen=True)
 class Played:
     """What became of a track.
@@ -149,9 +145,9 @@ class Played:
     overruns: int
 
 
-def play(track: Path, seconds: float) -> Played:
-    """Play a track of the tactor on an emulated board, then stop."""
-    with haptip_board() as board:
+def play(track: Path, seconds: float, chip: Chip = AvrBoard) -> Played:
+    """Play a track of the tactor on a board with its two servos, then stop."""
+    with chip("-DDERMIS_CHANNELS=2") as board:
         lab = FirmwareLab(board, track)
         lab.run(0.3)
         lab.arm()

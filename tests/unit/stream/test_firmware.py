@@ -1,4 +1,4 @@
-"""The firmware on the emulated board: bytes in, pulse widths out, measured in clock cycles."""
+"""The firmware on both boards, emulated and on the host: bytes in, pulse widths out, measured in clock cycles."""
 
 from __future__ import annotations
 
@@ -8,17 +8,18 @@ import numpy as np
 import pytest
 
 from core.stream.protocols import adapters
-from tests.unit.stream.firmware_board import BAUD, Board, Sender, emulated, firmware, servos, wanted_us
+from tests.unit.stream.firmware_board import Board, Chip, Sender, servos, wanted_us
+from tests.unit.stream.firmware_host import every_chip
 
-pytestmark = emulated
+pytestmark = every_chip
 
 SERVOS = servos()
 RESOLUTION = 5.0  # a hobby servo's dead band is about 5 us of pulse; the board's own step is 0.5 us
 
 
 @pytest.fixture
-def native() -> Iterator[Board]:
-    with Board(firmware(), BAUD) as board:
+def native(chip: Chip) -> Iterator[Board]:
+    with chip() as board:
         yield board
 
 
@@ -166,9 +167,9 @@ def test_a_board_with_another_number_of_channels_is_named(native: Board) -> None
 
 
 @pytest.mark.parametrize("count", [1, 2, 6])
-def test_as_many_channels_as_the_device_has(count: int) -> None:
+def test_as_many_channels_as_the_device_has(chip: Chip, count: int) -> None:
     """Fewer than eight: a pulse each 20 ms all the same, and the handshake accepts a preset with as many."""
-    with Board(firmware(f"-DDERMIS_CHANNELS={count}")) as board:
+    with chip(f"-DDERMIS_CHANNELS={count}") as board:
         sender = Sender(board, servos(count))
         sender.arm()
         wanted = np.linspace(-0.9, 0.9, count)

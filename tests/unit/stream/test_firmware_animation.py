@@ -1,4 +1,4 @@
-"""The sketch as a receiver of Blender Servo Animation, on the emulated board."""
+"""The sketch as a receiver of Blender Servo Animation, on both boards."""
 
 from __future__ import annotations
 
@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 
 from core.stream.protocols import adapters
-from tests.unit.stream.firmware_board import ANIMATION_BAUD, Board, emulated, firmware, servos, wanted_us
+from tests.unit.stream.firmware_board import ANIMATION_BAUD, Board, Chip, servos, wanted_us
+from tests.unit.stream.firmware_host import every_chip
 
-pytestmark = emulated
+pytestmark = every_chip
 
 RESOLUTION = 5.0  # a hobby servo's dead band is about 5 us of pulse; a position of this protocol is 1 us
 
 
 @pytest.fixture
-def animation() -> Iterator[Board]:
-    with Board(firmware("-DDERMIS_SERVO_ANIMATION"), ANIMATION_BAUD) as board:
+def animation(chip: Chip) -> Iterator[Board]:
+    with chip("-DDERMIS_SERVO_ANIMATION", baud=ANIMATION_BAUD) as board:
         yield board
 
 

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from core.stream.protocols.native import Native
-from tests.unit.stream.firmware_board import ANIMATION_BAUD, BAUD, Board, Sender, emulated, firmware, servos
+from tests.unit.stream.firmware_avr import AvrBoard, emulated
+from tests.unit.stream.firmware_board import ANIMATION_BAUD, BAUD, Board, Chip, Sender, servos
 from tests.unit.stream.firmware_floods import ARRIVES, FAR, FLOODS, FRAME_US, ROUNDING_US, SLEW, flood
-
-pytestmark = emulated
+from tests.unit.stream.firmware_host import HostBoard, every_chip, hosted
 
 OFTEN = ["00 01", "random bytes, 30 % zeros", "HELLO of other sessions", "the whole session again", "longest frames"]
 OFTEN += [name for name in FLOODS if "CONFIGURE" in name]
-HANG = 0xCFFF  # rjmp to itself
 SESSION = 43  # whose floods once met an interrupt that waited too long: one byte was lost, in one session of 255
 
 
@@ -23,9 +22,16 @@ def one_session(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Native, "_draw_session", lambda self: setattr(self, "_session", SESSION))
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=() if n in OFTEN else pytest.mark.long) for n in FLOODS])
-def test_safe_in_time_whatever_is_on_the_line(name: str) -> None:
-    with Board(firmware(), BAUD) as board:
+FLOODED = [pytest.param(HostBoard, name, id=f"host-{name}", marks=hosted) for name in FLOODS]
+FLOODED += [
+    pytest.param(AvrBoard, name, id=f"ATmega328P-{name}", marks=[emulated] + [pytest.mark.long] * (name not in OFTEN))
+    for name in FLOODS
+]
+
+
+@pytest.mark.parametrize(("chip", "name"), FLOODED)
+def test_safe_in_time_whatever_is_on_the_line(chip: Chip, name: str) -> None:
+    with chip() as board:
         done = flood(board, name, BAUD)
     assert done.begins <= 0.1, f"begins after {done.begins * 1e3:.0f} ms"
     assert done.arrives <= ARRIVES, "and goes on to the safe pose"
@@ -33,9 +39,10 @@ def test_safe_in_time_whatever_is_on_the_line(name: str) -> None:
     assert not done.overruns
 
 
+@every_chip
 @pytest.mark.parametrize("name", ["random bytes, 30 % zeros", "00 01", "nothing but 3c"])
-def test_servo_animation_lets_go_whatever_is_on_the_line(name: str) -> None:
-    with Board(firmware("-DDERMIS_SERVO_ANIMATION"), ANIMATION_BAUD) as board:
+def test_servo_animation_lets_go_whatever_is_on_the_line(chip: Chip, name: str) -> None:
+    with chip("-DDERMIS_SERVO_ANIMATION", baud=ANIMATION_BAUD) as board:
         board.send(bytes.fromhex("3c 00 05 dc 3e"))
         board.run(0.1)
         assert board.pulses
@@ -56,26 +63,28 @@ def moving(board: Board) -> Sender:
     return sender
 
 
-def test_a_loop_that_stood_still_makes_up_for_nothing() -> None:
-    with Board(firmware(), BAUD) as board:
+@every_chip
+def test_a_loop_that_stood_still_makes_up_for_nothing(chip: Chip) -> None:
+    with chip() as board:
         sender = moving(board)
-        word = board.patch("loop", HANG)
+        board.hang()
         board.run(0.1)
-        board.patch("loop", word)
+        board.go_on()
         sender.run(0.3)
         for channel in range(8):
             widths = np.array(board.path(channel))[:, 1]
             assert np.abs(np.diff(widths)).max() <= FRAME_US + ROUNDING_US
 
 
-def test_a_loop_that_hangs_is_reset_and_the_pulses_end() -> None:
-    with Board(firmware(), BAUD) as board:
+@every_chip
+def test_a_loop_that_hangs_is_reset_and_the_pulses_end(chip: Chip) -> None:
+    with chip() as board:
         moving(board)
         hung = board.now
-        word = board.patch("loop", HANG)
+        board.hang()
         board.run(1.0)
         assert 0.2 <= max(start for _, start, _ in board.pulses) - hung <= 0.28, "the chip's watchdog: 250 ms"
-        board.patch("loop", word)
+        board.go_on()
         board.run(0.3)
         board.pulses.clear()
         sender = Sender(board, servos())
@@ -86,16 +95,18 @@ def test_a_loop_that_hangs_is_reset_and_the_pulses_end() -> None:
         assert board.pulses and sender.adapter.armed, "and is not reset again"
 
 
-def test_an_interrupt_of_the_pulses_that_dies_is_noticed() -> None:
-    with Board(firmware(), BAUD) as board:
+@every_chip
+def test_an_interrupt_of_the_pulses_that_dies_is_noticed(chip: Chip) -> None:
+    with chip() as board:
         sender = moving(board)
-        board.patch("__vector_11", 0x9518)  # reti: timer 1 does nothing from now on
+        board.kill_pulses()
         sender.run(0.5)
         assert "begun anew" in sender.adapter.fault
 
 
-def test_the_relay_is_on_while_armed_and_on_the_way_to_safety() -> None:
-    with Board(firmware("-DDERMIS_RELAY_PIN=12"), BAUD) as board:
+@every_chip
+def test_the_relay_is_on_while_armed_and_on_the_way_to_safety(chip: Chip) -> None:
+    with chip("-DDERMIS_RELAY_PIN=12") as board:
         sender = Sender(board, servos(slew=SLEW))
         sender.run(0.1)
         assert [level for _, level, _ in board.levels] == [0]
@@ -119,8 +130,9 @@ def test_the_relay_is_on_while_armed_and_on_the_way_to_safety() -> None:
         assert board.levels[-1][1] == 1
 
 
-def test_the_relay_opens_at_once_where_safe_means_to_let_go() -> None:
-    with Board(firmware("-DDERMIS_RELAY_PIN=12"), BAUD) as board:
+@every_chip
+def test_the_relay_opens_at_once_where_safe_means_to_let_go(chip: Chip) -> None:
+    with chip("-DDERMIS_RELAY_PIN=12") as board:
         sender = Sender(board, servos(slew=SLEW, safe={"reach": "release"}))
         sender.arm()
         sender.command(np.full(8, FAR))

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.unit.stream.firmware_board import emulated
+from tests.unit.stream.firmware_board import Chip
+from tests.unit.stream.firmware_host import every_chip
 from tests.unit.stream.firmware_lab import play, slow_track
 
-pytestmark = emulated
 
-
-def test_pulses_follow_the_track_and_every_command_arrives(tmp_path: Path) -> None:
-    done = play(slow_track(tmp_path / "t.dtrack", 1.0), 1.0)
+@every_chip
+def test_pulses_follow_the_track_and_every_command_arrives(chip: Chip, tmp_path: Path) -> None:
+    done = play(slow_track(tmp_path / "t.dtrack", 1.0), 1.0, chip)
     assert len(done.errors) >= 70 and np.abs(done.errors).max() <= 4.0
     assert done.sent >= 1200 and done.received == done.sent
     assert not any(done.counted.values()) and not done.overruns, done.counted

@@ -1,4 +1,4 @@
-"""The sketch's serial line on the emulated board: its pace, what the chip loses, answers without room, the queue."""
+"""The sketch's serial line: its pace, what the chip loses, answers without room, the queue."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import pytest
 
 from core.stream.protocols import packets
 from core.stream.protocols.packets import Kind
-from tests.unit.stream.firmware_board import BAUD, Board, Sender, emulated, firmware, servos, wanted_us
-
-pytestmark = emulated
+from tests.unit.stream.firmware_avr import AvrBoard, emulated
+from tests.unit.stream.firmware_board import BAUD, Board, Chip, Sender, servos, wanted_us
+from tests.unit.stream.firmware_host import every_chip
 
 
 def saturate(board: Board, sender: Sender, channels: int, seconds: float, baud: float = BAUD) -> int:
@@ -29,9 +29,10 @@ def saturate(board: Board, sender: Sender, channels: int, seconds: float, baud: 
     return count
 
 
+@every_chip
 @pytest.mark.parametrize("channels", [1, 2, 8])
-def test_a_full_line_loses_nothing(channels: int) -> None:
-    with Board(firmware(f"-DDERMIS_CHANNELS={channels}")) as board:
+def test_a_full_line_loses_nothing(chip: Chip, channels: int) -> None:
+    with chip(f"-DDERMIS_CHANNELS={channels}") as board:
         sender = Sender(board, servos(channels))
         sender.arm()
         before = received(board, sender)
@@ -40,7 +41,8 @@ def test_a_full_line_loses_nothing(channels: int) -> None:
         assert sent >= 700 and received(board, sender) - before == sent
         counters = sender.adapter.counters
         assert not counters["lost at the device"] and not counters["damaged at the device"] and not board.overruns
-        assert board.unused() >= 200, "bytes between variables and stack"
+        if isinstance(board, AvrBoard):
+            assert board.unused() >= 200, "bytes between variables and stack"
 
 
 def received(board: Board, sender: Sender) -> int:
@@ -55,25 +57,28 @@ def synced(board: Board, sender: Sender) -> packets.Synced:
     return packets.Synced.read(found[-1].body)
 
 
+@emulated
 def test_at_a_million_baud_the_chip_loses_bytes() -> None:
     """So the emulator shows it, and 500,000 is what the sketch talks."""
-    with Board(firmware("-DDERMIS_BAUD=1000000"), 1e6) as board:
+    with AvrBoard("-DDERMIS_BAUD=1000000", baud=1e6) as board:
         sender = Sender(board, servos())
         sender.arm()
         saturate(board, sender, 8, 0.2, 1e6)
         assert board.overruns > 10
 
 
-def test_another_baud_is_not_understood() -> None:
-    with Board(firmware(), 115_200) as board:
+@every_chip
+def test_another_baud_is_not_understood(chip: Chip) -> None:
+    with chip(baud=115_200) as board:
         sender = Sender(board, servos())
         sender.run(0.3)
         assert not sender.adapter.ready and board.garbled
 
 
-def test_the_board_keeps_the_line_s_pace_in_its_answers() -> None:
+@every_chip
+def test_the_board_keeps_the_line_s_pace_in_its_answers(chip: Chip) -> None:
     """500 SYNCs at once: each answer has twice the bytes of its question, so the line has room for every second one."""
-    with Board(firmware()) as board:
+    with chip() as board:
         sender = Sender(board, servos(slew=7.5))
         sender.arm()
         sender.command(np.full(8, 0.8))
@@ -92,9 +97,10 @@ def test_the_board_keeps_the_line_s_pace_in_its_answers() -> None:
         assert np.abs(np.diff(path[:, 1])).max() >= 70, "and the servos keep moving meanwhile"
 
 
-def test_a_hundred_commands_wait_for_their_time() -> None:
+@every_chip
+def test_a_hundred_commands_wait_for_their_time(chip: Chip) -> None:
     """Two channels at 1 kHz, a tenth of a second ahead, three times round the ring."""
-    with Board(firmware("-DDERMIS_CHANNELS=2")) as board:
+    with chip("-DDERMIS_CHANNELS=2") as board:
         sender = Sender(board, servos(2))
         sender.arm()
         assert sender.adapter.queue >= 102
@@ -115,8 +121,9 @@ def test_a_hundred_commands_wait_for_their_time() -> None:
             assert np.abs(path[:, 1] - wanted).max() <= 2.5, "2 us a millisecond"
 
 
-def test_a_full_queue_refuses_and_what_it_took_is_counted() -> None:
-    with Board(firmware("-DDERMIS_CHANNELS=2")) as board:
+@every_chip
+def test_a_full_queue_refuses_and_what_it_took_is_counted(chip: Chip) -> None:
+    with chip("-DDERMIS_CHANNELS=2") as board:
         sender = Sender(board, servos(2))
         sender.arm()
         sender.run(0.2)

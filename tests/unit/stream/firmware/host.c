@@ -1,0 +1,253 @@
+/* Runs the sketch on this computer, compiled behind chip_host.h into a library, in simulated time. It takes the commands of
+   runner.c and answers like it, in the same cycles of 16 MHz, so that one test drives both boards:
+
+     B baud, S hex, R us   as there
+     H 0 or 1              let the loop run, or hang
+     T                     the pulses' timer interrupts no more
+
+   host LIBRARY START_US SEED: the clock begins at START_US; SEED draws how long each call of the chip layer takes. A reset
+   by the chip's watchdog loads the library anew. */
+#include <dlfcn.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define NEVER UINT64_MAX
+#define US 1000000ull   /* time is counted in picoseconds, so that each timer's ticks are whole */
+#define CYCLE 62500ull
+enum { LINE = 1 << 18, PINS = 256, FIFO = 3 }; /* a byte in the shift register, and two that wait, as in the ATmega328P */
+
+static uint64_t now, planned;
+static uint32_t seed;
+static int held_off, hung, timer_dead;
+static jmp_buf reset_point;
+
+static const char *library;
+static void *handle;
+static void (*sketch_loop)(void), (*on_timer)(void), (*on_received)(uint8_t);
+static int (*next_out)(void);
+
+static uint64_t timer_due, watchdog_due;
+static int timer_pending;
+
+static uint8_t line[LINE];
+static unsigned line_first, line_last;
+static double line_baud = 115200, chip_baud;
+static uint64_t line_done; /* when the byte that is on its way has come */
+static uint8_t fifo[FIFO];
+static unsigned in_fifo;
+static unsigned long overruns, garbled;
+
+static int sends, sending;
+static uint8_t byte_out;
+static uint64_t sent_at;
+
+static uint64_t rising[PINS];
+static int levels[PINS]; /* of relays; -1: nobody has set it */
+
+static void fail(const char *why) {
+  fprintf(stderr, "%s\n", why);
+  exit(3);
+}
+
+/* -- the line */
+
+static uint64_t byte_time(double baud) { return (uint64_t)(1e13 / baud); }
+
+static int misread(void) {
+  double off = chip_baud / line_baud - 1.0;
+  if (off < 0.05 && off > -0.05) return 0;
+  garbled++;
+  return 1;
+}
+
+static void byte_came(void) {
+  uint8_t byte = line[line_first++ % LINE];
+  line_done = line_first == line_last ? NEVER : line_done + byte_time(line_baud);
+  if (!chip_baud || misread()) return;
+  if (in_fifo == FIFO) overruns++;
+  else fifo[in_fifo++] = byte;
+}
+
+static void byte_left(void) {
+  if (!misread()) printf("U %02x %llu\n", byte_out, (unsigned long long)(now / CYCLE));
+  sending = 0;
+}
+
+static void send_next(void) {
+  int next = next_out();
+  sends = next >= 0;
+  if (!sends) return;
+  byte_out = (uint8_t)next;
+  sending = 1;
+  sent_at = now + byte_time(chip_baud);
+}
+
+static void receive_next(void) {
+  uint8_t byte = fifo[0];
+  memmove(fifo, fifo + 1, --in_fifo);
+  on_received(byte);
+}
+
+/* -- time */
+
+static void interrupts(void) {
+  for (;;) {
+    void (*handler)(void) = NULL;
+    if (timer_pending) handler = on_timer;
+    else if (in_fifo) handler = receive_next;
+    else if (sends && !sending) handler = send_next;
+    if (!handler) return;
+    if (handler == on_timer) timer_pending = 0;
+    held_off++;
+    handler();
+    held_off--;
+  }
+}
+
+static uint64_t earliest(void) {
+  uint64_t first = timer_due < line_done ? timer_due : line_done;
+  if (sending && sent_at < first) first = sent_at;
+  return watchdog_due < first ? watchdog_due : first;
+}
+
+static void pass(uint64_t span) {
+  uint64_t end = now + span;
+  do {
+    uint64_t next = earliest() < end ? earliest() : end;
+    if (next > now) now = next;
+    if (watchdog_due <= now) longjmp(reset_point, 1);
+    if (timer_due <= now) {
+      timer_due = NEVER;
+      timer_pending = !timer_dead;
+    }
+    if (line_done <= now) byte_came();
+    if (sending && sent_at <= now) byte_left();
+    if (!held_off) interrupts();
+  } while (now < end);
+}
+
+/* A call of the chip layer takes 0.2 to 3.2 us, so that interrupts come in ever other places of the loop. */
+static void take_time(void) {
+  seed = seed * 1664525u + 1013904223u;
+  pass(US / 5 + (seed >> 8) % (3 * US));
+}
+
+uint64_t host_us(void) {
+  take_time();
+  return now / US;
+}
+
+void host_hold_off(int more) {
+  held_off += more;
+  take_time();
+}
+
+uint64_t host_timer(uint32_t ticks_a_us) {
+  pass(US / 10);
+  return now / (US / 16) * ticks_a_us / 16;
+}
+
+void host_timer_at(uint64_t tick, uint32_t ticks_a_us) {
+  timer_due = tick / ticks_a_us * US + tick % ticks_a_us * US / ticks_a_us;
+}
+
+void host_watchdog(uint32_t ms) {
+  take_time();
+  watchdog_due = now + ms * 1000 * US;
+}
+
+void host_line_begin(uint32_t baud) { chip_baud = baud; }
+
+void host_line_send(void) {
+  sends = 1;
+  take_time();
+}
+
+void host_pin(uint8_t pin, int level) {
+  if (level && rising[pin] == NEVER) {
+    rising[pin] = now;
+  } else if (!level && rising[pin] != NEVER) {
+    printf("P %d %llu %llu\n", pin, (unsigned long long)(rising[pin] / CYCLE),
+           (unsigned long long)((now - rising[pin] + CYCLE / 2) / CYCLE));
+    rising[pin] = NEVER;
+  }
+}
+
+void host_relay(uint8_t pin, int level) {
+  if (level == levels[pin]) return;
+  levels[pin] = level;
+  printf("L %d %d %llu\n", pin, level, (unsigned long long)(now / CYCLE));
+}
+
+/* -- the board */
+
+static void *find(const char *name) {
+  void *found = dlsym(handle, name);
+  if (!found) fail(name);
+  return found;
+}
+
+static void boot(void) {
+  if (handle) dlclose(handle);
+  if (dlopen(library, RTLD_NOW | RTLD_NOLOAD)) fail("the library keeps its memory");
+  handle = dlopen(library, RTLD_NOW | RTLD_LOCAL);
+  if (!handle) fail(dlerror());
+  void (*sketch_setup)(void) = (void (*)(void))find("setup");
+  sketch_loop = (void (*)(void))find("loop");
+  on_timer = (void (*)(void))find("chip_on_timer");
+  on_received = (void (*)(uint8_t))find("chip_on_received");
+  next_out = (int (*)(void))find("chip_next_out");
+  held_off = timer_pending = sends = sending = 0;
+  in_fifo = 0;
+  chip_baud = 0;
+  timer_due = watchdog_due = NEVER;
+  for (int pin = 0; pin < PINS; pin++) {
+    rising[pin] = NEVER;
+    if (levels[pin] > 0) host_relay((uint8_t)pin, 0);
+  }
+  sketch_setup();
+}
+
+static void run(uint64_t span) {
+  planned += span;
+  if (setjmp(reset_point)) boot();
+  while (now < planned) {
+    if (hung) pass(planned - now);
+    else sketch_loop(), take_time();
+  }
+}
+
+static void put(const char *hex) {
+  char byte[3] = "";
+  if (line_first == line_last) line_done = now + byte_time(line_baud);
+  for (; hex[0] > ' ' && hex[1] > ' '; hex += 2) {
+    memcpy(byte, hex, 2);
+    line[line_last++ % LINE] = (uint8_t)strtoul(byte, NULL, 16);
+  }
+  if (line_first == line_last) line_done = NEVER;
+}
+
+int main(int argc, char **argv) {
+  static char words[1 << 16];
+  if (argc != 4) return 2;
+  library = argv[1];
+  now = planned = strtoull(argv[2], NULL, 10) * US;
+  seed = (uint32_t)strtoul(argv[3], NULL, 10);
+  line_done = NEVER;
+  memset(levels, -1, sizeof levels);
+  if (setjmp(reset_point)) fail("reset before it had begun");
+  boot();
+  while (fgets(words, sizeof words, stdin)) {
+    if (words[0] == 'B') line_baud = atof(words + 2);
+    else if (words[0] == 'S') put(words + 2);
+    else if (words[0] == 'R') run((uint64_t)(atof(words + 2) * 1e6));
+    else if (words[0] == 'H') hung = words[2] == '1';
+    else if (words[0] == 'T') timer_dead = 1;
+    printf("O %lu %lu\n.\n", overruns, garbled);
+    fflush(stdout);
+  }
+  return 0;
+}

@@ -11,7 +11,10 @@ _CODE = [bytes([n]) for n in range(256)]
 
 
 def encode(data: bytes) -> bytes:
-    """Return data without zeros, at most one byte in 254 longer and one more; no delimiter is added."""
+    """Return data without zeros, at most one byte in 254 longer and one more; no delimiter is added.
+
+    presets/streaming.md has the rule in words and in examples.
+    """
     parts = data.split(b"\0")
     if len(max(parts, key=len)) < 254:
         return b"".join([_CODE[len(part) + 1] + part for part in parts])

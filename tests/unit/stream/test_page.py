@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import struct
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 from core.devices.spec import Channel, DeviceSpec
 from core.presets import Library
 from core.stream.links import url
-from core.stream.protocols import adapters, native, packets, torque
+from core.stream.protocols import adapters, cobs, native, packets, torque
 from core.stream.protocols.packets import DeviceState, Kind, Nack, Reach
 from core.stream.protocols.silence import Does, Silence
 from core.stream.protocols.wire import Wire
@@ -20,9 +21,25 @@ from core.stream.virtual import faults
 
 ROOT = Path(__file__).resolve().parents[3]
 PAGE = (ROOT / "presets" / "streaming.md").read_text("utf-8")
-VECTORS = dict(
-    line.split(": ") for block in re.findall(r"```vectors\n(.*?)```", PAGE, re.S) for line in block.splitlines()
-)
+
+
+def table(kind: str) -> dict[str, str]:
+    """Return the rows of the page's blocks of a kind."""
+    blocks = re.findall(rf"```{kind}\n(.*?)```", PAGE, re.S)
+    return dict(line.split(": ") for block in blocks for line in block.splitlines())
+
+
+def written(text: str) -> bytes:
+    """Return bytes as the page writes them: `01..fe` counts up, `01*508` repeats."""
+    out = b""
+    for word in text.split():
+        first, _, last = word.partition("..")
+        byte, _, times = word.partition("*")
+        out += bytes(range(int(first, 16), int(last, 16) + 1)) if last else bytes.fromhex(byte) * int(times or 1)
+    return out
+
+
+VECTORS = {name: written(text) for name, text in table("vectors").items()}
 WIRE = Wire.of(
     DeviceSpec(
         "servos", "Servos", "t", 50.0, tuple(Channel(f"s{i}", "rad", -1.0, 1.0, 8.0, 0.0, f"m{i}") for i in range(2))
@@ -51,6 +68,9 @@ MADE = {
     "ARM": framed(Kind.ARM, 3),
     "STATE": framed(Kind.STATE, 2, packets.state(DeviceState.ARMED, Kind.ARM)),
     "COMMAND": framed(Kind.COMMAND, 0x0102, packets.command(1000, u16(0, 65535), timed=True)),
+    "COMMAND of 128 channels": framed(
+        Kind.COMMAND, 0x0102, packets.command(0x01020304, u16(*[0x0101] * 128), timed=True)
+    ),
     "SYNC": framed(Kind.SYNC, 5, (123456).to_bytes(4, "little")),
     "SYNCED": framed(Kind.SYNCED, 3, packets.Synced(123456, 2000, 2, 1, 4, 0, 0, 0, 0).body()),
     "SAFE": framed(Kind.SAFE, 6),
@@ -66,7 +86,7 @@ MADE = {
 
 @pytest.mark.parametrize("name", sorted(MADE))
 def test_byte_vectors(name: str) -> None:
-    assert VECTORS[name] == MADE[name].hex(" ")
+    assert VECTORS[name].hex(" ") == MADE[name].hex(" ")
 
 
 def test_every_vector_is_held_against_something_and_every_kind_has_one() -> None:
@@ -74,19 +94,38 @@ def test_every_vector_is_held_against_something_and_every_kind_has_one() -> None
     assert {kind.name for kind in Kind} <= set(VECTORS)
 
 
-def test_the_page_reads_as_the_header_layout_says() -> None:
-    """By hand, from the page's words alone: COBS by its definition, kind, session, sequence, body, CRC-32."""
-    data = bytes.fromhex(VECTORS["COMMAND"])
-    assert data[0] == data[-1] == 0
-    plain, at = bytearray(), 1
-    while at < len(data) - 1:
-        code = data[at]
-        plain += data[at + 1 : at + code]
+def by_the_page(blocks: bytes) -> bytes:
+    """Undo COBS from the page's words alone."""
+    plain, at = bytearray(), 0
+    while at < len(blocks):
+        code = blocks[at]
+        plain += blocks[at + 1 : at + code]
         at += code
-        if at < len(data) - 1:
+        if code != 255 and at < len(blocks):
             plain.append(0)
-    kind, session, sequence, play, flags, first, second = struct.unpack("<BBHIBHH", plain[:-4])
-    assert (kind, session, sequence, play, flags, first, second) == (5, 7, 0x0102, 1000, 1, 0, 65535)
+    return bytes(plain)
+
+
+@pytest.mark.parametrize("plain", table("cobs"))
+def test_cobs_is_as_the_page_says(plain: str) -> None:
+    blocks = written(table("cobs")[plain])
+    assert cobs.encode(written(plain)) == blocks
+    assert cobs.decode(blocks) == by_the_page(blocks) == written(plain)
+
+
+@pytest.mark.parametrize("name", [kind.name for kind in Kind] + ["COMMAND of 128 channels"])
+def test_each_frame_reads_as_the_page_says(name: str) -> None:
+    """By hand: zeros around it, COBS, kind, session, sequence, body, CRC-32."""
+    data = VECTORS[name]
+    assert data[0] == data[-1] == 0 and 0 not in data[1:-1]
+    plain = by_the_page(data[1:-1])
+    assert zlib.crc32(plain[:-4]) == int.from_bytes(plain[-4:], "little")
+    kind, session, sequence = struct.unpack_from("<BBH", plain)
+    assert (kind, session) == (Kind[name.split()[0]], 7) and sequence > 0
+    if kind == Kind.COMMAND:
+        play, flags, *counts = struct.unpack(f"<IB{(len(plain) - 13) // 2}H", plain[4:-4])
+        wanted = (0x01020304, [0x0101] * 128) if "128" in name else (1000, [0, 65535])
+        assert (play, flags, counts) == (wanted[0], 1, wanted[1])
 
 
 def test_kinds_states_and_reasons_are_numbered_as_the_page_says() -> None:

@@ -95,8 +95,7 @@ def of_rows(rows: Rows, *, columns: str = "", rate: float = 100.0, unit: float =
         factor = known[time].unit or 1.0
         times = rows.values[:, time] * (factor if "time" in place else 1.0 / rate)
         check_times(times, rows, time)
-        slow = "time" in place and len(times) >= MANY and np.ptp(times) >= SLOW * (len(times) - 1)
-        if slow and known[time].unit is None and not columns:
+        if "time" in place and known[time].unit is None and not columns and _slow(times):
             raise _not_said("nobody says in which unit the times are, and as seconds they are slow", rows, "_ms")
     numbers = {name: rows.values[:, place[name]] for name in (*PLACE, *turn)}
     for name in numbers:
@@ -120,7 +119,8 @@ def guess(rows: Rows) -> Guess:
     if turn == "euler":
         turn += _angle_unit(rest)
     moved = np.nanmax(np.ptp(values[:, timed : timed + 3], axis=0), initial=0.0)
-    return Guess("s" if timed else "none", turn, "mm" if moved > REACH else "m")
+    time = ("ms" if _slow(values[:, 0]) else "s") if timed else "none"
+    return Guess(time, turn, "mm" if moved > REACH else "m")
 
 
 def suggestion(rows: Rows, time_unit: str = "") -> str:
@@ -150,6 +150,11 @@ def names_of(time: str, turn: str, unit: str = "m") -> str:
         time, turn: keys of `TIMES` and `TURNS`. unit: of the places.
     """
     return ", ".join((*TIMES[time], *(f"{axis}_{unit}" for axis in PLACE), *TURNS[turn]))
+
+
+def _slow(times: Array) -> bool:
+    """Return whether times are too far apart to be seconds."""
+    return bool(len(times) >= MANY and np.ptp(times) >= SLOW * (len(times) - 1))
 
 
 def _angle_unit(angles: Array) -> str:

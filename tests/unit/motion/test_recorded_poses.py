@@ -173,6 +173,7 @@ def test_what_nobody_says_can_be_said(write):
         ("0,0,0\n1,1,1\n", "x_m, y_m, z_m"),
         ("0,0,0\n50,1,1\n", "x_mm, y_mm, z_mm"),
         ("0,0,0,0\n1,1,1,1\n", "time_s, x_m, y_m, z_m"),
+        ("".join(f"{10 * i},0,0,0\n" for i in range(60)), "time_ms, x_m, y_m, z_m"),
         ("0,0,0,1,0,0,0\n1,0,0,0,1,0,0\n", "x_m, y_m, z_m, qw, qx, qy, qz"),
         ("0,0,0,0,5,90,0\n1,0,0,0,5,91,0\n", "time_s, x_m, y_m, z_m, rx_deg, ry_deg, rz_deg"),
         ("0,0,0,0,0.1,0,0\n1,0,0,0,0.2,0,0\n", "time_s, x_m, y_m, z_m, rx_rad, ry_rad, rz_rad"),

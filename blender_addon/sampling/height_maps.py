@@ -47,7 +47,8 @@ def look(obj: bpy.types.Object) -> tuple[Any, ...]:
     Raises:
         DermisError: it cannot be read; what is `offered` says so too where only its unit is missing.
     """
-    return _file(obj, sequence=False)[2]
+    found: tuple[Any, ...] = _file(obj, sequence=False).findings
+    return found
 
 
 def said_no_data(obj: bpy.types.Object) -> bool:
@@ -106,19 +107,22 @@ def build(
     key = _key(obj) if keep else None
     kept = _kept.get(obj.session_uid)
     if keep and kept is not None and kept[0] == key:
-        heights, height_unit, findings = kept[1]
+        made = kept[1]
     else:
-        heights, height_unit, findings = _relief(obj, depsgraph, unit)
+        made = _relief(obj, depsgraph, unit)
         if mirrored:
-            heights = np.ascontiguousarray(heights[..., ::-1])
+            heights, holes = (
+                None if a is None else np.ascontiguousarray(a[..., ::-1]) for a in (made.heights, made.holes)
+            )
+            made = replace(made, heights=heights, holes=holes)
         if keep and _chosen(settings):
-            _kept[obj.session_uid] = (key, (heights, height_unit, findings))
+            _kept[obj.session_uid] = (key, made)
     parameters = object_properties.parameters(settings)
-    if heights.ndim == 3:
+    if made.heights.ndim == 3:
         parameters["sequence_start"] = int(settings.sequence_start)
     width, height = (float(s) * unit for s in size)
     return core.scene.tactile_scene.Screen(
-        obj.name_full, (width, height), heights, height_unit, parameters, tuple(findings)
+        obj.name_full, (width, height), made.heights, made.height_unit, parameters, made.findings, made.holes
     )
 
 
@@ -140,34 +144,26 @@ def frozen(
     return out
 
 
-def _relief(obj: bpy.types.Object, depsgraph: Any, unit: float) -> tuple[NDArray[np.float32], float, tuple[Any, ...]]:
+def _relief(obj: bpy.types.Object, depsgraph: Any, unit: float) -> Any:
+    """Return the engine's `DepthMap` of a screen; flat where none is needed."""
     settings = obj.dermis.screen
+    where = f"screen '{obj.name_full}'"
     if not _chosen(settings) and _felt_as_mesh(obj, depsgraph.scene):
-        return (
-            np.zeros((1, 1), np.float32),
-            1.0,
-            (
-                Finding(
-                    "info",
-                    "no-map",
-                    "no relief was chosen, so the screen is flat to devices that read its map",
-                    where=f"screen '{obj.name_full}'",
-                ),
-            ),
+        finding = Finding(
+            "info", "no-map", "no relief was chosen, so the screen is flat to devices that read its map", where=where
         )
-    heights, height_unit, findings = _read(obj, depsgraph, unit)
-    if height_unit == 0.0:  # to the engine 0 is a map without a unit, as high as the screen is wide
-        findings += (
-            Finding(
-                "warning",
-                "no-height",
-                "its height is 0 mm, so the relief is flat",
-                where=f"screen '{obj.name_full}'",
-                remedy="Set Height in the Dermis tab under Screen",
-            ),
-        )
-        return np.zeros_like(heights), 1.0, findings
-    return heights, height_unit, findings
+        return core.effects.depth_map.DepthMap(np.zeros((1, 1), np.float32), (finding,), 1.0)
+    made = _read(obj, depsgraph, unit)
+    if made.height_unit != 0.0:
+        return made
+    finding = Finding(  # to the engine 0 is a map without a unit, as high as the screen is wide
+        "warning",
+        "no-height",
+        "its height is 0 mm, so the relief is flat",
+        where=where,
+        remedy="Set Height in the Dermis tab under Screen",
+    )
+    return replace(made, heights=np.zeros_like(made.heights), height_unit=1.0, findings=(*made.findings, finding))
 
 
 def _chosen(settings: Any) -> bool:
@@ -186,7 +182,7 @@ def _felt_as_mesh(screen: bpy.types.Object, scene: bpy.types.Scene) -> bool:
     )
 
 
-def _read(obj: bpy.types.Object, depsgraph: Any, unit: float) -> tuple[NDArray[np.float32], float, tuple[Any, ...]]:
+def _read(obj: bpy.types.Object, depsgraph: Any, unit: float) -> Any:
     depth_map = core.effects.depth_map
     settings = obj.dermis.screen
     where = f"screen '{obj.name_full}'"
@@ -194,7 +190,7 @@ def _read(obj: bpy.types.Object, depsgraph: Any, unit: float) -> tuple[NDArray[n
         heights, noticed = mesh_heights.cast(obj, depsgraph, unit, *bounds(obj, depsgraph))
         # Steps in a mesh are edges of the model, not of the storage: they stay.
         made = depth_map.from_array(heights, no_data="none", levels=0, where=where)
-        return made.heights, 1.0, noticed + made.findings
+        return replace(made, height_unit=1.0, findings=noticed + made.findings)
     if settings.source == "IMAGE":
         values, empty, noticed = pixels(settings.image, where)
         largest = _largest(settings.image)
@@ -214,7 +210,7 @@ def _read(obj: bpy.types.Object, depsgraph: Any, unit: float) -> tuple[NDArray[n
     return _file(obj, sequence=settings.source == "SEQUENCE")
 
 
-def _file(obj: bpy.types.Object, *, sequence: bool) -> tuple[NDArray[np.float32], float, tuple[Any, ...]]:
+def _file(obj: bpy.types.Object, *, sequence: bool) -> Any:
     settings = obj.dermis.screen
     path = bpy.path.abspath(settings.filepath, library=obj.library)
     unit = core.parameters.screen.UNITS_OF_MAPS[settings.map_unit]
@@ -241,14 +237,14 @@ def _no_data(settings: Any) -> str:
     return str(settings.no_data).strip() or ("0" if settings.zero_is_hole else "")
 
 
-def _with_unit(obj: bpy.types.Object, made: Any, where: str) -> tuple[NDArray[np.float32], float, tuple[Any, ...]]:
-    """Return heights, metres a unit of them, and findings; keep what the artist has to decide on."""
+def _with_unit(obj: bpy.types.Object, made: Any, where: str) -> Any:
+    """Return a map with metres a unit of it and all findings; keep what the artist has to decide on."""
     findings, height_unit = made.findings, made.height_unit
     if height_unit == 0.0:
         height_unit = value_of(obj.dermis.screen, core.parameters.screen.HEIGHT)
         findings += _doubtful(made.heights, obj.dermis.screen.invert, where)
     _offered[obj.session_uid] = tuple(f for f in findings if f.code in OFFERED)
-    return made.heights, height_unit, findings
+    return replace(made, height_unit=height_unit, findings=findings)
 
 
 def _doubtful(heights: NDArray[np.float32], depth: bool, where: str) -> tuple[Any, ...]:

@@ -27,11 +27,13 @@ class DepthMap:
         heights: row 0 at the bottom, float32, shape (rows, columns), or (k, rows, columns) for a sequence.
         findings: what was repaired or noticed.
         height_unit: metres that one unit of the heights stands for, as `Screen.height_unit`; 0 where nobody said.
+        holes: where heights were filled in, booleans of the same shape; None where there were no holes.
     """
 
     heights: NDArray[np.float32]
     findings: tuple[Finding, ...] = ()
     height_unit: float = 0.0
+    holes: NDArray[np.bool_] | None = None
 
 
 def read(
@@ -72,12 +74,14 @@ def read(
     noticed: list[Finding] = []
     work = MapRepair(meaning, no_data, steps, where)
     heights: NDArray[np.float32] | None = None
+    holes = np.zeros((0, 0, 0), bool)
     largest = 1  # the stored number that became 1
     for index, path in enumerate(paths):  # one image in memory at a time: a sequence has hundreds
         raster = images.read(path)
         shape = raster.values.shape
         if heights is None:
             heights, largest = np.empty((len(paths), *shape), np.float32), raster.largest
+            holes = np.zeros((len(paths), *shape), bool)
         if unit is None:
             _check_white(raster, path)
         elif raster.largest != largest:
@@ -95,13 +99,14 @@ def read(
                 limit=f"{heights.shape[2]} x {heights.shape[1]}, as the first",
             )
         place = f"image '{Path(path).name}'"
-        heights[index] = work.repaired(
+        heights[index], holes[index] = work.repaired(
             raster.values, raster.holes, raster.levels, place, largest=raster.largest, signed=raster.signed
         )
         noticed += raster.findings
     assert heights is not None
     shown = heights if len(paths) > 1 else heights[0]
-    return DepthMap(shown, _merged(noticed) + work.findings(), (unit or 0.0) * largest)
+    filled = (holes if len(paths) > 1 else holes[0]) if holes.any() else None
+    return DepthMap(shown, _merged(noticed) + work.findings(), (unit or 0.0) * largest, filled)
 
 
 def from_array(
@@ -150,12 +155,14 @@ def from_array(
     single = array.ndim == 2
     stack = array[None] if single else array
     gaps = [None] * len(stack) if empty is None else list(empty[None] if single else empty)
-    heights = np.empty(stack.shape, np.float32)
+    heights, holes = np.empty(stack.shape, np.float32), np.zeros(stack.shape, bool)
     for index, (values_, gap) in enumerate(zip(stack, gaps, strict=True)):
         place = where if single else f"{where}, map {index + 1} of {len(stack)}"
-        repaired = work.repaired(values_, gap, known, place, largest=largest)
-        heights[index] = repaired if first_row == "bottom" else repaired[::-1]
-    return DepthMap(heights[0] if single else heights, work.findings())
+        repaired, gap = work.repaired(values_, gap, known, place, largest=largest)
+        upwards = slice(None) if first_row == "bottom" else slice(None, None, -1)
+        heights[index], holes[index] = repaired[upwards], gap[upwards]
+    filled = (holes[0] if single else holes) if holes.any() else None
+    return DepthMap(heights[0] if single else heights, work.findings(), holes=filled)
 
 
 def _declared(declared: Any, shape: tuple[int, ...], where: str) -> NDArray[np.bool_]:

@@ -66,8 +66,8 @@ class MapRepair:
         *,
         largest: float = 1.0,
         signed: bool = False,
-    ) -> NDArray[np.float64]:
-        """Return one map's heights towards the viewer without holes and staircases, shape (rows, columns).
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Return one map's heights towards the viewer without holes and staircases, and its holes, (rows, columns).
 
         Args:
             largest: the stored number that 1 of the values stands for. signed: whole numbers reach below 0.
@@ -103,7 +103,7 @@ class MapRepair:
             heights = smoothed(heights, found.step) if self._smooth else heights
         self._few += found is not None and 2 <= found.levels < FEWEST_LEVELS
         self._flat += bool(heights.max() == heights.min())
-        return heights
+        return heights, gaps
 
     def _look(self, heights: Array, kind: np.dtype, levels: int, largest: float, signed: bool) -> None:
         """Count what likely stands for 'no data'."""

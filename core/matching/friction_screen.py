@@ -92,6 +92,7 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
             scale=None if scale is None else scale[touching],
             threshold=None if threshold is None else threshold[touching],
         )
+        findings += _hole_findings(path.x, path.y, touching, settings.times, maps[index], scene, index)
         for name, values in (
             ("direction_x", direction[:, 0]),
             ("direction_y", direction[:, 1]),
@@ -217,6 +218,34 @@ def _unit_findings(maps: Mapping[int, ScreenMap], scene: TactileScene, *, absolu
         )
         for i, m in maps.items()
         if m.height_unit == 0.0 and m.profile != "rectangle" and absolute
+    ]
+
+
+def _hole_findings(
+    x: Array, y: Array, touching: NDArray[np.bool_], times: Array, map_: ScreenMap, scene: TactileScene, screen: int
+) -> list[Finding]:
+    """Find where a finger passes over what was never measured: it feels what the rims let expect."""
+    holes = scene.screens[screen].holes
+    if holes is None:
+        return []
+    layers = holes if holes.ndim == 3 else holes[None]
+    count, rows, columns = layers.shape
+    at = np.clip(np.rint((times - map_.start) * map_.maps_per_second), 0, count - 1).astype(int)
+    across = np.clip(((x / map_.size[0] + 0.5) * columns).astype(int), 0, columns - 1)
+    up = np.clip(((y / map_.size[1] + 0.5) * rows).astype(int), 0, rows - 1)
+    over = touching & layers[at, up, across]
+    if not over.any():
+        return []
+    return [
+        Finding(
+            "warning",
+            "over-hole",
+            "the finger passes over a part of the map without heights; what it feels there was filled in from the rims",
+            where=f"screen '{scene.screens[screen].name}'",
+            count=int(over.sum()),
+            remedy="Measure the part, or lead the finger around it",
+            frame=scene.frame_range[0] + float(times[np.argmax(over)]) * float(scene.fps),
+        )
     ]
 
 

@@ -28,7 +28,7 @@ class ContentHash:
             if body.mesh is not None:
                 feed(self._head, body.mesh.vertices, body.mesh.triangles)
         for screen in scene.screens:
-            feed(self._head, screen.height_map)
+            feed(self._head, screen.height_map, *(() if screen.holes is None else (screen.holes,)))
         self._series: dict[str, Any] = {}
 
     def through(self, chunks: Iterable[Chunk]) -> Iterator[Chunk]:

@@ -42,6 +42,8 @@ def save(scene: TactileScene, path: Path | str) -> None:
                 put_array(archive, f"body/{i}/triangles", body.mesh.triangles)
         for i, screen in enumerate(scene.screens):
             put_array(archive, f"screen/{i}/height_map", screen.height_map)
+            if screen.holes is not None:
+                put_array(archive, f"screen/{i}/holes", screen.holes)
         surfaces = _SurfaceWriter(archive)
         chunks = []
         for k, chunk in enumerate(scene.chunks):
@@ -215,6 +217,12 @@ def _screen(archive: ArrayFile, i: int, data: Mapping[str, Any]) -> Screen:
     heights = archive.array(f"screen/{i}/height_map")
     if heights.dtype.kind not in "f" or heights.ndim not in (2, 3):
         raise DermisError("not a map of heights", where=f"{archive.where}, screen {i}", value=str(heights.shape)[:80])
+    named = f"screen/{i}/holes"
+    holes = archive.array(named) if named in archive.names else None
+    if holes is not None and (holes.dtype.kind != "b" or holes.shape != heights.shape):
+        raise DermisError(
+            "the holes do not fit the map", where=f"{archive.where}, screen {i}", value=str(holes.shape)[:80]
+        )
     return Screen(
         _text(data["name"]),
         (float(data["size"][0]), float(data["size"][1])),
@@ -222,6 +230,7 @@ def _screen(archive: ArrayFile, i: int, data: Mapping[str, Any]) -> Screen:
         float(data["height_unit"]),
         _mapping(data["parameters"]),
         _findings(data["findings"]),
+        holes,
     )
 
 

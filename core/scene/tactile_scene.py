@@ -109,6 +109,7 @@ class Screen:
         height_unit: metres that one unit of the map stands for (0 where the map has no physical unit).
         parameters: rendering settings (SI or plain values).
         findings: what was repaired or noticed while the map was read.
+        holes: where its heights were filled in because nothing was measured, booleans of its shape; None: nowhere.
     """
 
     name: str
@@ -117,6 +118,7 @@ class Screen:
     height_unit: float = 0.0
     parameters: Mapping[str, Any] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
+    holes: NDArray[np.bool_] | None = None
 
     def __repr__(self) -> str:
         size = " x ".join(f"{1e3 * s:g}" for s in self.size)

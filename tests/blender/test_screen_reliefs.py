@@ -379,6 +379,11 @@ def test_no_data_of_a_height_map_is_asked_about(tmp_path, number):
     assert obj.dermis.screen.no_data == str(number) and not height_maps.offered(obj)
     heights, unit, findings = relief()
     assert 0.19 < (heights * unit).min() and (heights * unit).max() < 0.41 and findings["holes-filled"].count == 60
+    holes = np.load(tmp_path / "heights.npy")[::-1] == number
+    np.testing.assert_array_equal(scene_sweep.sample().screens[0].holes, holes)
+    obj.scale.x = -1.0  # the map is turned over, and its holes with it
+    np.testing.assert_array_equal(scene_sweep.sample().screens[0].holes, holes[:, ::-1])
+    obj.scale.x = 1.0
     obj.dermis.screen.no_data = "none"
     heights, unit, findings = relief()
     assert "no-data-likely" not in findings and np.isclose(heights * unit, number * 1e-3).sum() == 60

@@ -298,6 +298,7 @@ def test_a_number_apart_from_all_others_is_asked_about(tmp_path, kind, number, m
     assert [f.code for f in filled.findings] == ["holes-filled"] and filled.findings[0].count == 70
     heights = np.abs(filled.heights * filled.height_unit)
     assert 0.39 < heights.min() and heights.max() < 0.81
+    np.testing.assert_array_equal(filled.holes, measured(kind, number)[::-1] == np.array(number, kind))
     assert not read(tmp_path / "map.npy", unit=1e-3, meaning=meaning, no_data="none").findings
 
 

@@ -255,6 +255,34 @@ def test_direction_is_held_after_an_abrupt_stop():
         assert np.abs(result.signals["friction"][after] - 100).max() < 1.0
 
 
+def holed(path, holes, heights=BUMP, parameters=None):
+    scene = scene_of(path, heights=heights, parameters=parameters)
+    return dataclasses.replace(scene, screens=(dataclasses.replace(scene.screens[0], holes=holes),))
+
+
+def test_a_finger_that_passes_over_a_hole_is_told_with_its_frame():
+    """The heights there are nobody's: without a word they would be felt as measured."""
+    x, y = centres(400, 800)
+    holes = (np.abs(x - 0.02) < 0.01) & (y > -0.02)
+    passed = codes(rendered(holed(ACROSS, holes)))["over-hole"]
+    assert passed.severity == "warning"
+    assert passed.count == pytest.approx(0.02 / 0.16 * SPEC.rate, abs=1.0)
+    assert passed.frame == pytest.approx(1 + 24 * (0.01 + 0.08) / 0.16, abs=24 / SPEC.rate)
+    around = holed(stroke((-0.08, -0.03), (0.08, -0.03)), holes)
+    lifted = holed(stroke((-0.08, 0.0), (0.08, 0.0), z=0.01), holes)
+    for scene in (around, lifted, holed(ACROSS, None)):
+        assert "over-hole" not in codes(rendered(scene))
+    np.testing.assert_array_equal(rendered(holed(ACROSS, holes)).track.values, rendered(scene_of(ACROSS)).track.values)
+
+
+def test_holes_of_a_sequence_are_those_of_the_map_that_is_shown():
+    maps = np.stack([BUMP[::10, ::10]] * 24)
+    holes = np.zeros(maps.shape, bool)
+    holes[12:] = True
+    passed = codes(rendered(holed(ACROSS, holes, maps)))["over-hole"]
+    assert passed.frame == pytest.approx(1 + 11.5, abs=24 / SPEC.rate)
+
+
 def test_automatic_scale_is_that_of_the_whole_sequence():
     # The relief grows to three times its height; never is a single frame scaled by itself.
     stack = np.stack([BUMP, 3 * BUMP])

@@ -88,6 +88,21 @@ def test_everything_comes_back(tmp_path: Path) -> None:
     assert chunks[1].surfaces[1][2].triangles.tolist() == [[0, 2, 1]]
 
 
+def test_holes_of_a_map_come_back_and_belong_to_the_scene(tmp_path: Path) -> None:
+    plain = scene()
+    holes = np.zeros(plain.screens[0].height_map.shape, bool)
+    holes[0, 1] = True
+    holed = replace(plain, screens=(replace(plain.screens[0], holes=holes), *plain.screens[1:]))
+    save(holed, tmp_path / "holed.npz")
+    found = load(tmp_path / "holed.npz").screens[0]
+    np.testing.assert_array_equal(found.holes, holes)
+    assert ContentHash(holed).hexdigest() != ContentHash(plain).hexdigest()
+    wrong = replace(plain, screens=(replace(plain.screens[0], holes=holes[:1]), *plain.screens[1:]))
+    save(wrong, tmp_path / "wrong.npz")
+    with pytest.raises(DermisError, match="screen 0: the holes do not fit the map"):
+        load(tmp_path / "wrong.npz")
+
+
 def test_same_scene_same_bytes(tmp_path: Path) -> None:
     save(scene(), tmp_path / "a.npz")
     save(load(tmp_path / "a.npz"), tmp_path / "b.npz")

@@ -16,9 +16,10 @@ Measured in Blender 4.5 and 5.2, with *Time Stretching* at Old o and New n:
 * The stretch changes neither `frame_end` nor the speed of playback and renders: they take each scene frame of the
   range for `fps_base / fps` seconds. With 100 and 200 the same animation takes twice as many frames. Neither
   `frame_end` nor markers move by themselves.
-* Rigid bodies, cloth and caches step at whole evaluated frames and stand still between them. They do not start where a
-  whole evaluated frame is skipped. Starts and ends of caches are evaluated frames. Cloth also takes o / n of its time
-  step. Simulation nodes follow fractions of a frame.
+* Rigid bodies, cloth and particles step at whole evaluated frames and stand still between them. Rigid bodies and cloth
+  stop where a whole evaluated frame is left out. A baked cache has all frames, with straight lines between them. Starts
+  and ends of caches are evaluated frames. Cloth also takes o / n of its time step. Simulation nodes follow fractions of
+  a frame.
 * After a change of the stretch, the next update of the dependency graph evaluates what depends on time at the new
   frame. A change of the frame rate evaluates nothing. Both arrive in `depsgraph_update_post` as an update of the scene
   with neither flag set. Neither stretch nor frame rate can be animated.
@@ -30,6 +31,7 @@ Measured in Blender 4.5 and 5.2, with *Time Stretching* at Old o and New n:
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
@@ -75,14 +77,18 @@ class Clock:
 
 def rate(scene: bpy.types.Scene) -> Fraction:
     """Return fps / fps_base as the simplest fraction that Blender's single precision stands for (30000/1001)."""
+    return _rate(scene.render.fps, scene.render.fps_base)
+
+
+@functools.lru_cache
+def _rate(fps: int, base: float) -> Fraction:
     from fractions import Fraction  # registration need not wait for it
 
-    base = scene.render.fps_base
     denominator = 1
     while True:
         fraction = Fraction(base).limit_denominator(denominator)
         if fraction > 0 and np.float32(float(fraction)) == np.float32(base):
-            return Fraction(scene.render.fps) / fraction
+            return Fraction(fps) / fraction
         denominator *= 10
 
 
@@ -130,6 +136,11 @@ def simulated_frames(scene: bpy.types.Scene, start: int, span: tuple[int, int]) 
             frame = np.nextafter(frame, np.float32(np.inf))
         frames.append(float(frame))
     return np.array(frames)
+
+
+def stretch(scene: bpy.types.Scene) -> float:
+    """Return how many times longer playback takes than without *Time Stretching*."""
+    return shown_at(scene, 1.0)
 
 
 def settings(scene: bpy.types.Scene) -> tuple[float, ...]:

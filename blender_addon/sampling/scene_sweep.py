@@ -161,6 +161,8 @@ def sample(
         watch = None
         if script_changes.needed(scene):
             watch = script_changes.Watch(scene, view_layer, swept, surfaces, reader, timely.all)
+    simulated = any(e.simulated for e in swept.entries)
+    findings += simulated_motion.stretched(scene) if simulated else ()
     made = core.scene.tactile_scene.TactileScene(
         scene.name_full,
         clock.rate,
@@ -179,7 +181,6 @@ def sample(
         raise scene_header.reason(made, error) from error
     frames, times = sweep_frames(scene, span, rate)
     noticed: list[Any] = []
-    simulated = any(e.simulated for e in swept.entries)
     whole = scene_time.simulated_frames(scene, simulations.start, span) if simulated else np.zeros(0)
     readers = _Readers(reader, shown, seen, instances.bodies, {b.name: b.mesh for b in header.bodies})
     steps = _steps(swept, readers, frames, times, clock, whole, chunk_size, noticed, watch, reliefs, coarse)

@@ -14,8 +14,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import compat
-from .._core import Array, core
+from .. import compat, scene_time
+from .._core import Array, Finding, core
 
 MARGIN = 8
 """Frames of vertices taken either side of a window: a cubic spline forgets a knot by 0.27 a frame, 3e-5 in eight."""
@@ -114,6 +114,26 @@ def dependants(sources: set[Any]) -> set[Any]:
                 found.add(user)
                 pending.append(user)
     return found
+
+
+def stretched(scene: bpy.types.Scene) -> tuple[Any, ...]:
+    """Return the finding that playback may show simulations otherwise than they are baked, as time is stretched."""
+    factor = scene_time.stretch(scene)
+    if factor == 1.0:
+        return ()
+    slow = "playback shows simulations in steps, standing still between them; the bake moves them smoothly"
+    fast = "playback leaves out steps of simulations, which then may not move; the bake takes each step"
+    return (
+        Finding(
+            "info",
+            "simulation-stretched",
+            f"time is stretched, so {slow if factor > 1.0 else fast}",
+            where=f"scene '{scene.name_full}'",
+            value=f"Time Stretching by {factor:g}",
+            limit="the same at a stretch of 1",
+            remedy="Bake the simulation's cache before it is played, or set Old and New to the same number",
+        ),
+    )
 
 
 class Recording:

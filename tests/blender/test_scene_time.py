@@ -160,7 +160,10 @@ def test_simulations_take_each_step_and_are_where_blender_shows_them(old: int, n
     cube = build.cube("Cube", 1.0, (0, 0, 20))
     rigid(cube)
     build.finger()
-    got = build.joined(scene_sweep.sample(scene))
+    tactile = scene_sweep.sample(scene)
+    (told,) = (f for f in tactile.findings if f.code == "simulation-stretched")
+    assert f"by {new / old:g}" in told.value and ("leaves out" in told.what) == (new < old)
+    got = build.joined(tactile)
     steps = scene_time.simulated_frames(scene, 1, (1, 25))
     whole = np.arange(min(1, old // new), np.ceil(25 * old / new) + 1)
     assert steps == pytest.approx(whole * new / old, rel=1e-6)
@@ -173,6 +176,8 @@ def test_simulations_take_each_step_and_are_where_blender_shows_them(old: int, n
     for frame in inside:
         z = np.interp(frame, got["frames"], got["bodies"][0, :, 2, 3])
         assert z == pytest.approx(fallen[frame], abs=9.81 * (old / new) ** 2 * spacing)
+    scene.render.frame_map_new = scene.render.frame_map_old
+    assert not [f for f in scene_sweep.sample(scene).findings if f.code == "simulation-stretched"]
     assert 20.0 - min(fallen.values()) > 0.4 * 9.81 * ((25 * old / new - 1) / 24) ** 2
 
 

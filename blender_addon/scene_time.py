@@ -16,10 +16,9 @@ Measured in Blender 4.5 and 5.2, with *Time Stretching* at Old o and New n:
 * The stretch changes neither `frame_end` nor the speed of playback and renders: they take each scene frame of the
   range for `fps_base / fps` seconds. With 100 and 200 the same animation takes twice as many frames. Neither
   `frame_end` nor markers move by themselves.
-* Rigid bodies, cloth and particles step at whole evaluated frames and stand still between them. Rigid bodies and cloth
-  stop where a whole evaluated frame is left out. A baked cache has all frames, with straight lines between them. Starts
-  and ends of caches are evaluated frames. Cloth also takes o / n of its time step. Simulation nodes follow fractions of
-  a frame.
+* Rigid bodies and cloth step at whole evaluated frames and stand still between them. They stop where a whole evaluated
+  frame is left out. A baked cache has all frames, with straight lines between them. Starts and ends of caches are
+  evaluated frames. Cloth also takes o / n of its time step. Simulation nodes follow fractions of a frame.
 * After a change of the stretch, the next update of the dependency graph evaluates what depends on time at the new
   frame. A change of the frame rate evaluates nothing. Both arrive in `depsgraph_update_post` as an update of the scene
   with neither flag set. Neither stretch nor frame rate can be animated.

@@ -10,6 +10,7 @@ from typing import Any
 
 import bpy
 
+from .. import scene_time
 from .._core import Finding, core
 from . import participants, render_surfaces, simulated_motion
 from .participants import Participants
@@ -45,7 +46,7 @@ def findings(
     for obj in shown:
         distance = apart.get(obj)
         if distance is None or distance > core.surface.curved.TOLERANCE:
-            out.append(_other(obj, why[obj], distance, float(scene.frame_current)))
+            out.append(_other(obj, why[obj], distance, scene_time.shown(scene)))
     out += [_other(o, [f"displacement of {n}" for n in names], None, None) for o in felt if (names := displacing(o))]
     return out
 

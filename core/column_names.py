@@ -148,6 +148,17 @@ def _unit(name: str) -> tuple[str, str, bool]:
 
 
 def _meaning(name: str) -> str:
+    """Return what a name without its unit says, see `Column.meaning`; what it belongs to may stand before it."""
+    if re.fullmatch(r"[pq](_[A-Z][A-Za-z]*)+_[wxyz]", name):  # 'p_RS_R_x': with the names of two frames
+        return _meaning_of(name[0] + name[-1])
+    parts = re.split(r"[\s_.:/-]+", name)
+    short = _meaning_of(name)
+    if not short and len(parts) > 2 and len(parts[-2]) > 1:  # 'left_hand.position.x'
+        short = _meaning_of("".join(parts[-2:]))
+    return short
+
+
+def _meaning_of(name: str) -> str:
     key = re.sub(r"[^a-z0-9]", "", name.lower())
     if key in _OF_TIME:
         return "time"

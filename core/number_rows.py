@@ -105,9 +105,9 @@ def read_rows(path: Path) -> Rows:
     """Read a .csv file of numbers; what is no number becomes NaN.
 
     Cells are parted by semicolons, tabs, commas or white space. Where no comma parts them, a comma in a number is a
-    decimal comma. A first line without a single number is one of names; so is a comment directly before the numbers
-    whose words are all names of columns. Other lines that begin with '#', and empty ones, are passed over. A line of
-    missing values ('nan') is a line of values.
+    decimal comma. A first line without a single number is one of names; so is a comment before the numbers that has as
+    many words as they have columns, and names x, y and z. Other lines that begin with '#', and empty ones, are passed
+    over. A line of missing values ('nan') is a line of values.
 
     Raises:
         DermisError: the file is no text, has no rows, or rows of different lengths.
@@ -126,7 +126,7 @@ def read_rows(path: Path) -> Rows:
                 value=len(line.cells),
                 limit=str(len(names or lines[0].cells)),
             )
-    if not names and len(comment) == len(lines[0].cells) and _all_known(comment, str(path)):
+    if not names and len(comment) == len(lines[0].cells) and _has_places(comment, str(path)):
         names = comment
     read = ((number(cell, separator) for cell in line.cells) for line in lines)
     values = np.array([[np.nan if v is None else v for v in row] for row in read], np.float64)
@@ -172,8 +172,8 @@ def _cells(line: str, separator: str) -> tuple[str, ...]:
     return tuple(part.strip().strip('"').strip() for part in parts)
 
 
-def _all_known(names: Sequence[str], where: str) -> bool:
+def _has_places(names: Sequence[str], where: str) -> bool:
     try:
-        return all(column.meaning for column in columns_of(names, where))
+        return {"x", "y", "z"} <= {column.meaning for column in columns_of(names, where)}
     except DermisError:
         return False

@@ -70,6 +70,23 @@ HEADERS = {
         f"1,2,3,{X},{Y},{Z},{W}",
         1.0,
     ),
+    "ROS": (
+        "%time,field.header.seq,field.pose.position.x,field.pose.position.y,field.pose.position.z,"
+        "field.pose.orientation.x,field.pose.orientation.y,field.pose.orientation.z,field.pose.orientation.w",
+        f"0,1,2,3,{X},{Y},{Z},{W}",
+        1.0,
+    ),
+    "EuRoC": (
+        "#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z [],v_RS_R_x [m s^-1]",
+        f"1,2,3,{W},{X},{Y},{Z},9",
+        1e-9,
+    ),
+    "of a hand": (
+        "t,left_hand_pos_x_mm,left_hand_pos_y_mm,left_hand_pos_z_mm,left_hand_quat_w,left_hand_quat_x,"
+        "left_hand_quat_y,left_hand_quat_z",
+        f"1000,2000,3000,{W},{X},{Y},{Z}",
+        1.0,
+    ),
     "more columns": ("t,confidence,x,y,z,qw,qx,qy,qz,note", f"0.5,1,2,3,{W},{X},{Y},{Z},9", 1.0),
 }
 
@@ -81,7 +98,16 @@ def test_names_decide_columns_units_and_order(write, name):
     np.testing.assert_allclose(made.times, [0.0, 2.0 * second], rtol=1e-12)
     np.testing.assert_allclose(made.places, [[1.0, 2.0, 3.0]] * 2, rtol=1e-12)
     np.testing.assert_allclose(made.turns, [TURN] * 2, atol=1e-9)
-    assert made.unused == (("confidence", "note") if name == "more columns" else ())
+    unused = {"more columns": ("confidence", "note"), "ROS": ("field.header.seq",), "EuRoC": ("v_RS_R_x [m s^-1]",)}
+    assert made.unused == unused.get(name, ())
+
+
+def test_two_hands_in_one_file_are_not_mixed(write):
+    with pytest.raises(DermisError, match="two columns are the same number .*left_pos_x, right_pos_x"):
+        recorded_poses.read(write("t,left_pos_x,left_pos_y,left_pos_z,right_pos_x\n0,0,0,0,0\n1,0,0,0,0\n"))
+    columns = "time, -, -, -, x_m"
+    with pytest.raises(DermisError, match="do not say where x, y and z are"):
+        recorded_poses.read(write("0,0,0,0,0\n1,0,0,0,0\n"), columns=columns)
 
 
 def test_columns_may_stand_in_any_order(write):

@@ -104,7 +104,8 @@ def connect(client: SenderClient, receiver: Receiver, options: str = "") -> None
     """Connect and jog far from the safe state; `options` are added to the address."""
     preset = Library().load("devices", receiver.key)
     url = f"{receiver.url}?{options}" if options else receiver.url
-    client.connect(url, receiver.protocol, receiver.key, preset, mode="jog", jog=far(receiver.protocol), ramp=0.0)
+    jog = far(receiver.protocol)
+    client.connect(url, receiver.protocol, receiver.key, preset, mode="jog", jog=jog, ramp=0.0, reconnect=True)
     client.heartbeat()
     client.wait("ready", 20)
     client.heartbeat()

@@ -75,7 +75,9 @@ def make(protocol: str, wire: Wire, options: Mapping[str, str]) -> Adapter:
         DermisError: no such protocol, an unknown option, or a device that the protocol cannot carry.
     """
     given = {name: value for name, value in options.items() if (protocol, name) != (OTHER, "adapter")}
-    return adapter_of(protocol, options)(wire, given)
+    made = adapter_of(protocol, options)(wire, given)
+    made.options = dict(options)  # by which another process makes the same one
+    return made
 
 
 def names() -> list[str]:

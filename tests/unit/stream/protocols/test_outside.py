@@ -115,6 +115,7 @@ def test_adapters_are_found_by_name() -> None:
     assert adapters.names() == ["dynamixel"]
     made = adapters.make("other", Wire.of(Library().device("cable_platform")), {"adapter": "dynamixel", "first": "7"})
     assert made.silence == Silence(Does.STOPS, 0.1, "board") and made.ids[0] == 7  # type: ignore[attr-defined]
+    assert adapters.make("other", made.wire, made.options).ids[0] == 7, "as the log's process makes it"  # type: ignore[attr-defined]
     assert type(made) is adapters.adapter_of("other", {"adapter": "dynamixel"}), "a file is run once"
 
 

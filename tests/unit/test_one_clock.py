@@ -12,10 +12,10 @@ ADDON = Path(__file__).resolve().parents[2] / "blender_addon"
 CLOCK = ADDON / "scene_time.py"
 OTHERS = sorted(path for path in ADDON.rglob("*.py") if path != CLOCK and "core" not in path.relative_to(ADDON).parts)
 
-READ = {"fps_base", "frame_map_old", "frame_map_new", "frame_current", "frame_current_final", "frame_float"} | {
-    "frame_subframe"
-}
-"""Properties of scenes that `scene_time` alone reads or sets; a scene's `fps` besides, which others may only set."""
+PLACES = {"frame_current", "frame_current_final", "frame_float", "frame_subframe"}
+"""Properties of scenes that `scene_time` alone reads or sets."""
+RATE = {"fps_base", "frame_map_old", "frame_map_new"}
+"""Properties that others may only set, as a scene's `fps`."""
 RATES = {"fps", "frames_per_second"}
 """Names of frame rates, with which nobody else calculates."""
 OPERATORS = (ast.Mult, ast.Div, ast.FloorDiv, ast.Mod)
@@ -27,15 +27,20 @@ def conversions(tree: ast.AST) -> Iterator[tuple[int, str]]:
         if isinstance(node, ast.Attribute):
             stored = isinstance(node.ctx, ast.Store)
             of_scene = isinstance(node.value, ast.Attribute) and node.value.attr == "render"
-            if (node.attr in READ and not stored) or (node.attr == "fps" and of_scene and not stored):
+            if (
+                node.attr in PLACES
+                or (node.attr in RATE and not stored)
+                or (node.attr == "fps" and of_scene and not stored)
+            ):
                 yield node.lineno, f"reads {node.attr}"
         elif isinstance(node, ast.BinOp) and isinstance(node.op, OPERATORS):
             for part in (*ast.walk(node.left), *ast.walk(node.right)):
                 name = part.attr if isinstance(part, ast.Attribute) else part.id if isinstance(part, ast.Name) else ""
                 if name in RATES:
                     yield node.lineno, f"calculates with {name}"
-        elif isinstance(node, ast.keyword) and node.arg == "subframe":
-            yield node.value.lineno, "sets a sub-frame"
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "frame_set":
+            if len(node.args) + len(node.keywords) > 1:
+                yield node.lineno, "sets a sub-frame"
 
 
 def told(text: str) -> list[str]:
@@ -59,6 +64,9 @@ def test_nobody_else_converts_frames_or_seconds(path: Path) -> None:
         "frames = first + times * (fps)",
         "t = frames * sample.fps.denominator / sample.fps.numerator",
         "again.frame_set(whole, subframe=part)",
+        "again.frame_set(whole, part)",
+        "scene.frame_float = frame",
+        "scene.frame_current = 7",
         "speed = scene.render.frame_map_new",
         "now = (frame - trail.first) / trail.frames_per_second",
     ],

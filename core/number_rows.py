@@ -19,10 +19,24 @@ LONGEST_SPAN = 86_400.0  # [s], a day: no recording of a finger is longer, and n
 
 @dataclass(frozen=True)
 class Line:
-    """A line of a file: its number from 1, and its cells without what surrounds them."""
+    """A line of a file: its number from 1, and its text, whose cells a separator parts; '' is white space."""
 
     number: int
-    cells: tuple[str, ...]
+    text: str
+    separator: str
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """The cells without what surrounds them."""
+        parts = self.text.split(self.separator) if self.separator else self.text.split()
+        return tuple(part.strip().strip('"').strip() for part in parts)
+
+    def numbers(self) -> list[float | None]:
+        """Return the cells' numbers, None where one holds none."""
+        try:
+            return list(map(float, self.text.split(self.separator or None)))
+        except ValueError:
+            return [number(cell, self.separator) for cell in self.cells]
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,24 +126,25 @@ def read_rows(path: Path) -> Rows:
     Raises:
         DermisError: the file is no text, has no rows, or rows of different lengths.
     """
-    lines, separator, comment = lines_of(path)
+    lines, _, comment = lines_of(path)
     names: tuple[str, ...] = ()
-    if lines and all(number(cell, separator) is None for cell in lines[0].cells):
+    if lines and not any(value is not None for value in lines[0].numbers()):
         names, lines = lines[0].cells, lines[1:]
     if not lines:
         raise DermisError("the file has no rows of numbers", where=str(path))
-    for line in lines:
-        if len(line.cells) != len(names or lines[0].cells):
+    rows = [line.numbers() for line in lines]
+    count = len(names or rows[0])
+    for line, row in zip(lines, rows, strict=True):
+        if len(row) != count:
             raise DermisError(
                 "a row has another number of values than the first",
                 where=f"{path}, line {line.number}",
-                value=len(line.cells),
-                limit=str(len(names or lines[0].cells)),
+                value=len(row),
+                limit=str(count),
             )
-    if not names and len(comment) == len(lines[0].cells) and _has_places(comment, str(path)):
+    if not names and len(comment) == count and _has_places(comment, str(path)):
         names = comment
-    read = ((number(cell, separator) for cell in line.cells) for line in lines)
-    values = np.array([[np.nan if v is None else v for v in row] for row in read], np.float64)
+    values = np.array(rows, np.float64)  # None becomes NaN
     return Rows(str(path), names, values, tuple(line.number for line in lines))
 
 
@@ -151,7 +166,7 @@ def lines_of(path: Path) -> tuple[list[Line], str, tuple[str, ...]]:
             kept.append((i, line))
     first = kept[0][1] if kept else ""
     separator = next((s for s in SEPARATORS if s in first), "")
-    return [Line(i, _cells(line, separator)) for i, line in kept], separator, _cells(comment, separator)
+    return [Line(i, text, separator) for i, text in kept], separator, Line(0, comment, separator).cells
 
 
 def number(cell: str, separator: str = ",") -> float | None:
@@ -165,11 +180,6 @@ def number(cell: str, separator: str = ",") -> float | None:
         return float(cell.replace(",", "."))
     except ValueError:
         return None
-
-
-def _cells(line: str, separator: str) -> tuple[str, ...]:
-    parts = line.split(separator) if separator else line.split()
-    return tuple(part.strip().strip('"').strip() for part in parts)
 
 
 def _has_places(names: Sequence[str], where: str) -> bool:

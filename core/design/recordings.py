@@ -188,16 +188,16 @@ def _columns(path: Path, leading: int, wanted: str) -> Rows:
     values = np.empty((len(lines) - 1, columns))
     for i, line in enumerate(lines[1:]):
         place = f"{where}, line {line.number}"
-        if len(line.cells) != columns:
-            if len(line.cells) == columns + 1 and line.cells[-1] == "":
+        read = line.numbers()
+        if len(read) != columns:
+            if len(read) == columns + 1 and line.cells[-1] == "":
                 raise DermisError("the line ends with a separator", where=place, remedy="Remove it")
             raise DermisError(
-                "the line has another length", where=place, value=f"{len(line.cells)} values", limit=str(columns)
+                "the line has another length", where=place, value=f"{len(read)} values", limit=str(columns)
             )
-        read = [number(cell, separator) for cell in line.cells]
-        for name, cell, value in zip(names, line.cells, read, strict=True):
-            if value is None:
-                raise DermisError("not a number", where=f"{place}, {name}", value=cell)
+        if None in read:
+            bad = read.index(None)
+            raise DermisError("not a number", where=f"{place}, {names[bad]}", value=line.cells[bad])
         values[i] = read
     rows = Rows(where, names, values, tuple(line.number for line in lines[1:]))
     wrong = np.argwhere(~np.isfinite(values))

@@ -80,7 +80,7 @@ class MapRepair:
             self._asked += int(np.count_nonzero(asked))
             gaps |= asked
         elif self._asks:
-            self._look(heights[~gaps], values.dtype, levels, largest, signed)
+            self._look(heights[~gaps] if gaps.any() else heights.ravel(), values.dtype, levels, largest, signed)
         known = ~gaps
         if not known.any():
             raise DermisError(

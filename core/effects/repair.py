@@ -82,9 +82,10 @@ def likely_no_data(values: Array, ends: Sequence[float]) -> tuple[float, int] | 
 def _stands_apart(values: Array, number: float, least: float) -> int:
     """Return how many values are a number; 0 where they are few, or another is as near to it as this part of all."""
     same = values == number
-    count, others = int(np.count_nonzero(same)), values[~same]
-    if count < max(FREQUENT * len(values), 1) or not len(others):
+    count = int(np.count_nonzero(same))
+    if count < max(FREQUENT * len(values), 1) or count == len(values):
         return 0
+    others = values[~same]
     distances = np.abs(others - number)
     if distances.min() <= least * distances.max():
         return 0

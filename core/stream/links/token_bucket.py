@@ -11,11 +11,12 @@ class TokenBucket:
     """Holds the right to send, in bytes; without a pace there is always enough.
 
     Args:
-        pace: at which it fills [bytes/s]. most: the same, while nothing waits on the way.
+        pace: at which it fills [bytes/s]. most: the same, while nothing waits on the way. burst: of the pace that may
+            leave at once [s].
     """
 
-    def __init__(self, pace: float = math.inf, most: float = math.inf) -> None:
-        self._pace, self._most = pace, most
+    def __init__(self, pace: float = math.inf, most: float = math.inf, burst: float = BURST) -> None:
+        self._pace, self._most, self._burst = pace, most, burst
         self._tokens, self._when = 0.0, -math.inf
 
     def open(self, now: float, *, prompt: bool) -> bool:
@@ -23,7 +24,7 @@ class TokenBucket:
         if self._pace == math.inf:
             return True
         pace = self._most if prompt else self._pace
-        self._tokens = min(self._tokens + (now - self._when) * pace, BURST * self._pace)
+        self._tokens = min(self._tokens + (now - self._when) * pace, self._burst * self._pace)
         self._when = now
         return self._tokens > 0
 

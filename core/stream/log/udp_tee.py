@@ -9,10 +9,12 @@ import struct
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from ..links.token_bucket import TokenBucket
 from .row import BLOCKS, SCHEMA, Fate, LogHeader, Phase, Rows
 from .settings import Tee
 
 MAGIC = b"DRMT\1\0"  # and the number of channels as u16, the log's identifier as 8 bytes, and a row as in files
+BURST = 0.1  # of the rate that may leave at once: rows of a sender that catches up, not of one that is too fast [s]
 HEADER_EVERY = 1.0  # who begins to listen learns names and units within this time [s]
 
 
@@ -32,8 +34,8 @@ class UdpTee:
         family, kind, protocol, _, self._address = socket.getaddrinfo(tee.host, tee.port, type=socket.SOCK_DGRAM)[0]
         self._socket = socket.socket(family, kind, protocol)
         self._socket.setblocking(False)
-        self._period = 1.0 / tee.rate if tee.rate else 0.0
-        self._due = self._told = -math.inf
+        self._bucket = TokenBucket(tee.rate or math.inf, burst=BURST)
+        self._told = -math.inf
         self._prefix = MAGIC + struct.pack("<H", len(header.channels)) + bytes.fromhex(header.log)
         self._names = [channel.name for channel in header.channels]
         self.sent = self.dropped = self.thinned = 0
@@ -47,7 +49,7 @@ class UdpTee:
         if now - self._told >= HEADER_EVERY:
             self._told = now
             self._send(json.dumps(self._header.plain()).encode())
-        chosen = rows[self._chosen(rows["time"].tolist())] if self._period else rows
+        chosen = rows[[self._may_leave(time) for time in rows["time"].tolist()]]
         self.thinned += len(rows) - len(chosen)
         for message in self._binaries(chosen) if self._binary else self._texts(chosen):
             left = self._send(message)
@@ -66,15 +68,11 @@ class UdpTee:
         """Close the socket."""
         self._socket.close()
 
-    def _chosen(self, times: list[float]) -> list[bool]:
-        """Return which rows keep to the rate: one is due a period after the one before, with half a period to spare."""
-        out = []
-        for time in times:
-            due = time >= self._due - 0.5 * self._period
-            if due:
-                self._due = max(self._due, time - self._period) + self._period
-            out.append(due)
-        return out
+    def _may_leave(self, time: float) -> bool:
+        """Return whether a row keeps to the rate."""
+        free = self._bucket.open(time, prompt=False)
+        self._bucket.take(int(free))
+        return free
 
     def _binaries(self, rows: Rows) -> Iterator[bytes]:
         for row in rows:

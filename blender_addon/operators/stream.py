@@ -7,7 +7,7 @@ from bpy.props import BoolProperty, StringProperty
 
 from .._core import core
 from ..layouts import words
-from ..streaming import agreed_paths, board_identity, session
+from ..streaming import agreed_paths, board_identity, session, stream_log
 from .work import Work, counted
 
 
@@ -128,6 +128,19 @@ class DERMIS_OT_stream_stop(bpy.types.Operator):
         return {"FINISHED"}
 
 
+class DERMIS_OT_stream_logs(Streaming, bpy.types.Operator):
+    """Show the folder of the logs in the system's file manager"""
+
+    bl_idname = "dermis.stream_logs"
+    bl_label = "Show Logs"
+
+    def work(self, context: bpy.types.Context) -> str | None:
+        """Open the folder, if there is one yet."""
+        folder = core.files.check_folder(stream_log.folder(context.scene.dermis_stream))
+        bpy.ops.wm.path_open(filepath=str(folder))
+        return None
+
+
 class DERMIS_OT_stream_rescan(Streaming, bpy.types.Operator):
     """Look for serial ports"""
 
@@ -158,6 +171,7 @@ CLASSES: tuple[type, ...] = (
     DERMIS_OT_stream_disconnect,
     DERMIS_OT_stream_arm,
     DERMIS_OT_stream_stop,
+    DERMIS_OT_stream_logs,
     DERMIS_OT_stream_rescan,
     DERMIS_OT_stream_use_port,
 )

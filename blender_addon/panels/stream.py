@@ -7,7 +7,7 @@ import bpy
 from .._core import core
 from ..layouts import paragraph
 from ..quantities import quantity
-from ..streaming import board_identity, built_devices, calibration_offers, session
+from ..streaming import board_identity, built_devices, calibration_offers, session, stream_log
 from ..viewport import shown
 from .main import DermisPanel
 
@@ -77,6 +77,11 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
             for channel in settings.channels if ours else ():
                 layout.prop(channel, "jog", text=f"{channel.name.replace('_', ' ')} [{channel.unit}]")
         row = layout.row(align=True)
+        row.prop(settings, "use_log", icon="TEXT")
+        if settings.use_log:
+            row.operator("dermis.stream_logs", text="", icon="FILE_FOLDER")
+            paragraph(layout, context, str(stream_log.folder(settings)), "BLANK1")
+        row = layout.row(align=True)
         row.scale_y = 1.3
         if connected:
             row.operator("dermis.stream_disconnect", icon="UNLINKED")
@@ -109,6 +114,14 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
         for key in ("notice", "not_rendered"):
             if now.get(key):
                 paragraph(layout, context, now[key], "INFO")
+        said, wrong = stream_log.lines(now.get("log") or {})
+        if wrong:
+            paragraph(layout, context, wrong, "ERROR")
+        if said:
+            box = layout.box().column(align=True)
+            box.scale_y = 0.85
+            for line in said:
+                box.label(text=line)
         if now.get("rate"):
             box = layout.box().column(align=True)
             box.scale_y = 0.85
@@ -164,6 +177,28 @@ class DERMIS_PT_stream_settings(DermisPanel, bpy.types.Panel):
         layout.operator("dermis.export_as", icon="EXPORT")
 
 
+class DERMIS_PT_stream_log(DermisPanel, bpy.types.Panel):
+    """Where the stream is logged, and where its rows go besides."""
+
+    bl_idname = "DERMIS_PT_stream_log"
+    bl_parent_id = "DERMIS_PT_stream"
+    bl_label = "Log and Tee"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the settings."""
+        layout, settings = self.layout, context.scene.dermis_stream
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(settings, "use_log")
+        layout.prop(settings, "log_folder")
+        layout.prop(settings, "log_format")
+        column = layout.column(align=True)
+        column.prop(settings, "log_size_mb")
+        column.prop(settings, "log_total_mb")
+        layout.prop(settings, "tee", placeholder="udp://127.0.0.1:9000")
+
+
 class DERMIS_MT_ports(bpy.types.Menu):
     """The ports of the last rescan."""
 
@@ -178,4 +213,4 @@ class DERMIS_MT_ports(bpy.types.Menu):
             self.layout.operator("dermis.stream_use_port", text=f"{name}  {description}").port = name
 
 
-CLASSES: tuple[type, ...] = (DERMIS_MT_ports, DERMIS_PT_stream, DERMIS_PT_stream_settings)
+CLASSES: tuple[type, ...] = (DERMIS_MT_ports, DERMIS_PT_stream, DERMIS_PT_stream_settings, DERMIS_PT_stream_log)

@@ -12,10 +12,14 @@ from typing import Any, NamedTuple
 import bpy
 
 from .._core import DermisError, core
+from . import stream_log
 
 
 class Claim(NamedTuple):
-    """A file that a setting names: `kind` is 'read' or 'write', `what` says what it is for."""
+    """A file that a setting names: `kind` is 'read', 'write' or 'send', `what` says what it is for.
+
+    What is sent has an address instead of a path.
+    """
 
     path: str
     kind: str
@@ -26,19 +30,31 @@ _WHAT = {
     "url": ("write", "a record of every byte (spy://)"),
     "track_file": ("read", "the command track to be played"),
     "screen_file": ("read", "the screen map"),
+    "log_folder": ("write", "a log of what is streamed, in this folder"),
+    "tee": ("send", "what is streamed, to whoever listens there"),
 }
 _confirmed: set[tuple[str, str]] = set()  # (path, kind)
 
 
 def claims(settings: Any, *names: str) -> list[Claim]:
-    """Return every file that some settings name (all three if left out), whatever the mode is now."""
-    found = []
-    for name in names or _WHAT:
+    """Return every file that some settings name (all if left out), whatever the mode is now."""
+    return [Claim(path, *_WHAT[name]) for name in names or _WHAT for path in _paths(settings, name)]
+
+
+def _paths(settings: Any, name: str) -> list[str]:
+    if name == "tee":
+        return list(settings.tee.split())
+    if name == "log_folder":
+        path = str(stream_log.folder(settings)) if settings.use_log else ""
+    else:
         text = getattr(settings, name)
         path = _record_of(text) if name == "url" else bpy.path.abspath(text)
-        if path:
-            found.append(Claim(os.path.realpath(path), *_WHAT[name]))
-    return found
+    return [os.path.realpath(path)] if path else []
+
+
+def confirm_log(settings: Any) -> None:
+    """Remember that a person chose the folder for logs, switched on or not."""
+    _confirmed.add((os.path.realpath(stream_log.folder(settings)), _WHAT["log_folder"][0]))
 
 
 def pending(settings: Any, *names: str) -> list[Claim]:

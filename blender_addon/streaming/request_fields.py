@@ -11,7 +11,7 @@ from .. import scene_time
 from .._core import core
 from ..preview import device_preview
 from ..properties.fields import values
-from . import agreed_paths, streamed_track
+from . import agreed_paths, stream_log, streamed_track
 
 
 def published(scene: bpy.types.Scene, names: Sequence[str]) -> tuple[float, tuple[float, ...]]:
@@ -32,11 +32,12 @@ def request_fields(scene: bpy.types.Scene) -> dict[str, Any]:
     Raises:
         DermisError: a file that nobody has confirmed, or a track that cannot be read.
     """
-    agreed_paths.check(scene.dermis_stream, "track_file", "screen_file")
+    agreed_paths.check(scene.dermis_stream, "track_file", "screen_file", "log_folder", "tee")
     s = scene.dermis_stream
     jog = {c.name: c.jog for c in s.channels} if s.mode == "jog" else {}
     return {
         **{name: value for name, value in values(s, core.parameters.stream.STREAM).items() if name != "protocol"},
+        **stream_log.fields(s),
         "jog": jog,
         "track": streamed_track.track_path(scene),
         "screen": bpy.path.abspath(s.screen_file) if s.screen_file else "",

@@ -50,6 +50,17 @@ def _agreed(name: str, then: Update) -> Update:
     return update
 
 
+def _log_chosen(self: Any, context: Any) -> None:
+    agreed_paths.confirm_log(self)
+    _changed(self, context)
+
+
+def _log_switched(self: Any, context: Any) -> None:
+    if not self.log_folder:  # the extension's own; a folder that came with a file is asked about by Connect
+        agreed_paths.confirm_log(self)
+    _changed(self, context)
+
+
 def _outputs(_self: Any, _context: Any, text: str) -> list[str]:
     return [name for name in streamed_track.output_names() if text.lower() in name.lower()]
 
@@ -140,6 +151,26 @@ class DermisStream(bpy.types.PropertyGroup):
         subtype="FILE_PATH",
         update=_agreed("screen_file", _changed),
         options=BLEND_RELATIVE,
+    )
+    use_log: BoolProperty(
+        name="Log",
+        description="Write what is asked for, limited, sent and reported, a row a sample",
+        default=False,
+        update=_log_switched,
+        options=set(),
+    )
+    log_folder: StringProperty(
+        name="Log Folder",
+        description="Folder for logs, each named by device and time; the extension's own folder if empty",
+        subtype="DIR_PATH",
+        update=_log_chosen,
+        options=BLEND_RELATIVE,
+    )
+    tee: StringProperty(
+        name="Tee",
+        description="Also send the rows to udp://HOST:PORT or lsl:NAME; several with blanks between them",
+        update=_agreed("tee", _changed),
+        options=set(),
     )
     show_received: BoolProperty(
         name="Twin Shows the Device",

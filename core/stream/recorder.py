@@ -11,6 +11,7 @@ from typing import Any
 from ..version import version
 from ..work.child import ChildProcess, command
 from .device_output import DeviceOutput
+from .links.url import Url
 from .log.ring import LEAST, SECONDS, Ring
 from .log.row import Channel as Column
 from .log.row import Fate, LogHeader, Phase
@@ -160,7 +161,7 @@ class Recorder:
             "device": request.device,
             "calibration": request.calibration,
             "protocol": request.protocol,
-            "options": dict(adapter.options),
+            "options": {**adapter.options, **{n: v for n, v in Url(request.url).options.items() if n == "adapter"}},
             "path": path,
             "form": form,
             "size": settings.size,

@@ -32,6 +32,8 @@ def lost() -> Result:
             heartbeats(client, 1.0, evaluate, playing=True)
             status = client.status()
             sent = status["counters"].get("sent", 0)
+            if not status["armed"]:
+                raise RuntimeError(status["message"])
         client.stop()
         heartbeats(client, 0.3, time.sleep)
         status = client.status()
@@ -103,6 +105,8 @@ def _pairs(between: Callable[[float], Any]) -> Any:
                 heartbeats(client, STRETCH - SETTLING, between, playing=True)
                 stretches.append((pair, logged, begun, clock.now()))
                 status = client.status()
+                if not status["armed"]:
+                    raise RuntimeError(status["message"])
                 if logged and (status["log"].get("lost") or status["log"].get("ended")):
                     raise RuntimeError(str(status["log"]))
     arrived, _ = receiver.end()

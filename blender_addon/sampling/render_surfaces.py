@@ -37,14 +37,16 @@ def distances(
     unit = float(scene.unit_settings.scale_length)
     out: list[float | None] = []
     with tempfile.TemporaryDirectory() as folder, _collections(objects) as names, _quiet():
-        for name in names:
-            files = []
+        for i, name in enumerate(names):
+            surfaces = []
             for mode, evaluation in _MODES.items():
-                path = Path(folder, f"{mode}.obj")
+                path = Path(folder, f"{i} {mode}.obj")
                 with suppress(RuntimeError):  # no window to export from, for one
                     _export(path, evaluation, name, scene, view_layer, unit / _MILLIMETRE)
-                    files.append(_read(path))
-            out.append(_apart(*files) if len(files) == len(_MODES) else None)
+                if path.exists():  # where nothing is shown, nothing is written
+                    surfaces.append(_read(path))
+                    path.unlink()
+            out.append(_apart(*surfaces) if len(surfaces) == len(_MODES) else None)
     return out
 
 

@@ -316,7 +316,8 @@ def _steps(
     scene = _scene_named(swept.scene)
     if scene is None:
         raise DermisError("the scene was removed", where=f"scene '{swept.scene}'")
-    with undisturbed(scene), readers.seen.watching(), watch or nullcontext():
+    showing = any(entry.shown_as is not None for entry in swept.entries)  # else nobody asks what was seen
+    with undisturbed(scene), readers.seen.watching() if showing else nullcontext(), watch or nullcontext():
         simulated = None
         if len(whole):
             simulated = yield from _simulate(swept, readers, whole, clock, findings)

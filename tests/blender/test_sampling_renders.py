@@ -130,6 +130,19 @@ def test_what_a_modifier_of_another_object_makes_of_it() -> None:
     assert apart(found) > 0.1
 
 
+def test_a_host_that_only_renders_show_has_no_distance() -> None:
+    """Nothing of it is exported for the viewport, and what another object left is not taken for it."""
+    first, host = build.cube("A"), build.cube("Host")
+    modifier = first.modifiers.new("Subdivision", "SUBSURF")
+    modifier.levels, modifier.render_levels = 0, 1
+    child = build.mesh_object("Child", np.array(build.CUBE) * 0.1, build.CUBE_FACES)
+    child.parent, host.instance_type = host, "VERTS"
+    host.show_instancer_for_viewport, host.show_instancer_for_render = False, True
+    found = {f.where: f for f in told()}
+    assert found["object 'Host'"].value == "the instancer is on in renders only"
+    assert apart(found["object 'A'"]) > 0.1
+
+
 @pytest.mark.parametrize("by_collection", [False, True])
 def test_what_renders_hide(by_collection: bool) -> None:
     cube = build.cube()

@@ -50,6 +50,7 @@ class Recorder:
         self._instances = instances
         self._shown = np.array(instances.bodies, np.int64) + first_body  # their places among the entries
         self._mirrored = np.array([e.mirrored for e in self._entries], bool)
+        self._objects = np.array([i for i, e in enumerate(self._entries) if e.instance is None], np.int64)
         self._offset = [(i, np.array(e.offset)) for i, e in enumerate(self._entries) if any(e.offset)]
         self._surfaced = [
             (first_body + i, i, e)
@@ -184,10 +185,11 @@ class Recorder:
 
     def _poses(self, n: int) -> Array:
         """Return matrices of all entries in metres, reflections taken out, shape (entries, n, 4, 4)."""
-        rows = self._raw[:n].reshape(n, -1, 4, 4)[:, self._place]
-        poses = rows.transpose(1, 0, 3, 2).astype(np.float64)  # Blender's are column-major
         placed = self._instances.placed
+        poses = np.empty((len(self._entries), n, 4, 4))
         poses[self._shown[placed]] = self._instances.places[placed, :n]
+        rows = self._raw[:n].reshape(n, -1, 4, 4)[:, self._place[self._objects]]
+        poses[self._objects] = rows.transpose(1, 0, 3, 2)  # Blender's are column-major
         for i, offset in self._offset:
             poses[i, :, :3, 3] += poses[i, :, :3, :3] @ offset
         poses[self._mirrored, :, :3, 0] *= -1.0

@@ -32,13 +32,14 @@ def check_scales(kind: str, names: Sequence[str], poses: Array, frames: Array) -
     Raises:
         DermisError: with the first frame.
     """
-    for name, linear in zip(names, poses[:, :, :3, :3], strict=True):
-        most = np.abs(linear).max(axis=(1, 2))
-        if (most > LARGEST_SCALE).any():
-            k = int(np.argmax(most > LARGEST_SCALE))
-            where = f"{kind} '{name}', frame {frames[k]:g}"
-            raise DermisError("the scale is too large", where=where, value=most[k], limit=f"<= {LARGEST_SCALE:g}")
-        if kind == "finger" and (flat := singular(linear)).any():
+    linear = poses[:, :, :3, :3]
+    for i in np.flatnonzero((np.abs(linear) > LARGEST_SCALE).any(axis=(1, 2, 3))).tolist():
+        most = np.abs(linear[i]).max(axis=(1, 2))
+        k = int(np.argmax(most > LARGEST_SCALE))
+        where = f"{kind} '{names[i]}', frame {frames[k]:g}"
+        raise DermisError("the scale is too large", where=where, value=most[k], limit=f"<= {LARGEST_SCALE:g}")
+    for name, own in zip(names, linear, strict=True) if kind == "finger" else ():
+        if (flat := singular(own)).any():
             raise DermisError(
                 "a finger of scale 0 has no direction",
                 where=f"finger '{name}', frame {frames[np.argmax(flat)]:g}",

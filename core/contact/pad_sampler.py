@@ -8,7 +8,7 @@ Bodies whose scale changes, and bodies that deform, get a surface per sample, bu
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -31,7 +31,7 @@ from .pair_record import PairRecord
 from .search_radius import SearchRadius
 from .solver.bodies import BONE
 from .stretch_rates import StretchRates
-from .surfaces import alike, box_of, boxes_in_world, carried, rigid_mesh, surface_of
+from .surfaces import alike, bounds_in_world, box_of, boxes_in_world, carried, rigid_mesh, surface_of
 
 
 class PadSampler:
@@ -145,7 +145,9 @@ class PadSampler:
     ) -> None:
         pads = fingers[:, :, :3, 3]
         total = len(fingers) * len(chunk.times)
-        for b, middle, half in self._boxes(chunk, bodies, boxes):
+        within = self._within(chunk, bodies, pads)
+        self._skipped["pair_samples_far"] += total * (len(bodies) - len(within))
+        for b, middle, half in self._boxes(chunk, bodies, boxes, within):
             low = (middle - half).min(axis=0) - self._radius.longest
             high = (middle + half).max(axis=0) + self._radius.longest
             close = np.flatnonzero(((pads.min(axis=1) <= high) & (pads.max(axis=1) >= low)).all(axis=1))
@@ -162,9 +164,27 @@ class PadSampler:
                 self._skipped["surfaces_far"] += len(chunk.times)
         self._deforming.leave(chunk)
 
-    def _boxes(self, chunk: Chunk, bodies: Array, deforming: Mapping[int, Array]) -> Iterator[tuple[int, Array, Array]]:
-        """Yield each body's world bounding boxes: middle and half size, shape (n, 3) each."""
-        for b, body in enumerate(self._scene.bodies):
+    def _within(self, chunk: Chunk, bodies: Array, pads: Array) -> list[int]:
+        """Return the bodies that may come within reach in the chunk, and all that deform or whose centre is followed.
+
+        Of thousands of instances most are told here, at once.
+        """
+        rigid = [b for b in range(len(bodies)) if b not in chunk.surfaces]
+        poses = bodies if len(rigid) == len(bodies) else bodies[rigid]
+        if not rigid:
+            return sorted(chunk.surfaces)
+        low, high = bounds_in_world(poses, np.array([box_of(rigid_mesh(self._scene.bodies[b])) for b in rigid]))
+        reach = self._radius.longest
+        near = [((pad.min(axis=0) - reach <= high) & (pad.max(axis=0) + reach >= low)).all(axis=1) for pad in pads]
+        close = np.flatnonzero(np.logical_or.reduce(near)).tolist() if near else []
+        return sorted({*(rigid[i] for i in close), *chunk.surfaces, *self._centres})
+
+    def _boxes(
+        self, chunk: Chunk, bodies: Array, deforming: Mapping[int, Array], within: Sequence[int]
+    ) -> Iterator[tuple[int, Array, Array]]:
+        """Yield some bodies' world bounding boxes: middle and half size, shape (n, 3) each."""
+        for b in within:
+            body = self._scene.bodies[b]
             if b in chunk.surfaces:
                 boxes = deforming[b]
                 if any(body.parameters.get(name, BODY[name].absent) for name in ("weight_on", "content_on")):

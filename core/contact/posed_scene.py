@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Array
+from ..arrays import Array, Indices
 from ..motion import rotations, singular
 from ..parameters.material import BODY, FRICTION
 from ..scene.tactile_scene import Body, Chunk, Mesh
 from .posed_body import Posed, PosedBody
 from .proximity import RelativePoses
 from .solver.bodies import ContactBody
-from .surfaces import boxes_in_world
+from .surfaces import bounds_in_world, boxes_in_world
 
 
 class PosedScene:
@@ -35,8 +35,7 @@ class PosedScene:
         told = [None] * len(bodies) if deforms is None else deforms
         self._bodies = [PosedBody(body, d) for body, d in zip(bodies, told, strict=True)]
         self._turns: Array | None = None
-        self._boxes: tuple[Array, Array] | None = None
-        self._flat: NDArray[np.bool_] | None = None
+        self._bounds: tuple[Array, Array] | None = None  # of the bodies over the chunk
         self._previous: Array | None = None  # the fingers' poses at the sample before the chunk
 
     def take(self, chunk: Chunk, bodies: Sequence[Body] | None = None, *, again: bool = False) -> None:
@@ -48,7 +47,7 @@ class PosedScene:
         """
         if not again and hasattr(self, "chunk"):
             self._previous = self.chunk.fingers[:, -1]
-        self.chunk, self._turns, self._boxes, self._flat = chunk, None, None, None
+        self.chunk, self._turns, self._bounds = chunk, None, None
         self._headers = self._headers if bodies is None else tuple(bodies)
         for b, body in enumerate(self._bodies):
             body.take(b, chunk, again=again)
@@ -76,25 +75,29 @@ class PosedScene:
         """
         return self._bodies[b].boxes()
 
-    def boxes(self) -> tuple[Array, Array]:
-        """Return middle and half size of the bodies' boxes in the world at every sample [m], shape (B, n, 3) each.
+    def within(self, low: Array, high: Array) -> Indices:
+        """Return the bodies that may come between two corners in the chunk [m], shape (3,) each.
 
         Raises:
             DermisError: a deforming object has no surface.
         """
-        if self._boxes is None:
-            boxes = np.zeros((*self.chunk.bodies.shape[:2], 2, 3))
-            for b, body in enumerate(self._bodies):
-                boxes[b] = body.boxes()
-            self._boxes = boxes_in_world(self.chunk.bodies, boxes)
-        return self._boxes
+        if self._bounds is None:
+            own = [body.boxes() for body in self._bodies]
+            boxes = np.array([(b[:, 0].min(axis=0), b[:, 1].max(axis=0)) for b in own]).reshape(-1, 2, 3)
+            self._bounds = bounds_in_world(self.chunk.bodies, boxes)
+        return np.flatnonzero(((self._bounds[0] <= high) & (self._bounds[1] >= low)).all(axis=1))
 
-    def flat(self) -> NDArray[np.bool_]:
-        """Return when bodies are scaled to 0 or flat, and cannot be touched, shape (B, n)."""
-        if self._flat is None:
-            linear = self.chunk.bodies[:, :, :3, :3]
-            self._flat = singular(linear.reshape(-1, 3, 3)).reshape(linear.shape[:2])
-        return self._flat
+    def boxes(self, bodies: Indices) -> tuple[Array, Array]:
+        """Return middle and half size of bodies' boxes in the world at every sample [m], shape (k, n, 3) each."""
+        boxes = np.zeros((len(bodies), len(self.chunk.times), 2, 3))
+        for k, b in enumerate(bodies.tolist()):
+            boxes[k] = self._bodies[b].boxes()
+        return boxes_in_world(self.chunk.bodies[bodies], boxes)
+
+    def flat(self, bodies: Indices) -> NDArray[np.bool_]:
+        """Return when bodies are scaled to 0 or flat, and cannot be touched, shape (k, n)."""
+        linear = self.chunk.bodies[bodies, :, :3, :3]
+        return singular(linear.reshape(-1, 3, 3)).reshape(linear.shape[:2])
 
     def at(self, b: int, i: int) -> Posed:
         """Return a body at a sample, at which it is not flat, in the world."""

@@ -103,13 +103,15 @@ class SkinStepper:
         turn, place = self._scene.turns()[self.index], self._scene.chunk.fingers[self.index, :, :3, 3]
         middle = place + turn @ ((self._low + self._high) / 2)
         half = np.abs(turn) @ ((self._high - self._low) / 2) + self._radius
-        box_middle, box_half = self._scene.boxes()
-        inside = (np.abs(middle - box_middle) <= half + box_half).all(axis=2) & ~self._scene.flat()
-        self.far += int((~inside).sum())
-        near = np.flatnonzero(inside.any(axis=1)).tolist()
+        within = self._scene.within((middle - half).min(axis=0), (middle + half).max(axis=0))
+        box_middle, box_half = self._scene.boxes(within)
+        inside = (np.abs(middle - box_middle) <= half + box_half).all(axis=2) & ~self._scene.flat(within)
+        self.far += self._scene.chunk.bodies.shape[0] * len(place) - int(inside.sum())
+        ever = inside.any(axis=1)
+        near = within[ever].tolist()
         boxes = {b: self._scene.own_boxes(b) for b in near}
         poses = self._scene.relative(turn, place, near)
-        return Approach(dict(zip(near, inside[near], strict=True)), turn, place, poses, boxes)
+        return Approach(dict(zip(near, inside[ever], strict=True)), turn, place, poses, boxes)
 
     def step(self, approach: Approach, i: int, *, coarse: bool = False) -> SkinStep:
         """Solve sample `i` of the chunk; `coarse`: walk there in few steps, see `cut`."""

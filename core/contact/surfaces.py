@@ -14,6 +14,8 @@ from ..surface.gap import Surface
 
 # A surface is used again as long as its scale stays within this fraction (Blender's matrices are float32).
 SAME_STRETCH = 1e-5
+# Bounds are wider by this fraction than they come out: a few sums and products of numbers in double precision.
+ROUNDING = 1e-14
 # Vertices that are taken together where a box is measured.
 ROW = 64
 
@@ -81,6 +83,20 @@ def rigid_mesh(body: Body) -> Mesh:
             remedy="Give it faces, or stop it being touchable",
         )
     return body.mesh
+
+
+def bounds_in_world(poses: Array, boxes: Array) -> tuple[Array, Array]:
+    """Return corners that bodies are between at all samples [m], shape (k, 3) each; a body may come less far.
+
+    Args:
+        poses: of the objects, shape (k, n, 4, 4). boxes: lower and upper corners in their spaces, shape (k, 2, 3).
+    """
+    most = np.abs(poses[:, :, :3, :3]).max(axis=1, initial=0.0)
+    reach = (most @ np.abs(boxes).max(axis=1)[..., None])[..., 0]
+    places = poses[:, :, :3, 3]
+    low, high = places.min(axis=1), places.max(axis=1)
+    reach += ROUNDING * (reach + np.maximum(np.abs(low), np.abs(high)))
+    return low - reach, high + reach
 
 
 def boxes_in_world(poses: Array, boxes: Array) -> tuple[Array, Array]:

@@ -159,11 +159,13 @@ def _near(
         if not len(chunk.times):
             continue
         posed.take(chunk)
-        middle, half = posed.boxes()
         for f, model in models.items():
-            size = float(np.sqrt((model.positions**2).sum(axis=1).max()))
-            within = (np.abs(chunk.fingers[f, :, :3, 3] - middle) <= half + REACH * size + MARGIN).all(axis=2)
-            near[f] |= set(np.flatnonzero(np.any(within, axis=1)).tolist())
+            reach = REACH * float(np.sqrt((model.positions**2).sum(axis=1).max())) + MARGIN
+            place = chunk.fingers[f, :, :3, 3]
+            close = posed.within(place.min(axis=0) - reach, place.max(axis=0) + reach)
+            middle, half = posed.boxes(close)
+            within = (np.abs(place - middle) <= half + reach).all(axis=2)
+            near[f] |= set(close[np.any(within, axis=1)].tolist())
     index = {body.name: b for b, body in enumerate(scene.bodies)}
     for bodies in near.values():
         waiting = list(bodies)

@@ -6,6 +6,7 @@ objects are referred to by their index in the header, so a chunk is nothing but 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -300,18 +301,20 @@ def validate(scene: TactileScene) -> None:
         ("screen", scene.screens, {**SCREEN, **SEQUENCE}),
     )
     for kind, items, table in groups:
+        judged: set[int] = set()  # instances share their parameters
         for item in items:  # devices and skins are judged where they are rendered: others can go on without them
-            for row in table.values():
-                row.of(item.parameters, f"{kind} '{item.name}'")
-        names = [item.name for item in items]
-        for name in sorted(set(names)):
-            if names.count(name) > 1:
+            if id(item.parameters) not in judged:
+                judged.add(id(item.parameters))
+                for row in table.values():
+                    row.of(item.parameters, f"{kind} '{item.name}'")
+        for name, times in sorted(Counter(item.name for item in items).items()):
+            if times > 1:
                 raise DermisError(
                     f"two {kind}s have the same name", where=where, value=name, remedy="Rename one of them"
                 )
-    for body in scene.bodies:
-        if body.mesh is not None:
-            check_mesh(body.mesh, f"object '{body.name}'")
+    for mesh, name in {body.mesh: body.name for body in reversed(scene.bodies)}.items():  # they share meshes too
+        if mesh is not None:
+            check_mesh(mesh, f"object '{name}'")
 
 
 def check_mesh(mesh: Mesh, where: str) -> None:

@@ -17,7 +17,7 @@ class Repairs:
 
     def __init__(self) -> None:
         self._bad: dict[tuple[str, str], list[float]] = {}
-        self._last_pose: dict[tuple[str, int], Array] = {}
+        self._last_pose: dict[str, Array] = {}  # of each of a kind; NaN where none was good yet
 
     def note(self, code: str, name: str, frames: list[float]) -> None:
         """Remember frames in which something was bad."""
@@ -31,19 +31,19 @@ class Repairs:
             poses: shape (k, n, 4, 4). frames: shape (n,).
         """
         good: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(poses), axis=(2, 3))
+        before = self._last_pose.get(kind, np.full((len(names), 4, 4), np.nan))
         if not good.all():
             poses = poses.copy()
             for i in np.flatnonzero(~good.all(axis=1)):
                 self._bad.setdefault((f"not-finite {kind}", names[i]), []).extend(frames[~good[i]].tolist())
-                start = self._last_pose.get((kind, int(i)))
-                if start is None:
+                start = before[i]
+                if not np.isfinite(start).all():
                     first = np.flatnonzero(good[i])
                     start = poses[i, first[0]] if first.size else np.eye(4)
                 last = np.maximum.accumulate(np.where(good[i], np.arange(len(frames)), -1))
                 poses[i] = np.where((last >= 0)[:, None, None], poses[i, np.maximum(last, 0)], start)
-        for i in range(len(names)):
-            if good[i].any():
-                self._last_pose[kind, i] = poses[i, -1]
+        ever: NDArray[np.bool_] = np.logical_or.reduce(good, axis=1)
+        self._last_pose[kind] = np.where(ever[:, None, None], poses[:, -1], before)
         return poses
 
     def animated(self, chunks: Sequence[Chunk], frames: Array, scene: TactileScene) -> dict[str, Array]:

@@ -12,6 +12,7 @@ import pytest
 from core.contact.encounter import Encounter
 from core.contact.pad_contact import PadContact
 from core.contact.pad_sampler import PadSampler
+from core.contact.surfaces import bounds_in_world, boxes_in_world
 from core.errors import DermisError
 from core.motion import matrices
 from core.parameters.finger import FINGER
@@ -151,6 +152,19 @@ def test_far_objects_cost_no_query_and_are_counted(monkeypatch: pytest.MonkeyPat
     assert touch.skipped["pair_samples_far"] == 2 * len(t) - near
     assert (0, 1) not in touch.pairs and np.isinf(touch.gap[0, 1]).all()
     assert np.isfinite(touch.gap[0, 0]).sum() == near
+
+
+def test_bounds_over_a_chunk_hold_the_boxes_of_all_its_samples() -> None:
+    random = np.random.default_rng(5)
+    linear = random.normal(size=(7, 20, 3, 3)) * 10.0 ** random.uniform(-3, 3, (7, 1, 1, 1))
+    moving = np.stack([poses(random.normal(size=(20, 3)), each) for each in linear])
+    boxes = np.sort(random.normal(size=(7, 2, 3)), axis=1)
+    low, high = bounds_in_world(moving, boxes)
+    middle, half = boxes_in_world(moving, boxes[:, None])
+    assert (low <= (middle - half).min(axis=1)).all() and (high >= (middle + half).max(axis=1)).all()
+    # No farther than a box that is turned about its corner in every way would reach.
+    reach = np.abs(linear).max(axis=1) @ np.abs(boxes).max(axis=1)[..., None]
+    np.testing.assert_allclose(high - moving[:, :, :3, 3].max(axis=1), reach[..., 0], rtol=1e-9)
 
 
 def test_open_sheet_can_be_touched_from_the_side_the_finger_came_from() -> None:

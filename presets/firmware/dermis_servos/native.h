@@ -2,7 +2,7 @@
 #pragma once
 #include "frames.h"
 #include "last_resort.h"
-#include "pulses.h"
+#include "movement.h"
 #include <string.h>
 
 static const uint8_t VERSION = 2;
@@ -11,18 +11,14 @@ static const uint8_t QUEUE = FITS < 255 ? FITS : 255; /* 1000 bytes hold 125 com
 static_assert(QUEUE >= 1, "CHIP_QUEUE_BYTES: not one command fits");
 static_assert(sizeof DERMIS_ID == 9, "DERMIS_ID has eight characters");
 static_assert(chip_line_baud(DERMIS_BAUD), "DERMIS_BAUD: the chip's clock does not divide into this rate");
-#ifdef DERMIS_RELAY_PIN
-static_assert(chip_relay_pin(DERMIS_RELAY_PIN), "DERMIS_RELAY_PIN: this pin cannot be the relay's, README.md says which can");
-#endif
 
 /* Whatever comes in, the loop comes round to its watchdog and its limits: in 1.1 ms at the worst (emulated). */
 static const uint8_t BYTES_A_LOOP = 16;
 static const uint8_t NACK_EVERY = 5; /* ms */
 static const uint16_t WINDOW = 1024; /* packets: what is further ahead was not lost on the way, it is old */
-static const uint8_t MOST_STEPS = 5; /* ms of a way to safety that a stalled loop may make up for */
-static const uint8_t LEAST_WATCHDOG = 10, MOST_WATCHDOG = 80; /* ms of silence that a sender may ask for */
+static const uint8_t LEAST_WATCHDOG = 10; /* ms of silence that a sender may ask for ... */
+static const uint8_t MOST_WATCHDOG = 80;  /* ... and the longest */
 static_assert(CHIP_WATCHDOG_MS > MOST_WATCHDOG, "the chip's reset must come after the way to safety has begun");
-static const uint8_t ARRIVING = 100; /* ms that a relay stays on for at the safe pose: servos lag behind their pulses */
 
 enum Kind : uint8_t {
   HELLO = 1, CONFIGURE, ARM, TO_SAFE, COMMAND, SYNC, WELCOME = 0x81, STATE = 0x85, SYNCED, NACK
@@ -34,111 +30,25 @@ enum Reason : uint8_t { DAMAGED = 1, GAP, NOT_ARMED, QUEUE_FULL, OTHER_SESSION, 
 static State state = IDLE;
 static Reach reach = RAMP;
 static uint8_t session = 0; /* nobody's */
-static bool pose_known = false;
 static uint16_t sequence_in = 0;
 static uint16_t received = 0, lost = 0, damaged = 0, late = 0, watchdogs = 0;
 static uint8_t watchdog_ms = 50;
-static uint16_t target[CHANNELS], safe_counts[CHANNELS], slew[CHANNELS];
-static uint32_t heard = 0, stepped = 0;
-
-static bool homing = false, leaps = false; /* on the way to safety: a straight line from where it began, or at once */
-static uint16_t way_start[CHANNELS], way_ms = 0, way_gone = 0;
-static uint8_t arrived = 0; /* ms */
-static uint32_t way_pace[CHANNELS]; /* counts a millisecond, times 65536 */
-static uint16_t way_slew[CHANNELS]; /* `slew` when the way began: another sender may configure the board meanwhile */
+static uint16_t safe_counts[CHANNELS], slew[CHANNELS];
+static uint32_t heard = 0;
 
 static uint32_t queue_when[QUEUE];
 static uint16_t queue_counts[QUEUE][CHANNELS];
 static uint8_t queue_first = 0, queued = 0;
 
-/* -- movement */
+/* -- safe state and queue */
 
-static const uint32_t SPAN = LONGEST - SHORTEST; /* ticks */
-static_assert(SPAN <= 65535, "CHIP_TICKS_A_US: so many ticks a pulse do not fit into 32 bits below");
-
-static ChipTicks ticks_of(uint16_t count) {
-  uint32_t rounded = (uint32_t)count * SPAN + 32767u;
-  return (ChipTicks)(SHORTEST + ((rounded + (rounded >> 16) + 1) >> 16)); /* / 65535, exactly, without a division */
-}
-
-static void move_to(uint8_t channel, uint16_t count) { set_pulse(channel, ticks_of(count), count); }
-
-static uint16_t apart(uint16_t a, uint16_t b) { return a > b ? a - b : b - a; }
-
-/* Move a channel towards a count, no further from its last pulse than `most_a_ms` allows until the next one. However late
-   and however often this is called, no pulse is too far from the one before. */
-static void approach(uint8_t channel, uint16_t count, uint16_t most_a_ms) {
-  uint16_t from = last_pulse(channel);
-  uint32_t most = (uint32_t)most_a_ms * ROUND_MS;
-  if (apart(count, from) > most) count = count > from ? from + (uint16_t)most : from - (uint16_t)most;
-  if (count != counts[channel]) move_to(channel, count);
-}
-
-static void power(bool on) {
-#ifdef DERMIS_RELAY_PIN
-  chip_relay(DERMIS_RELAY_PIN, on);
-#else
-  (void)on;
-#endif
-}
-
-/* No pulses, no supply: from now on a hand may have moved the servos, so nobody knows where they are, and no way that
-   was begun before leads anywhere. */
-static void let_go() {
-  pulsing = pose_known = homing = false;
-  power(false);
-}
-
-/* Begin the way to the safe state. A way that is under way goes on as it began: a second SAFE, whoever sends it, changes
-   neither its speed nor its end. */
 static void go_safe() {
   if (state == IDLE) return;
   queued = 0;
   state = SAFE;
-  if (homing) return;
-  if (reach == RELEASE) return let_go();
-  homing = true;
-  leaps = reach == AT_ONCE;
-  way_ms = 1;
-  way_gone = arrived = 0;
-  for (uint8_t c = 0; c < CHANNELS; c++) {
-    way_start[c] = counts[c];
-    way_slew[c] = slew[c];
-    target[c] = safe_counts[c];
-    uint16_t needs = (uint16_t)(((uint32_t)apart(counts[c], target[c]) + slew[c] - 1) / slew[c]);
-    if (needs > way_ms) way_ms = needs;
-  }
-  for (uint8_t c = 0; c < CHANNELS; c++) way_pace[c] = ((uint32_t)apart(counts[c], target[c]) << 16) / way_ms;
-}
-
-/* All channels begin and arrive together: a platform whose channels come home one by one tilts. Whatever other senders
-   say meanwhile, only ARM takes over. */
-static void go_home(uint8_t steps) {
-  bool there = true;
-  way_gone = way_ms - way_gone > steps ? way_gone + steps : way_ms;
-  for (uint8_t c = 0; c < CHANNELS; c++) {
-    uint16_t gone = (uint16_t)(way_pace[c] * way_gone >> 16);
-    uint16_t at = target[c] > way_start[c] ? way_start[c] + gone : way_start[c] - gone;
-    if (leaps) move_to(c, target[c]);
-    else approach(c, way_gone == way_ms ? target[c] : at, way_slew[c]);
-    if (last_pulse(c) != target[c]) there = false;
-  }
-  if (!there) return;
-#ifdef DERMIS_RELAY_PIN
-  arrived += steps;
-  if (arrived >= ARRIVING) let_go();
-#else
-  homing = false;
-#endif
-}
-
-/* Return the milliseconds that have passed since the last call; what a stall has saved up is not spent. */
-static uint8_t passed() {
-  uint32_t now = chip_us();
-  uint8_t steps = 0;
-  for (; now - stepped >= 1000 && steps < MOST_STEPS; steps++) stepped += 1000;
-  if (now - stepped >= 1000) stepped = now;
-  return steps;
+  if (homing) return; /* a second SAFE, whoever sends it, changes neither speed nor end of the way */
+  if (reach == RELEASE) let_go();
+  else begin_way(safe_counts, slew, reach == AT_ONCE);
 }
 
 /* Hand over the commands whose time has come. */
@@ -314,10 +224,7 @@ static void receive() {
 }
 
 void setup() {
-#ifdef DERMIS_RELAY_PIN
-  chip_relay_begin(DERMIS_RELAY_PIN);
-#endif
-  power(false);
+  begin_power();
   begin_pulses();
   chip_line_begin(DERMIS_BAUD);
   begin_watchdog();

@@ -77,6 +77,33 @@ def test_a_loop_that_stood_still_makes_up_for_nothing(chip: Chip) -> None:
 
 
 @every_chip
+def test_the_way_to_safety_goes_on_where_a_loop_stood_still(chip: Chip) -> None:
+    """All channels still arrive together, later by as long as it stood."""
+    with chip() as board:
+        sender = Sender(board, servos(slew=SLEW))
+        sender.arm()
+        far = np.linspace(0.1, FAR, 8)
+        sender.command(far)
+        sender.run(0.3)
+        for message in sender.adapter.safe():
+            board.send(message)
+        board.run(0.03)
+        board.hang()
+        board.run(0.1)
+        board.go_on()
+        gone_on = board.now
+        board.run(0.3)
+        for channel, value in enumerate(far):
+            path = board.path(channel, gone_on + 0.02)
+            arrived = next(start for start, width in path if abs(width - 1500) <= 1.0)
+            left = FAR / SLEW - 0.03
+            assert left - 0.005 <= arrived - gone_on <= left + 0.025, channel
+            shares = [(width - 1500) / (500 * value) * FAR for start, width in path if start < gone_on + left]
+            wanted = [FAR - SLEW * (0.03 + start - gone_on) for start, _ in path if start < gone_on + left]
+            assert np.abs(np.subtract(shares, wanted)).max() <= 0.006 * SLEW, "5 ms are made up for, and one is a tick"
+
+
+@every_chip
 def test_a_loop_that_hangs_is_reset_and_the_pulses_end(chip: Chip) -> None:
     with chip() as board:
         moving(board)

@@ -57,6 +57,26 @@ def synced(board: Board, sender: Sender) -> packets.Synced:
     return packets.Synced.read(found[-1].body)
 
 
+@every_chip
+def test_a_loop_that_stood_still_loses_what_found_no_room_and_nothing_before_it(chip: Chip) -> None:
+    with chip() as board:
+        sender = Sender(board, servos())
+        sender.arm()
+        board.run(0.005)
+        body = packets.configure(50, packets.Reach.RAMP, *np.ones((2, 8), np.uint16))
+        frames = [sender.adapter._pack(Kind.CONFIGURE, body) for _ in range(4)]
+        board.hang()
+        board.send(b"".join(frames))
+        board.run(0.01)
+        board.go_on()
+        found = packets.Decoder().feed(board.run(0.01))
+        room = 128  # bytes of the chip's buffer
+        assert len(frames[0]) * 2 < room < len(frames[0]) * 3
+        answers = [p.body for p in found if p.kind == Kind.STATE]
+        assert answers == [packets.state(packets.DeviceState.ARMED, Kind.CONFIGURE)] * 2
+        assert not board.overruns, "the program took each byte from the chip, and had no room for some"
+
+
 @emulated
 def test_at_a_million_baud_the_chip_loses_bytes() -> None:
     """So the emulator shows it, and 500,000 is what the sketch talks."""

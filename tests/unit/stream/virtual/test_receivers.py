@@ -274,12 +274,13 @@ def test_refusals_are_named_by_the_page() -> None:
 
 def test_page_sketch_and_virtual_device_state_the_same_limits() -> None:
     page = (ROOT / "presets" / "streaming.md").read_text("utf-8")
-    sketch = SKETCH.with_name("native.h").read_text("utf-8")
+    sketch = "".join(SKETCH.with_name(name).read_text("utf-8") for name in ("native.h", "movement.h"))
     told = {name: int(value) for name, value in re.findall(r"static const uint\d+_t (\w+) = (\d+);", sketch)}
     assert told["NACK_EVERY"] == native.NACK_EVERY * 1e3 and "One NACK in 5 ms" in page
     assert told["MOST_STEPS"] == native.MAX_STEP and "no more than 5 ms of elapsed time" in page
     assert told["WINDOW"] == native.WINDOW and "1 to 1024 ahead" in page
     assert told["VERSION"] == packets.VERSION and f"version {packets.VERSION}" in page
     least, most = native.WATCHDOGS[0], native.WATCHDOGS[-1]
+    assert (told["LEAST_WATCHDOG"], told["MOST_WATCHDOG"]) == (least, most)
     assert f"a watchdog outside {least} to {most} ms" in page.replace("\n", " ").replace("  ", " ")
     assert f"#define DERMIS_BAUD {BAUD}" in SKETCH.read_text("utf-8") and f"{BAUD:,} baud" in page

@@ -26,14 +26,12 @@ def lost() -> Result:
     folder = Path(tempfile.mkdtemp(prefix="dermis-bench-"))
     path = folder / "a.dlog"
     receiver = Receiver()
-    sent, status = 0, {}
-    with blender() as evaluate, armed(receiver, track=track(120.0), look_ahead=0.1, log=str(path)) as client:
+    sent, stops, more = 0, 0, {"look_ahead": 0.1, "reconnect": True, "log": str(path)}
+    with blender() as evaluate, armed(receiver, track=track(120.0), **more) as client:
         while sent < ROWS:
             heartbeats(client, 1.0, evaluate, playing=True)
-            status = client.status()
-            sent = status["counters"].get("sent", 0)
-            if not status["armed"]:
-                raise RuntimeError(status["message"])
+            stops += _armed_again(client)
+            sent = client.status()["counters"].get("sent", 0)
         client.stop()
         heartbeats(client, 0.3, time.sleep)
         status = client.status()
@@ -49,9 +47,23 @@ def lost() -> Result:
         "sent": float(sent),
         "arrived": float(len(arrived)),
         "MB": path.stat().st_size / 1e6,
+        "armed again": float(stops),
     }
     error = None if file.end is not None else "the log was not finished"
     return Result("log_lost_samples", float(missing), "", None, peers, error)
+
+
+def _armed_again(client: Any) -> bool:
+    """Arm again where a machine that is too busy has ended the stream; return whether it had."""
+    if client.status()["armed"]:
+        return False
+    for _ in range(250):
+        heartbeats(client, 0.02, time.sleep)
+        if client.status()["state"] in ("ready", "stalled"):
+            break
+    client.arm()
+    heartbeats(client, 0.5, time.sleep)
+    return True
 
 
 def _finished(binary: Any, path: Path) -> Any:
@@ -94,26 +106,30 @@ def _pairs(between: Callable[[float], Any]) -> Any:
 
     folder = Path(tempfile.mkdtemp(prefix="dermis-bench-"))
     receiver = Receiver()
-    seconds = 2 * PAIRS * STRETCH
     stretches: list[tuple[int, bool, float, float]] = []
-    with armed(receiver, track=track(seconds + 10), look_ahead=0.0) as client:
-        for pair in range(PAIRS):
+    spoilt = set()
+    with armed(receiver, track=track(60.0), look_ahead=0.0, reconnect=True) as client:
+        for pair in range(2 * PAIRS):
+            if pair >= PAIRS + len(spoilt):
+                break
             for logged in (False, True) if pair % 2 else (True, False):
                 client.set(log=str(folder / f"{pair}.csv") if logged else "")
                 heartbeats(client, SETTLING, between, playing=True)
                 begun = clock.now()
                 heartbeats(client, STRETCH - SETTLING, between, playing=True)
                 stretches.append((pair, logged, begun, clock.now()))
-                status = client.status()
-                if not status["armed"]:
-                    raise RuntimeError(status["message"])
-                if logged and (status["log"].get("lost") or status["log"].get("ended")):
-                    raise RuntimeError(str(status["log"]))
+                log = client.status()["log"]
+                if logged and (log.get("lost") or log.get("ended")):
+                    raise RuntimeError(str(log))
+                if _armed_again(client):
+                    spoilt.add(pair)
     arrived, _ = receiver.end()
-    found = np.zeros((PAIRS, 2))
+    found = np.full((2 * PAIRS, 2), np.nan)
     for pair, logged, begun, ended in stretches:
         intervals = np.diff(arrived[(arrived >= begun) & (arrived < ended)])
-        if len(intervals) < 0.5 * RATE * (STRETCH - SETTLING):
-            raise RuntimeError(f"only {len(intervals)} commands arrived")
-        found[pair, int(logged)] = np.percentile(np.abs(intervals - 1 / RATE) * 1e6, 99)
+        if pair not in spoilt and len(intervals) > 0.5 * RATE * (STRETCH - SETTLING):
+            found[pair, int(logged)] = np.percentile(np.abs(intervals - 1 / RATE) * 1e6, 99)
+    found = found[np.isfinite(found).all(axis=1)]
+    if len(found) < PAIRS / 2:
+        raise RuntimeError(f"only {len(found)} pairs of {PAIRS} went through: the machine is too busy")
     return found

@@ -159,11 +159,15 @@ class Recorder:
     def _check_source(self, depsgraph: bpy.types.Depsgraph) -> None:
         """See whether Blender copies evaluated matrices back to the objects; it does for the active graph only."""
         self._checked = True
-        self._direct = not depsgraph_is_active(depsgraph, [bpy.data.objects[int(i)] for i in self._place])
+        self._direct = not depsgraph_is_active(depsgraph, [bpy.data.objects[i] for i in self._places_of_objects()])
+
+    def _places_of_objects(self) -> list[int]:
+        """Return where those are in Blender's list that are where their objects are; instances are not."""
+        return sorted(set(self._place[self._objects].tolist()))
 
     def _record_directly(self, k: int, depsgraph: bpy.types.Depsgraph) -> None:
         row = self._raw[k].reshape(-1, 4, 4)
-        for place in self._place.tolist():
+        for place in self._places_of_objects():
             row[place] = np.array(bpy.data.objects[place].evaluated_get(depsgraph).matrix_world).T
 
     def _take_instances(self, n: int) -> None:

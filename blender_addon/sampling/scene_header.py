@@ -120,6 +120,8 @@ def list_participants(
     """
     out = Participants(scene.name_full, view_layer.name, metres_per_unit(scene))
     fingers, bodies, screens = [], [], []
+    shown = participants.look_up({p.material for p in instances.bodies.values()}).values()
+    felt = {f"object '{obj.name_full}'" for obj in shown}  # its instances are, though it may be disabled itself
     for obj in participants.taking_part(scene, view_layer, out.findings, scripted=scripted):
         matrix = np.array(obj.evaluated_get(depsgraph).matrix_world, np.float64)
         entry = Entry(
@@ -152,6 +154,7 @@ def list_participants(
             shows, curved = uid in instances.objects, curved_surfaces.tolerance_of(obj, matrix)
             bodies.append(replace(entry, deforming=own, shows_instances=shows, curved=curved))
             out.findings += participants.hidden_instances(obj, view_layer)
+    out.findings[:] = [f for f in out.findings if f.code != "disabled" or f.where not in felt]
     if instances.bodies or participants.instancers(scene):
         out.findings += [
             Finding(

@@ -486,6 +486,18 @@ def test_instances_of_touchable_objects_are_bodies_and_their_host_needs_no_faces
     assert not [f for f in tactile.findings if f.severity == "error"]
 
 
+def test_an_object_in_an_excluded_collection_is_felt_where_its_instances_are():
+    scene = build.span(1, 3)
+    shelf = in_collection("Shelf", plain("Peg", role="TOUCHABLE"), plain("Left", role="TOUCHABLE"))
+    scene.collection.children.link(shelf)
+    bpy.context.view_layer.layer_collection.children["Shelf"].exclude = True
+    on_points(host(role="NONE"), info_geometry(bpy.data.objects["Peg"]))
+    build.finger(location=(0, 0, 50))
+    tactile = scene_sweep.sample(scene)
+    assert [b.name for b in tactile.bodies] == [f"Peg @ Host 0.{i}" for i in range(3)]
+    assert [f.where for f in tactile.findings if f.code == "disabled"] == ["object 'Left'"]
+
+
 def test_a_host_that_shows_nothing_is_refused():
     scene = build.span(1, 3)
     on_points(host(), node("GeometryNodeCurvePrimitiveCircle"))

@@ -12,7 +12,7 @@ static_assert(QUEUE >= 1, "CHIP_QUEUE_BYTES: not one command fits");
 static_assert(sizeof DERMIS_ID == 9, "DERMIS_ID has eight characters");
 static_assert(chip_line_baud(DERMIS_BAUD), "DERMIS_BAUD: the chip's clock does not divide into this rate");
 
-/* Whatever comes in, the loop comes round to its watchdog and its limits: in 1.1 ms at the worst (emulated). */
+/* Whatever comes in, the loop comes round to its watchdog and its limits: in 1.5 ms at the worst (emulated). */
 static const uint8_t BYTES_A_LOOP = 16;
 static const uint8_t NACK_EVERY = 5; /* ms */
 static const uint16_t WINDOW = 1024; /* packets: what is further ahead was not lost on the way, it is old */

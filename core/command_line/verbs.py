@@ -189,7 +189,7 @@ def _add_stream(commands: Any) -> None:
         setting("ramp"),
         switch("--yes", "arm without asking; its warnings are printed"),
         help="play a track to a device, once",
-        description="Play a track to a device, once. Exit status: 0; 1 where the device refused more than 1 %% of the "
+        description="Play a track to a device, once. Exit status: 0; 1 where the device refused more than 1 % of the "
         "commands or took them too late, or where the log is not whole; 2 where it was not played to its end; 128 and "
         "a signal's number.",
         run="stream.play_command.play",

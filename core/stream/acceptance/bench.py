@@ -6,11 +6,12 @@ has seen are put on the wire from here.
 
 from __future__ import annotations
 
+import math
 import random
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,19 +20,23 @@ from ... import clock
 from ...arrays import Array
 from ...errors import DermisError
 from ..connection import Connection
+from ..protocols.adapter import adapter_of
 from ..protocols.native import Native
-from ..protocols.packets import DeviceState, Kind, pack
+from ..protocols.packets import DeviceState, Kind, Reach, pack
+from ..protocols.silence import Does
 from ..protocols.wire import Wire
 from ..request import StreamRequest
 from ..shared_state import Heartbeat
 from ..state import State
 from ..streamer import Streamer
 from ..virtual.link import open_any_link
+from .host import Host
 
 SAFE_MS = 100.0  # by then silence or a flood has ended in the safe state [ms]
 FLOOD_RATE = 50_000.0  # as fast as a serial line of 500,000 baud [bytes/s]
 POSE_EVERY = 0.05  # an answer that takes longer is asked for again [s]
 CONNECTING, ARMING = 6.0, 3.0  # a board that resets when its port is opened needs 2 s [s]
+LEAVING = 2.0  # a link that is let go is closed by then [s]
 RAMPING = 600.0  # to the safe pose, at a speed that the preset declares [s]
 
 # What a broken program or a loose cable may put on the line: each pattern's bytes, repeated as fast as the link takes.
@@ -47,6 +52,19 @@ FLOODS: dict[str, Callable[[random.Random], bytes]] = {
 }
 
 
+@dataclass(frozen=True)
+class Heard:
+    """A board's first answer after a silence.
+
+    Attributes:
+        state: of the board. least, most: bounds of the silence that the board has heard [s].
+    """
+
+    state: DeviceState
+    least: float
+    most: float
+
+
 class Bench:
     """Holds a link to one device by a streamer of its own.
 
@@ -55,7 +73,7 @@ class Bench:
         clock, sleep: of this computer.
 
     Attributes:
-        wire: the device. streamer: its mind.
+        wire: the device. streamer: its mind. host: how busy this computer is.
     """
 
     def __init__(
@@ -66,12 +84,13 @@ class Bench:
         clock: Callable[[], float] = clock.now,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        self._heed, self._clock, self._sleep = heed, clock, sleep
+        self.host = Host(clock, sleep)
+        self._heed, self._clock, self._sleep = heed, clock, self.host.sleep
         self._silent = self._left_alone = False
         self._request = replace(request, connect=True, mode="jog", ramp=1.0, stall=60.0)
         self._number = self._arms = 0
         self.wire = Wire.of(request.spec(), request.calibrated())
-        self.streamer = Streamer(open_any_link)
+        self.streamer = Streamer(open_any_link, clock=clock)
 
     @property
     def connection(self) -> Connection:
@@ -95,17 +114,39 @@ class Bench:
         """Return whether the board speaks the native protocol, whether or not there is a link just now."""
         return self._request.protocol == Native.name
 
+    @property
+    def tells_pose(self) -> bool:
+        """Return whether the protocol reports a pose, whether or not there is a link just now."""
+        return adapter_of(self._request.protocol).tells_pose
+
+    @property
+    def holds_safe(self) -> bool:
+        """Return whether the safe state is a pose that the board holds; otherwise it lets go, and may be anywhere."""
+        adapter = self.connection.adapter
+        return self.wire.reach != Reach.RELEASE and not adapter.limp and adapter.silence.does is not Does.LETS_GO
+
+    @property
+    def confirmed(self) -> bool | None:
+        """Return whether the board has confirmed its safe state; None where its protocol cannot."""
+        if not self.tells_pose or self.streamer.connection is None:
+            return None
+        adapter = self.streamer.connection.adapter
+        return adapter.settled if adapter.state is None else adapter.state == DeviceState.SAFE
+
     def connect(self) -> None:
         """Connect, and wait until the device has been recognised.
 
         Raises:
             DermisError: it has not.
         """
+        if self.streamer.drive is not None and self.streamer.drive.leaving:
+            self.until(lambda: self.streamer.drive is None, LEAVING)
         if self.streamer.drive is None:
-            self.streamer = Streamer(open_any_link)  # one that has lost its link waits for a person
+            self.streamer = Streamer(open_any_link, clock=self._clock)  # one that has lost its link waits for a person
         self._apply(connect=True, jog=self._jog(self.wire.safe), arm_id=0)
-        self.until(lambda: self.streamer.state in (State.READY, State.FAULT) or not self._holds, CONNECTING)
-        if self.streamer.state != State.READY:
+        there = (State.READY, State.STALLED)
+        self.until(lambda: self.streamer.state in (*there, State.FAULT) or not self._holds, CONNECTING)
+        if self.streamer.state not in there:
             raise DermisError(self.streamer.message.rstrip(".") or f"{self._request.url} does not answer")
 
     def arm(self) -> None:
@@ -114,7 +155,7 @@ class Bench:
         Raises:
             DermisError: it does not arm.
         """
-        if self.streamer.drive is None:
+        if self.streamer.drive is None or self.streamer.drive.leaving:
             self.connect()
         self._arms += 1
         self._apply(arm_id=self._arms, jog=self._jog(self.wire.safe))
@@ -150,6 +191,7 @@ class Bench:
             if done():
                 return now - start
             self._heed()
+            self.host.look()
             if self._silent:
                 self._sleep(0.002)
             else:
@@ -165,8 +207,13 @@ class Bench:
         finally:
             self._silent = False
 
+    def hold(self) -> None:
+        """Take it from a person that the device has kept its pose during a silence: the stream goes on."""
+        self.connection.outbox.left_at = self._clock()
+
     def believe(self, values: Array) -> None:
         """Take it from a person that the device has gone to driven values [units] by itself."""
+        self.hold()
         self.connection.output.limiter.begin(values, self._clock(), 0.0)
         self.head_for(values)
 
@@ -174,17 +221,19 @@ class Bench:
         """Ask for the safe state."""
         self.streamer.stop(self._clock(), "Stopped")
 
-    def silence(self, seconds: float, flood: bytes = b"") -> int | None:
-        """Send nothing of one's own for some time, or a flood; then ask the device how it is.
+    def silence(self, seconds: float, flood: bytes = b"") -> Heard | None:
+        """Send nothing of one's own for some time [s], or a flood; return the board's first answer after that.
 
-        Returns: its state by the native protocol, None where nobody can be asked.
+        The silence is timed where it is made: from the last message before it to the first one after it.
+
+        Returns: None where nobody can be asked, or nobody answers.
         """
         link, native = self.connection.link, self.native
-        start = self._clock()
-        end, sent = start + seconds, 0
+        began, began_by = self._ask(native)
+        end, sent = began_by + seconds, 0
         while (now := self._clock()) < end:
             self._heed()
-            if flood and sent <= FLOOD_RATE * (now - start) and link.send(flood):
+            if flood and sent <= FLOOD_RATE * (now - began_by) and link.send(flood):
                 sent += len(flood)
             self._sleep(min(0.001, end - now))
             for _ in link.receive():
@@ -192,42 +241,62 @@ class Bench:
         if native is None:
             return None
         self._raw(b"\0")  # ends what the flood has begun
-        self.until(lambda: native.state == DeviceState.SAFE, 0.3)
-        return int(native.state)
+        native.state = None
+        ended, ended_by = self._ask(native)
+        while native.state is None and self._clock() - ended_by < 0.3:
+            for data in link.receive():
+                native.receive(data, self._clock())
+            self._sleep(0.001)
+        state, native.state = native.state, native.state or DeviceState.IDLE
+        return None if state is None else Heard(state, ended - began_by, ended_by - began)
 
     def pose(self) -> Array | None:
         """Ask the board what it drives [units]; None where it does not say."""
-        native = self.native
-        if native is None or self.streamer.drive is None:
+        if not self.tells_pose or self.streamer.connection is None:
             return None
-        native.pose = None
-        for message in native.ask_pose():
+        adapter = self.streamer.connection.adapter
+        adapter.pose = None
+        for message in adapter.ask_pose():
             self._raw(message)
-        self.until(lambda: native.pose is not None, 0.3)
-        return native.pose
+        self.until(lambda: adapter.pose is not None, 0.3)
+        return adapter.pose
 
-    def past_the_limiter(self, values: Array, seconds: float) -> Iterator[tuple[float, Array]]:
-        """Send one command that no limiter of this program has seen [units]; yield time [s] and pose while it acts.
+    @contextmanager
+    def slower(self, slew: Array) -> Iterator[None]:
+        """Let the board be told other speed limits [units/s] when it is armed inside the block."""
+        adapter = self.connection.adapter
+        usual, adapter.wire = adapter.wire, replace(adapter.wire, slew=slew)
+        try:
+            yield
+        finally:
+            adapter.wire = usual
+
+    def past_the_limiter(self, values: Array, seconds: float) -> Iterator[tuple[float, float, Array]]:
+        """Send one command that no limiter of this program has seen [units]; yield poses while it acts.
 
         The board's watchdog is fed by questions for the pose and the clock alone; the streamer stands still.
+
+        Yields: when the pose was asked for, when the answer was there [s], and the pose [units].
         """
         link, native = self.connection.link, self.native
         assert native is not None
         for message in native.command(values, self._clock(), None):
             self._raw(message)
-        end, asked = self._clock() + seconds, -1.0
+        end, first, asked = self._clock() + seconds, math.inf, -1.0
+        native.pose = None
         while (now := self._clock()) < end:
             self._heed()
             for message in native.poll(now):
                 self._raw(message)
-            if native.pose is not None or now - asked > POSE_EVERY:
-                native.pose, asked = None, now
+            if now - asked > POSE_EVERY:
+                first, asked = min(first, now), now
                 for message in native.ask_pose():
                     self._raw(message)
             for data in link.receive():
                 native.receive(data, self._clock())
             if native.pose is not None:
-                yield self._clock(), native.pose
+                yield first, self._clock(), native.pose
+                native.pose, first, asked = None, math.inf, -1.0
             self._sleep(0.002)
 
     @contextmanager
@@ -297,6 +366,13 @@ class Bench:
         self._request = replace(self._request, **fields)
         self._give_heartbeat(self._clock())
         self.streamer.apply(self._request, self._clock())
+
+    def _ask(self, native: Native | None) -> tuple[float, float]:
+        """Send a question, which is a sign of life; return the time before and after it left [s]."""
+        before = self._clock()
+        for message in native.ask_pose() if native is not None else ():
+            self._raw(message)
+        return before, self._clock()
 
     def _raw(self, message: bytes) -> None:
         link, end = self.connection.link, self._clock() + 0.5

@@ -10,11 +10,13 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from ... import clock
 from ...errors import DermisError
 from ..device_options import request_from
 from ..local_stream import say
 from ..signals import Interrupted, Signals
 from .bench import Bench
+from .host import ATTEMPTS
 from .person import INTRODUCTION, NobodyThere, Terminal
 from .report import Check, Report
 from .walk import Walk
@@ -76,19 +78,44 @@ def _go(walk: Walk, only: list[str] | None, report: Report) -> None:
         if only and name not in only:
             report.checks.append(Check(name, "left out by --only", "not tried"))
             continue
-        for found in _tried(name, check):
+        for found in _tried(name, check, walk.bench):
             report.checks.append(found)
             print(f"{found.outcome.upper():10} {found.name}: {found.figure or found.judge}", flush=True)
 
 
-def _tried(name: str, check: Callable[[], Iterator[Check]]) -> Iterator[Check]:
-    """Yield what a check finds; one that the device does not let go through has failed, and the others go on."""
+def _tried(name: str, check: Callable[[], Iterator[Check]], bench: Bench) -> Iterator[Check]:
+    """Yield what a check finds; the next checks go on whatever one finds.
+
+    A check that the device does not let go through has failed. Where this computer stood still meanwhile, which lets a
+    board's watchdog act, the check is tried again.
+    """
+    found: list[Check] = []
+    for _ in range(ATTEMPTS):
+        since, found = clock.now(), []
+        try:
+            for one in check():
+                found.append(one)
+            yield from found
+            return
+        except NobodyThere:
+            yield from found
+            raise
+        except DermisError as error:
+            last = Check(name, "could not be gone through", "failed", "measured", str(error))
+            if not bench.host.disturbed(since) or not _there(bench):
+                break
+            last = Check(name, last.what, "not judged", "", f"{last.figure}; {bench.host.words(since)}")
+    yield from found
+    yield last
+
+
+def _there(bench: Bench) -> bool:
+    """Return whether the device can still be reached."""
     try:
-        yield from check()
-    except NobodyThere:
-        raise
-    except DermisError as error:
-        yield Check(name, "could not be gone through", "failed", "measured", str(error))
+        bench.connect()
+    except DermisError:
+        return False
+    return True
 
 
 def _facts(bench: Any) -> dict[str, str]:

@@ -12,8 +12,8 @@ from typing import Literal
 from ...files import atomic
 from ...version import version
 
-Outcome = Literal["passed", "failed", "not tried", "does not apply"]
-SCHEMA = "dermis-acceptance 1"
+Outcome = Literal["passed", "failed", "not judged", "not tried", "does not apply"]
+SCHEMA = "dermis-acceptance 2"  # 1 had no "not judged"
 CHECKS = ("link", "first-arm", "motors", "speed", "stop", "silence", "flood", "rate", "exits", "unplug", "switch")
 
 
@@ -22,7 +22,7 @@ class Check:
     """One thing that was tried.
 
     Attributes:
-        name: of the check. what: that was done. outcome: of it.
+        name: of the check. what: that was done. outcome: of it; 'not judged' where this computer was too busy to tell.
         judge: 'measured' by this program, 'seen' by the person at the bench, or both.
         figure: what was measured or answered, with its unit. limit: what it was held against.
     """
@@ -54,7 +54,11 @@ class Report:
         """Return 'accepted', 'not accepted' or 'incomplete': accepted only if all was tried and nothing failed."""
         if self.unsafe or any(check.outcome == "failed" for check in self.checks):
             return "not accepted"
-        if self.interrupted or not self.checks or any(check.outcome == "not tried" for check in self.checks):
+        if (
+            self.interrupted
+            or not self.checks
+            or any(check.outcome in ("not tried", "not judged") for check in self.checks)
+        ):
             return "incomplete"
         return "accepted"
 
@@ -100,13 +104,16 @@ class Report:
             part.write_text(json.dumps(plain, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
-def judged(seen: bool | None, measured: Mapping[str, bool] | None = None) -> tuple[Outcome, str]:
+def judged(seen: bool | None, measured: Mapping[str, bool] | None = None, *, busy: bool = False) -> tuple[Outcome, str]:
     """Return the outcome of what a person saw and of what was measured, and who judged.
 
     Args:
         seen: the person's answer; None: skipped, or not asked. measured: by name whether it held; None: not measured.
+        busy: this computer was too busy to measure the rest, so only a person can say that it has failed.
     """
     held = None if not measured else all(measured.values())
+    if busy and seen is not False and held is not False:
+        return "not judged", ""
     judge = " and ".join(name for name, by in (("measured", held), ("seen", seen)) if by is not None)
     if seen is False or held is False:
         return "failed", judge

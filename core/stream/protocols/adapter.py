@@ -30,6 +30,7 @@ class Adapter:
     Class attributes:
         name: in URLs and menus. title: for people.
         tells_pose: the device reports its pose; None as `pose` then means that it does not know it.
+        limp: in the safe state the actuators have no power, whatever the preset says.
         timed: commands may carry their play-out time.
         datagrams: messages go as datagrams, never as a stream.
         baud: of a serial port whose URL names none.
@@ -58,6 +59,7 @@ class Adapter:
     name = ""
     title = ""
     tells_pose = False
+    limp = False
     timed = False
     datagrams = False
     baud = 115_200

@@ -52,7 +52,7 @@ class Native(Adapter):
         self.other_bytes = len(packets.pack(Kind.SYNC, 0xFF, 0xFFFF, b"\xff" * 4)) / SYNC_EVERY
         self.clock = DeviceClock()
         self.decoder = packets.Decoder()
-        self.state: DeviceState = DeviceState.IDLE
+        self.state: DeviceState | None = DeviceState.IDLE
         self._session = 0
         self._sequence = 0
         self._due: dict[str, float] = {}

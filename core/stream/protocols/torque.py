@@ -35,7 +35,7 @@ class Torque(Adapter):
     """
 
     name, title = "torque", "Torque board"
-    tells_pose = datagrams = True
+    tells_pose = datagrams = limp = True
     caution = (
         "The paper says nothing of a watchdog in the board. It must let its motors go after 20 ms without a "
         "datagram; check yours before a finger goes in."

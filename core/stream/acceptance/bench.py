@@ -20,7 +20,8 @@ from ... import clock
 from ...arrays import Array
 from ...errors import DermisError
 from ..connection import Connection
-from ..protocols.adapter import adapter_of
+from ..links.url import Url
+from ..protocols.adapters import adapter_of
 from ..protocols.native import Native
 from ..protocols.packets import DeviceState, Kind, Reach, pack
 from ..protocols.silence import Does
@@ -117,7 +118,7 @@ class Bench:
     @property
     def tells_pose(self) -> bool:
         """Return whether the protocol reports a pose, whether or not there is a link just now."""
-        return adapter_of(self._request.protocol).tells_pose
+        return adapter_of(self._request.protocol, Url(self._request.url).options).tells_pose
 
     @property
     def holds_safe(self) -> bool:

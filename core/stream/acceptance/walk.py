@@ -178,7 +178,7 @@ class Walk:
             yield Check("speed", what, "does not apply", limit="the preset declares no speed")
             return
         if not self.bench.answers:
-            yield Check("speed", what, "not tried", limit="this board does not report a pose")
+            yield Check("speed", what, "not tried", limit="this protocol gives the board no speed limit")
             return
         declared = wire.slew_counts()
         way = np.abs(wire.counts(self.mover.away).astype(float) - wire.counts(wire.safe))

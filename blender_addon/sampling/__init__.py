@@ -9,6 +9,9 @@ height_maps       relief of screens; mesh_heights casts it from a mesh
 meshes            the vertices of an evaluated object
 instances         what instances show, read from the dependency graph; joined_pieces makes one surface of it,
                   instance_samples records it, changes_seen says when it need not be read again
+script_changes    what scripts change at changes of the frame: followed, or told
+single_precision  who moves in steps because it is far from the origin
+render_differences  what renders show otherwise; render_surfaces measures how far apart the surfaces are
 recorder          poses, surfaces and animated parameters at one sample
 scene_sweep       all samples, in chunks: a `TactileScene`
 """

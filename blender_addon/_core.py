@@ -67,6 +67,7 @@ if TYPE_CHECKING:
     import core.parameters.screen
     import core.parameters.skin
     import core.parameters.stream
+    import core.pipeline.inputs
     import core.pipeline.kept_shares
     import core.pipeline.outputs
     import core.pipeline.render
@@ -75,6 +76,7 @@ if TYPE_CHECKING:
     import core.plot.stimuli
     import core.presets
     import core.recent
+    import core.scene.content_hash
     import core.scene.scene_file
     import core.scene.sliding
     import core.scene.tactile_scene

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any
 
 import bpy
 
-from ._core import core
+from . import changes
+from ._core import DermisError, core
 from .devices import platform_devices, skin_models
 from .film import film_objects
 from .jobs import Steps
 from .preferences import setting
+from .results import owners, store
 from .sampling import scene_sweep
 
 _kept: list[Any] = []  # what came of fingers in earlier bakes, once there was one
@@ -25,7 +28,12 @@ def forget() -> None:
 
 
 def bake(
-    scene: bpy.types.Scene, library: Any, *, span: tuple[int, int] | None = None, cores: int | None = None
+    scene: bpy.types.Scene,
+    library: Any,
+    *,
+    span: tuple[int, int] | None = None,
+    cores: int | None = None,
+    noted: Callable[[store.Taken], None] | None = None,
 ) -> Steps:
     """Sample a scene and render it; yield progress after every sample, return the engine's `Bake`.
 
@@ -33,18 +41,78 @@ def bake(
 
     Args:
         cores: to use; as the preferences say where None.
+        noted: called with what the scene was when it was sampled, for `store.keep`.
 
     Raises:
         DermisError: the scene cannot be sampled or rendered.
     """
     with film_objects.paused(scene):
-        return (yield from _baked(scene, library, span, cores))
+        return (yield from _baked(scene, library, span, cores, noted))
 
 
-def _baked(scene: bpy.types.Scene, library: Any, span: tuple[int, int] | None, cores: int | None) -> Steps:
+def verified(scene: bpy.types.Scene, library: Any) -> Steps:
+    """Sample a scene again, and refuse where it is not what its bake was made from, whoever changed it; yield progress.
+
+    The frames are those that were baked. Where they are the same, the bake is up to date from then on.
+
+    Raises:
+        DermisError: it differs, and in what; there is no bake; or it does not say what it was made from.
+    """
+    result, where = store.current(scene), f"scene '{scene.name}'"
+    if result is None:
+        raise DermisError("nothing has been baked", where=where, remedy="Bake first")
+    if not result.bake.inputs:
+        raise DermisError(
+            "nobody can tell whether the scene has changed since: the bake is of an earlier version of Dermis",
+            where=where,
+            remedy="Bake again",
+            code="bake-unchecked",
+        )
+    with film_objects.paused(scene):
+        tactile = scene_sweep.sample(scene, span=(int(result.clock.first), result.last))
+        taken, sweep = store.Taken.of(scene), tactile.chunks
+        steps = core.pipeline.inputs.sampled(tactile, library)
+        try:
+            while True:
+                if not sweep.advance():
+                    yield core.pipeline.bake.Progress("sampling again", sweep.done, sweep.total)
+                    continue
+                try:
+                    next(steps)
+                except StopIteration as stop:
+                    now = stop.value
+                    break
+        finally:
+            steps.close()
+            sweep.close()
+    result = store.current(scene)
+    if result is None:
+        raise DermisError("the bake was forgotten meanwhile", where=where, remedy="Bake again")
+    differ = core.scene.content_hash.differences(owners.inputs_now(result), now)
+    if differ:
+        changes.mark_dirty(differ[0])
+        raise DermisError(
+            "the scene is not what the bake was made from",
+            where=where,
+            value="; ".join(differ[:4]) + (f"; {len(differ) - 4} more" if differ[4:] else ""),
+            remedy="Bake again",
+            code="bake-outdated",
+        )
+    store.confirm(scene, taken)
+
+
+def _baked(
+    scene: bpy.types.Scene,
+    library: Any,
+    span: tuple[int, int] | None,
+    cores: int | None,
+    noted: Callable[[store.Taken], None] | None,
+) -> Steps:
     yield core.pipeline.bake.Progress("preparing", 0, 1)
     yield from platform_devices.make_missing(scene)
     tactile = scene_sweep.sample(scene, span=span)
+    if noted is not None:
+        noted(store.Taken.of(scene))
     sweep = tactile.chunks
     yield from skin_models.make_tables(tactile, library)
     skins = skin_models.solved_in(tactile, library)

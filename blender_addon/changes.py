@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import bpy
 
@@ -43,6 +44,8 @@ _ticks = 0
 _edits = 0
 _forms = 0
 _clocks: dict[int, tuple[float, ...]] = {}  # by the scene's session uid
+_renames = 0
+_names: tuple[tuple[int, str], ...] = ()  # session uids and names of what takes part, when they were looked at last
 
 
 def dirty() -> frozenset[str]:
@@ -53,6 +56,14 @@ def dirty() -> frozenset[str]:
 def generation() -> int:
     """Return a number that rises with every undo, redo and loaded file: nothing noted before it holds after it."""
     return _generation
+
+
+def lineage() -> int:
+    """Return a number that rises with every undo, redo, loaded file and new name of what takes part in a scene.
+
+    What was kept by a name, or follows from what was shown before, does not hold after it. A bake does.
+    """
+    return _generation + _renames
 
 
 def ticks() -> int:
@@ -100,6 +111,8 @@ def note_updates(depsgraph: bpy.types.Depsgraph | None) -> bool:
     _ticks += 1
     if _muted or depsgraph is None:
         return False
+    if any(_says_nothing(update) for update in depsgraph.updates):
+        _look_at_names()
     changed, expected = False, frozenset(_expected)
     _expected.clear()
     for update in depsgraph.updates:
@@ -129,6 +142,19 @@ def note_clock(scene: bpy.types.Scene) -> bool:
     if changed:
         mark_dirty(scene.name)
     return changed
+
+
+def _says_nothing(update: Any) -> bool:
+    """Return whether an object is reported without anything that was evaluated anew: selected, or called otherwise."""
+    return isinstance(update.id, bpy.types.Object) and not (update.is_updated_transform or update.is_updated_geometry)
+
+
+def _look_at_names() -> None:
+    global _names, _renames
+    names = tuple((obj.session_uid, obj.name_full) for obj in bpy.data.objects if obj.dermis.role != "NONE")
+    if names != _names:
+        _names = names
+        _renames += 1
 
 
 def note_history() -> None:

@@ -16,7 +16,7 @@ from typing import Any
 
 import bpy
 
-from . import baking, preferences, scene_time
+from . import baking, identity, preferences, scene_time
 from ._core import DermisError, core, worst
 from .results import export_parts, store
 from .sampling import frames, height_maps, participants, scene_sweep
@@ -81,7 +81,7 @@ def _parts(
 ) -> tuple[list[Path], list[Any]]:
     span = _span(options) or frames.frame_range(scene)
     result = store.Result(made, scene_time.clock(scene, span[0]), -1, ())
-    active = scene.objects.get(options.finger) if options.finger else scene.view_layers[0].objects.active
+    active = identity.named(scene, options.finger) if options.finger else scene.view_layers[0].objects.active
     if options.finger and active is None:
         raise DermisError(
             "no such finger",

@@ -10,19 +10,24 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
-from . import baking, changes, reporting
+from . import baking, changes, identity, reporting
 from .devices import skin_models
 from .preview import skin_preview
 from .properties import skin_properties
 from .properties.scene_properties import stamp
 from .results import exported, recall, store
-from .streaming import finger_ids
+from .streaming import streamed_track
 from .viewport import shown
 
 
 @persistent
 def _on_depsgraph(_scene: bpy.types.Scene, depsgraph: Any = None) -> None:
-    if changes.note_updates(depsgraph):
+    before = changes.lineage()
+    changed = changes.note_updates(depsgraph)
+    if changes.lineage() != before:
+        for scene in bpy.data.scenes:
+            streamed_track.relabel(scene)
+    if changed or changes.lineage() != before:
         skin_preview.request()
 
 
@@ -50,7 +55,7 @@ def _on_load(*_: Any) -> None:
     recall.request()
     shown.forget()
     reporting.clear()
-    finger_ids.note()
+    identity.note()
 
 
 @persistent
@@ -60,7 +65,7 @@ def _on_import(*_: Any) -> None:
 
 @persistent
 def _on_save(*_: Any) -> None:
-    finger_ids.settle()
+    identity.settle()
     for scene in bpy.data.scenes:
         if any(obj.dermis.role != "NONE" for obj in scene.objects):
             stamp(scene)

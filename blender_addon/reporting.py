@@ -5,6 +5,7 @@ The list lives in this module, for the session only: findings are results, and r
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -15,6 +16,7 @@ from ._core import DermisError, Finding, core, worst
 
 _findings: tuple[Any, ...] = ()
 _source = ""
+_whom: dict[str, int] = {}  # session uids of the objects that findings name, as they were called when those were shown
 
 
 def findings() -> tuple[Any, ...]:
@@ -34,7 +36,20 @@ def show(found: Iterable[Any], what: str = "") -> None:
     unique = {str(f): f for f in found}
     _findings = tuple(sorted(unique.values(), key=lambda f: order[f.severity]))
     _source = what
+    names = {name for finding in _findings for name in _names(finding)}
+    _whom.clear()
+    _whom.update((obj.name_full, obj.session_uid) for obj in bpy.data.objects if obj.name_full in names)
     redraw.request()
+
+
+def about(finding: Any, scene: bpy.types.Scene) -> bpy.types.Object | None:
+    """Return the object of a scene that a finding is about, whatever it is called by now."""
+    uids = [_whom[name] for name in _names(finding) if name in _whom]
+    return next((obj for uid in uids for obj in scene.objects if obj.session_uid == uid), None)
+
+
+def _names(finding: Any) -> list[str]:
+    return re.findall(r"'([^']+)'", finding.where)
 
 
 def clear() -> None:

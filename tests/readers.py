@@ -530,6 +530,7 @@ OWN = {
     "core.work.parcel:packed": "writes",
     "core.work.processes": "its own child or parent, and the arrays between them",
     "blender_addon.streaming.built_devices:_read_fingers": "tests/blender/test_readers.py damages it",
+    "blender_addon.results.owners:loads": "tests/blender/test_readers.py damages it",
     "blender_addon.results.store:_read": "tests/blender/test_readers.py damages it",
     "blender_addon.results.store:_write": "writes",
     "blender_addon.results.stored_skins:_unpacked": "tests/blender/test_readers.py damages it",

@@ -10,10 +10,11 @@ from typing import Any
 
 import bpy
 
-from .. import changes
+from .. import changes, identity
 from .._core import core
 from ..devices import skin_models
 from ..film import film_objects
+from ..identity import Place
 from ..jobs import Steps
 from ..preferences import library, presets_folder
 from ..sampling import scene_sweep
@@ -25,13 +26,14 @@ class Compared:
 
     Attributes:
         table: what the panel shows, see the engine's `comparison.report.as_dict`. csv, html: the files.
-        edits: of `changes` when it was made.
+        edits: of `changes` when it was made. place: of the finger, which may be called otherwise by now.
     """
 
     table: Mapping[str, Any]
     csv: bytes
     html: bytes
     edits: int
+    place: Place | None = None
 
     @property
     def stem(self) -> str:
@@ -64,8 +66,21 @@ def find(scene: bpy.types.Scene, finger: str, *, floors: bool = False) -> Steps:
     Raises:
         DermisError: the scene cannot be sampled or rendered, or no device fits.
     """
+    place = place_of(scene, finger)
     made = yield from asked("compare", "comparing", scene, finger, floors=floors)
-    return Compared(json.loads(made["table"]), made["csv"], made["html"], changes.edits())
+    return Compared(json.loads(made["table"]), made["csv"], made["html"], changes.edits(), place)
+
+
+def place_of(scene: bpy.types.Scene, finger: str) -> Place | None:
+    """Return the place of a finger that is called so now."""
+    obj = identity.named(scene, finger)
+    return Place.of(obj) if obj is not None else None
+
+
+def called(scene: bpy.types.Scene, table: Mapping[str, Any], place: Place | None) -> str:
+    """Return what the finger of a table is called now; as it was called then where it is gone."""
+    obj = place.finger(scene) if place is not None else None
+    return obj.name_full if obj is not None else f"{table['finger']} (gone)"
 
 
 def asked(job_name: str, stage: str, scene: bpy.types.Scene, finger: str, **options: Any) -> Steps:

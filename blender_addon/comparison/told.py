@@ -12,6 +12,7 @@ import bpy
 
 from .. import changes
 from .._core import core
+from ..identity import Place
 from ..jobs import Steps
 from . import compared
 
@@ -21,12 +22,13 @@ class Told:
     """What could be told apart: `table` for the panel, see the engine's `told_report.as_dict`; `csv`, the file.
 
     Attributes:
-        edits: of `changes` when it was made.
+        edits: of `changes` when it was made. place: of the finger, which may be called otherwise by now.
     """
 
     table: Mapping[str, Any]
     csv: bytes
     edits: int
+    place: Place | None = None
 
 
 _told: dict[int, Told] = {}
@@ -48,8 +50,9 @@ def find(scene: bpy.types.Scene, finger: str) -> Steps:
     Raises:
         DermisError: the scene cannot be sampled or rendered, or the finger does not touch twice.
     """
+    place = compared.place_of(scene, finger)
     made = yield from compared.asked("tell-apart", "telling apart", scene, finger)
-    return Told(json.loads(made["table"]), made["csv"], changes.edits())
+    return Told(json.loads(made["table"]), made["csv"], changes.edits(), place)
 
 
 def save(made: Told, folder: Path) -> Path:

@@ -10,7 +10,7 @@ from typing import Any
 
 import bpy
 
-from .. import choices
+from .. import choices, identity
 from .._core import DermisError, core
 from ..devices import active_presets, platform_devices, skin_models
 from ..preferences import library, presets_folder, user_folder
@@ -177,7 +177,7 @@ def _baked(scene: bpy.types.Scene, settings: Any, number: int) -> tuple[dict[str
         )
     kept = result.skins.get(name)
     if kept is None:
-        obj = scene.objects.get(name)
+        obj = identity.named(scene, name)
         if obj is None:
             raise DermisError("the finger is gone", where=where, value=name, remedy="Bake again")
         kept = store.skin_of(obj)

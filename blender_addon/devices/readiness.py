@@ -31,7 +31,7 @@ def active_devices(scene: bpy.types.Scene) -> ActiveDevices:
     """Return for each finger's name and each family, and `SEARCHED`, which of its devices is the one that counts."""
 
     def look_up() -> ActiveDevices:
-        return {o.name: _devices(o.dermis.finger.devices) for o in scene.objects if o.dermis.role == "FINGER"}
+        return {o.name_full: _devices(o.dermis.finger.devices) for o in scene.objects if o.dermis.role == "FINGER"}
 
     return _active.make((scene.session_uid, changes.edits()), look_up)
 

@@ -11,9 +11,11 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
+from .. import identity
 from .._core import DermisError, core
 from ..devices import skin_models
 from ..fingertip_mesh import OURS
+from ..identity import Place
 from ..jobs import Steps
 from ..preview.skin_state import SkinState
 from ..quantities import metres_per_unit
@@ -32,6 +34,7 @@ class Made(NamedTuple):
     """A finger's skin over its frames: triangles, shape (t, 3), what they do, and how far the bone gives way [m]."""
 
     finger: str
+    place: Place
     triangles: Any
     table: FrameTable
     lift: Any
@@ -51,6 +54,8 @@ def work_out(scene: bpy.types.Scene, fingers: list[str]) -> Steps:
             where=", ".join(f"finger '{n}'" for n in fingers),
             remedy="Switch Skin on and press Bake",
         )
+    places = {name: Place.of(obj) for name in felt if (obj := identity.named(scene, name)) is not None}
+    felt = {name: touch for name, touch in felt.items() if name in places}
     total, done, made = sum(len(_frames(t)) for t in felt.values()), 0, []
     for name, touch in felt.items():
         rows = []
@@ -63,7 +68,7 @@ def work_out(scene: bpy.types.Scene, fingers: list[str]) -> Steps:
         values = {n: np.stack([r[1][n] for r in rows]) for n in ATTRIBUTES}
         surface = skin_field.kit(touch.model.mesh).surface
         table = FrameTable.of_scene(scene, _frames(touch)[0], positions, values)
-        made.append(Made(name, surface.triangles, table, np.array([r[2] for r in rows])))
+        made.append(Made(name, places[name], surface.triangles, table, np.array([r[2] for r in rows])))
     return made
 
 
@@ -75,7 +80,7 @@ def place(scene: bpy.types.Scene, made: list[Made], *, hide_finger: bool) -> lis
     """
     objects = []
     for skin in made:
-        finger = scene.objects.get(skin.finger)
+        finger = skin.place.finger(scene)
         if finger is None:  # removed while this was worked out
             continue
         obj = film_objects.named(scene, "skin", finger, "skin", f"{skin.finger} Skin", bpy.types.Mesh)

@@ -10,9 +10,10 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from .. import compat, scene_time
+from .. import compat, identity, scene_time
 from .._core import Array, DermisError, core
 from ..devices import skin_models
+from ..identity import Place
 from ..jobs import Steps
 from ..preview import device_preview, pin_preview
 from ..results import export_parts, store
@@ -30,6 +31,7 @@ class Made(NamedTuple):
     """One device over its frames: rigid pieces with keys at `frames`, or pins as one mesh that plays."""
 
     finger: str
+    place: Place
     device: str
     title: str
     frames: Array
@@ -49,10 +51,14 @@ def work_out(scene: bpy.types.Scene, fingers: Sequence[str]) -> Steps:
     outputs = [] if result is None else [o for o in result.bake.outputs if o.finger in fingers and len(o.track.times)]
     if result is None or not outputs:
         raise DermisError("no bake of a device is at hand", where=scene.name, remedy="Press Bake first")
+    places = {name: Place.of(obj) for name in fingers if (obj := identity.named(scene, name)) is not None}
     made, refused = [], []
     for step, output in enumerate(outputs):
         yield core.pipeline.bake.Progress("twin", step, len(outputs))
-        obj, last = scene.objects[output.finger], math.floor(export_parts.last_frame(result) + 1e-6)
+        place = places.get(output.finger)
+        obj, last = place and place.finger(scene), math.floor(export_parts.last_frame(result) + 1e-6)
+        if place is None or obj is None:  # removed while this was worked out
+            continue
         frames = np.arange(math.ceil(result.clock.first - 1e-6), last + 1.0, dtype=np.float64)
         rows = [device_preview.baked_row(result, output, float(frame)) for frame in frames]
         with skin_models.one_thread():
@@ -63,7 +69,7 @@ def work_out(scene: bpy.types.Scene, fingers: Sequence[str]) -> Steps:
                 refused.append(error.as_finding())
                 continue
         if pieces or pins is not None:
-            made.append(Made(output.finger, output.device, rows[0].title, frames, pieces, pins))
+            made.append(Made(output.finger, place, output.device, rows[0].title, frames, pieces, pins))
     return made, refused
 
 
@@ -71,7 +77,7 @@ def place(scene: bpy.types.Scene, made: Sequence[Made]) -> list[bpy.types.Object
     """Put twins into the scene, in place of those made before; return what each hangs on, an empty a device."""
     roots = []
     for twin in made:
-        finger = scene.objects.get(twin.finger)
+        finger = twin.place.finger(scene)
         if finger is None:
             continue
         root = film_objects.named(scene, "twin", finger, twin.device, f"{twin.title} of {twin.finger}", None)

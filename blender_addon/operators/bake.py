@@ -23,13 +23,14 @@ class DERMIS_OT_bake(jobs.Job, bpy.types.Operator):
     def steps(self, context: bpy.types.Context) -> Any:
         """Return sampling and rendering as one generator."""
         choices.refresh()  # the list of devices shall say what this bake sees
-        return baking.bake(context.scene, library())
+        return _noting(context.scene)
 
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Keep the result in memory and outside the .blend; say what it is worth."""
         scene = context.scene
         device_preview.reset()
-        kept = store.keep(scene, result)
+        result, taken = result
+        kept = store.keep(scene, result, taken)
         found = list(result.all_findings)
         try:
             store.store(scene, kept)
@@ -40,6 +41,13 @@ class DERMIS_OT_bake(jobs.Job, bpy.types.Operator):
         done += f" and {skins} skin{'' if skins == 1 else 's'}." if skins else "."
         reporting.report_findings(self, found, f"Bake of {scene.name}", done)
         return {"FINISHED"}
+
+
+def _noting(scene: bpy.types.Scene) -> jobs.Steps:
+    """Bake a scene; return the bake, and what the scene was when it was sampled."""
+    taken: list[store.Taken] = []
+    made = yield from baking.bake(scene, library(), noted=taken.append)
+    return made, taken[0]
 
 
 CLASSES: tuple[type, ...] = (DERMIS_OT_bake,)

@@ -30,7 +30,7 @@ class DERMIS_OT_compare_devices(jobs.Job, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context) -> Any:
         """Return the work."""
-        return compared.find(context.scene, context.object.name, floors=self.floors)
+        return compared.find(context.scene, context.object.name_full, floors=self.floors)
 
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Keep it, and name the best."""

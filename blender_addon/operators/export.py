@@ -14,17 +14,19 @@ from ..preferences import library
 from ..properties import scene_properties
 from ..results import export_parts, exported, store, stored_skins
 from ..sampling import scene_sweep
+from .checked import Checked
 from .work import File, Folder, counted
 
 
 @needs(lambda context: store.current(context.scene) is not None, "Bake first")
-class DERMIS_OT_export_tracks(Folder, bpy.types.Operator):
-    """Write a file for each finger and device of the last bake, and one for the forces on each skin"""
+class DERMIS_OT_export_tracks(Checked, Folder, bpy.types.Operator):
+    """Write a file for each finger and device of the last bake, and one for the forces on each skin; a scene that has
+    changed since is refused"""
 
     bl_idname = "dermis.export_tracks"
     bl_label = "Export Tracks"
     bl_options = {"REGISTER"}
-    subject = "Export"
+    subject = job_title = "Export"
 
     directory: StringProperty(
         name="Folder", description="Where the files go; empty: the scene's output folder", subtype="DIR_PATH"
@@ -41,7 +43,8 @@ class DERMIS_OT_export_tracks(Folder, bpy.types.Operator):
         unsaved = settings.output_dir.startswith("//") and not bpy.data.filepath
         if self.ask and not unsaved:
             self.directory = bpy.path.abspath(settings.output_dir)
-        return super().invoke(context, event) if unsaved or self.ask else self.execute(context)
+        self._asked = True
+        return Folder.invoke(self, context, event) if unsaved or self.ask else self.execute(context)
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Write the files."""
@@ -76,7 +79,9 @@ class DERMIS_OT_export_tracks(Folder, bpy.types.Operator):
             return None
         if store.state(scene) != "stale":
             return text
-        self.report({"WARNING"}, f"{text}. The scene has changed since the bake")
+        self.report(
+            {"WARNING"}, f"{text}: frames {result.clock.first:g} to {result.last}, as baked; the range is another now"
+        )
         return None
 
 
@@ -164,10 +169,11 @@ class DERMIS_OT_load_result(bpy.types.Operator):
         except DermisError as error:
             return reporting.report_error(self, error, "Stored bake")
         if result is None:
-            scene.dermis.bake_key = scene_properties.DermisScene.bl_rna.properties["bake_key"].default
+            scene.dermis.bake_key = scene.dermis.bake_owners = ""
             self.report({"WARNING"}, "The stored bake is gone; bake again")
             return {"CANCELLED"}
-        reporting.show(result.bake.all_findings, f"Stored bake of {scene.name}")
+        now = cast(store.Result, store.current(scene))  # with the names of now
+        reporting.show(now.bake.all_findings, f"Stored bake of {scene.name}")
         return {"FINISHED"}
 
 

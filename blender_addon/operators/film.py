@@ -32,7 +32,7 @@ def _with_device(context: bpy.types.Context, *, selected: bool = False) -> list[
 
 
 def _there(context: bpy.types.Context, names: list[str], selected: bool) -> list[str]:
-    wanted = {obj.name for obj in (chosen(context) if selected else context.scene.objects)}
+    wanted = {obj.name_full for obj in (chosen(context) if selected else context.scene.objects)}
     return [name for name in dict.fromkeys(names) if name in wanted]
 
 

@@ -1,8 +1,6 @@
 # mypy: disable-error-code="valid-type"
 """Small helpers: jump to what a finding is about, open and clear the extension's folders."""
 
-import re
-
 import bpy
 from bpy.props import IntProperty
 
@@ -30,8 +28,7 @@ class DERMIS_OT_go_to_finding(bpy.types.Operator):
         finding = findings[self.index]
         if finding.frame is not None:
             scene_time.go_to(context.scene, finding.frame)
-        named = (context.scene.objects.get(name) for name in re.findall(r"'([^']+)'", finding.where))
-        obj = next((o for o in named if o is not None), None)
+        obj = reporting.about(finding, context.scene)
         if obj is not None and obj.visible_get():
             select_only(context, obj)
         return {"FINISHED"}

@@ -68,7 +68,7 @@ class DERMIS_OT_press_test(Work, bpy.types.Operator):
         fit = core.matching.press_test.stiffness_factor(depths, [f for _, f in read], modelled)
         skin.alpha = fit.alpha
         changes.mark_dirty(context.object.name)
-        pin_reports.calibrated[context.object.name] = fit
+        pin_reports.calibrated[context.object.session_uid] = fit
         low, high = core.matching.press_test.PAPER_RANGE
         spread = f" ± {fit.standard_error:.3f}" if fit.standard_error == fit.standard_error else ""
         return f"Personal factor {fit.alpha:.3f}{spread} ({low} to {high} among the paper's people)"

@@ -23,12 +23,12 @@ class DERMIS_OT_show_plots(Work, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Draw them, and show one."""
-        bake = cast(store.Result, store.current(context.scene)).bake
-        made = plot_images.make(bake)
+        result = cast(store.Result, store.current(context.scene))
+        made = plot_images.make(result)
         if not made:
             return "The last bake has no tracks to plot"
-        active = context.object.name if context.object is not None else ""
-        fingers = [output.finger for output in bake.outputs]
+        active = context.object.name_full if context.object is not None else ""
+        fingers = [output.finger for output in result.bake.outputs]
         shown = list(made.values())[fingers.index(active) if active in fingers else 0]
         if context.window is not None and not bpy.app.background:
             _show(context, shown)

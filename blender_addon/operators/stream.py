@@ -8,6 +8,7 @@ from bpy.props import BoolProperty, StringProperty
 from .._core import core
 from ..layouts import words
 from ..streaming import agreed_paths, board_identity, session, stream_log
+from .checked import Checked
 from .work import Work, counted
 
 
@@ -73,11 +74,13 @@ class DERMIS_OT_stream_disconnect(Streaming, bpy.types.Operator):
         return core.stream.client.leaving() or None
 
 
-class DERMIS_OT_stream_arm(Streaming, bpy.types.Operator):
-    """Let the device move, from where it is. Know where the stop is before you press this"""
+class DERMIS_OT_stream_arm(Checked, Streaming, bpy.types.Operator):
+    """Let the device move, from where it is. Know where the stop is before you press this. A bake of a scene that has
+    changed since is not played"""
 
     bl_idname = "dermis.stream_arm"
     bl_label = "Arm"
+    job_title = "Arm"
 
     fingers_out: BoolProperty(  # type: ignore[valid-type]
         name="Fingers Out", description="Nobody's finger is in the device", options={"HIDDEN", "SKIP_SAVE"}
@@ -85,6 +88,7 @@ class DERMIS_OT_stream_arm(Streaming, bpy.types.Operator):
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Ask for the finger to be out where the first pulse may jump."""
+        self._asked = True
         if not (session.connected() and session.pose_unknown()):
             return self.execute(context)
         self.fingers_out = True  # by the dialog's button
@@ -105,6 +109,11 @@ class DERMIS_OT_stream_arm(Streaming, bpy.types.Operator):
         )
         for text in filter(None, (session.caution(context.scene), session.silence())):
             words(self.layout.box(), text, 440, "INFO")
+
+    def checked(self, context: bpy.types.Context) -> list[bpy.types.Scene]:
+        """Return the scene where its bake is to be played."""
+        plays = session.plays_bake(context.scene)
+        return [context.scene] if plays else []
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Arm once."""

@@ -21,7 +21,7 @@ class DERMIS_OT_tell_apart(jobs.Job, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context) -> Any:
         """Return the work."""
-        return told.find(context.scene, context.object.name)
+        return told.find(context.scene, context.object.name_full)
 
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Keep it."""

@@ -14,6 +14,7 @@ from ..preferences import library
 from ..properties.scene_properties import FORMATS
 from ..results import export_parts, exported, store
 from ..streaming import streamed_track
+from .checked import Checked
 from .stream import Streaming
 from .work import File, Folder, counted
 
@@ -40,13 +41,14 @@ class DERMIS_OT_load_track(Streaming, File, bpy.types.Operator):
         return f"{track.spec.name}: {len(track.times):,} samples, {track.duration:.2f} s"
 
 
-class DERMIS_OT_export_as(Folder, bpy.types.Operator):
-    """Write baked tracks in another format, or parts of them. Tracks with errors are refused unless forced"""
+class DERMIS_OT_export_as(Checked, Folder, bpy.types.Operator):
+    """Write baked tracks in another format, or parts of them. Tracks with errors are refused unless forced, and those
+    of a scene that has changed since always"""
 
     bl_idname = "dermis.export_as"
     bl_label = "Export As"
     bl_options = {"REGISTER"}
-    subject = "Export"
+    subject = job_title = "Export"
 
     form: EnumProperty(  # type: ignore[valid-type]
         name="Format", items=FORMATS, default="json"
@@ -65,10 +67,19 @@ class DERMIS_OT_export_as(Folder, bpy.types.Operator):
     all_scenes: BoolProperty(name="All Baked Scenes", default=False)  # type: ignore[valid-type]
     force: BoolProperty(name="Force", description="Write tracks with errors as they are", default=False)  # type: ignore[valid-type]
 
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Ask for the folder."""
+        self._asked = True
+        return Folder.invoke(self, context, event)
+
+    def checked(self, context: bpy.types.Context) -> list[bpy.types.Scene]:
+        """Return the scenes that are exported."""
+        return [s for s in bpy.data.scenes if store.current(s)] if self.all_scenes else [context.scene]
+
     def work(self, context: bpy.types.Context) -> str | None:
         """Write the files."""
         folder = self.folder()
-        finger = (context.object.name if context.object is not None else "") if self.active_only else None
+        finger = (context.object.name_full if context.object is not None else "") if self.active_only else None
         parts, found = self._plan(context, folder, finger)
         written, more = export_parts.write_parts(parts, self.form, force=self.force)
         found += more
@@ -83,11 +94,10 @@ class DERMIS_OT_export_as(Folder, bpy.types.Operator):
         self, context: bpy.types.Context, folder: Path, finger: str | None
     ) -> tuple[list[export_parts.Part], list[Any]]:
         """Return everything that is to be written, of all scenes: no file is written before all ranges are in order."""
-        scenes = [s for s in bpy.data.scenes if store.current(s)] if self.all_scenes else [context.scene]
         names, prefixes = core.track.file_names.FileNames(), core.track.file_names.FileNames()
         parts: list[export_parts.Part] = []
         found: list[Any] = []
-        for scene in scenes:
+        for scene in self.checked(context):
             result = store.current(scene)
             if result is None:
                 raise DermisError("nothing has been baked", where=scene.name, remedy="Bake first")

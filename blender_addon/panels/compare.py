@@ -32,7 +32,8 @@ class DERMIS_PT_compare(DermisPanel, bpy.types.Panel):
             return
         if found.edits != changes.edits():
             paragraph(layout, context, "The scene changed since: compare again.", "ERROR")
-        layout.label(text=f"{found.table['finger']}: how far off, target → rendered", icon="VIEW_PAN")
+        finger = compared.called(context.scene, found.table, found.place)
+        layout.label(text=f"{finger}: how far off, target → rendered", icon="VIEW_PAN")
         for finding in found.table["findings"]:
             paragraph(layout, context, f"{finding[:1].upper()}{finding[1:]}.", "ERROR")
         for row in found.table["rows"]:

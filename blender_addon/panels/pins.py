@@ -23,7 +23,7 @@ class DERMIS_PT_pins(DermisPanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("dermis.press_test", icon="FORCE_FORCE")
         row.prop(obj.dermis.finger.skin, "alpha", text="")
-        fit = pin_reports.calibrated.get(obj.name)
+        fit = pin_reports.calibrated.get(obj.session_uid)
         if fit is not None and abs(fit.alpha - obj.dermis.finger.skin.alpha) < 1e-6:
             known = f" ± {fit.standard_error:.3f}" if fit.standard_error == fit.standard_error else ""
             layout.label(text=f"Measured: {fit.alpha:.3f}{known}, readings within {1e3 * fit.residual:.0f} mN")

@@ -47,8 +47,8 @@ def skin_and_mismatch(layout: Any, context: bpy.types.Context, obj: bpy.types.Ob
         column.prop(obj.dermis.finger.skin, "shown", text="Show Skin", toggle=True)
     now = shown.now(context.scene)
     rows = now.devices.rows if now is not None and now.devices is not None else ()
-    mine = next((r for r in rows if r.finger == obj.name and r.device == device.preset), None)
-    trouble = thimble_preview.failure(obj.name)
+    mine = next((r for r in rows if r.finger == obj.name_full and r.device == device.preset), None)
+    trouble = thimble_preview.failure(obj.name_full)
     if trouble:
         paragraph(layout, context, trouble, "ERROR")
     elif mine is not None and "mismatch" in mine.signals:
@@ -74,5 +74,5 @@ def floor(layout: Any, context: bpy.types.Context, obj: bpy.types.Object, device
             split = column.split(factor=0.45)
             split.label(text=name)
             split.label(text=" / ".join(f"{100 * error:.0f}" for error in errors) + " %")
-    for finding in found.findings(obj.name):
+    for finding in found.findings(obj.name_full):
         paragraph(layout, context, f"{finding.what}. {finding.remedy}.", "ERROR")

@@ -5,7 +5,7 @@ from typing import Any
 import bpy
 
 from .. import changes
-from ..comparison import told
+from ..comparison import compared, told
 from ..layouts import paragraph
 from ..polls import needs
 from . import summary
@@ -43,7 +43,8 @@ class DERMIS_PT_told(DermisPanel, bpy.types.Panel):
         pairs = table["pairs"][:PAIRS]
         box = layout.box().column(align=True)
         box.scale_y = 0.85
-        _line(box, f"{table['finger']}: right answers", [f"{i} or {j}" for i, j in pairs])
+        finger = compared.called(context.scene, table, found.place)
+        _line(box, f"{finger}: right answers", [f"{i} or {j}" for i, j in pairs])
         for row in table["rows"]:
             name = f"{row['title']}, {row['method']}" if row["method"] not in ("", "lookup") else row["title"]
             _line(box, name, [f"{100 * right:.0f} %" for right in row["right"][:PAIRS]])

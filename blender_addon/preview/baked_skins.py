@@ -7,28 +7,29 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .. import changes
+from .. import changes, identity
 from .._core import core
 from ..results import store
 from .skin_state import SkinState
 
-_baked: tuple[Any, tuple[SkinState, ...]] = ((), ())
+_baked: tuple[Any, Any, tuple[SkinState, ...]] = (None, (), ())  # the result, for what, and its skins
 
 
 def states(scene: bpy.types.Scene, result: Any, frame: float, state: str) -> tuple[SkinState, ...]:
     """Return the skins that are shown, from a bake that is 'fresh', 'stale' or 'earlier'."""
     global _baked
-    memo = (id(result), frame, state, changes.edits())
-    if _baked[0] != memo:
+    memo = (frame, state, changes.edits())
+    if _baked[0] is not result or _baked[1] != memo:
         _baked = (
+            result,
             memo,
             tuple(
                 _baked_state(name, touch, frame, state)
                 for name, touch in result.bake.skins.items()
-                if name in scene.objects and scene.objects[name].dermis.finger.skin.shown
+                if (obj := identity.named(scene, name)) is not None and obj.dermis.finger.skin.shown
             ),
         )
-    return _baked[1]
+    return _baked[2]
 
 
 def _baked_state(name: str, touch: Any, frame: float, state: str) -> SkinState:

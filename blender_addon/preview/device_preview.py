@@ -59,7 +59,7 @@ class _Live:
 
 
 _live = _Live()
-_memo: tuple[Any, ...] = ()
+_memo: tuple[Any, Any] = (None, ())  # a result, and for what
 _memo_preview: Preview | None = None
 
 
@@ -72,9 +72,8 @@ def computed(scene: bpy.types.Scene) -> Preview | None:
     result = store.current(scene)
     if result is None:
         return None
-    memo = (id(result), frame, state)
-    if memo != _memo:
-        _memo, _memo_preview = memo, _from_bake(result, frame, state)
+    if _memo[0] is not result or _memo[1] != (frame, state):
+        _memo, _memo_preview = (result, (frame, state)), _from_bake(result, frame, state)
     return _memo_preview
 
 
@@ -100,7 +99,7 @@ def step(context: bpy.types.Context) -> Preview:
     """Extend the trail by the scene as it is now, or start a new one, and render it."""
     scene = context.scene
     frame = moment.frame_of(scene)
-    same = _live.scene == scene.session_uid and _live.generation == changes.generation()
+    same = _live.scene == scene.session_uid and _live.generation == changes.lineage()
     edited = not same or _live.edits != changes.edits()
     if edited:
         _live.kept.clear()
@@ -111,7 +110,7 @@ def step(context: bpy.types.Context) -> Preview:
     if again and frame in _live.kept and (skin_preview.seen(scene, frame) or not skin_preview.any_solved(scene)):
         _live.preview = replace(_live.kept[frame], note=as_it_was(_live.kept[frame].note))
         return _live.preview
-    _live.edits, _live.generation, _live.scene = changes.edits(), changes.generation(), scene.session_uid
+    _live.edits, _live.generation, _live.scene = changes.edits(), changes.lineage(), scene.session_uid
     try:
         sample = _live.taken = scene_sweep.sample_now(scene, context.evaluated_depsgraph_get())
         trail, outputs = _extended(sample, gap, edited)
@@ -131,7 +130,7 @@ def refresh(scene: bpy.types.Scene) -> None:
 
 def _note(scene: bpy.types.Scene, text: str) -> Preview:
     """Show a sentence in place of devices; the trail ends here."""
-    _live.trail, _live.scene, _live.generation = None, scene.session_uid, changes.generation()
+    _live.trail, _live.scene, _live.generation = None, scene.session_uid, changes.lineage()
     _live.preview = Preview(moment.frame_of(scene), "live", text, ())
     return _live.preview
 
@@ -148,12 +147,12 @@ def reset() -> None:
     _live.trail, _live.preview, _live.taken = None, None, None
     _live.kept.clear()
     _live.ends.clear()
-    _memo, _memo_preview = (), None
+    _memo, _memo_preview = (None, ()), None
 
 
 def _trail_ends_at(scene: bpy.types.Scene, frame: float) -> bool:
     shown = _live.preview
-    same = _live.scene == scene.session_uid and _live.generation == changes.generation()
+    same = _live.scene == scene.session_uid and _live.generation == changes.lineage()
     return same and shown is not None and abs(shown.frame - frame) < 1e-6
 
 

@@ -7,21 +7,21 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .. import changes
+from .. import changes, identity
 from ..results.lanes import Kind, Lane, Series
 
 MOST = 20_000  # frames that are remembered
 HELD = 6.0  # frames that playback may leave out; over more nothing is known
 
 _seen: dict[str, dict[Kind, dict[float, float]]] = {}
-_key: tuple[int, int] = (0, -1)  # the scene that they are of, and the edits when they were seen
+_key: tuple[int, int, int] = (0, -1, -1)  # the scene that they are of, and the edits and names when they were seen
 _lanes: tuple[Lane, ...] | None = ()
 
 
 def note(scene: bpy.types.Scene, frame: Any) -> None:
     """Remember what a `shown.Frame` says of a preview that is live; an edit makes what was seen before void."""
     global _key, _lanes
-    key = (scene.session_uid, changes.edits())
+    key = (scene.session_uid, changes.edits(), changes.lineage())
     if key != _key:
         forget()
         _key = key
@@ -33,7 +33,9 @@ def note(scene: bpy.types.Scene, frame: Any) -> None:
         if "mismatch" in row.signals:
             _add(row.finger, "mismatch", frame.frame, row.signals["mismatch"])
     for state in frame.skins.states:
-        if state.source == "live" and scene.objects.get(state.finger) is not None:  # else one as a device renders it
+        if (
+            state.source == "live" and identity.named(scene, state.finger) is not None
+        ):  # else one as a device renders it
             _add(state.finger, "force", frame.frame, float(state.normal_force))
     _lanes = None
 
@@ -41,7 +43,7 @@ def note(scene: bpy.types.Scene, frame: Any) -> None:
 def of(scene: bpy.types.Scene) -> tuple[Lane, ...]:
     """Return a lane for every finger that was seen; none after an edit."""
     global _lanes
-    if _key != (scene.session_uid, changes.edits()):
+    if _key != (scene.session_uid, changes.edits(), changes.lineage()):
         return ()
     if _lanes is None:
         _lanes = tuple(Lane(finger, {k: (_series(v),) for k, v in kinds.items()}) for finger, kinds in _seen.items())
@@ -52,7 +54,7 @@ def forget() -> None:
     """Forget what was seen."""
     global _key, _lanes
     _seen.clear()
-    _key, _lanes = (0, -1), ()
+    _key, _lanes = (0, -1, -1), ()
 
 
 def _add(finger: str, kind: Kind, frame: float, value: float) -> None:

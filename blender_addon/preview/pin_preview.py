@@ -97,7 +97,7 @@ def _pins_on(model: core.skin.model.SkinModel, spec: core.devices.spec.DeviceSpe
 
 def _matched(target: SkinState, device: Any, spec: Any) -> tuple[SkinState, Array]:
     """Return the skin as the pins render it, and the pins' forces [N]; kept while skin and settings stay."""
-    key = (device.preset, device.pin_method, device.pin_nodes, device.pin_bounded, changes.generation())
+    key = (device.preset, device.pin_method, device.pin_nodes, device.pin_bounded, changes.lineage())
     kept = _states.get(target.finger)
     if kept is not None and kept[0] is target and kept[1] == key:
         return kept[2]

@@ -234,7 +234,7 @@ def _waits() -> bool:
 
 def _unchanged(scene: bpy.types.Scene) -> bool:
     """Return whether nothing but the frame has changed since the last one was solved."""
-    return (_live.generation, _live.scene, _live.edits) == (changes.generation(), scene.session_uid, changes.edits())
+    return (_live.generation, _live.scene, _live.edits) == (changes.lineage(), scene.session_uid, changes.edits())
 
 
 def _between() -> _Between:
@@ -245,7 +245,7 @@ def _between() -> _Between:
 
 def _holds(scene: bpy.types.Scene, frame: float) -> bool:
     return (
-        _live.generation == changes.generation()
+        _live.generation == changes.lineage()
         and _live.scene == scene.session_uid
         and _live.frame == frame
         and bool(_live.states)
@@ -261,9 +261,7 @@ def _prepare(scene: bpy.types.Scene, sample: Any, frame: float) -> tuple[core.co
     if not _unchanged(scene) or _live.signature != signature:
         _live.seen.clear()
         _live.kept.clear()
-    same = (
-        _live.generation == changes.generation() and _live.scene == scene.session_uid and _live.signature == signature
-    )
+    same = _live.generation == changes.lineage() and _live.scene == scene.session_uid and _live.signature == signature
     again = same and frame == _live.end and bool(_live.paths)
     _live.since, posed = None, _live.posed
     if not again and not (same and goes_on(gap)):
@@ -281,7 +279,7 @@ def _prepare(scene: bpy.types.Scene, sample: Any, frame: float) -> tuple[core.co
     if posed is None or not same:
         posed = core.contact.posed_scene.PosedScene(sample.bodies, [may_deform(name) for name in names])
     _live.generation, _live.scene, _live.signature, _live.posed = (
-        changes.generation(),
+        changes.lineage(),
         scene.session_uid,
         signature,
         posed,

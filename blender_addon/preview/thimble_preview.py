@@ -62,9 +62,14 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
     if not scene.dermis.thimble_view.split:
         return ()
     out = []
-    for target, _, device, spec in followers.searched_of(scene, targets):
+    for target, obj, device, spec in followers.searched_of(scene, targets):
         if target.touching:
-            state = (_live_state if target.source == "live" else _baked_state)(scene, target, device, spec.kind)
+            live = target.source == "live"
+            state = (
+                _live_state(scene, target, obj, device, spec.kind)
+                if live
+                else _baked_state(scene, target, device, spec.kind)
+            )
             out += [state] if state is not None else []
     for gone in set(_states) - {t.finger for t in targets}:
         del _states[gone]
@@ -74,8 +79,8 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
 def live_rows(scene: bpy.types.Scene, skins: Sequence[SkinState]) -> tuple[Row, ...]:
     """Return what the thimbles of fingers whose skin is shown do at the current frame, without a bake."""
     rows = []
-    for target, _, device, spec in followers.searched_of(scene, skins):
-        if target.source != "live" or (path := follow(scene, target, device)).rendered is None:
+    for target, obj, device, spec in followers.searched_of(scene, skins):
+        if target.source != "live" or (path := follow(scene, target, obj, device)).rendered is None:
             continue
         if spec.kind == "thimble":
             values = core.devices.thimble.channel_values(path.rendered.angles, path.rendered.x)
@@ -87,13 +92,13 @@ def live_rows(scene: bpy.types.Scene, skins: Sequence[SkinState]) -> tuple[Row, 
     return tuple(rows)
 
 
-def follow(scene: bpy.types.Scene, target: SkinState, device: Any) -> _FingerPath:
+def follow(scene: bpy.types.Scene, target: SkinState, obj: bpy.types.Object, device: Any) -> _FingerPath:
     """Let a finger's thimble follow the skin of the current frame, once."""
     frame, clock = moment.frame_of(scene), scene_time.clock(scene, 0.0)
     settings = _settings.make((target.finger, device.preset, changes.edits()), lambda: _settings_of(device))
-    model = thimble_devices.pressed(scene.objects[target.finger], target.model)
+    model = thimble_devices.pressed(obj, target.model)
     on = core.surrogate.press_points.pressed_on(model)
-    key = (device.preset, settings, model.key, model.tissue, on, repr(model.material), changes.generation())
+    key = (device.preset, settings, model.key, model.tissue, on, repr(model.material), changes.lineage())
     path = _paths.get(target.finger)
     if path is None or path.key != key:
         path = _paths[target.finger] = _FingerPath(key)
@@ -155,8 +160,10 @@ def _step(path: _FingerPath, target: SkinState, frame: float, clock: scene_time.
     path.rendered, path.error = path.follower.step(target.force, target.matched.amounts), ""
 
 
-def _live_state(scene: bpy.types.Scene, target: SkinState, device: Any, kind: str) -> SkinState | None:
-    path = follow(scene, target, device)
+def _live_state(
+    scene: bpy.types.Scene, target: SkinState, obj: bpy.types.Object, device: Any, kind: str
+) -> SkinState | None:
+    path = follow(scene, target, obj, device)
     rendered = path.rendered
     if rendered is None:
         return None

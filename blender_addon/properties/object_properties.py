@@ -11,7 +11,7 @@ animated values. A screen's width and height are the bounds of its mesh in its o
 from typing import Any
 
 import bpy
-from bpy.props import CollectionProperty, EnumProperty, IntProperty, PointerProperty
+from bpy.props import CollectionProperty, EnumProperty, IntProperty, PointerProperty, StringProperty
 
 from .._core import core
 from ..registration import registration
@@ -50,6 +50,7 @@ class DermisObject(bpy.types.PropertyGroup):
         update=touched,
         override=OVERRIDE,
     )
+    identity: StringProperty(options={"HIDDEN"}, override=OVERRIDE)  # see `identity`
     finger: PointerProperty(type=DermisFinger, override=OVERRIDE)
     material: PointerProperty(type=DermisMaterial, override=OVERRIDE)
     screen: PointerProperty(type=DermisScreen, override=OVERRIDE)

@@ -116,6 +116,7 @@ class DermisScene(bpy.types.PropertyGroup):
         update=redrawn,
     )
     bake_key: StringProperty(description="Which stored result the last bake gave", options={"HIDDEN"})
+    bake_owners: StringProperty(description="The fingers and devices that it belongs to", options={"HIDDEN"})
     active_finding: IntProperty(default=-1, options={"HIDDEN"})
 
 

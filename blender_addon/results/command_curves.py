@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from .. import changes, compat, scene_time
+from .. import changes, compat, identity, scene_time
 from .._core import DermisError, core
 
 MARK = "dermis_commands"  # on what holds curves, the names of its properties; on an action, that it is ours
@@ -87,8 +87,8 @@ def present(scene: bpy.types.Scene) -> bool:
 
 def _holders(scene: bpy.types.Scene) -> list[Any]:
     fingers = (obj for obj in scene.objects if obj.dermis.role == "FINGER")
-    places = (place for obj in fingers for place in (obj, obj.data))
-    return [place for place in places if place is not None and MARK in place]
+    places = (place for obj in fingers for place in (obj, obj.data) if place is not None and MARK in place)
+    return list({place.session_uid: place for place in places}.values())  # copies may share a mesh
 
 
 def _holder(scene: bpy.types.Scene, finger: str) -> Any:
@@ -97,7 +97,7 @@ def _holder(scene: bpy.types.Scene, finger: str) -> Any:
     Raises:
         DermisError: the finger is gone, or everything of it is linked, shared or animated already.
     """
-    obj = scene.objects.get(finger)
+    obj = identity.named(scene, finger)
     where = f"finger '{finger}'"
     if obj is None:
         raise DermisError("the finger is not in the scene", where=where, remedy="Bake again")

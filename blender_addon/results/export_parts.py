@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isclose
 from pathlib import Path
 from typing import Any
@@ -80,6 +80,8 @@ def plan(
             continue
         for label, (name, first, last) in zip(labels, spans, strict=True):
             track = output.track
+            if track.meta.get("finger", output.finger) != output.finger:  # it was renamed since
+                track = replace(track, meta={**track.meta, "finger": output.finger})
             if name:
                 try:
                     start, stop = (result.clock.seconds(f) for f in (first, last))

@@ -11,11 +11,11 @@ from . import store
 
 
 class Exported(NamedTuple):
-    """Files of one export, where they lie, and the result that they are of."""
+    """Files of one export, where they lie, and whose bake they are of."""
 
     folder: Path
     files: tuple[Path, ...]
-    result: Any
+    owners: Any  # the bake's own, the same object whatever its fingers are called
 
 
 _last: dict[int, Exported] = {}  # by the scene's session uid
@@ -23,13 +23,17 @@ _last: dict[int, Exported] = {}  # by the scene's session uid
 
 def note(scene: bpy.types.Scene, folder: Path, files: tuple[Path, ...]) -> None:
     """Remember an export."""
-    _last[scene.session_uid] = Exported(folder, files, store.current(scene))
+    result = store.current(scene)
+    if result is not None:
+        _last[scene.session_uid] = Exported(folder, files, result.owners)
 
 
 def last(scene: bpy.types.Scene) -> Exported | None:
     """Return the last export of what a scene's bake gave; None where there is none, or another bake since."""
     found = _last.get(scene.session_uid)
-    return found if found is not None and found.result is store.current(scene) else None
+    result = store.current(scene)
+    same = found is not None and result is not None and found.owners is result.owners
+    return found if same else None
 
 
 def forget() -> None:

@@ -10,7 +10,7 @@ from .._core import DermisError, core
 from ..devices import active_presets, skin_models, thimble_devices
 from . import store
 
-_floors: dict[str, tuple[str, str, Any]] = {}
+_floors: dict[int, tuple[str, str, Any]] = {}  # by the finger's session uid
 
 
 def find(scene: bpy.types.Scene, obj: bpy.types.Object) -> Any:
@@ -20,7 +20,7 @@ def find(scene: bpy.types.Scene, obj: bpy.types.Object) -> Any:
         DermisError: no such device, no bake with this finger's skin, or nothing touched.
     """
     device, result = active_presets.searched_of(obj), store.current(scene)
-    felt = result.bake.skins.get(obj.name) if result is not None else None
+    felt = result.bake.skins.get(obj.name_full) if result is not None else None
     felt = None if felt is None else felt.matched
     if device is None or result is None or felt is None:
         raise DermisError(
@@ -28,7 +28,7 @@ def find(scene: bpy.types.Scene, obj: bpy.types.Object) -> Any:
             where=f"finger '{obj.name}'",
             remedy="Press Bake, then ask again",
         )
-    engine, matching = core.matching.floor, core.matching.thimble
+    engine, matching, uid = core.matching.floor, core.matching.thimble, obj.session_uid
     times = felt.times[engine.looked_at(len(felt.times))]
     with skin_models.one_thread():
         use = thimble_devices.prepared(device, felt.pressed)
@@ -39,14 +39,14 @@ def find(scene: bpy.types.Scene, obj: bpy.types.Object) -> Any:
             with skin_models.one_thread():
                 step = next(steps)
         except StopIteration as stop:
-            _floors[obj.name] = (result.bake.content_hash, device.preset, stop.value)
+            _floors[uid] = (result.bake.content_hash, device.preset, stop.value)
             return stop.value
         yield core.pipeline.bake.Progress(step.stage, step.done, step.total)
 
 
 def shown(scene: bpy.types.Scene, obj: bpy.types.Object, device: Any) -> Any | None:
     """Return what was found for the bake that is at hand; None where nothing was."""
-    result, known = store.current(scene), _floors.get(obj.name)
+    result, known = store.current(scene), _floors.get(obj.session_uid)
     if result is None or known is None or known[:2] != (result.bake.content_hash, device.preset):
         return None
     return known[2]

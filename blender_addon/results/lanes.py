@@ -82,7 +82,7 @@ def lanes_of(result: Any) -> tuple[Lane, ...]:
         if "mismatch" in output.signals:
             add(finger, "mismatch", frames, np.asarray(output.signals["mismatch"]))
         add(finger, "limited", frames, limited(track, output.signals).astype(np.float64))
-    for finger, (times, force) in stored_skins.forces_of(result.bake).items():
+    for finger, (times, force) in stored_skins.forces_of(result.bake.skins).items():
         add(finger, "force", result.clock.frames(times), np.asarray(force, np.float64))
     lanes = [Lane(finger, {k: tuple(s) for k, s in kinds.items()}) for finger, kinds in found.items()]
     return tuple(lanes[i] for i in bone_names.order(tuple(found), tuple(found)))

@@ -11,10 +11,10 @@ from ..devices import active_presets, skin_models
 from ..preferences import library
 from . import store
 
-calibrated: dict[str, Any] = {}
-"""The last press test of each finger, by its name."""
+calibrated: dict[int, Any] = {}
+"""The last press test of each finger, by its session uid."""
 
-_reports: dict[str, tuple[str, tuple[Any, ...], tuple[Any, ...]]] = {}
+_reports: dict[int, tuple[str, tuple[Any, ...], tuple[Any, ...]]] = {}
 
 
 def compare(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
@@ -24,7 +24,7 @@ def compare(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
         DermisError: no bake, none with this finger's skin, or nothing touched.
     """
     device, result = active_presets.device_of(obj, "pins"), store.current(scene)
-    felt = result.bake.skins.get(obj.name) if result is not None else None
+    felt = result.bake.skins.get(obj.name_full) if result is not None else None
     felt = None if felt is None else felt.matched
     if device is None or result is None or felt is None:
         raise DermisError(
@@ -35,7 +35,7 @@ def compare(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
         weighting = device.pin_nodes
         reports = engine.compare(felt, spec, weighting=weighting, bounded=device.pin_bounded, where=where)
         findings = engine.doubts(felt, spec, weighting=weighting, where=where)
-    _reports[obj.name] = (result.bake.content_hash, reports, findings)
+    _reports[obj.session_uid] = (result.bake.content_hash, reports, findings)
     return reports
 
 
@@ -52,5 +52,5 @@ def doubts(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
 
 
 def _known(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[str, tuple[Any, ...], tuple[Any, ...]] | None:
-    result, known = store.current(scene), _reports.get(obj.name)
+    result, known = store.current(scene), _reports.get(obj.session_uid)
     return known if result is not None and known is not None and known[0] == result.bake.content_hash else None

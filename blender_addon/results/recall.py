@@ -33,16 +33,17 @@ def work() -> int:
     """
     found = 0
     for scene in bpy.data.scenes:
-        if scene.dermis.bake_key and store.current(scene) is None:
+        if scene.dermis.bake_key and store.state(scene) == "none":
             try:
-                result = store.load(scene)
+                result = store.load(scene) if store.has_owner(scene) else None
             except DermisError as error:
                 reporting.show((error.as_finding(),), f"Stored bake of {scene.name}")
                 continue
             if result is not None:
                 found += 1
-                if scene == bpy.context.scene:
-                    reporting.show(result.bake.all_findings, f"Stored bake of {scene.name}")
+                now = store.current(scene)
+                if scene == bpy.context.scene and now is not None:
+                    reporting.show(now.bake.all_findings, f"Stored bake of {scene.name}")
     return found
 
 

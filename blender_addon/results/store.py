@@ -8,20 +8,21 @@ earlier session', never as up to date, since nobody has watched the scene meanwh
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
 
-from .. import changes, scene_time
+from .. import action_content, changes, identity, scene_time
 from .._core import DermisError, Finding, core
+from ..identity import Device
 from ..preferences import setting, user_folder
 from ..properties import skin_properties
 from ..sampling.frames import frame_range
-from . import stored_skins
+from . import owners, stored_skins
 
 RESULT_VERSION = 3
 READ = (3, 2, 1)  # versions; in the first skin does not stiffen, in the second it does so by a series
@@ -40,16 +41,45 @@ class Result:
     Attributes:
         bake: the engine's `Bake`.
         clock: of the tracks.
-        generation: of `changes` when it was made; -1 for one from an earlier session.
+        edits: of `changes` when its scene was sampled; -1 for one from an earlier session.
         fingerprint: the scene settings that no change handler reports.
         skins: size, material and accuracy of every skin of the bake, from which its model is made again.
+        owners: the fingers that it is of, by their names at that time.
+        whose: the device that each output belongs to.
+        names: what fingers are called now, by their names in the bake; empty where they are called the same.
+        last: frame of the range that was baked.
     """
 
     bake: core.pipeline.bake.Bake
     clock: scene_time.Clock
-    generation: int
+    edits: int
     fingerprint: tuple[Any, ...]
     skins: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    owners: owners.Owners = field(default_factory=dict)
+    whose: tuple[Device, ...] = ()
+    names: Mapping[str, str] = field(default_factory=dict)
+    last: int = 0
+
+
+@dataclass(frozen=True)
+class Taken:
+    """What a scene was when it was sampled, before anybody could rename or change anything."""
+
+    owners: owners.Owners
+    clock: scene_time.Clock
+    span: tuple[int, int]
+    edits: int
+    fingerprint: tuple[Any, ...]
+    skins: Mapping[str, Mapping[str, Any]]
+
+    @classmethod
+    def of(cls, scene: bpy.types.Scene) -> Taken:
+        """Note it; fingers and devices are given identities."""
+        span = frame_range(scene)
+        action_content.look()
+        skins = {obj.name_full: skin_of(obj) for obj in identity.fingers(scene)}
+        clock = scene_time.clock(scene, span[0])
+        return cls(owners.of(scene), clock, span, changes.edits(), fingerprint(scene), skins)
 
 
 _results: dict[int, Result] = {}
@@ -76,35 +106,55 @@ def fingerprint(scene: bpy.types.Scene) -> tuple[Any, ...]:
     )
 
 
-def keep(scene: bpy.types.Scene, bake: core.pipeline.bake.Bake) -> Result:
-    """Take over the result of a bake that has just ended: from here on changes make it out of date."""
-    clock = scene_time.clock(scene, frame_range(scene)[0])
-    skins = {name: skin_of(scene.objects[name]) for name in bake.skins if name in scene.objects}
-    kept = Result(bake, clock, changes.generation(), fingerprint(scene), skins)
+def keep(scene: bpy.types.Scene, bake: core.pipeline.bake.Bake, taken: Taken | None = None) -> Result:
+    """Take over the result of a bake that has just ended: changes since it was sampled make it out of date.
+
+    Args:
+        taken: what the scene was when it was sampled; as it is now where None.
+    """
+    was = taken or Taken.of(scene)
+    skins = {name: was.skins[name] for name in bake.skins if name in was.skins}
+    whose = owners.whose(was.owners, bake.outputs)
+    kept = Result(bake, was.clock, was.edits, was.fingerprint, skins, was.owners, whose, {}, was.span[1])
     _results[scene.session_uid] = kept
-    changes.clear_dirty()
+    if was.edits == changes.edits():
+        changes.clear_dirty()
     return kept
 
 
 def current(scene: bpy.types.Scene) -> Result | None:
-    """Return the scene's result, up to date or not."""
-    return _results.get(scene.session_uid)
+    """Return the scene's result, up to date or not, with the names that its fingers have now."""
+    kept = _results.get(scene.session_uid)
+    return None if kept is None else owners.as_now(scene, kept)
 
 
 def state(scene: bpy.types.Scene) -> str:
     """Return 'none', 'fresh', 'stale' (the scene changed since) or 'earlier' (from an earlier session)."""
-    result = current(scene)
+    result = _results.get(scene.session_uid)
     if result is None:
         return "none"
-    if result.generation < 0:
+    if result.edits < 0:
         return "earlier"
-    same = result.generation == changes.generation() and not changes.dirty()
-    return "fresh" if same and result.fingerprint == fingerprint(scene) else "stale"
+    same = result.edits == changes.edits() and result.fingerprint == fingerprint(scene)
+    return "fresh" if same else "stale"
+
+
+def confirm(scene: bpy.types.Scene, taken: Taken) -> None:
+    """Take note that the scene still is what the bake was made from, as it was sampled anew.
+
+    Where another range would be baked by now, it stays out of date.
+    """
+    kept = _results.get(scene.session_uid)
+    if kept is not None and taken.span == (int(kept.clock.first), kept.last):
+        _results[scene.session_uid] = replace(kept, edits=taken.edits, fingerprint=taken.fingerprint)
+        if taken.edits == changes.edits():
+            changes.clear_dirty()
 
 
 def forget() -> None:
     """Drop every result from memory; stored ones stay."""
     _results.clear()
+    owners.forget()
 
 
 def values_at(result: Result, output: core.pipeline.bake.Output, frame: float) -> np.ndarray | None:
@@ -130,17 +180,20 @@ def cache() -> core.cache.Cache:
 
 
 def store(scene: bpy.types.Scene, result: Result) -> None:
-    """Write a result to the user folder and note its key in the scene."""
+    """Write a result to the user folder; note in the scene what its key is, and whose it is."""
     bake = result.bake
     cache().put(_key(bake.content_hash), lambda target: _write(Path(target), result))
     scene.dermis.bake_key = bake.content_hash
+    scene.dermis.bake_owners = owners.dumps(result.owners)
 
 
 def load(scene: bpy.types.Scene) -> Result | None:
     """Read the stored result of the scene's last bake; None where it is gone.
 
+    One of an earlier version belongs to the fingers that are called as it says; from then on it is theirs.
+
     Raises:
-        DermisError: the stored file cannot be read.
+        DermisError: the stored file cannot be read, or it is of no finger of this scene.
     """
     key = scene.dermis.bake_key
     # no `cache()`: that would make the folder
@@ -150,8 +203,46 @@ def load(scene: bpy.types.Scene) -> Result | None:
     if path is None:
         return None
     result = _read(path)
+    told = owners.loads(scene.dermis.bake_owners)
+    bake = result.bake
+    if not told:
+        names = {output.finger for output in bake.outputs} | set(stored_skins.forces_of(bake.skins))
+        told = owners.of(scene, tuple(names))
+        scene.dermis.bake_owners = owners.dumps(told)
+        bake = replace(bake, findings=(*bake.findings, _by_name(scene, sorted(names), told)))
+    elif not has_owner(scene):
+        raise DermisError(
+            "the stored bake is of fingers that are not in this scene: a copied finger has none",
+            where=f"scene '{scene.name}'",
+            value=", ".join(told),
+            remedy="Bake this scene",
+        )
+    result = replace(result, bake=bake, owners=told, whose=owners.whose(told, bake.outputs))
     _results[scene.session_uid] = result
     return result
+
+
+def has_owner(scene: bpy.types.Scene) -> bool:
+    """Return whether a scene has a finger of its stored bake, or one that may be: a copied scene has others.
+
+    Raises:
+        DermisError: the file does not say whose it is.
+    """
+    told = owners.loads(scene.dermis.bake_owners)
+    return not told or any(identity.finger_with(owner.identity, scene) for owner in told.values())
+
+
+def _by_name(scene: bpy.types.Scene, names: Sequence[str], told: owners.Owners) -> Finding:
+    """Say that a stored bake does not know its fingers but by name."""
+    lost = [name for name in names if name not in told]
+    return Finding(
+        "warning" if lost else "info",
+        "bake-by-name",
+        "the stored bake is of an earlier version, which knew fingers by their names: those called so have it now",
+        where=f"scene '{scene.name}'",
+        value=f"nobody is called {', '.join(lost)}" if lost else ", ".join(names),
+        remedy="Bake again if a finger was renamed since",
+    )
 
 
 def skin_of(obj: bpy.types.Object) -> dict[str, Any]:
@@ -190,11 +281,13 @@ def _write(path: Path, result: Result) -> None:
             "skins": skins,
             "fps": float(result.clock.rate),
             "first": result.clock.first,
+            "last": result.last,
             "outputs": outputs,
             "findings": [f.as_dict() for f in bake.findings],
             "skipped": dict(bake.skipped),
             "content_hash": bake.content_hash,
             "stage_seconds": dict(bake.stage_seconds),
+            "inputs": {name: dict(aspects) for name, aspects in bake.inputs.items()},
         },
         default=str,
     )
@@ -243,7 +336,8 @@ def _read(path: Path) -> Result:
             header["content_hash"],
             header["stage_seconds"],
             skins,
+            {str(n): {str(a): str(h) for a, h in own.items()} for n, own in header.get("inputs", {}).items()},
         )
         made_of = {e["finger"]: {"skin": e["skin"], "level": e["level"]} for e in header.get("skins", [])}
         clock = scene_time.Clock(Fraction(header["fps"]), float(header["first"]))
-        return Result(bake, clock, -1, (), made_of)
+        return replace(Result(bake, clock, -1, (), made_of), last=int(header.get("last", 0)))

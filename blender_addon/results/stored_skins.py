@@ -98,11 +98,11 @@ class StoredSkins(Mapping[str, Any]):
         return self._read
 
 
-def forces_of(bake: Any) -> dict[str, tuple[Any, Any]]:
+def forces_of(skins: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
     """Return times [s] and normal forces [N] of every skin of a bake, by finger; no stored skin is read for it."""
-    skins = bake.skins
-    if isinstance(skins, StoredSkins):
-        return skins.forces
+    forces: dict[str, tuple[Any, Any]] | None = getattr(skins, "forces", None)
+    if forces is not None:
+        return forces
     return {finger: (touch.times, touch.normal_force) for finger, touch in skins.items()}
 
 

@@ -18,7 +18,7 @@ def write(scene: bpy.types.Scene, obj: bpy.types.Object, path: Path) -> Path:
         DermisError: no thimble, no bake with this finger's skin, nothing touched, or the file cannot be written.
     """
     device, result = active_presets.device_of(obj, "thimble"), store.current(scene)
-    felt = result.bake.skins.get(obj.name) if result is not None else None
+    felt = result.bake.skins.get(obj.name_full) if result is not None else None
     felt = None if felt is None else felt.matched
     spec = active_presets.spec_of(device.preset, "thimble") if device is not None else None
     if device is None or spec is None or result is None or felt is None:
@@ -29,7 +29,9 @@ def write(scene: bpy.types.Scene, obj: bpy.types.Object, path: Path) -> Path:
         )
     if not len(felt.contact):
         raise DermisError("the finger touches nothing in the last bake", where=f"finger '{obj.name}'")
-    output = next((o for o in result.bake.outputs if o.finger == obj.name and o.track.spec.kind == "thimble"), None)
+    output = next(
+        (o for o in result.bake.outputs if o.finger == obj.name_full and o.track.spec.kind == "thimble"), None
+    )
     times = felt.times if output is None else output.track.times
     with skin_models.one_thread():
         use = thimble_devices.prepared(device, felt.pressed)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import bpy
 
-from .. import compat
+from .. import compat, identity
 from .._core import Finding, core
 from ..properties import object_properties
 
@@ -81,7 +81,7 @@ def role_of(obj: bpy.types.Object) -> str:
 
 def is_disabled(obj: bpy.types.Object, view_layer: bpy.types.ViewLayer) -> bool:
     """Return whether Blender leaves an object out of evaluation; hiding it with the eye does not do that."""
-    if view_layer.objects.get(obj.name) != obj:
+    if not identity.is_in_layer(obj, view_layer):
         return True
     shown = obj.visible_get(view_layer=view_layer) or obj.hide_get(view_layer=view_layer)
     return bool(obj.hide_viewport or not shown)

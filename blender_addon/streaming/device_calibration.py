@@ -14,9 +14,10 @@ from typing import Any
 
 import bpy
 
+from .. import identity
 from .._core import DermisError, core
 from ..preferences import library
-from . import built_devices, calibration_offers, finger_ids, streamed_track
+from . import built_devices, calibration_offers, streamed_track
 from .calibration_offers import Shelved, shelve, shelved
 from .calibration_rows import Rows, calibrated, calibration, fill, quietly, rows_for, rows_of, safe_pose, same
 
@@ -35,7 +36,7 @@ class _Before:
 
 
 _before: dict[int, _Before] = {}  # by session uid of the scene
-_loose: dict[str, str] = {}  # owner -> file, of fingers that cannot be given an identity; for this session
+_loose: dict[str, str] = {}  # owner -> file, of tracks whose finger is not in the scene; for this session
 
 
 def calibration_of(scene: bpy.types.Scene, key: str) -> Any:
@@ -105,7 +106,7 @@ def choice(owner: str) -> str | None:
         DermisError: the table of choices cannot be read.
     """
     finger, _, key = owner.rpartition(": ")
-    return built_devices.choice(finger, key) if finger_ids.is_identity(finger) else _loose.get(owner)
+    return built_devices.choice(finger, key) if identity.is_identity(finger) else _loose.get(owner)
 
 
 def use(scene: bpy.types.Scene, file: str) -> None:
@@ -240,20 +241,32 @@ def retract(scene: bpy.types.Scene) -> None:
 
 def _subject(scene: bpy.types.Scene, *, give: bool = True) -> tuple[str, str, str]:
     """Return whose list is wanted ('identity: preset'), that for people ('finger: preset'), and the preset."""
-    finger, key = streamed_track.device_of(scene)
-    obj = scene.objects.get(finger)
-    if finger and (obj is None or obj.dermis.role != "FINGER"):  # renamed since the bake, or since the file was written
-        obj = finger_ids.finger_with(built_devices.once_called(finger), scene)
-    if obj is None:
-        name = f"{finger}: {key}" if finger else key
-        return name, name, key
-    own = finger_ids.identity(obj) or (finger_ids.give(obj) if give else "")
-    return f"{own or obj.name}: {key}", f"{obj.name}: {key}", key  # what is linked from another file has only a name
+    key = streamed_track.device_key(scene)
+    if scene.dermis_stream.track_file:
+        finger = str(streamed_track.load_file(scene).meta.get("finger", ""))
+        obj = _of_track(scene, finger)
+        if obj is None:
+            name = f"{finger}: {key}" if finger else key
+            return name, name, key
+    else:
+        obj = streamed_track.device(scene).place.finger(scene)
+        assert obj is not None
+    own = identity.identity(obj) or (identity.give(obj) if give else "")
+    return f"{own or obj.name_full}: {key}", f"{obj.name_full}: {key}", key
+
+
+def _of_track(scene: bpy.types.Scene, finger: str) -> bpy.types.Object | None:
+    """Return the finger that a track's file names, also where it was renamed since the file was written."""
+    obj = identity.named(scene, finger)
+    if obj is not None and obj.dermis.role == "FINGER":
+        return obj
+    once = (identity.finger_with(own, scene) for own in built_devices.once_called(finger)) if finger else ()
+    return next((found for found in once if found is not None), None)
 
 
 def _remember(owner: str, shown: str, file: str | None) -> None:
     finger, _, key = owner.rpartition(": ")
-    if finger_ids.is_identity(finger):
+    if identity.is_identity(finger):
         built_devices.choose(finger, shown.removesuffix(f": {key}"), key, file)
     elif file is None:
         _loose.pop(owner, None)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
+from .. import identity
 from .._core import core
 from ..preferences import library
 from ..preview import device_preview, moment
@@ -22,9 +23,11 @@ def preview(scene: bpy.types.Scene) -> Preview | None:
     """
     loaded, values = of_file(scene), reported(scene)
     if values:
-        found = with_reported(loaded, values, "")  # the file's one row is its own, whichever output is chosen
+        found = with_reported(loaded, values, loaded.rows[0] if loaded is not None else None)
         if found is None:
-            found = with_reported(device_preview.computed(scene), values, scene.dermis_stream.output)
+            shown = device_preview.computed(scene)
+            rows = shown.rows if shown is not None else ()
+            found = with_reported(shown, values, streamed_track.row_of(streamed_track.chosen(scene), rows))
         if found is not None:
             return found
     return loaded
@@ -39,22 +42,15 @@ def reported(scene: bpy.types.Scene) -> dict[str, float]:
     return values
 
 
-def with_reported(shown: Preview | None, reported: dict[str, float], output: str) -> Preview | None:
-    """Return a preview with reported values in place of its own; None where they fit no row of it.
-
-    Args:
-        output: 'finger: device' of the row, '' for the first one that fits.
-    """
-    if shown is None:
+def with_reported(shown: Preview | None, reported: dict[str, float], own: Row | None) -> Preview | None:
+    """Return a preview with reported values in place of its own; None where they do not fit the device's row of it."""
+    if shown is None or own is None or not set(reported) <= set(own.values):
         return None
     rows: list[Row] = []
-    replaced = False
     for row in shown.rows:
-        fits = set(reported) <= set(row.values) and (not output or output == f"{row.finger}: {row.device}")
-        if replaced or not fits:
+        if row is not own:
             rows.append(row)
             continue
-        replaced = True
         values = {**row.values, **reported}
         if row.kind == "shear_tactor" and "pulley_1" in reported:
             spec = library().device(row.device)
@@ -62,7 +58,7 @@ def with_reported(shown: Preview | None, reported: dict[str, float], output: str
             place = tactor.forward(np.array([values["pulley_1"], values["pulley_2"]]))
             values["tactor_x"], values["tactor_y"] = (float(v) for v in place)
         rows.append(replace(row, values=values, signals={}))  # how well what was computed fits says nothing of this
-    return Preview(shown.frame, "device", "what the device reports", tuple(rows)) if replaced else None
+    return Preview(shown.frame, "device", "what the device reports", tuple(rows))
 
 
 def of_file(scene: bpy.types.Scene) -> Preview | None:
@@ -70,7 +66,7 @@ def of_file(scene: bpy.types.Scene) -> Preview | None:
     settings, track = getattr(scene, "dermis_stream", None), streamed_track.loaded()
     if settings is None or not settings.track_file or track is None:
         return None
-    fingers = [o.name for o in scene.objects if o.dermis.role == "FINGER"]
+    fingers = [obj.name_full for obj in identity.fingers(scene)]
     named = track.meta.get("finger", "")
     if not fingers:
         return None

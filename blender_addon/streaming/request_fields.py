@@ -19,11 +19,11 @@ def published(scene: bpy.types.Scene, names: Sequence[str]) -> tuple[float, tupl
     moment = streamed_track.origin(scene).seconds(scene_time.shown(scene))
     if scene.dermis_stream.mode != "follow":
         return moment, ()
-    preview, output = device_preview.computed(scene), scene.dermis_stream.output
-    for row in preview.rows if preview is not None else ():
-        if (not output or output == f"{row.finger}: {row.device}") and all(n in row.values for n in names):
-            return moment, tuple(float(row.values[n]) for n in names)
-    return moment, ()
+    preview = device_preview.computed(scene)
+    row = streamed_track.row_of(streamed_track.chosen(scene), preview.rows if preview is not None else ())
+    if row is None or not all(n in row.values for n in names):
+        return moment, ()
+    return moment, tuple(float(row.values[n]) for n in names)
 
 
 def request_fields(scene: bpy.types.Scene) -> dict[str, Any]:

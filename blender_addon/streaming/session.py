@@ -104,6 +104,7 @@ def connect(scene: bpy.types.Scene) -> None:
     key = streamed_track.device_key(scene)
     preset = library().load("devices", key)
     device_calibration.fill_channels(scene)
+    streamed_track.pin(scene)
     calibration = device_calibration.calibration_of(scene, key)
     request = request_fields.request_fields(scene)
     os.environ.setdefault(core.stream.protocols.adapters.FOLDERS, str(user_folder("adapters")))
@@ -131,6 +132,7 @@ def close() -> None:
         _leaving = core.stream.client.leaving()
         _start_timer()
     _status, _note, _published, _restored = {}, "", (None, ()), False
+    streamed_track.unpin()
     board_identity.forget()
     streamed_track.forget()
 
@@ -144,6 +146,13 @@ def pose_unknown() -> bool:
     """Return whether arming may start with a jump: something moves, and the device has not said where it is."""
     now = status()
     return not now.get("pose_known") and any(unit not in STILL for unit in now.get("units", ()))
+
+
+def plays_bake(scene: bpy.types.Scene) -> bool:
+    """Return whether what would be armed is a track of the bake."""
+    settings = scene.dermis_stream
+    baked = settings.mode == "play" and not settings.track_file and streamed_track.chosen_output(scene) is not None
+    return baked and streams(scene)
 
 
 def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
@@ -202,6 +211,7 @@ def changed() -> None:
         return
     try:
         device_calibration.fill_channels(scene)
+        streamed_track.pin(scene)
         calibration = device_calibration.calibration_of(scene, streamed_track.device_key(scene))
         _client.set(**request_fields.request_fields(scene), calibration=calibration.dumps())
         _note = ""
@@ -222,6 +232,11 @@ def heartbeat() -> None:
     scene = _streaming_scene()
     if scene is None:  # removed, or undone
         close()
+        return
+    if missing := streamed_track.gone(scene):
+        close()
+        why = f"{missing}, so its device was brought to its safe state and let go"
+        _status = {"state": core.stream.state.State.DISCONNECTED, "message": why, "armed": False}
         return
     if _restored:
         _restored = False

@@ -2,95 +2,175 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import bpy
 
-from .. import scene_time
+from .. import changes, identity, scene_time
 from .._core import DermisError, core
+from ..identity import Device, Place
 from ..preferences import library
+from ..preview.rows import Row
 from ..results import store
 from ..sampling.frames import frame_range
-from . import agreed_paths, built_devices, finger_ids
+from . import agreed_paths
+from .calibration_rows import quietly
 
 
 class _Sent(NamedTuple):
     """The baked track that the sender has: it starts where its own bake did, whatever has been baked since."""
 
-    output: Any  # kept, or its id could be another's tomorrow
+    track: Any
     scene: int  # session uid
     name: str
     clock: scene_time.Clock
 
 
+class Choice(NamedTuple):
+    """A device that can be streamed to.
+
+    Attributes:
+        device: the identities; empty ones where nobody has asked for them yet. place: of its finger.
+        finger, preset: the finger's name, and the preset's key. label: for people, 'finger: device', no two alike.
+        nth: of the devices of this preset on this finger. output: its track of the bake, None without one.
+    """
+
+    device: Device
+    place: Place
+    finger: str
+    preset: str
+    label: str
+    nth: int
+    output: Any
+
+
+class _Pinned(NamedTuple):
+    """The device that is connected."""
+
+    scene: int  # session uid
+    choice: Choice
+
+
+_choices: tuple[Any, Any, tuple[Choice, ...]] = (None, (), ())  # the result, for what, and what there is
+_pinned: _Pinned | None = None
 _files: list[Path] = []
 _file_track: Any = None  # of `track_file`: (path, CommandTrack)
 _sent: _Sent | None = None
 _judged: tuple[Any, str] = (None, "")  # a track, and how it disagrees with its preset
 
 
-def output_names() -> list[str]:
-    """Return 'finger: device' of every output of the current bake."""
-    result = store.current(bpy.context.scene)
-    return [f"{o.finger}: {o.device}" for o in result.bake.outputs] if result is not None else []
+def choices(scene: bpy.types.Scene) -> tuple[Choice, ...]:
+    """Return every device that can be streamed to: first those with a track, in the order of the bake."""
+    global _choices
+    result = store.current(scene)
+    key = (scene.session_uid, changes.ticks(), changes.edits(), identity.revision(), len(bpy.data.objects))
+    if _choices[0] is not result or _choices[1] != key:
+        _choices = result, key, _listed(scene, result)
+    return _choices[2]
+
+
+def chosen(scene: bpy.types.Scene) -> Choice | None:
+    """Return the device that the settings speak of, whatever its finger is called by now; None where it is gone.
+
+    Where they name none, it is the one that is connected, or else the first.
+    """
+    settings, there = scene.dermis_stream, choices(scene)
+    own = _chosen_key(settings)
+    if own is not None:
+        return next((choice for choice in there if choice.device == own), None)
+    if settings.output:
+        return next((choice for choice in there if choice.label == settings.output), None)
+    if _pinned is not None and _pinned.scene == scene.session_uid:
+        return next((choice for choice in there if choice.device == _pinned.choice.device), None)
+    return there[0] if there else None
+
+
+def choose(scene: bpy.types.Scene) -> None:
+    """Note whose the label is that the settings hold, so that it is still theirs under another name."""
+    settings = scene.dermis_stream
+    choice = next((c for c in choices(scene) if c.label == settings.output), None)
+    settings.output_of = ""
+    if choice is not None:
+        _hold(settings, _known(scene, choice))
+
+
+def relabel(scene: bpy.types.Scene) -> None:
+    """Let the settings call the chosen device as its finger is called now."""
+    choice = chosen(scene) if scene.dermis_stream.output else None
+    if choice is not None and choice.label != scene.dermis_stream.output:
+        with quietly(scene):
+            scene.dermis_stream.output = choice.label
+            _hold(scene.dermis_stream, choice)
+
+
+def pin(scene: bpy.types.Scene) -> None:
+    """Note which device is connected: from here on it is looked after, see `gone`."""
+    global _pinned
+    settings = scene.dermis_stream
+    if settings.track_file:
+        _pinned = None
+        return
+    if settings.output and _chosen_key(settings) is None:
+        choose(scene)
+    choice = chosen(scene)
+    if choice is not None:
+        _pinned = _Pinned(scene.session_uid, _known(scene, choice))
+
+
+def unpin() -> None:
+    """Note that nothing is connected."""
+    global _pinned
+    _pinned = None
+
+
+def gone(scene: bpy.types.Scene) -> str:
+    """Return in words what is missing of the device that is connected, '' for nothing."""
+    global _pinned
+    if _pinned is None:
+        return ""
+    choice = _pinned.choice
+    finger = choice.place.finger(scene)
+    if finger is None:
+        return f"finger '{choice.finger}' is not in the scene any more"
+    if not any(d == choice.device and item.preset == choice.preset for d, item in identity.worn(finger)):
+        return f"finger '{finger.name_full}' does not wear the device '{choice.preset}' any more"
+    if finger.name_full != choice.place.name:
+        _pinned = _pinned._replace(choice=choice._replace(place=Place.of(finger), finger=finger.name_full))
+    return ""
 
 
 def chosen_output(scene: bpy.types.Scene) -> Any:
     """Return the output that is to be played, or None."""
-    result = store.current(scene)
-    outputs = result.bake.outputs if result is not None else ()
-    wanted = scene.dermis_stream.output
-    return next((o for o in outputs if not wanted or f"{o.finger}: {o.device}" == wanted), None)
+    choice = chosen(scene)
+    return choice.output if choice is not None else None
 
 
-def device_of(scene: bpy.types.Scene) -> tuple[str, str]:
-    """Return the finger and the device preset that the settings speak of; '' for a finger that no one has named.
+def device(scene: bpy.types.Scene) -> Choice:
+    """Return the device of the scene that the settings speak of.
 
     Raises:
-        DermisError: there is no device.
+        DermisError: there is none.
     """
-    if scene.dermis_stream.track_file:
-        track = load_file(scene)
-        return str(track.meta.get("finger", "")), str(track.spec.key)
-    output = chosen_output(scene)
-    if output is not None:
-        return str(output.finger), str(output.device)
-    wanted, refused = scene.dermis_stream.output, DermisError
-    there = [
-        (obj.name, str(use.preset))
-        for obj in scene.objects
-        if obj.dermis.role == "FINGER"
-        for use in obj.dermis.finger.devices
-        if use.enabled and use.preset
-    ]
-    if not there:
-        raise refused(
-            "no device to stream to", where=scene.name, remedy="Give a finger a device, or choose a track file"
+    choice, wanted = chosen(scene), scene.dermis_stream.output
+    if choice is not None:
+        return choice
+    labels = ", ".join(c.label for c in choices(scene))
+    if not wanted or not labels:
+        raise DermisError(
+            "no device to stream to",
+            where=scene.name,
+            limit=labels,
+            remedy="Give a finger a device, or choose a track file",
         )
-    if not wanted:
-        return there[0]
-    found = [pair for pair in there if ": ".join(pair) == wanted] or _renamed(scene, wanted, there)
-    if not found:
-        raise refused(
-            "there is no such finger with this device",
-            where="Track",
-            value=wanted,
-            limit=", ".join(map(": ".join, there)),
-            remedy="Choose one of these, or bake",
-        )
-    return found[0]
-
-
-def _renamed(scene: bpy.types.Scene, wanted: str, there: list[tuple[str, str]]) -> list[tuple[str, str]]:
-    """Return which of some pairs of finger and device was once called otherwise: the one to which a device was given.
-
-    Raises:
-        DermisError: the table of names cannot be read.
-    """
-    finger, _, key = wanted.rpartition(": ")
-    obj = finger_ids.finger_with(built_devices.once_called(finger), scene)
-    return [pair for pair in there if obj is not None and pair == (obj.name, key)]
+    raise DermisError(
+        "there is no such finger with this device",
+        where="Track",
+        value=wanted,
+        limit=labels,
+        remedy="Choose one of these, or bake",
+    )
 
 
 def device_key(scene: bpy.types.Scene) -> str:
@@ -99,7 +179,13 @@ def device_key(scene: bpy.types.Scene) -> str:
     Raises:
         DermisError: there is none.
     """
-    return device_of(scene)[1]
+    return str(load_file(scene).spec.key) if scene.dermis_stream.track_file else device(scene).preset
+
+
+def row_of(choice: Choice | None, rows: Sequence[Row]) -> Row | None:
+    """Return the row of a preview that is of a device, None where there is none."""
+    same = [r for r in rows if choice is not None and (r.finger, r.device) == (choice.finger, choice.preset)]
+    return same[choice.nth] if choice is not None and choice.nth < len(same) else None
 
 
 def load_file(scene: bpy.types.Scene) -> Any:
@@ -128,14 +214,14 @@ def track_path(scene: bpy.types.Scene) -> str:
     if output is None or result is None:
         _sent = None
         return ""
-    if _sent is None or _sent.output is not output or _sent.scene != scene.session_uid:
+    if _sent is None or _sent.track is not output.track or _sent.scene != scene.session_uid:
         from tempfile import mkstemp
 
         handle, name = mkstemp(prefix="dermis-stream-", suffix=".dtrack")
         with open(handle, "wb") as file:
             file.write(core.track.binary.dumps(output.track))
         _files.append(Path(name))
-        _sent = _Sent(output, scene.session_uid, name, result.clock)
+        _sent = _Sent(output.track, scene.session_uid, name, result.clock)
     return _sent.name
 
 
@@ -143,8 +229,9 @@ def outdated(scene: bpy.types.Scene) -> bool:
     """Return whether the sender has another baked track than the one to be played: one was baked, or forgotten."""
     if scene.dermis_stream.track_file:
         return False
-    mine = _sent is not None and _sent.scene == scene.session_uid
-    return chosen_output(scene) is not (_sent.output if _sent is not None and mine else None)
+    mine, output = _sent is not None and _sent.scene == scene.session_uid, chosen_output(scene)
+    sent = _sent.track if _sent is not None and mine else None
+    return (output.track if output is not None else None) is not sent
 
 
 def origin(scene: bpy.types.Scene) -> scene_time.Clock:
@@ -195,3 +282,44 @@ def forget(*, files: bool = False) -> None:
         _files.pop().unlink(missing_ok=True)
     if files:
         _file_track = None
+
+
+def _listed(scene: bpy.types.Scene, result: Any) -> tuple[Choice, ...]:
+    there = []
+    for obj in identity.fingers(scene):
+        seen: list[str] = []
+        for own, item in identity.worn(obj):
+            label = f"{obj.name_full}: {item.preset}"
+            there.append(Choice(own, Place.of(obj), obj.name_full, item.preset, label, seen.count(item.preset), None))
+            seen.append(item.preset)
+    baked: list[Choice] = []
+    for whose, output in zip(result.whose, result.bake.outputs, strict=True) if result is not None else ():
+        fits = (c for c in there if (c.device.finger, c.preset) == (whose.finger, output.device))
+        choice = next((c for c in fits if whose.device in ("", c.device.device)), None)
+        if choice is not None:
+            there.remove(choice)
+            baked.append(choice._replace(output=output))
+    found = (*baked, *there)
+    labels = core.track.file_names.numbered([choice.label for choice in found])
+    return tuple(choice._replace(label=label) for choice, label in zip(found, labels, strict=True))
+
+
+def _known(scene: bpy.types.Scene, choice: Choice) -> Choice:
+    """Return a choice whose finger and device have identities."""
+    finger = choice.place.finger(scene)
+    if finger is None or all(choice.device):
+        return choice
+    identity.give(finger)
+    same = [own for own, item in identity.worn(finger) if item.preset == choice.preset]
+    return choice._replace(device=same[choice.nth]) if choice.nth < len(same) else choice
+
+
+def _hold(settings: Any, choice: Choice) -> None:
+    settings.output_of = " ".join((*choice.device, choice.label))
+
+
+def _chosen_key(settings: Any) -> Device | None:
+    """Return whom the label in the settings meant, None where nobody has said."""
+    finger, _, rest = settings.output_of.partition(" ")
+    own, _, label = rest.partition(" ")
+    return Device(finger, own) if own and label == settings.output else None

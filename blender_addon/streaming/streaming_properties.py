@@ -34,6 +34,9 @@ def _moded(self: Any, context: Any) -> None:
 
 def _chosen(self: Any, context: Any) -> None:
     _quiet(self, context)
+    if calibration_rows.restoring():
+        return
+    streamed_track.choose(self.id_data)
     if self.channels:  # they are one finger's: the list follows the choice, connected or not
         with suppress(DermisError):
             device_calibration.fill_channels(self.id_data)
@@ -61,8 +64,8 @@ def _log_switched(self: Any, context: Any) -> None:
     _changed(self, context)
 
 
-def _outputs(_self: Any, _context: Any, text: str) -> list[str]:
-    return [name for name in streamed_track.output_names() if text.lower() in name.lower()]
+def _outputs(self: Any, _context: Any, text: str) -> list[str]:
+    return [c.label for c in streamed_track.choices(self.id_data) if text.lower() in c.label.lower()]
 
 
 class DermisStreamChannel(bpy.types.PropertyGroup):
@@ -138,6 +141,7 @@ class DermisStream(bpy.types.PropertyGroup):
         update=_chosen,
         options=set(),
     )
+    output_of: StringProperty(options={"HIDDEN"})  # identities of the finger and device that it means, and its text
     track_file: StringProperty(
         name="Track File",
         description="A command track from a file, instead of the bake",

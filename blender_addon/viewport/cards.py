@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import bpy
 
+from .. import identity
 from ..hands import bone_names
 from ..layouts import ui_scale
 from ..preview.rows import Preview, Row
@@ -122,7 +123,7 @@ def _draw() -> None:
 
     settings, scale = scene.dermis, ui_scale()
     room, taken = obstacles.free(context, scale)
-    fingers = tuple(obj.name for obj in scene.objects if obj.dermis.role == "FINGER")
+    fingers = tuple(obj.name_full for obj in identity.fingers(scene))
     rows: list[tuple[Row, Twin | None]] = []
     devices, skins = now.devices, now.skins if settings.skin_view.show else now.skins._replace(states=(), drawn=())
     if settings.show_readout and devices is not None:

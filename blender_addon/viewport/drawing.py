@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from .. import identity
 from ..preview.rows import Row
 from ..quantities import metres_per_unit
 from . import paint, shown
@@ -46,7 +47,7 @@ def twins(context: bpy.types.Context) -> list[tuple[Row, Twin]]:
 
 def finger_matrix(scene: bpy.types.Scene, name: str) -> Matrix | None:
     """Return a finger's frame in scene units, without its scale: devices do not grow with an object."""
-    obj = scene.objects.get(name)
+    obj = identity.named(scene, name)
     if obj is None or not obj.visible_get():
         return None
     location, rotation, _ = obj.matrix_world.decompose()

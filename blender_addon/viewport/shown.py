@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import bpy
 
-from .. import changes, choices, redraw
+from .. import changes, choices, identity, redraw
 from .. import doubts as doubtful
 from ..devices import readiness, thimble_devices
 from ..preview import device_preview, live_lanes, moment, pin_preview, platform_preview, skin_preview, thimble_preview
@@ -34,6 +34,7 @@ class Frame(NamedTuple):
         active_devices: which device of each family counts on each finger.
         active, ready: a finger's name, and what its devices need, see `readiness`.
         doubts: where the track that would be streamed and its preset disagree, in words.
+        lineage: of `changes` when it was worked out; after a rename its names are somebody else's.
     """
 
     frame: float
@@ -44,6 +45,7 @@ class Frame(NamedTuple):
     active: str
     ready: Mapping[str, readiness.Ready]
     doubts: str
+    lineage: int
 
 
 _frames: dict[int, Frame] = {}  # by the scene's session uid
@@ -61,7 +63,7 @@ def devices(scene: bpy.types.Scene) -> Preview | None:
 
 def skins(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
     """Work out the skins to show at the current frame, and as pins and thimbles render them; empty if unknown."""
-    fingers = ((s, scene.objects.get(s.finger)) for s in skin_preview.own(scene))
+    fingers = ((s, identity.named(scene, s.finger)) for s in skin_preview.own(scene))
     targets = tuple(s for s, obj in fingers if obj is not None and obj.dermis.finger.skin.shown)
     rendered = (*pin_preview.rendered(scene, targets), *thimble_preview.rendered(scene, targets)) if targets else ()
     return (*targets, *rendered)
@@ -112,9 +114,10 @@ def renew(scene: bpy.types.Scene) -> Frame:
         tuple(twins.twin_of(scene, row) for row in shown.rows) if shown is not None else (),
         skin_shown.shown(scene, skins(scene)),
         readiness.active_devices(scene),
-        active.name if active is not None else "",
+        active.name_full if active is not None else "",
         ready,
         streamed_track.doubts(scene),
+        changes.lineage(),
     )
     live_lanes.note(scene, _frames[uid])
     return _frames[uid]
@@ -147,14 +150,14 @@ def active_device(scene: bpy.types.Scene, obj: bpy.types.Object | None, family: 
     kept = _read(scene)  # at whatever frame: panels shall not come and go while a bake sweeps
     if kept is None or obj is None or obj.dermis.role != "FINGER":
         return None
-    index = kept.active_devices.get(obj.name, {}).get(family, -1)
+    index = kept.active_devices.get(obj.name_full, {}).get(family, -1)
     return obj.dermis.finger.devices[index] if 0 <= index < len(obj.dermis.finger.devices) else None
 
 
 def ready(scene: bpy.types.Scene, obj: bpy.types.Object, kind: str) -> readiness.Ready | None:
     """Return what the active finger's 'thimble' or 'platform' has; None while that is not known. Reads; for drawing."""
     kept = _read(scene)
-    return kept.ready.get(kind) if kept is not None and kept.active == obj.name else None
+    return kept.ready.get(kind) if kept is not None and kept.active == obj.name_full else None
 
 
 def doubts(scene: bpy.types.Scene) -> str:
@@ -211,7 +214,8 @@ def _read(scene: bpy.types.Scene) -> Frame | None:
     """Return what was worked out last; ask for the work where something has happened since."""
     if not changes.sweeping() and _keys.get(scene.session_uid) != _key(scene):
         redraw.request()
-    return _frames.get(scene.session_uid)
+    kept = _frames.get(scene.session_uid)
+    return kept if kept is not None and kept.lineage == changes.lineage() else None
 
 
 def _active(scene: bpy.types.Scene) -> bpy.types.Object | None:
@@ -233,7 +237,7 @@ def _key(scene: bpy.types.Scene) -> tuple[Any, ...]:
         changes.edits(),
         settings.live_preview,
         settings.twin_exaggeration,
-        active.name if active is not None else "",
+        active.name_full if active is not None else "",
         (view.show, view.quantity, view.exaggeration, view.range_mode, view.maximum),
         (thimble.split, thimble.workspace),
     )

@@ -83,7 +83,7 @@ def _range(scene: bpy.types.Scene, drawn: list[Drawn]) -> tuple[float, float]:
     else:
         now = max((max(d.high, -d.low) for d in drawn), default=0.0)
         if view.range_mode == "auto":
-            key = (scene.session_uid, view.quantity, changes.generation())
+            key = (scene.session_uid, view.quantity, changes.lineage())
             now = _largest[key] = max(now, _largest.get(key, 0.0))
         factor = QUANTITIES[view.quantity].factor
         top = skin_field.nice(now / factor) * factor

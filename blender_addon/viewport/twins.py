@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from .. import identity
 from .._core import Array, DermisError, core
 from ..devices import active_presets, platform_devices, thimble_devices
 from ..preview import pin_preview
@@ -23,7 +24,7 @@ _platforms: core.recent.Recent[tuple[Any, ...], Twin] = core.recent.Recent(8)
 
 def twin_of(scene: bpy.types.Scene, row: Row) -> Twin | None:
     """Return a row's twin; None for other devices, and where a preset or values give no place."""
-    obj = scene.objects.get(row.finger)
+    obj = identity.named(scene, row.finger)
     if obj is None:
         return None
     try:

@@ -56,6 +56,7 @@ class Bake:
         content_hash: hash of scene, device presets and version.
         stage_seconds: run time of each stage [s].
         skins: what the skin of each finger felt that shows it or wears a device that needs it, by finger's name.
+        inputs: hashes of all that it was made from, thing by thing, see `inputs.inputs_of`.
     """
 
     outputs: tuple[Output, ...]
@@ -64,6 +65,7 @@ class Bake:
     content_hash: str
     stage_seconds: Mapping[str, float] = field(default_factory=dict)
     skins: Mapping[str, SkinContact] = field(default_factory=dict)
+    inputs: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         names = ", ".join(f"{output.finger}: {output.device}" for output in self.outputs)

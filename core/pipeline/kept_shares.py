@@ -138,7 +138,7 @@ def _key(
         "series": own,
         "skins": {f: _skin(models[f]) for f in lot if f in models},
         "default skin": library.skin(DEFAULT_SKIN),
-        "devices": [_device(use, library) for f in lot for use in scene.fingers[f].devices],
+        "devices": [device_sources(use, library) for f in lot for use in scene.fingers[f].devices],
     }
     return hashlib.sha256(json.dumps(told, sort_keys=True, default=str).encode()).hexdigest()
 
@@ -217,7 +217,7 @@ def _skin(model: SkinModel) -> list[Any]:
     return [model.tissue, key, smooth_pad(model) is not None]
 
 
-def _device(use: DeviceUse, library: Library) -> list[Any]:
+def device_sources(use: DeviceUse, library: Library) -> list[Any]:
     """Return what a device is made from besides the scene: its preset, and the files that its settings name."""
     try:
         preset = library.device(use.preset).hash

@@ -30,6 +30,7 @@ from ..version import version
 from .bake import Bake, Progress
 from .device_tracks import Driven, driven, usable
 from .felt import skin_models, touched
+from .inputs import inputs_of
 from .stages import Stages
 
 RENDERERS = {kind.renderer for kind in KINDS.values()}
@@ -115,7 +116,8 @@ def render(
     yield Progress("devices", len(uses), len(uses))
     by_name = {scene.fingers[finger].name: contact.packed() for finger, contact in skin_contacts.items()}
     skipped = Counter({name: count for name, count in skipped.items() if count})
-    return Bake(tuple(outputs), tuple(findings), skipped, content_hash, clock.seconds, by_name)
+    inputs = inputs_of(scene, content, library)
+    return Bake(tuple(outputs), tuple(findings), skipped, content_hash, clock.seconds, by_name, inputs)
 
 
 def run(scene: TactileScene, library: Library | None = None) -> Bake:

@@ -8,7 +8,10 @@ from typing import Any
 import bpy
 import numpy as np
 
-from blender_addon import compat
+from blender_addon import compat, preferences
+from blender_addon._core import core
+from blender_addon.results import store
+from blender_addon.sampling import scene_sweep
 from core.scene.tactile_scene import constant
 
 
@@ -64,6 +67,26 @@ def keys(owner: bpy.types.ID, path: str, frames: Sequence[float], values: Any, i
     columns = table[:, None] if table.ndim == 1 else table
     for index in range(columns.shape[1]):
         compat.set_keys(owner, path, index, frames, columns[:, index].tolist(), interpolation=interpolation)
+
+
+def keep(scene: Any, *outputs: Any, content_hash: str = "hash") -> Any:
+    """Keep some tracks as the scene's bake, as if it had been made from the scene as it is; return the `Result`.
+
+    Fingers that are missing are put into the scene, and something to touch, far away.
+    """
+    for name in dict.fromkeys(output.finger for output in outputs):
+        obj = bpy.data.objects.get(name) or bpy.data.objects.new(name, None)
+        if obj.name not in scene.objects:
+            scene.collection.objects.link(obj)
+        obj.dermis.role = "FINGER"
+    if not any(obj.dermis.role == "TOUCHABLE" for obj in scene.objects):
+        block = bpy.data.objects.get("Far Block") or cube("Far Block", location=(0.0, 0.0, -50.0))
+        if block.name not in scene.objects:
+            scene.collection.objects.link(block)
+    bpy.context.view_layer.update()
+    sampled = scene_sweep.sample(scene)
+    inputs = core.steps.drain(core.pipeline.inputs.sampled(sampled, preferences.library()))
+    return store.keep(scene, core.pipeline.bake.Bake(outputs, (), {}, content_hash, inputs=inputs))
 
 
 def span(first: int, last: int, fps: int = 24, fps_base: float = 1.0) -> bpy.types.Scene:

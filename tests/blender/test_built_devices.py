@@ -9,16 +9,10 @@ from typing import Any
 import bpy
 import pytest
 
+from blender_addon import identity
 from blender_addon._core import core
 from blender_addon.results import store
-from blender_addon.streaming import (
-    board_identity,
-    built_devices,
-    calibration_offers,
-    device_calibration,
-    finger_ids,
-    session,
-)
+from blender_addon.streaming import board_identity, built_devices, calibration_offers, device_calibration, session
 
 from . import build
 from .test_stream import HAPTIP, a_track, state, wait
@@ -33,7 +27,7 @@ def bake(scene: Any, *fingers: str) -> None:
     """Keep a bake with a HapTip's track for some fingers."""
     pipeline = core.pipeline.bake
     found = tuple(pipeline.Output(n, HAPTIP, a_track(finger_name=n), {}, ()) for n in fingers)
-    store.keep(scene, pipeline.Bake(found, (), {}, "hash"))
+    build.keep(scene, *found)
 
 
 @pytest.fixture
@@ -214,12 +208,12 @@ def test_choosing_another_device_loses_nothing_unsaved(scene: Any) -> None:
 def test_undo_takes_neither_identity_nor_choice(scene: Any) -> None:
     push("before anything")
     mark(scene)
-    own = finger_ids.identity(bpy.data.objects["Index"])
+    own = identity.identity(bpy.data.objects["Index"])
     bpy.data.objects["Index"].location.x = 0.5
     push("moved")
     undo()
     scene = bpy.context.scene
-    assert finger_ids.identity(bpy.data.objects["Index"]) == own
+    assert identity.identity(bpy.data.objects["Index"]) == own
     assert worn(scene) == "left, red tape" and listed(scene) == SET
 
 
@@ -263,7 +257,7 @@ def test_the_device_that_answers_is_recognised(scene: Any) -> None:
     status = wait(lambda s: s["state"] == "ready" and "in the box" in s["message"])
     assert "serial number" in status["message"] and board_identity.answered() == (VIRTUAL,)
     assert listed(scene) == SET and driven(scene)["pulley_1"].zero == 0.125
-    assert built_devices.choice(finger_ids.identity(bpy.data.objects["Index"]), HAPTIP) == "haptip-in-the-box.json"
+    assert built_devices.choice(identity.identity(bpy.data.objects["Index"]), HAPTIP) == "haptip-in-the-box.json"
 
 
 def test_going_without_is_a_choice_that_nothing_overrides(scene: Any) -> None:

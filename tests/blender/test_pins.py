@@ -65,7 +65,7 @@ def test_a_press_test_gives_alpha_and_can_be_undone(demo) -> None:
     skin.alpha = 0.9  # what is there must not matter
     assert bpy.ops.dermis.press_test(**names) == {"FINISHED"}
     assert skin.alpha == pytest.approx(0.73, rel=2e-3)  # a preset's lengths in single precision
-    assert pin_reports.calibrated["Index"].residual < 5e-3
+    assert pin_reports.calibrated[bpy.data.objects["Index"].session_uid].residual < 5e-3
     assert "UNDO" in bpy.types.Operator.bl_rna_get_subclass_py("DERMIS_OT_press_test").bl_options
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,7 +13,7 @@ import pytest
 
 from blender_addon import reporting
 from blender_addon.devices import thimble_adaptation, thimble_devices
-from blender_addon.results import store
+from blender_addon.results import owners, store
 from blender_addon.streaming import built_devices
 from core.errors import DermisError
 from core.files import write_npz
@@ -34,6 +35,24 @@ def stored(tmp_path: Path) -> Path:
     path = tmp_path / "result"
     store._write(path, store.current(bpy.context.scene))
     return path
+
+
+def test_damaged_owners_of_a_bake_are_refused_in_words() -> None:
+    whole = owners.dumps(
+        {"Index": owners.Owner("0" * 32, (("haptip", "1" * 32),)), "Thumb": owners.Owner("2" * 32, ())}
+    )
+    assert owners.dumps(owners.loads(whole)) == whole and owners.loads("") == {}
+    damager, refused = Damager(5), 0
+    for text in ("[" * 100_000, "{}", '{"Index": 3}', '{"Index": ["x", []]}'):
+        with contextlib.suppress(DermisError):
+            owners.loads(text)
+    for _ in range(400):
+        try:
+            owners.loads(damager.damage(whole.encode()).decode("utf-8", "replace"))
+        except DermisError as error:
+            refused += 1
+            assert error.what and error.where
+    assert refused > 200
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -18,7 +18,7 @@ from blender_addon.streaming import calibration_rows, device_calibration, sessio
 from blender_addon.viewport import cards
 from blender_addon.viewport import shown as views
 
-from .build import finger
+from .build import finger, keep
 
 pytestmark = pytest.mark.real_time
 
@@ -41,7 +41,7 @@ def a_bake(track: Any) -> Any:
     pipeline = core.pipeline.bake
     scene = bpy.context.scene
     scene.frame_start, scene.frame_end = 1, 49
-    store.keep(scene, pipeline.Bake((pipeline.Output("Finger", HAPTIP, track, {}, ()),), (), {}, "hash"))
+    keep(scene, pipeline.Output("Finger", HAPTIP, track, {}, ()))
     return scene
 
 

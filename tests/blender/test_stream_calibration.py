@@ -28,7 +28,7 @@ def scene() -> Any:
     for name in ("Index", "Thumb"):
         build.finger(name).dermis.finger.devices.add().preset = HAPTIP
     found = tuple(pipeline.Output(n, HAPTIP, a_track(finger_name=n), {}, ()) for n in ("Index", "Thumb"))
-    store.keep(made, pipeline.Bake(found, (), {}, "hash"))
+    build.keep(made, *found)
     made.dermis_stream.output = "Index: haptip"
     made.dermis_stream.ramp = 0.1
     return made

@@ -29,7 +29,7 @@ def two() -> Any:
     made = {"Scene": ("Index", "Thumb"), "Other": ("Ring",)}
     for name, fingers in made.items():
         found = tuple(pipeline.Output(f, HAPTIP, a_track(finger_name=f), {}, ()) for f in fingers)
-        store.keep(bpy.data.scenes[name], pipeline.Bake(found, (), {}, "hash"))
+        build.keep(bpy.data.scenes[name], *found)
     return scene
 
 
@@ -176,7 +176,7 @@ def test_scenes_whose_names_meet(two: Any, tmp_path: Path) -> None:
         assert scene.name == name
         scene.frame_start, scene.frame_end = 1, 49
         track = a_track(finger_name=name)
-        store.keep(scene, pipeline.Bake((pipeline.Output("Index", HAPTIP, track, {}, ()),), (), {}, "hash"))
+        build.keep(scene, pipeline.Output("Index", HAPTIP, track, {}, ()))
     bpy.ops.dermis.export_as(form="json", all_scenes=True, directory=str(tmp_path))
     made = [n for n in names(tmp_path) if n.lower().startswith("s_1")]
     assert sorted(made) == sorted(["S_1.Index.haptip.json", "S_1-2.Index.haptip.json", "s_1-3.Index.haptip.json"])
@@ -210,7 +210,7 @@ def keep(*tracks: Any) -> None:
     pipeline, scene = core.pipeline.bake, bpy.context.scene
     scene.frame_start, scene.frame_end = 1, 49
     found = tuple(pipeline.Output(t.meta["finger"], t.spec.key, t, {}, ()) for t in tracks)
-    store.keep(scene, pipeline.Bake(found, (), {}, "hash"))
+    build.keep(scene, *found)
 
 
 def at_rate(track: Any, rate: float, n: int) -> Any:

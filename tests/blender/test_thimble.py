@@ -109,7 +109,7 @@ def test_servos_that_a_device_reports_are_shown_in_their_own_pose(demo) -> None:
     demo.frame_set(30)
     baked = views.devices(demo)
     angles = {f"servo_{i}": 0.0 for i in (1, 2, 3)}
-    (row,) = reported_values.with_reported(baked, angles, "").rows
+    (row,) = reported_values.with_reported(baked, angles, baked.rows[0]).rows
     joints = twins.twin_of(demo, row).state
     np.testing.assert_allclose(joints.x[:2], 0.0, atol=1e-9)  # three equal servos hold the disc level
     assert abs(baked.rows[0].values["distance"] - joints.x[2]) > 1e-4 and not row.signals

@@ -1,0 +1,32 @@
+"""What a bake was made from, hashed thing by thing, and whether that is still so."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+from ..presets import Library
+from ..scene.content_hash import ContentHash, Parts, differences, said
+from ..scene.tactile_scene import TactileScene
+from .kept_shares import device_sources
+
+__all__ = ["differences", "inputs_of", "sampled"]
+
+
+def inputs_of(scene: TactileScene, content: ContentHash, library: Library) -> Parts:
+    """Return the hashes of what a scene is rendered from, once its chunks have passed: its things, and the presets.
+
+    Each finger has besides its own those of its devices' presets, and of the files that their settings name.
+    """
+    found = content.parts()
+    for finger in scene.fingers:
+        sources = [device_sources(use, library) for use in finger.devices]
+        found[f"finger '{finger.name}'"]["presets of its devices"] = said(sources)
+    return found
+
+
+def sampled(scene: TactileScene, library: Library) -> Generator[None, None, Parts]:
+    """Read a scene's chunks, and return the hashes of what it would be rendered from; yield after each."""
+    content = ContentHash(scene)
+    for _ in content.through(scene.chunks):
+        yield
+    return inputs_of(scene, content, library)

@@ -54,6 +54,7 @@ def test_all_fingers_one_finger_and_several_scenes(two: Any, tmp_path: Path) -> 
 def test_an_actions_frames(two: Any, tmp_path: Path) -> None:
     thumb = bpy.data.objects["Thumb"]
     build.keys(thumb, "location", [13, 37], [(0, 0, 0), (0, 0, 1)])
+    build.keep(two, *store.current(two).bake.outputs)
     bpy.context.view_layer.objects.active = thumb
     bpy.ops.dermis.export_as(form="json", directory=str(tmp_path), active_only=True, span="ACTION")
     [path] = tmp_path.iterdir()
@@ -175,13 +176,14 @@ def test_scenes_whose_names_meet(two: Any, tmp_path: Path) -> None:
         scene = bpy.data.scenes.new(name)
         assert scene.name == name
         scene.frame_start, scene.frame_end = 1, 49
-        track = a_track(finger_name=name)
+        track = a_track(finger_name="Index")
+        track = replace(track, meta={**track.meta, "scene": name})
         build.keep(scene, pipeline.Output("Index", HAPTIP, track, {}, ()))
     bpy.ops.dermis.export_as(form="json", all_scenes=True, directory=str(tmp_path))
     made = [n for n in names(tmp_path) if n.lower().startswith("s_1")]
     assert sorted(made) == sorted(["S_1.Index.haptip.json", "S_1-2.Index.haptip.json", "s_1-3.Index.haptip.json"])
     read = core.track.export.read
-    assert {read(tmp_path / n).meta["finger"] for n in made} == {"S 1", "S_1", "s_1"}
+    assert {read(tmp_path / n).meta["scene"] for n in made} == {"S 1", "S_1", "s_1"}
 
 
 @pytest.mark.parametrize("last", [12, 13, 14])

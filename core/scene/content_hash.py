@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import feed
-from .tactile_scene import SCENE_VERSION, Chunk, TactileScene, header
+from .tactile_scene import SCENE_VERSION, Body, Chunk, TactileScene, header
 
 Parts = dict[str, dict[str, str]]
 
@@ -29,11 +29,13 @@ def differences(before: Parts, now: Parts) -> list[str]:
     """
     left = {name: aspects for name, aspects in before.items() if now.get(name) != aspects}
     new = {name: aspects for name, aspects in now.items() if before.get(name) != aspects}
+    alike: dict[tuple[str, str], list[str]] = {}
+    for name, aspects in new.items():
+        alike.setdefault((name.partition(" ")[0], said(aspects)), []).append(name)
     for name in [name for name in left if not name.startswith(("finger ", "scene"))]:
-        kind = name.partition(" ")[0]
-        same = next((n for n, aspects in new.items() if aspects == left[name] and n.startswith(f"{kind} ")), None)
-        if same is not None:
-            del left[name], new[same]
+        same = alike.get((name.partition(" ")[0], said(left[name])))
+        if same:
+            del left[name], new[same.pop()]
     found = []
     for name in sorted({*left, *new}):
         if name not in new:
@@ -98,13 +100,48 @@ class ContentHash:
 
         What one thing is to another, such as the screen that a device touches, goes in by that other one's hash.
         """
-        scene = self._scene
-        screens = {s.name: self._screen(i) for i, s in enumerate(scene.screens)}
-        bodies = {b.name: self._body(i) for i, b in enumerate(scene.bodies)}
-        inside = {name: said(bodies[name]) for name in bodies}
+        scene, series = self._scene, self._grouped()
+        meshes: dict[int, str] = {}  # instances share one
+
+        def of(*groups: str) -> str:  # plain texts, since there may be ten thousand of them
+            rows = [sorted(series.get(group, ())) for group in groups]
+            if len(rows) == len(rows[0]) == 1 and not rows[0][0][0]:
+                return rows[0][0][1]
+            return said(rows) if any(rows) else ""
+
+        def shape(body: Body) -> str:
+            if body.mesh is None:
+                return ""
+            if id(body.mesh) not in meshes:
+                sha = hashlib.sha256()
+                feed(sha, body.mesh.vertices, body.mesh.triangles)
+                meshes[id(body.mesh)] = sha.hexdigest()
+            return meshes[id(body.mesh)]
+
+        bodies = [
+            {
+                "settings": said([body.parameters, body.simulated]),
+                "shape": f"{shape(body)}{of(f'surface/{i}')}",
+                "motion": of(f"body/{i}"),
+                "keyed settings": of(f"channel/body/{i}"),
+            }
+            for i, body in enumerate(scene.bodies)
+        ]
+        screens = {}
+        for i, screen in enumerate(scene.screens):
+            relief = hashlib.sha256()
+            feed(relief, screen.height_map)
+            screens[screen.name] = {
+                "settings": said([screen.parameters, screen.size, screen.height_unit]),
+                "relief": relief.hexdigest(),
+                "motion": of(f"screen/{i}"),
+                "keyed settings": of(f"channel/screen/{i}"),
+            }
+        held = {name for body in scene.bodies for name in body.content}
+        inside = {b.name: said(own) for b, own in zip(scene.bodies, bodies, strict=True) if b.name in held}
         found: Parts = {
             "scene": {
-                "frames": said([str(scene.fps), scene.frame_range, self._of_all("frames", "times")]),
+                "frames": said([str(scene.fps), scene.frame_range, of("frames", "times")]),
                 "sampling rate": said(scene.rate),
                 "gravity": said(scene.gravity),
             }
@@ -114,41 +151,26 @@ class ContentHash:
             found[f"finger '{finger.name}'"] = {
                 "settings": said(finger.parameters),
                 "devices": said(uses),
-                "motion": self._of_all(f"finger/{i} "),
-                "keyed settings": self._of_all(f"channel/finger/{i}/", f"channel/device/{i}/"),
+                "motion": of(f"finger/{i}"),
+                "keyed settings": of(f"channel/finger/{i}", f"channel/device/{i}"),
             }
-        for body in scene.bodies:
+        for body, aspects in zip(scene.bodies, bodies, strict=True):
             content = sorted(inside.get(name, "") for name in body.content)
-            found[f"object '{body.name}'"] = {**bodies[body.name], "content": said(content)}
+            found[f"object '{body.name}'"] = {**aspects, "content": said(content) if content else ""}
         found.update({f"screen '{name}'": aspects for name, aspects in screens.items()})
         return found
 
-    def _body(self, i: int) -> dict[str, str]:
-        body, shape = self._scene.bodies[i], hashlib.sha256()
-        if body.mesh is not None:
-            feed(shape, body.mesh.vertices, body.mesh.triangles)
-        return {
-            "settings": said([body.parameters, body.simulated]),
-            "shape": said([shape.hexdigest(), self._of_all(f"surface/{i}\n")]),
-            "motion": self._of_all(f"body/{i} "),
-            "keyed settings": self._of_all(f"channel/body/{i}/"),
-        }
+    def _grouped(self) -> dict[str, list[tuple[str, str]]]:
+        """Return name and hash of each series of each thing, such as of 'channel/body/3'.
 
-    def _screen(self, i: int) -> dict[str, str]:
-        screen, relief = self._scene.screens[i], hashlib.sha256()
-        feed(relief, screen.height_map)
-        return {
-            "settings": said([screen.parameters, screen.size, screen.height_unit]),
-            "relief": relief.hexdigest(),
-            "motion": self._of_all(f"screen/{i} "),
-            "keyed settings": self._of_all(f"channel/screen/{i}/"),
-        }
-
-    def _of_all(self, *starts: str) -> str:
-        """Return a hash of all series whose names begin so; a newline ends each name."""
-        mine = {key: series for key, series in self._series.items() if f"{key}\n".startswith(starts)}
-        # a keyed setting is named after its thing's number, which another name may change
-        return said([[key.split("/", 3)[3:], mine[key].hexdigest()] for key in sorted(mine)])
+        A thing's number is no part of the name: another name may change it.
+        """
+        found: dict[str, list[tuple[str, str]]] = {}
+        for key, series in self._series.items():
+            words = key.partition(" ")[0].split("/")
+            own = 3 if words[0] == "channel" else 2
+            found.setdefault("/".join(words[:own]), []).append(("/".join(words[own:]), series.hexdigest()))
+        return found
 
     def _add(self, key: str, rows: NDArray[Any]) -> None:
         self._of(f"{key} {rows.dtype.str}{rows.shape[1:]}").update(np.ascontiguousarray(rows).data)

@@ -55,7 +55,7 @@ def _on_load(*_: Any) -> None:
     recall.request()
     shown.forget()
     reporting.clear()
-    identity.note()
+    identity.note(store.baked())
 
 
 @persistent

@@ -13,7 +13,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -149,11 +149,22 @@ def is_in_layer(obj: bpy.types.Object, layer: bpy.types.ViewLayer) -> bool:
     return found == obj or (found is not None and any(other == obj for other in layer.objects))
 
 
-def note() -> None:
-    """Remember who is who in a file that has just been opened: what says the same later is a copy."""
+def note(baked: Mapping[str, str]) -> None:
+    """Remember who is who in a file that has just been opened: what says the same later is a copy.
+
+    Args:
+        baked: names by identity, of fingers when they were baked. Where two say the same, since the file was saved
+            without this add-on, it is the one that is called so.
+    """
     _given.clear()
     _items.clear()
-    _given.update([(obj.session_uid, own) for obj in _fingers() if (own := identity(obj))])
+    said: dict[str, list[bpy.types.Object]] = {}
+    for obj in sorted(_fingers(), key=lambda o: o.session_uid):
+        said.setdefault(_claimed(obj), []).append(obj)
+    for own, objects in said.items():
+        if own:
+            known = next((obj for obj in objects if obj.name_full == baked.get(own)), objects[0])
+            _given[known.session_uid] = own
 
 
 def settle() -> None:

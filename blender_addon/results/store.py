@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -220,6 +221,16 @@ def load(scene: bpy.types.Scene) -> Result | None:
     result = replace(result, bake=bake, owners=told, whose=owners.whose(told, bake.outputs))
     _results[scene.session_uid] = result
     return result
+
+
+def baked() -> dict[str, str]:
+    """Return what the fingers of all scenes' stored bakes were called then, by their identities."""
+    found = {}
+    for scene in bpy.data.scenes:
+        with suppress(DermisError):  # whoever loads that bake is told
+            told = owners.loads(scene.dermis.bake_owners)
+            found.update({owner.identity: name for name, owner in told.items()})
+    return found
 
 
 def has_owner(scene: bpy.types.Scene) -> bool:

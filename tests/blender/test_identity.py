@@ -282,6 +282,22 @@ def test_undo_to_before_the_bake_keeps_whose_it_is(scene: Any) -> None:
     assert all(choice.output is not None for choice in streamed_track.choices(scene))
 
 
+def test_the_baked_one_keeps_what_two_say(scene: Any, tmp_path: Path) -> None:
+    """A file that was saved without the add-on: nobody wrote down which is the copy."""
+    before, obj = tracks(scene), bpy.data.objects["B"]
+    copy = obj.copy()
+    copy.name = "A copy, before the other in every list"
+    scene.collection.objects.link(copy)
+    assert copy.dermis.identity == obj.dermis.identity
+    on_save = next(f for f in bpy.app.handlers.save_pre if f.__module__.startswith("blender_addon"))
+    bpy.app.handlers.save_pre.remove(on_save)
+    try:
+        scene = reopened(tmp_path / "without.blend")
+    finally:
+        bpy.app.handlers.save_pre.append(on_save)
+    assert store.load(scene) is not None and same(tracks(scene), before)
+
+
 def test_findings_are_about_the_object_that_they_named(scene: Any) -> None:
     reporting.show((Finding("warning", "probe", "something", where="finger 'A', skin"),), "test")
     own = bpy.data.objects["A"]

@@ -93,7 +93,8 @@ class Watch:
         self._gone: set[int] = set()
         self._changed: set[int] = set()
         self._rows: dict[int, list[Any]] = {b: [] for b, _, _ in self._bodies}  # of the samples of a chunk
-        self._edited = True
+        self._edited: set[int] = set()  # session uids
+        self._all = True  # whether everything may have been edited
         self._frame: int | None = None
         self._settings = {o.session_uid: _settings(o) for o in scene.objects if participants.role_of(o) != "NONE"}
         self._shown = {uid: not participants.is_disabled(o, view_layer) for uid, o in self._others().items()}
@@ -110,8 +111,12 @@ class Watch:
         bpy.app.handlers.frame_change_post.remove(self._note)
 
     def _note(self, _scene: bpy.types.Scene, depsgraph: Any = None) -> None:
-        if depsgraph is None or any(u.id.original.session_uid not in self._timely for u in depsgraph.updates):
-            self._edited = True
+        for update in depsgraph.updates if depsgraph is not None else ():
+            original = update.id.original
+            if original.session_uid not in self._timely:
+                self._edited.add(original.session_uid)
+                self._all |= isinstance(original, bpy.types.Scene | bpy.types.Collection)
+        self._all |= depsgraph is None
 
     def look(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Compare the current frame; it is the next sample of the chunk."""
@@ -119,13 +124,16 @@ class Watch:
         if frame != self._frame:
             self._frame = frame
             self._look_at_settings(float(frame))
-        if self._edited:
-            self._edited = False
+        if self._edited or self._all:
             for uid, obj in self._others().items():
                 if self._shown.get(uid) == participants.is_disabled(obj, self._view_layer):
                     self._tell(f"object '{obj.name_full}'", "visibility", float(frame))
             for b, at, entry in self._bodies:
-                self._look_at_body(b, bpy.data.objects[at], entry, depsgraph)
+                obj = bpy.data.objects[at]
+                if self._all or entry.uid in self._edited or _hangs_on_others(obj) or _uid(obj.data) in self._edited:
+                    self._look_at_body(b, obj, entry, depsgraph)
+            self._edited.clear()
+            self._all = False
         for b, row in self._rows.items():
             row.append(core.scene.tactile_scene.ABSENT if b in self._gone else self._still.get(b))
         for key, values in self._following.items():
@@ -225,6 +233,15 @@ class Watch:
                 frame=float(frames[gone.index(True)]),
             )
         )
+
+
+def _hangs_on_others(obj: bpy.types.Object) -> bool:
+    """Return whether an object's shape depends on more than itself and its mesh."""
+    return obj.type != "MESH" or len(obj.modifiers) > 0 or obj.data.shape_keys is not None
+
+
+def _uid(data: bpy.types.ID | None) -> int:
+    return 0 if data is None else int(data.session_uid)
 
 
 class _Keyable(NamedTuple):

@@ -131,6 +131,10 @@ def finger_with(own: str, scene: bpy.types.Scene) -> bpy.types.Object | None:
 
 def named(scene: bpy.types.Scene, name: str) -> bpy.types.Object | None:
     """Return the object of a scene with a full name: that of a linked object has its file's, too."""
+    for layer in scene.view_layers:  # which look a name up, where the file's own list is gone through
+        obj = layer.objects.get(name)
+        if obj is not None and obj.name_full == name:
+            return obj
     obj = bpy.data.objects.get(name)
     if obj is None or obj.name_full != name:
         obj = next((o for o in scene.objects if o.name_full == name), None) if " [" in name else None

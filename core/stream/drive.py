@@ -57,8 +57,7 @@ class Drive:
         self.leaving = self.drained = self.driven = False
         self._counters = counters
         self._since = 0.0  # when arming began [s]
-        self._began = 0.0  # when the device began to be driven, live or to its safe state [s]
-        self._stalled = self._fell_silent = False
+        self._stalled = False
         self._ramp: SafeRamp | None = None
         self._drain: Drain | None = None
 
@@ -128,7 +127,6 @@ class Drive:
             DermisError: the device cannot be used, or has not answered.
             Gone: the link is closed.
         """
-        self._fell_silent = self._was_silent(now)  # before anything is said again
         self.connection.receive(now)
         if self._drain is not None:
             self._note_fault()
@@ -156,7 +154,7 @@ class Drive:
         """
         if self.phase is Phase.ARMING:
             self._await_armed(now)
-        if self._fell_silent and self.phase in (Phase.LIVE, Phase.SAFING):
+        if self.phase in (Phase.LIVE, Phase.SAFING) and self.connection.outbox.was_silent(now):
             self._stalled |= self.phase is Phase.LIVE
             self._after_silence(now)
         if self.phase is Phase.LIVE:
@@ -237,7 +235,8 @@ class Drive:
         if pose is None:  # where it is nobody knows; where it may be without harm, the preset does
             pose = output.limiter.last if self.driven and not adapter.tells_pose else output.wire.safe
         output.begin(pose, now, self.horizon, self.request.ramp)
-        self.phase, self._began, self._fell_silent = Phase.LIVE, now, False
+        self.phase = Phase.LIVE
+        self.connection.outbox.begin(now)
 
     def _live(self, now: float, alive: bool) -> None:
         """Send the samples that are due; what the link has held back comes first."""
@@ -287,7 +286,7 @@ class Drive:
         retracting = adapter.retract()
         if retracting is not None or not live:
             self._send_safe(adapter.safe() if retracting is None else retracting, now)
-        elif self._was_silent(now):
+        elif self.connection.outbox.was_silent(now):
             self.phase = Phase.LIVE
             self._after_silence(now)
         else:
@@ -310,36 +309,30 @@ class Drive:
 
     def _begin_ramp(self, now: float) -> None:
         """Lead the device to its safe state from the pose that it was driven to last."""
-        self.phase, self._began = Phase.SAFING, now
+        self.phase = Phase.SAFING
+        self.connection.outbox.begin(now)
         self.output.wanted = self.output.wire.safe_command
         self._ramp = SafeRamp(self.output.limiter, self.connection.ramp_period, now)
         self._safing(now)
 
     # -- the sender's own silence
 
-    def _was_silent(self, now: float) -> bool:
-        """Return whether no message has left for longer than the board's declared silence."""
-        return self._quiet(now) > self.connection.adapter.silence.after
-
-    def _quiet(self, now: float) -> float:
-        """Return for how long nothing has left since the device began to be driven [s]."""
-        return now - max(self.connection.outbox.left_at, self._began)
-
     def _stay_alive(self, now: float) -> None:
         """Say something where commands are so far apart that the board would count this sender as silent."""
-        adapter = self.connection.adapter
-        if self._quiet(now) * adapter.least_rate > 1.0:
+        adapter, outbox = self.connection.adapter, self.connection.outbox
+        if (now - outbox.left_at) * adapter.least_rate > 1.0:
             messages = adapter.sign_of_life(self.output.limiter.last, now)
-            self.connection.outbox.send(messages, now, moves=True, count=False)
+            outbox.send(messages, now, moves=True, count=False)
 
     def _after_silence(self, now: float) -> None:
         """End the stream; go to safety from the pose that the board's declaration names, or nowhere."""
-        adapter, output = self.connection.adapter, self.output
+        adapter, output, outbox = self.connection.adapter, self.output, self.connection.outbox
         silence, safing = adapter.silence, self.phase is Phase.SAFING
         at_last_command = silence.does in (Does.STOPS, Does.KEEPS) or output.wire.reach == Reach.AT_ONCE
         if safing and (at_last_command or (self._ramp is not None and self._ramp.there)):
-            return  # the way goes on from where it was, or is at its end
-        quiet = f"no command has left for {self._quiet(now):.2g} s, and the board's limit is {silence.after:.2g} s"
+            outbox.begin(now)  # the way goes on from where it was, or is at its end
+            return
+        quiet = f"no command has left for {outbox.silence:.2g} s, and the board's limit is {silence.after:.2g} s"
         self.message = "; ".join(filter(None, (self.message.rstrip(".") if safing else "", f"{quiet}: arm again")))
         self._counters["silences"] += 1
         self._drop_unsent(now)
@@ -350,7 +343,9 @@ class Drive:
             self._begin_ramp(now)
         elif silence.does is Does.RETRACTS:
             output.limiter.last = output.wire.safe.copy()
-            if not safing:
+            if safing:
+                outbox.begin(now)
+            else:
                 self._begin_ramp(now)
         else:
             adapter.safe()  # ends arming; its messages are commands, and are not sent

@@ -36,6 +36,7 @@ class Outbox:
 
     Attributes:
         left_at: when something left last, a message or a part of what waits in the link [s].
+        silence: the longest time in which nothing left since `begin`, once the board counts that as silence; else 0 [s].
         unsent: values and play-out time of a command that found no room and still has time; None: there is none.
     """
 
@@ -48,7 +49,7 @@ class Outbox:
         clock: Callable[[], float] | None = None,
     ) -> None:
         self._link, self._adapter, self._counters, self._bucket, self._clock = link, adapter, counters, bucket, clock
-        self.left_at = -math.inf
+        self.left_at, self.silence = -math.inf, 0.0
         self._in_link = 0  # bytes that waited in the link when it had no room last
         self._waiting: deque[bytes] = deque()
         self._refused = self._crowded = -math.inf  # when the link had no room last; when it said so too late [s]
@@ -63,6 +64,17 @@ class Outbox:
     def waiting(self) -> int:
         """Number of bytes of the protocol's own messages that wait for room."""
         return sum(map(len, self._waiting))
+
+    def begin(self, now: float) -> None:
+        """Count silence from now on: the device begins to be driven."""
+        self.left_at, self.silence = now, 0.0
+
+    def was_silent(self, now: float) -> bool:
+        """Return whether nothing left for longer than the board's declared silence, at any time since `begin`."""
+        quiet = now - self.left_at
+        if quiet > self._adapter.silence.after:
+            self.silence = max(self.silence, quiet)
+        return self.silence > 0
 
     def poll(self, now: float) -> None:
         """Send what the protocol itself has to say, in its order; what finds no room waits, the oldest not for ever."""
@@ -79,19 +91,18 @@ class Outbox:
         """Send messages of a moment; return whether all of them left.
 
         Args:
-            moves: they move actuators. They are not sent once they have grown old, as in a process that was suspended
-                between the moment and the write. count: messages that did not leave are counted as dropped.
+            moves: they move actuators. After a silence they are not sent, as in a process that was suspended between
+                the moment and the write. count: messages that did not leave are counted as dropped.
         """
         whole = True
         for message in messages:
-            old = moves and self._clock is not None and self._clock() - now > self._adapter.silence.after
-            if not old and self._link.send(message):
+            if not (moves and self.was_silent(self._time(now))) and self._link.send(message):
                 self._left(message, now)
             else:
                 self._counters["dropped"] += count
                 whole = False
         if not whole and (waiting := self._link.pending()) != self._in_link:
-            self._in_link, self.left_at = waiting, now  # a full link that still moves is not silent
+            self._in_link, self.left_at = waiting, self._time(now)  # a full link that still moves is not silent
         return whole
 
     def command(self, values: Array, play: float | None, now: float, patience: float) -> SendResult:
@@ -122,7 +133,13 @@ class Outbox:
             return False
         return self._bucket.open(now, prompt=self._adapter.prompt and now - self._crowded > MEMORY)
 
+    def _time(self, now: float) -> float:
+        """Return the time, which goes on between the moment that was handed in and a write [s]."""
+        return now if self._clock is None else self._clock()
+
     def _left(self, message: bytes, now: float) -> None:
-        self.left_at = now
+        moment = self._time(now)
+        self.was_silent(moment)
+        self.left_at = moment
         self._counters["bytes"] += len(message)
         self._bucket.take(len(message))

@@ -174,6 +174,25 @@ def test_a_command_that_was_held_up_before_its_write_does_not_leave(protocol: st
     assert not lab.sent and not lab.streamer.armed
 
 
+@pytest.mark.parametrize("protocol", DRIVEN)
+def test_two_short_sleeps_in_a_row_are_one_silence(protocol: str) -> None:
+    """The first ends before the tick, the second lies between the tick's look at the clock and its write."""
+    lab = driven(protocol, "retracts")
+    slept = [0.0]
+    outbox = lab.streamer.connection.outbox  # type: ignore[union-attr]
+    outbox._clock = lambda: lab.now + slept[0]
+    lab.run(0.05)
+    lab.now = outbox.left_at + 0.085
+    slept[0] = 0.09
+    del lab.sent[:]
+    lab.run(TICK)
+    assert not lab.sent, "the board heard nothing for 175 ms, and is on its way home"
+    lab.now, slept[0] = lab.now + 0.09, 0.0
+    path = told(lab, 0.5)[2:]
+    assert np.allclose(path, SAFE, atol=QUANTUM) and not lab.streamer.armed
+    assert lab.streamer.counters["silences"] == 1
+
+
 def test_arming_that_was_slept_through_is_given_up() -> None:
     lab = Lab("maestro", mode="jog", jog={"pulley_1": 0.4}, ramp=0.0)
     lab.run(0.1)

@@ -20,6 +20,7 @@ from .state import State
 MAX_CLOSE_SECONDS = 0.2  # closing waits this long for the sender; then that finishes by itself
 
 _ending: list[SenderClient] = []  # closed, and still on the way to the safe state
+_lost: list[str] = []  # closed ones that ended before, in words, until the next one connects
 
 
 class SenderClient:
@@ -60,6 +61,7 @@ class SenderClient:
         A port that an earlier sender of this process still needs for its safe state is taken when it lets go.
         """
         _reap()
+        _lost.clear()
         self._before = next((one for one in _ending if one._request.get("url") == url), None)
         self.set(connect=True, url=url, protocol=protocol, device={"key": device, "preset": dict(preset)}, **more)
 
@@ -108,12 +110,11 @@ class SenderClient:
                     "message": f"waiting for the port: its sender of before still has it ({message})",
                 }
         if not self.alive:
-            return {
-                **status,
-                "state": State.DEAD,
-                "armed": False,
-                "message": f"The sender has ended: {self._child.said()}",
-            }
+            message = f"The sender has ended: {self._child.said().rstrip('.')}"
+            silence = status.get("silence", {})
+            if status.get("astray"):
+                message += f". It led the device, and {silence.get('text', '')}: switch the supply off"
+            return {**status, "state": State.DEAD, "armed": False, "pose_known": False, "message": message}
         return status or {"state": State.DISCONNECTED, "message": "", "armed": False}
 
     def close(self) -> None:
@@ -135,6 +136,10 @@ class SenderClient:
         """Return whether a closed sender has ended, and leave nothing behind then; one that hangs is killed."""
         gone = self._child.gone(self._shared.status_number)
         if gone:
+            status = self._shared.read_status()
+            if status.get("astray") and not status.get("ended"):
+                url = self._request.get("url", "")
+                _lost.append(f"the sender at {url} ended on the way to the safe state: switch the device's supply off")
             self._shared.remove()
         return gone
 
@@ -176,6 +181,6 @@ def _reap() -> None:
 
 
 def leaving() -> str:
-    """Return what closed senders of this process still do, in words; '' where all have ended."""
+    """Return what closed senders of this process still do, or have left undone, in words; '' for nothing."""
     _reap()
-    return "; ".join(f"{one._ends()} ({one._request.get('url', '')})" for one in _ending)
+    return "; ".join([*_lost, *(f"{one._ends()} ({one._request.get('url', '')})" for one in _ending)])

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
+import os
 import sys
+import threading
 import time
 from collections.abc import Callable
+from queue import SimpleQueue
 
 from .. import clock
 from ..errors import DermisError
@@ -18,6 +22,13 @@ from .state import State
 from .streamer import Streamer
 
 LOG_SECONDS = 5.0  # for the end of a log to be written; the device is safe by then [s]
+
+
+WRITTEN = 0.002  # a terminal takes a line within this time; one that is held must not hold the device [s]
+SAY_SECONDS = 1.0  # at the end of the program a held terminal is waited for [s]
+
+_said: SimpleQueue[tuple[int, bytes, threading.Event] | None] = SimpleQueue()
+_aside: list[threading.Thread] = []  # the thread that writes
 
 
 class LocalStream:
@@ -112,6 +123,32 @@ class LocalStream:
 
 
 def say(text: str) -> None:
-    """Print to a terminal that may have been closed; the device still has to be safe."""
-    with contextlib.suppress(OSError):
-        print(text, file=sys.stderr, flush=True)
+    """Print to a terminal that may have been closed, or be held by Ctrl-S; the device still has to be safe."""
+    try:
+        descriptor = sys.stderr.fileno()
+    except (AttributeError, OSError, ValueError):  # no terminal, pipe or file
+        with contextlib.suppress(OSError):
+            print(text, file=sys.stderr, flush=True)
+        return
+    if not _aside:
+        _aside.append(threading.Thread(target=_write_all, daemon=True))
+        _aside[0].start()
+        atexit.register(_finish_writing)
+    written = threading.Event()
+    _said.put((descriptor, f"{text}\n".encode(errors="replace"), written))
+    written.wait(WRITTEN)  # nearly always: what is printed next comes after it
+
+
+def _finish_writing() -> None:
+    _said.put(None)
+    _aside[0].join(SAY_SECONDS)
+
+
+def _write_all() -> None:
+    """Write what is said, in its order; not by `print`, whose lock would be held by whoever waits for a terminal."""
+    while (one := _said.get()) is not None:
+        descriptor, data, written = one
+        with contextlib.suppress(OSError):
+            while data:
+                data = data[os.write(descriptor, data) :]
+        written.set()

@@ -36,7 +36,7 @@ class Outbox:
 
     Attributes:
         left_at: when something left last, a message or a part of what waits in the link [s].
-        silence: the longest time in which nothing left since `begin`, once the board counts that as silence; else 0 [s].
+        silence: the longest time since `begin` in which nothing left, if the board counts that as silence; else 0 [s].
         unsent: values and play-out time of a command that found no room and still has time; None: there is none.
     """
 
@@ -94,7 +94,7 @@ class Outbox:
             moves: they move actuators. After a silence they are not sent, as in a process that was suspended between
                 the moment and the write. count: messages that did not leave are counted as dropped.
         """
-        whole = True
+        whole = not (moves and self._adapter.broken)
         for message in messages:
             if not (moves and self.was_silent(self._time(now))) and self._link.send(message):
                 self._left(message, now)

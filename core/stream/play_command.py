@@ -80,6 +80,7 @@ class _Player(LocalStream):
         self._playing_since = clock.now()
         end = self._playing_since + self._track.duration + self.request.look_ahead
         self.run(lambda: clock.now() > end or not streamer.armed)
+        self.tick(clock.now())  # a program that slept past the end of the track learns here that it did
         if not streamer.armed:
             raise self.refusal("the device disarmed itself")
 

@@ -84,7 +84,7 @@ def source_of(
         track = read_track(Path(request.track))
         if isinstance(old, TrackSource) and old.plays(wire, track, output_hz):  # made once: a device waits meanwhile
             play = copy(old)
-            play.offset = request.offset
+            play.offset, play.safe = request.offset, wire.safe_command
         else:
             play = TrackSource(wire, track, request.offset, output_hz=output_hz)
             play.clock = old.clock if isinstance(old, TrackSource) else play.clock

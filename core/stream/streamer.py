@@ -79,12 +79,13 @@ class Streamer:
             self.counters.clear()
             self._leave(now, "")
             self._retry_at = now
-        leaving = self.drive is not None and self.drive.leaving
+        leaving, moved = self.drive is not None and self.drive.leaving, False
         if self.drive is not None and not leaving:
             self._log(self.drive.connection, now)
         if self.drive is not None and not leaving and request.calibration != old.calibration:
             self.drive.recalibrate(request.calibrated())
-        if self.output is not None and not leaving and not request.same_source(old):
+            moved = request.mode != "panel"  # a map of volts knows no calibration
+        if self.output is not None and not leaving and (moved or not request.same_source(old)):
             self._choose_source(now)
         if request.arm_id == 0 or request.arm_id < before:
             if self.drive is not None:
@@ -160,6 +161,7 @@ class Streamer:
             "armed": self.armed,
             "arm_id": self._arm_id,
             "pose_known": drive is not None and drive.pose_known,
+            "astray": drive is not None and drive.astray,
             "counters": dict(self.counters),
             "log": self.recorder.status(),
             **(self.output.status() if self.output is not None else {}),

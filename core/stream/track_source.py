@@ -26,6 +26,7 @@ class TrackSource:
         output_hz: values a second that reach the actuators; a track that holds more is played low-passed. 0: all.
 
     Attributes:
+        safe: values before and after the track [units], shape (channels,).
         loss: what the low-passed track leaves out; None: it is played as it is.
         asked: time of the track whose values were asked for last [s]; NaN before the first.
     """
@@ -50,7 +51,7 @@ class TrackSource:
         self.spec, self.track, self.offset, self.output_hz = wire.spec, track, offset, output_hz
         self._times = track.times
         self._values = np.stack([track.column(n) for n in wire.names], axis=1)
-        self._safe = wire.safe_command
+        self.safe = wire.safe_command
         self.loss: Loss | None = None
         self.asked = math.nan
         if output_hz > 0 and len(track.times) > 1:
@@ -95,7 +96,7 @@ class TrackSource:
         """Return the track's values at a time of its own."""
         times = self._times
         if not len(times) or time < times[0] - 1e-9 or time > times[-1] + 1e-9:
-            return self._safe
+            return self.safe
         if self._rate:
             at = min(max((time - float(times[0])) * self._rate, 0.0), len(times) - 1.0)
             k = int(at)

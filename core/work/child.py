@@ -24,6 +24,7 @@ from ..errors import DermisError
 HOME = Path(__file__).resolve().parents[2]  # the folder that contains `core`
 PACKAGE = Path(__file__).resolve().parents[1].name
 MAX_SILENT_SECONDS = 5.0  # a child that was told to end and gives no sign of life for this long hangs
+MAX_UNSEEN_SECONDS = 1.0  # whoever has not looked for so long may have slept itself, and knows nothing of the child
 MAX_LAST_SECONDS = 2.0  # from the last that a dying child replies to its end
 MAX_LOG_CHARACTERS = 500  # the end of what a child wrote, which says why it died
 
@@ -64,6 +65,7 @@ class ChildProcess(subprocess.Popen[bytes]):
 
     def __init__(self, name: str, line: list[str], *, replies: bool = False) -> None:
         self._sign: object = None
+        self._looked = 0.0  # when this process looked after it last
         self._heard = 0.0  # when the last sign of life came
         self._log = tempfile.TemporaryFile(prefix="dermis-log-")  # without a name: it goes with its last user
         try:
@@ -124,9 +126,11 @@ class ChildProcess(subprocess.Popen[bytes]):
             sign: anything that changes while it lives.
         """
         assert self.stdin is not None
-        if sign != self._sign:
-            self._sign, self._heard = sign, time.monotonic()
-        elif self.stdin.closed and time.monotonic() - self._heard > MAX_SILENT_SECONDS:
+        now, looked = time.monotonic(), self._looked
+        self._looked = now
+        if sign != self._sign or now - looked > MAX_UNSEEN_SECONDS:
+            self._sign, self._heard = sign, now
+        elif self.stdin.closed and now - self._heard > MAX_SILENT_SECONDS:
             self.kill()
         if self.alive:
             return False
@@ -144,8 +148,14 @@ def follow_parent(gone: Callable[[], None], take: Callable[[bytes], object] = le
     """
 
     def watch() -> None:
-        for line in sys.stdin.buffer:
-            take(line)
+        # Not by sys.stdin: a thread that waits there holds its lock, which aborts the end of the program.
+        rest, stdin = b"", sys.stdin.fileno()
+        while data := os.read(stdin, 65536):
+            *lines, rest = (rest + data).split(b"\n")
+            for line in lines:
+                take(line + b"\n")
+        if rest:
+            take(rest)
         gone()
 
     threading.Thread(target=watch, daemon=True).start()

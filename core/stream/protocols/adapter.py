@@ -41,6 +41,7 @@ class Adapter:
         silence: the board's declared behaviour when no more commands reach it.
         caution: warning for a person who is about to put a finger in; '' for none.
         state: state that the device reports of itself, None where its protocol does not report one.
+        broken: its last command could not be made, because of a defect.
         ready: the device has been recognised. armed: it takes commands. fault: why it cannot be used, in words.
         device: its identifier in hex digits; '' where it has none to tell.
         pose: where the device says it is, as driven [units], or None. pose_at: when it said so [s], or NaN.
@@ -83,8 +84,7 @@ class Adapter:
         self.silence = self._declared_silence()
         self.least_rate = SIGNS / self.silence.after
         self.state: DeviceState | None = None
-        self.ready = False
-        self.armed = False
+        self.ready = self.armed = self.broken = False
         self.fault = ""
         self.pose: Array | None = None
         self.pose_at = math.nan

@@ -38,6 +38,20 @@ API = SimpleNamespace(
     Wire=Wire,
 )
 
+# Methods that may raise anything, and their answers then: the device is led to its safe state all the same.
+FALLBACKS: Mapping[str, tuple[bytes, ...] | None] = {
+    "opened": None,
+    "receive": None,
+    "poll": (),
+    "arm": None,
+    "command": (),
+    "forget": None,
+    "ask_pose": (),
+    "sign_of_life": (),
+    "retract": None,
+    "safe": (),
+}
+
 _loaded: dict[tuple[str, int], type[Adapter]] = {}
 
 
@@ -77,7 +91,26 @@ def make(protocol: str, wire: Wire, options: Mapping[str, str]) -> Adapter:
     given = {name: value for name, value in options.items() if (protocol, name) != (OTHER, "adapter")}
     made = adapter_of(protocol, options)(wire, given)
     made.options = dict(options)  # by which another process makes the same one
+    for name, otherwise in FALLBACKS.items():
+        setattr(made, name, _guarded(made, name, otherwise))
     return made
+
+
+def _guarded(made: Adapter, name: str, otherwise: Any) -> Callable[..., Any]:
+    """Return a method of an adapter that may fail without taking the way to the safe state along."""
+    method = getattr(made, name)
+
+    def guarded(*arguments: Any, **named: Any) -> Any:
+        if name == "command":
+            made.broken = False
+        try:
+            return method(*arguments, **named)
+        except Exception as error:  # a defect of its own, or of an adapter from outside
+            made.fault = made.fault or f"the protocol's program failed in '{name}': {type(error).__name__}: {error}"
+            made.broken |= name == "command"
+            return otherwise if otherwise is None else list(otherwise)
+
+    return guarded
 
 
 def names() -> list[str]:

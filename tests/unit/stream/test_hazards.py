@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from core.devices.calibration import Calibration
 from core.devices.spec import Channel, DeviceSpec
 from core.matching.screen_map import ScreenMap
 from core.presets import Library
@@ -223,3 +224,17 @@ def test_a_change_in_the_first_ramp_does_not_shorten_it(tmp_path: Path) -> None:
     assert lab.at[0] == pytest.approx(90.0 * smooth(0.9 / 1.91), abs=1.0), "0.9 s of the 1.91 s that were left"
     lab.run(1.2)
     assert lab.at[0] == pytest.approx(90.0, abs=300 / 65535)
+
+
+@pytest.mark.parametrize("mode", ["play", "jog"])
+def test_a_calibration_under_way_puts_no_voltage_where_there_is_none(mode: str, tmp_path: Path) -> None:
+    """Before and after a track, and for a channel that nobody moves, 0 V stays 0 V, whatever zero and gain become."""
+    lab = Lab("native", "electrovibration", mode=mode, track=volts(tmp_path / "a.csv", 100.0), ramp=0.0)
+    lab.time = -5.0
+    lab.begin(0.5)
+    assert lab.at[0] == 0.0
+    made = Calibration.of(Library().device("electrovibration")).with_entry("amplitude", zero=50.0)
+    lab.set(calibration=made.dumps())
+    most: list[float] = []
+    lab.run(1.0, lambda: most.append(float(lab.at[0])))
+    assert max(most) <= 300 / 65535 and lab.streamer.armed

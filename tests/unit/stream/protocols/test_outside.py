@@ -144,3 +144,68 @@ def test_a_broken_adapter_is_one_sentence(
     with pytest.raises(DermisError) as refused:
         adapters.adapter_of("other", {"adapter": "broken"})
     assert words in str(refused.value) and ("broken.py" in str(refused.value))
+
+
+RAISER = """
+import struct
+
+def adapter(api):
+    class Raiser(api.adapter_of("maestro")):
+        OPTIONS = (*api.adapter_of("maestro").OPTIONS, "fails")
+        name = "raiser"
+
+        def __init__(self, wire, options):
+            super().__init__(wire, options)
+            self.bad = False
+            method = getattr(self, options["fails"])
+
+            def failing(*arguments, **named):
+                if self.bad:
+                    struct.unpack("<I", b"")
+                return method(*arguments, **named)
+
+            setattr(self, options["fails"], failing)
+
+    return Raiser
+"""
+
+
+@pytest.mark.parametrize("method", [*adapters.FALLBACKS])
+def test_an_adapter_that_raises_does_not_take_the_way_to_safety_along(
+    method: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A parser's struct.error ends the stream with a reason; the ramp goes on, or the supply is to be switched off."""
+    from core.stream.virtual.maestro import MaestroDevice
+
+    (tmp_path / "raiser.py").write_text(RAISER)
+    monkeypatch.setenv(adapters.FOLDERS, str(tmp_path))
+    monkeypatch.setattr(adapters.API, "adapter_of", adapters.adapter_of, raising=False)
+
+    class Bench(Lab):
+        def _open(self, url: Any, wire: Wire, protocol: str) -> Transport:
+            link = super()._open(url, wire, "maestro")
+            assert isinstance(self.device, MaestroDevice)
+            receive = link.receive
+            link.receive = lambda: receive() or [b"an answer"]  # type: ignore[method-assign]
+            return link
+
+    url = f"lab?adapter=raiser&silence=keeps&fails={method}"
+    bench = Bench("other", "cable_platform", mode="jog", jog=FAR, url=url, ramp=0.0)
+    bench.begin(0.6)
+    assert np.allclose(bench.at, 2.79, atol=0.01), bench.streamer.message
+    bench.streamer.connection.adapter.bad = True  # type: ignore[union-attr]
+    device, path = bench.device, [bench.at]
+
+    def note() -> None:
+        path.append(np.array(list(device.report()["values"].values())))
+
+    bench.run(0.05, note)
+    bench.stops += 1
+    bench.run(2.5, note)
+    assert not bench.streamer.armed
+    if method == "command":
+        assert "Switch its supply off" in bench.streamer.message
+        assert "'command': error: unpack" in bench.streamer.message
+    else:
+        assert np.allclose(path[-1], device.wire.safe, atol=0.01), bench.streamer.message
+        assert np.abs(np.diff(np.array(path), axis=0)).max() <= np.radians(600) * 0.02 + 0.003

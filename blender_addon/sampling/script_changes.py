@@ -108,7 +108,19 @@ class Watch:
         return self
 
     def __exit__(self, *_: object) -> None:
-        bpy.app.handlers.frame_change_post.remove(self._note)
+        self._leave()
+
+    def _leave(self) -> None:
+        if self._note in bpy.app.handlers.frame_change_post:
+            bpy.app.handlers.frame_change_post.remove(self._note)
+
+    def _stay_last(self) -> None:
+        """See whether scripts were added behind this one, or took it out: it did not see what they edited."""
+        functions = bpy.app.handlers.frame_change_post
+        if not functions or functions[-1] != self._note:
+            self._all = True
+            self._leave()
+            functions.append(self._note)
 
     def _note(self, _scene: bpy.types.Scene, depsgraph: Any = None) -> None:
         for update in depsgraph.updates if depsgraph is not None else ():
@@ -120,6 +132,7 @@ class Watch:
 
     def look(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Compare the current frame; it is the next sample of the chunk."""
+        self._stay_last()
         frame = math.floor(scene_time.shown(self._scene))
         if frame != self._frame:
             self._frame = frame

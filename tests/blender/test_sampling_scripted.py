@@ -88,6 +88,43 @@ def test_a_mesh_that_a_script_changes_late_is_followed(script: Any, when: str) -
     assert [f for f, z in tops.items() if z == pytest.approx(0.5)] == list(range(1, LATE))
 
 
+@pytest.mark.parametrize("how", ["adds one", "moves to the end", "empties the list"])
+def test_what_a_script_edits_that_another_one_starts_late_is_followed(script: Any, how: str) -> None:
+    """Add-ons that start on demand do so: their function then stands behind all that were there before."""
+    scene, cube = scene_of_cube()
+    functions = bpy.app.handlers.frame_change_post
+    before = list(functions)
+
+    def edit(_scene: bpy.types.Scene, _depsgraph: Any = None) -> None:
+        for vertex in cube.data.vertices:
+            vertex.co.z = np.sign(vertex.co.z) * (
+                0.75 + 0.01 * scene.frame_current if scene.frame_current >= LATE else 0.5
+            )
+        cube.data.update()
+
+    def start() -> None:
+        if how == "empties the list":
+            functions.clear()
+        if how == "moves to the end" and edit in functions:
+            functions.remove(edit)
+        if edit not in functions:
+            functions.append(edit)
+
+    edit.__module__ = "somebody.elses"
+    script(start)
+    begins = list(functions)
+    try:
+        tops = {f: m.vertices[:, 2].max() for f, m in surfaces_by_frame(scene).items()}
+    finally:
+        functions[:] = begins
+        script.end()
+    assert functions[:] == before
+    # Blender goes through the list by number: what takes the first place of an emptied list is not run at that frame.
+    first = LATE + (how == "empties the list")
+    expected = {f: 0.75 + 0.01 * f if f >= first else 0.5 for f in range(1, 21)}
+    assert tops == pytest.approx(expected)
+
+
 def test_a_shape_key_that_a_script_sets_late_is_followed(script: Any) -> None:
     scene, cube = scene_of_cube()
     cube.shape_key_add(name="Basis")

@@ -11,6 +11,7 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from .. import clock
 from ..errors import DermisError
 from ..work.child import ChildProcess, close_at_exit, command
 from .request import request_of
@@ -79,7 +80,7 @@ class SenderClient:
     def arm(self) -> None:
         """Let the device move, once; call it because a person asked for it."""
         self._arm_id += 1
-        self.set(arm_id=self._arm_id, stops=self._stops)
+        self.set(arm_id=self._arm_id, arm_at=clock.now(), stops=self._stops)
 
     def disarm(self) -> None:
         """Bring the device to its safe state."""
@@ -137,8 +138,10 @@ class SenderClient:
         gone = self._child.gone(self._shared.status_number)
         if gone:
             status = self._shared.read_status()
-            if status.get("astray") and not status.get("ended"):
-                url = self._request.get("url", "")
+            url = self._request.get("url", "")
+            if status.get("counters", {}).get("safe states not confirmed"):
+                _lost.append(f"{status.get('message', '')} ({url})")
+            elif status.get("astray") and not status.get("ended"):
                 _lost.append(f"the sender at {url} ended on the way to the safe state: switch the device's supply off")
             self._shared.remove()
         return gone

@@ -10,6 +10,7 @@ the declaration says that the board is.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from enum import Enum
 
@@ -17,12 +18,14 @@ from ..arrays import Array
 from ..devices.calibration import Calibration
 from .connection import Connection
 from .drain import Drain
+from .links.transport import Gone
 from .log.row import Phase as Logged
 from .outbox import SendResult
 from .protocols.packets import Reach
 from .protocols.silence import Does
+from .protocols.wire import SAFE_SWEEP
 from .request import StreamRequest
-from .safe_ramp import SafeRamp
+from .safe_ramp import STUBBORN, SafeRamp
 from .state import State
 from .touch_panel_source import PanelSource
 from .track_source import TrackSource
@@ -59,6 +62,7 @@ class Drive:
         self._since = 0.0  # when arming began [s]
         self._stalled = False
         self._ramp: SafeRamp | None = None
+        self._unsaid: list[bytes] = []  # word to go to the safe state that found no room
         self._drain: Drain | None = None
 
     # -- what can be asked for
@@ -293,11 +297,26 @@ class Drive:
             self._begin_ramp(now)
 
     def _send_safe(self, messages: list[bytes], now: float) -> None:
-        """Send the word on which the device goes to its safe state by itself."""
-        output = self.output
+        """Send the word on which the device goes to its safe state by itself; again where the link has no room."""
+        output, adapter = self.output, self.connection.adapter
         left = self.connection.outbox.send(messages, now)
-        output.wanted, output.limiter.last = output.wire.safe_command, output.wire.safe.copy()
+        output.wanted = output.wire.safe_command
         self.connection.note(now, None, left, Logged.SAFE)
+        if left or not adapter.settled:  # one that waits for an answer says it again by itself
+            output.limiter.last = output.wire.safe.copy()
+            self._unsaid = []
+            self._finish_safing(now)
+        elif not self._unsaid:
+            self._unsaid, self._since = messages, now
+        elif now - self._since > STUBBORN:
+            self._unsaid = []
+            self._give_up_safing(now)
+
+    def _give_up_safing(self, now: float) -> None:
+        """Say that the link does not take the safe state."""
+        self.driven = False
+        self._counters["safe states not confirmed"] += 1
+        self.message = "The device takes nothing, so its safe state could not be sent. Switch its supply off"
         self._finish_safing(now)
 
     def _drop_unsent(self, now: float) -> None:
@@ -307,12 +326,12 @@ class Drive:
             self.connection.note(now, outbox.unsent[1], False, Logged.LIVE)
         outbox.unsent = None
 
-    def _begin_ramp(self, now: float) -> None:
-        """Lead the device to its safe state from the pose that it was driven to last."""
+    def _begin_ramp(self, now: float, wait: float = 0.0) -> None:
+        """Lead the device to its safe state from the pose that it was driven to last, after a wait [s]."""
         self.phase = Phase.SAFING
         self.connection.outbox.begin(now)
         self.output.wanted = self.output.wire.safe_command
-        self._ramp = SafeRamp(self.output.limiter, self.connection.ramp_period, now)
+        self._ramp = SafeRamp(self.output.limiter, self.connection.ramp_period, now + wait)
         self._safing(now)
 
     # -- the sender's own silence
@@ -329,7 +348,9 @@ class Drive:
         adapter, output, outbox = self.connection.adapter, self.output, self.connection.outbox
         silence, safing = adapter.silence, self.phase is Phase.SAFING
         at_last_command = silence.does in (Does.STOPS, Does.KEEPS) or output.wire.reach == Reach.AT_ONCE
-        if safing and (at_last_command or (self._ramp is not None and self._ramp.there)):
+        if waiting := outbox.stale(now):  # old commands, which would be played in a burst
+            raise Gone(f"the link stands still with {waiting} bytes in it", where=self.connection.link.name)
+        if safing and (at_last_command or self._unsaid or (self._ramp is not None and self._ramp.there)):
             outbox.begin(now)  # the way goes on from where it was, or is at its end
             return
         quiet = f"no command has left for {outbox.silence:.2g} s, and the board's limit is {silence.after:.2g} s"
@@ -343,10 +364,10 @@ class Drive:
             self._begin_ramp(now)
         elif silence.does is Does.RETRACTS:
             output.limiter.last = output.wire.safe.copy()
-            if safing:
-                outbox.begin(now)
-            else:
-                self._begin_ramp(now)
+            # Silent until its own way must be over: a board that has only begun it would be told to jump.
+            way = output.wire.safe_seconds
+            own_way = silence.after + (way if math.isfinite(way) else SAFE_SWEEP)
+            self._begin_ramp(now, max(own_way - outbox.silence, 0.0))
         else:
             adapter.safe()  # ends arming; its messages are commands, and are not sent
             adapter.forget()
@@ -358,7 +379,12 @@ class Drive:
     def _safing(self, now: float) -> None:
         """Lead the device there, and say the safe state again and again once it is reached."""
         adapter, ramp, send = self.connection.adapter, self._ramp, self.connection.outbox.send
+        if self._unsaid:
+            self._send_safe(self._unsaid, now)
+            return
         assert ramp is not None
+        if ramp.waits(now):
+            return
         if ramp.due(now):
             left = send(adapter.command(ramp.step(now), now, None), now, moves=True)
             self.connection.note(now, None, left, Logged.RAMP)
@@ -376,10 +402,7 @@ class Drive:
         if ramp.said == REPEAT:
             self._finish_safing(now)
         elif ramp.stuck(now):
-            self.driven = False
-            self._counters["safe states not confirmed"] += 1
-            self.message = "The device takes nothing, so its safe state could not be sent. Switch its supply off"
-            self._finish_safing(now)
+            self._give_up_safing(now)
 
     def _finish_safing(self, now: float) -> None:
         self.phase, self._ramp = Phase.IDLE, None

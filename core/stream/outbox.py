@@ -65,13 +65,17 @@ class Outbox:
         """Number of bytes of the protocol's own messages that wait for room."""
         return sum(map(len, self._waiting))
 
+    def stale(self, now: float) -> int:
+        """Return how many bytes wait in a link that has stood still for as long as the board calls silence."""
+        return self._link.pending() if self._link.stands_still(now) > self._adapter.silence.after else 0
+
     def begin(self, now: float) -> None:
         """Count silence from now on: the device begins to be driven."""
         self.left_at, self.silence = now, 0.0
 
     def was_silent(self, now: float) -> bool:
         """Return whether nothing left for longer than the board's declared silence, at any time since `begin`."""
-        quiet = now - self.left_at
+        quiet = max(now - self.left_at, self._link.stands_still(now))
         if quiet > self._adapter.silence.after:
             self.silence = max(self.silence, quiet)
         return self.silence > 0

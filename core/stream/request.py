@@ -24,7 +24,8 @@ class StreamRequest:
     Attributes:
         connect: hold the link. url, protocol: which. device: {"key", "preset"}. calibration: its JSON, or ''.
         mode: what moves the device. track, screen: files for 'play' and 'panel'. jog: values by channel [units].
-        arm_id: one arms once, and it rises; 0 disarms. stops: number of stops that the person had seen when arming.
+        arm_id: one arms once, and it rises; 0 disarms. arm_at: when a person pressed it [s], 0 for just now.
+        stops: number of stops that the person had seen when arming.
         offset: start offset [s]. look_ahead: [s]. ramp: blend from the first pose [s].
         stall: without a heartbeat for this long comes the safe state [s]. play_on: a baked track plays on meanwhile.
         reconnect: try again by itself when a link is lost. rate: of commands [Hz]; 0: the device's own.
@@ -42,6 +43,7 @@ class StreamRequest:
     screen: str = ""
     jog: dict[str, float] = field(default_factory=dict)
     arm_id: int = 0
+    arm_at: float = 0.0
     stops: int = 0
     offset: float = STREAM["offset"].absent
     look_ahead: float = STREAM["look_ahead"].absent

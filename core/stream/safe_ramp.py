@@ -22,7 +22,7 @@ class SafeRamp:
     was full does not make up for it by a jump.
 
     Args:
-        period: between two commands [s].
+        period: between two commands [s]. now: when it begins, which may be later [s].
 
     Attributes:
         said: how often the safe state was said, once it was reached.
@@ -32,7 +32,7 @@ class SafeRamp:
         self._limiter, self._period = limiter, period
         limiter.plan(period)
         self._start = limiter.last
-        self._next = self._left = now
+        self._begins = self._next = self._left = now
         self.said = 0
 
     @property
@@ -44,6 +44,10 @@ class SafeRamp:
     def there(self) -> bool:
         """Return whether what was driven last is the safe state."""
         return bool((np.abs(self._limiter.last - self._limiter.wire.safe) < 1e-9).all())
+
+    def waits(self, now: float) -> bool:
+        """Return whether it has not begun yet."""
+        return now < self._begins
 
     def due(self, now: float) -> bool:
         """Return whether the next command has to leave."""

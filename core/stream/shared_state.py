@@ -14,11 +14,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from .. import clock
 from ..errors import DermisError
 from ..work.mapped import MappedRecord, create, mapped
 
-MAGIC = b"DERMIS-SHARED 2\0"
-_HEARTBEAT = struct.Struct("<IBdH")  # stops, flags, time [s], how many values
+MAGIC = b"DERMIS-SHARED 3\0"
+_HEARTBEAT = struct.Struct("<IBddH")  # stops, flags, time [s], when it was given [s], how many values
 HEARTBEAT_BYTES, REQUEST_BYTES, STATUS_BYTES = 4096, 1 << 20, 1 << 16
 MAX_VALUES = 255
 PLAYING, HAS_TIME = 1, 2
@@ -30,7 +31,8 @@ class Heartbeat:
 
     Attributes:
         number: rises with every heartbeat. stops: rises with every stop. playing: playback runs.
-        time: track time on the screen [s], or None. values: of the channels on the wire to follow; may be empty.
+        time: track time on the screen [s], or None. at: when it was given [s], None for just now.
+        values: of the channels on the wire to follow; may be empty.
     """
 
     number: int
@@ -38,6 +40,7 @@ class Heartbeat:
     playing: bool
     time: float | None
     values: tuple[float, ...]
+    at: float | None = None
 
 
 class SharedState:
@@ -84,7 +87,7 @@ class SharedState:
     def write_heartbeat(self, stops: int, playing: bool, time: float | None, values: tuple[float, ...] = ()) -> None:
         """Write a sign of life."""
         flags = PLAYING * playing | HAS_TIME * (time is not None)
-        head = _HEARTBEAT.pack(stops & 0xFFFFFFFF, flags, time or 0.0, len(values))
+        head = _HEARTBEAT.pack(stops & 0xFFFFFFFF, flags, time or 0.0, clock.now(), len(values))
         self._heartbeat.put(head + struct.pack(f"<{len(values)}d", *values))
 
     @property
@@ -97,9 +100,9 @@ class SharedState:
         found = self._heartbeat.get()
         if found is None or len(found[1]) < _HEARTBEAT.size:
             return None
-        stops, flags, time, count = _HEARTBEAT.unpack_from(found[1])
+        stops, flags, time, at, count = _HEARTBEAT.unpack_from(found[1])
         values = struct.unpack_from(f"<{count}d", found[1], _HEARTBEAT.size)
-        return Heartbeat(found[0], stops, bool(flags & PLAYING), time if flags & HAS_TIME else None, values)
+        return Heartbeat(found[0], stops, bool(flags & PLAYING), time if flags & HAS_TIME else None, values, at)
 
     def write_request(self, request: dict[str, Any]) -> None:
         """Write what the sender shall do."""

@@ -91,14 +91,18 @@ class Streamer:
             if self.drive is not None:
                 self.drive.give_up(now, self.drive.message)
         elif request.arm_id > before and request.stops >= self._stops:
-            self._arm(now)
+            late = now - request.arm_at if request.arm_at else 0.0
+            if late <= request.stall:
+                self._arm(now)
+            elif self.drive is not None:
+                self.drive.message = f"Arm was pressed {late:.1f} s ago, so nothing was armed. Press it again"
 
     def heartbeat(self, heartbeat: Heartbeat, now: float) -> None:
         """Take a sign of life."""
         if heartbeat.stops != (self._heartbeat.stops if self._heartbeat is not None else 0):
             self._stops = heartbeat.stops
             self.stop(now, "Stopped")
-        self._heartbeat, self._heartbeat_at = heartbeat, now
+        self._heartbeat, self._heartbeat_at = heartbeat, now if heartbeat.at is None else min(heartbeat.at, now)
         if self.output is not None:
             self.output.show(heartbeat, now)
 

@@ -8,11 +8,13 @@ import socket
 import struct
 import sys
 
+from ... import clock
 from ...errors import DermisError
 from .transport import Gone, Stream, Transport
 from .url import Url
 
 CONNECT_SECONDS = 2.0
+STILL = 0.05  # confirmations may be held back for 40 ms by the other side's system [s]
 _SIOCOUTQ = 0x5411  # Linux: bytes that the other side's system has not confirmed
 
 
@@ -25,13 +27,17 @@ class Tcp(Stream):
             self._socket = socket.create_connection(url.host_port(), timeout=CONNECT_SECONDS)
         except OSError as error:
             raise cannot_connect(url.text, error) from error
+        self._given = self._confirmed = 0  # bytes that the system has taken, and that the other side has confirmed
+        self._moved = clock.now()
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 16384)
         self._socket.setblocking(False)
 
     def _write(self, data: bytes) -> int:
         try:
-            return self._socket.send(data)
+            done = self._socket.send(data)
+            self._given += done
+            return done
         except BlockingIOError:
             return 0
         except OSError as error:
@@ -48,6 +54,13 @@ class Tcp(Stream):
             raise Gone("the other side has closed the connection", where=self.name)
         return [data]
 
+    def stands_still(self, now: float) -> float:
+        """Return for how long the other side has confirmed nothing of what waits [s]; 0 where nothing waits."""
+        confirmed = self._given - self._queued()
+        if confirmed != self._confirmed or confirmed == self._given:
+            self._confirmed, self._moved = confirmed, now
+        return now - self._moved
+
     def _queued(self) -> int:
         if sys.platform != "linux":
             return 0  # close() below lets the system send the rest by itself
@@ -59,7 +72,13 @@ class Tcp(Stream):
         return 0
 
     def close(self) -> None:
-        """Announce that nothing more comes, then close: the system sends what it still holds."""
+        """Announce that nothing more comes, then close: the system sends what it still holds.
+
+        A connection that stands still is reset: what it holds would arrive when it has grown old.
+        """
+        if self.stands_still(clock.now()) > STILL:
+            with contextlib.suppress(OSError):
+                self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_WR)
         self._socket.close()

@@ -51,6 +51,10 @@ class Transport:
         """
         return 0
 
+    def stands_still(self, now: float) -> float:
+        """Return for how long nothing of what waits on this computer has moved [s]; 0 where nothing waits."""
+        return 0.0
+
     def close(self) -> None:
         """Close the link, without waiting; what is still `pending` may be lost. Safe to call twice."""
 

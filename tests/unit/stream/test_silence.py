@@ -12,6 +12,7 @@ from core.presets import Library
 from core.stream.protocols import adapters
 from core.stream.protocols.silence import Does, Silence
 from core.stream.protocols.wire import Wire
+from core.stream.shared_state import Heartbeat
 from core.stream.state import State
 from tests.unit.stream.stream_lab import TICK, Lab
 from tests.unit.stream.test_safe_ramp import FAR, PERIOD, QUANTUM, SAFE, SPEED
@@ -188,8 +189,9 @@ def test_two_short_sleeps_in_a_row_are_one_silence(protocol: str) -> None:
     lab.run(TICK)
     assert not lab.sent, "the board heard nothing for 175 ms, and is on its way home"
     lab.now, slept[0] = lab.now + 0.09, 0.0
-    path = told(lab, 0.5)[2:]
-    assert np.allclose(path, SAFE, atol=QUANTUM) and not lab.streamer.armed
+    path = told(lab, 0.5)
+    assert np.allclose(path[-1], SAFE, atol=QUANTUM) and not lab.streamer.armed
+    assert len(np.unique(path.round(3), axis=0)) == 2, "from the last command to the safe pose, and nothing between"
     assert lab.streamer.counters["silences"] == 1
 
 
@@ -259,3 +261,60 @@ def test_an_impossible_declaration_is_refused(options: dict[str, str]) -> None:
     with pytest.raises(DermisError) as refused:
         adapters.make("maestro", Wire.of(Library().device("haptip")), options)
     assert "silence" in str(refused.value)
+
+
+@pytest.mark.parametrize("ramping", [False, True])
+def test_a_board_that_has_only_begun_to_retract_is_left_to_it(ramping: bool) -> None:
+    """One millisecond more than declared: the safe state is said once the board's own way must be over."""
+    lab = driven("maestro", "retracts")
+    if ramping:
+        lab.stops += 1
+        lab.run(0.05)
+    outbox = lab.streamer.connection.outbox  # type: ignore[union-attr]
+    own_way = 0.1 + lab.streamer.output.wire.safe_seconds  # type: ignore[union-attr]
+    quiet_since = outbox.left_at
+    lab.now = quiet_since + 0.101
+    del lab.sent[:]
+    lab.run(0.6)
+    assert lab.sent and lab.sent[0][0] - quiet_since >= own_way - TICK
+    assert np.allclose(lab.at, SAFE, atol=QUANTUM) and not lab.streamer.armed
+
+
+def test_a_word_that_finds_no_room_is_said_again() -> None:
+    """A device that goes home by itself, and whose protocol confirms nothing, must hear of it."""
+    for seconds, heard in ((0.3, True), (5.0, False)):
+        lab = driven("maestro", "keeps")
+        adapter_, link = lab.streamer.connection.adapter, lab.streamer.connection.link  # type: ignore[union-attr]
+        adapter_.retract = lambda: [b"\x84\x00\x00\x00"]  # type: ignore[method-assign]
+        send, until = link.send, lab.now + seconds
+
+        def sending(message: bytes, send: Any = send, until: float = until, lab: Lab = lab) -> bool:
+            return lab.now > until and bool(send(message))
+
+        link.send = sending  # type: ignore[method-assign]
+        lab.stops += 1
+        lab.run(2.0)
+        assert bool(lab.device.targets[0] == 0) is heard
+        assert ("Switch its supply off" in lab.streamer.message) is not heard
+
+
+def test_an_arm_that_was_pressed_before_a_sleep_is_not_carried_out_after_it() -> None:
+    lab = Lab("maestro", mode="jog", jog={"pulley_1": 0.4}, ramp=0.0)
+    lab.run(0.1)
+    pressed = lab.now
+    lab.now += 15.0
+    lab.run(TICK)
+    lab.set(arm_id=1, arm_at=pressed, stops=0)
+    lab.run(0.5)
+    assert not lab.streamer.armed and "Arm was pressed 15.0 s ago" in lab.streamer.message
+
+
+def test_a_sign_of_life_counts_from_when_it_was_given() -> None:
+    lab = Lab("maestro", mode="jog", jog={"pulley_1": 0.4}, ramp=0.0)
+    lab.run(0.1)
+    lab.heartbeats = False
+    lab.now += 15.0
+    lab.streamer.heartbeat(Heartbeat(1000, 0, False, 0.0, (), lab.now - 15.0), lab.now)
+    lab.set(arm_id=1, arm_at=lab.now, stops=0)
+    lab.run(0.1)
+    assert not lab.streamer.armed and "no sign of life" in lab.streamer.message

@@ -285,3 +285,34 @@ def test_a_socket_that_nobody_listens_at_is_no_serial_port() -> None:
         open_link(Url(f"socket://127.0.0.1:{port}"), lambda url: pytest.fail("no virtual device was asked for"))
     with pytest.raises(DermisError, match="no computer of this name"):
         open_link(Url("udp://no-such-host.invalid:9"), lambda url: pytest.fail("no virtual device was asked for"))
+
+
+def test_a_connection_that_stands_still_is_known_and_is_reset() -> None:
+    """The other side reads nothing more: what waits here is old by the time it would arrive, so it never does."""
+    import socket
+    import time
+
+    from core import clock
+    from core.stream.links.sockets import STILL, Tcp
+
+    with socket.socket() as listener:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        listener.bind(("127.0.0.1", 0))
+        listener.listen(1)
+        link = Tcp(Url(f"socket://127.0.0.1:{listener.getsockname()[1]}"))
+        there, _ = listener.accept()
+        with there:
+            assert link.send(b"read") and there.recv(100) == b"read"
+            time.sleep(2 * STILL)
+            assert link.stands_still(clock.now()) == 0.0, "all of it was confirmed"
+            while link.send(bytes(8192)):
+                pass
+            until = clock.now() + 5.0
+            while link.stands_still(clock.now()) <= STILL and clock.now() < until:
+                time.sleep(0.01)
+            assert link.stands_still(clock.now()) > STILL and link.pending() > 0
+            link.close()
+            there.settimeout(5.0)
+            with pytest.raises(ConnectionResetError):
+                while there.recv(1 << 20):
+                    pass

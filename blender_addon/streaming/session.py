@@ -314,7 +314,8 @@ def _on_timer() -> float | None:
     before = _status.get("state"), _leaving
     try:
         heartbeat()
-    except Exception:  # Blender ends a timer that raises, and what the panel shows would be true no more
+    except Exception as error:  # Blender ends a timer that raises, and the panel would show what is true no more
+        core.stream.client.note_loss(f"streaming ended by an error: {type(error).__name__}: {error}")
         close()
         traceback.print_exc()
     _heartbeats += 1

@@ -18,6 +18,8 @@ from .request import request_of
 from .shared_state import MAX_VALUES, SharedState
 from .state import State
 
+QUIET = 1.0  # a sender writes its status every 0.05 s, and may read a long track in between [s]
+UNSEEN = 0.5  # whoever has not looked for so long knows nothing of the sender's silence [s]
 MAX_CLOSE_SECONDS = 0.2  # closing waits this long for the sender; then that finishes by itself
 
 _ending: list[SenderClient] = []  # closed, and still on the way to the safe state
@@ -37,6 +39,8 @@ class SenderClient:
         self._stops = 0
         self._arm_id = 0
         self._closed = False
+        self._number = 0  # of the last status seen, when it came, and when it was looked for [s]
+        self._changed = self._looked = 0.0
         self._before: SenderClient | None = None  # has the same port, and is still ending
         _reap()
         try:
@@ -116,7 +120,18 @@ class SenderClient:
             if status.get("astray"):
                 message += f". It led the device, and {silence.get('text', '')}: switch the supply off"
             return {**status, "state": State.DEAD, "armed": False, "pose_known": False, "message": message}
+        if quiet := self._quiet():
+            message = f"The sender has given no sign for {quiet:.1f} s, so Stop may not reach the device"
+            return {**status, "state": State.STALLED, "message": f"{message}. Switch its supply off"}
         return status or {"state": State.DISCONNECTED, "message": "", "armed": False}
+
+    def _quiet(self) -> float:
+        """Return for how long the sender has not written its status, once that is too long; else 0 [s]."""
+        now, number = time.monotonic(), self._shared.status_number
+        if number != self._number or now - self._looked > UNSEEN:
+            self._number, self._changed = number, now
+        self._looked = now
+        return now - self._changed if number and now - self._changed > QUIET else 0.0
 
     def close(self) -> None:
         """End the sender, the device safe first, and wait a moment for it. Safe to call twice."""
@@ -181,6 +196,11 @@ _NONE = object()
 def _reap() -> None:
     """Forget closed senders that have ended."""
     _ending[:] = [client for client in _ending if not client._gone()]
+
+
+def note_loss(text: str) -> None:
+    """Have `leaving` tell of a stream that ended otherwise than it was meant to, until the next one connects."""
+    _lost.append(text)
 
 
 def leaving() -> str:

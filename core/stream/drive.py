@@ -31,6 +31,7 @@ from .touch_panel_source import PanelSource
 from .track_source import TrackSource
 
 ARMING = 1.0  # a device that is not armed after this long will not be [s]
+SWITCH_OFF = "Switch its supply off"
 REPEAT = 3  # a safe state is written this often where no device confirms it
 
 
@@ -60,6 +61,7 @@ class Drive:
         self.leaving = self.drained = self.driven = False
         self._counters = counters
         self._since = 0.0  # when arming began [s]
+        self._told_at = 0.0  # when the device was told to go to its safe state by itself [s]
         self._stalled = False
         self._ramp: SafeRamp | None = None
         self._unsaid: list[bytes] = []  # word to go to the safe state that found no room
@@ -91,6 +93,7 @@ class Drive:
             self.give_up(now, message)
         elif self.phase is Phase.IDLE and adapter.ready and (messages := adapter.retract()) is not None:
             self.connection.outbox.send(messages, now)
+            self._told_at = now
 
     def give_up(self, now: float, message: str) -> None:
         """Go to the safe state if the device is armed, for a reason."""
@@ -167,6 +170,11 @@ class Drive:
             self._safing(now)
         if self.phase is Phase.LIVE:
             self._stay_alive(now)
+        if self.phase is Phase.IDLE and not self.connection.adapter.settled and now - self._told_at > STUBBORN:
+            self._counters["safe states not confirmed"] += 1
+            raise Gone(  # and silent from now on, so that its own watchdog can act
+                "the device does not confirm its safe state", where=self.connection.link.name, remedy=SWITCH_OFF
+            )
 
     def next(self, now: float) -> float:
         """Return when the next thing will be due [s]: soon enough for a stop, however slow the device."""
@@ -300,6 +308,7 @@ class Drive:
         """Send the word on which the device goes to its safe state by itself; again where the link has no room."""
         output, adapter = self.output, self.connection.adapter
         left = self.connection.outbox.send(messages, now)
+        self._told_at = now
         output.wanted = output.wire.safe_command
         self.connection.note(now, None, left, Logged.SAFE)
         if left or not adapter.settled:  # one that waits for an answer says it again by itself

@@ -7,11 +7,14 @@ to end asks for the same, and a second one changes nothing.
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import signal
 import time
+import traceback
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from .. import clock
 from ..work.child import follow_parent
@@ -24,6 +27,7 @@ from .touch_panel_source import Screen
 from .virtual.link import open_any_link
 
 STATUS_EVERY = 0.05
+FAILURES, AGAIN = 1000, 0.002  # turns of a way to the safe state that may fail, and the time between two of them [s]
 
 
 def run(path: Path, load_screen: Callable[[Path], Screen] | None = None) -> int:
@@ -64,7 +68,7 @@ def _loop(shared: SharedState, streamer: Streamer, ended: list[str]) -> None:
         now = clock.now()
         if now >= status_at or streamer.state != shown:
             shown, status_at = streamer.state, now + STATUS_EVERY
-            shared.write_status(streamer.status())
+            _tell(shared, streamer)
             now = clock.now()
         if due > now:
             time.sleep(due - now)
@@ -73,12 +77,33 @@ def _loop(shared: SharedState, streamer: Streamer, ended: list[str]) -> None:
 def _finish(shared: SharedState, streamer: Streamer) -> None:
     """Bring the device to its safe state however long its ramp takes, let the link go, and remove the shared state."""
     streamer.shut(clock.now())
-    status_at = 0.0
-    while not streamer.finished:
-        due, now = streamer.tick(clock.now()), clock.now()
-        if now >= status_at:
+    status_at, failures = 0.0, 0
+    while not streamer.finished and failures < FAILURES:
+        try:
+            due = streamer.tick(clock.now())
+        except Exception:  # a defect in one turn must not end the way to the safe state
+            failures += 1
+            traceback.print_exc()
+            due = clock.now() + AGAIN
+        if (now := clock.now()) >= status_at:
             status_at = now + STATUS_EVERY
-            shared.write_status(streamer.status())
+            _tell(shared, streamer)
         time.sleep(max(due - clock.now(), 0.0))
-    shared.write_status({**streamer.status(), "state": State.DISCONNECTED, "ended": True})
+    _tell(shared, streamer, state=State.DISCONNECTED, ended=streamer.finished)
     shared.remove()  # its owner may be gone without having done so
+
+
+def _tell(shared: SharedState, streamer: Streamer, **more: Any) -> None:
+    """Write the status; where it cannot be written, as much of it as always can be."""
+    try:
+        shared.write_status({**streamer.status(), **more})
+    except Exception as error:  # too long, or a value of an adapter's own that is no plain JSON
+        least: dict[str, Any] = {
+            "state": str(streamer.state),
+            "armed": streamer.armed,
+            "message": f"{str(streamer.message)[:2000]} (the rest cannot be told: {type(error).__name__})",
+            "counters": {name: int(count) for name, count in streamer.counters.items()},
+            "astray": streamer.drive is not None and streamer.drive.astray,
+        }
+        with contextlib.suppress(Exception):
+            shared.write_status({**least, **more})

@@ -96,6 +96,13 @@ def make(protocol: str, wire: Wire, options: Mapping[str, str]) -> Adapter:
     return made
 
 
+def _messages(value: object, *, optional: str) -> bool:
+    """Return whether a value is a list of messages; methods that return nothing may return anything."""
+    if FALLBACKS[optional] is None and optional != "retract":
+        return True
+    return isinstance(value, list) and all(isinstance(one, bytes) for one in value)
+
+
 def _guarded(made: Adapter, name: str, otherwise: Any) -> Callable[..., Any]:
     """Return a method of an adapter that may fail without taking the way to the safe state along."""
     method = getattr(made, name)
@@ -104,7 +111,10 @@ def _guarded(made: Adapter, name: str, otherwise: Any) -> Callable[..., Any]:
         if name == "command":
             made.broken = False
         try:
-            return method(*arguments, **named)
+            made_of_it = method(*arguments, **named)
+            if (otherwise is not None or made_of_it is not None) and not _messages(made_of_it, optional=name):
+                raise TypeError(f"returned {made_of_it!r:.80}, not a list of bytes")
+            return made_of_it
         except Exception as error:  # a defect of its own, or of an adapter from outside
             made.fault = made.fault or f"the protocol's program failed in '{name}': {type(error).__name__}: {error}"
             made.broken |= name == "command"

@@ -195,7 +195,7 @@ class Native(Adapter):
         elif packet.kind == Kind.STATE:
             state, answered = packets.read_state(packet.body)
             self._device_state(state)
-            if answered == Kind.SAFE:
+            if answered == Kind.SAFE and state != DeviceState.ARMED:
                 self._unconfirmed, self._safes = False, 0
         elif packet.kind == Kind.SYNCED:
             reply = packets.Synced.read(packet.body)

@@ -77,7 +77,8 @@ HEADERS = {
         1.0,
     ),
     "EuRoC": (
-        "#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z [],v_RS_R_x [m s^-1]",
+        "#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],"
+        "q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z [],v_RS_R_x [m s^-1]",
         f"1,2,3,{W},{X},{Y},{Z},9",
         1e-9,
     ),

@@ -318,3 +318,17 @@ def test_a_sign_of_life_counts_from_when_it_was_given() -> None:
     lab.set(arm_id=1, arm_at=lab.now, stops=0)
     lab.run(0.1)
     assert not lab.streamer.armed and "no sign of life" in lab.streamer.message
+
+
+def test_a_device_that_does_not_obey_is_left_to_its_own_watchdog_and_that_is_said() -> None:
+    """It answers that it is armed all the time; questions for its clock would keep its watchdog quiet for ever."""
+    lab = Lab(mode="jog", jog={"pulley_1": 0.3}, ramp=0.0)
+    lab.begin(0.3)
+    lab.device._go_safe = lambda: None
+    lab.stops += 1
+    lab.run(1.5)
+    assert "does not confirm its safe state" in lab.streamer.message and "Switch its supply off" in lab.streamer.message
+    assert lab.streamer.counters["safe states not confirmed"] == 1
+    del lab.sent[:]
+    lab.run(0.5)
+    assert not lab.sent, "silent, so that its own watchdog acts"

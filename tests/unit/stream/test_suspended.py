@@ -100,3 +100,32 @@ def test_a_sender_that_is_killed_leaves_a_board_where_it_is_and_that_is_said() -
         status = client.status()
         assert "in silence it keeps its last commands: switch the supply off" in status["message"]
         assert not status["pose_known"] and not status["armed"]
+
+
+def test_a_sender_that_hangs_is_said_while_it_does() -> None:
+    with exits.Receiver("maestro") as receiver, exits.sender(receiver, "silence=keeps") as client:
+        os.kill(client.pid, signal.SIGSTOP)
+        try:
+            exits.until(lambda: client.status()["state"] == "stalled", client.heartbeat, "said")
+            assert "no sign for" in client.status()["message"] and "supply off" in client.status()["message"]
+        finally:
+            os.kill(client.pid, signal.SIGCONT)
+        exits.until(lambda: "no sign for" not in client.status()["message"], client.heartbeat, "it goes on")
+
+
+def test_a_status_that_is_too_long_does_not_end_the_way_to_safety() -> None:
+    """Names of 255 pins that are all limited fill more than the shared state holds."""
+    from core.stream import sender
+    from core.stream.shared_state import SharedState
+    from core.stream.streamer import Streamer
+
+    shared, streamer = SharedState.create(), Streamer(lambda *_: None)  # type: ignore[arg-type, return-value]
+    try:
+        streamer.counters["safe states not confirmed"] = 2
+        status = streamer.status()
+        streamer.status = lambda: {**status, "limited": "x" * 100_000}  # type: ignore[method-assign]
+        sender._tell(shared, streamer)
+        read = shared.read_status()
+        assert read["counters"]["safe states not confirmed"] == 2 and "cannot be told" in read["message"]
+    finally:
+        shared.remove()

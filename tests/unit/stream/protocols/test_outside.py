@@ -209,3 +209,21 @@ def test_an_adapter_that_raises_does_not_take_the_way_to_safety_along(
     else:
         assert np.allclose(path[-1], device.wire.safe, atol=0.01), bench.streamer.message
         assert np.abs(np.diff(np.array(path), axis=0)).max() <= np.radians(600) * 0.02 + 0.003
+
+
+@pytest.mark.parametrize("value", ["None", "0", "'abc'", "b'abc'", "[3]", "['abc']"])
+@pytest.mark.parametrize("method", ["poll", "command", "retract", "safe"])
+def test_values_that_are_no_messages_are_faults(
+    method: str, value: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    body = f"    class A(api.Adapter):\n        def {method}(self, *a, **k): return {value}"
+    (tmp_path / "values.py").write_text(f"def adapter(api):\n{body}\n    return A")
+    monkeypatch.setenv(adapters.FOLDERS, str(tmp_path))
+    made = adapters.make("other", Wire.of(Library().device("cable_platform")), {"adapter": "values"})
+    given = (np.zeros(3), 0.0, None) if method == "command" else (0.0,) if method == "poll" else ()
+    answer = getattr(made, method)(*given)
+    if method == "retract" and value == "None":
+        assert answer is None and not made.fault
+        return
+    assert answer == ([] if method != "retract" else None)
+    assert f"failed in '{method}': TypeError" in made.fault and made.broken == (method == "command")

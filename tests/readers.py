@@ -303,8 +303,8 @@ READERS = (
     _reader(
         "image",
         "core.images:read core.images.npy:decode core.images.png_tiff:_opened core.images.netpbm:_raw "
-        "core.images.netpbm:_floats core.images.tiff:_samples core.images.tiff_header:TiffHeader.of "
-        "core.images.tiff_header:TiffHeader.numbers",
+        "core.images.netpbm:_floats core.images.tiff:_samples core.images.tiff:_mask "
+        "core.images.tiff_header:TiffHeader.of core.images.tiff_header:TiffHeader.numbers",
         ".png",
         ex.all_images,
         images.read,

@@ -16,7 +16,7 @@ from ..foreign import damage_told
 from . import tiff
 from .raster import Raster, checked_size, grey_of
 from .tiff_header import MAGIC as TIFF
-from .tiff_header import unreadable
+from .tiff_header import PHOTOMETRIC, TiffHeader, unreadable
 
 if TYPE_CHECKING:
     from PIL.ImageFile import ImageFile
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 PNG = b"\x89PNG\r\n\x1a\n"
 _GREY = {"1", "L", "I;16", "I;16B"}  # Pillow's names of what pixels hold
 _COLOUR = {"P", "LA", "RGB", "RGBA"}
-_WHITE_IS_ZERO = 262, 0  # TIFF's tag and value, which Pillow heeds up to 8 bits
 
 
 def decode(data: bytes, where: str) -> Raster:
@@ -33,10 +32,12 @@ def decode(data: bytes, where: str) -> Raster:
     Raises:
         DermisError: damaged, cut short, too large, or with pixels that Pillow cannot hold as they are.
     """
-    if data.startswith(TIFF):
-        made = tiff.decode(data, where)
+    header = TiffHeader.of(data, where) if data.startswith(TIFF) else None
+    if header is not None:
+        made = tiff.decode(header)
         if made is not None:
             return made
+        data = header.changed({})
     with damage_told(tiff.DAMAGED, where, remedy=tiff.REMEDY):
         _opened(data).verify()  # the check sums of all parts, which loading leaves out
         image = _opened(data)
@@ -45,9 +46,12 @@ def decode(data: bytes, where: str) -> Raster:
     bits = _bits(image, where)
     with damage_told(tiff.DAMAGED, where, remedy=tiff.REMEDY):
         image.load()
-        pixels, holes = _pixels(image, bits)
+        pixels, stored, holes = _pixels(image, bits)
     levels = 1 << bits
     grey, findings = grey_of(pixels, where, levels - 1)
+    if header is not None:
+        declared, more = tiff.empty(header, stored)
+        grey, holes, findings = header.upright(grey), header.upright(holes | declared), findings + more
     return Raster(np.ascontiguousarray(grey[::-1]), np.ascontiguousarray(holes[::-1]), levels, findings)
 
 
@@ -71,8 +75,8 @@ def _bits(image: ImageFile, where: str) -> int:
     return bits
 
 
-def _pixels(image: ImageFile, bits: int) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """Return the samples as the file holds them, shape (rows, columns, 1 or 3), and where it declares holes."""
+def _pixels(image: ImageFile, bits: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.bool_]]:
+    """Return brightness, shape (rows, columns, 1 or 3), what the file stores for it, and where transparency is."""
     clear = image.info.get("transparency")
     if image.mode == "P":
         _check_palette(image)
@@ -80,15 +84,17 @@ def _pixels(image: ImageFile, bits: int) -> tuple[NDArray[Any], NDArray[np.bool_
     else:
         samples = np.atleast_3d(np.asarray(image))
     if image.mode in ("P", "LA", "RGBA"):
-        return samples[..., :-1], samples[..., -1] == 0
+        stored = np.asarray(image)[..., None] if image.mode == "P" else samples[..., :-1]
+        return samples[..., :-1], stored, samples[..., -1] == 0
     if bits < 8:
         samples = samples // (255 // ((1 << bits) - 1)) if image.mode == "L" else samples.astype(np.uint8)
         clear = None if clear is None else min(clear, (1 << bits) - 1)
-    tag, value = _WHITE_IS_ZERO
-    if bits == 16 and getattr(image, "tag_v2", {}).get(tag) == value:
-        samples = 65535 - samples
     holes = np.zeros(samples.shape[:2], bool) if clear is None else np.asarray((samples == clear).all(axis=2))
-    return samples, holes
+    stored = samples
+    if getattr(image, "tag_v2", {}).get(PHOTOMETRIC) == 0:  # white is zero, which Pillow heeds up to 8 bits
+        other = ((1 << bits) - 1) - samples
+        samples, stored = (other, samples) if bits == 16 else (samples, other)
+    return samples, stored, holes
 
 
 def _check_palette(image: ImageFile) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DermisError
+from ..errors import DermisError, Finding, Severity
 from ..foreign import check_size, damage_told
 from . import tiff_header as tags
 from .raster import Raster, checked_size, grey_of, largest_of
@@ -25,18 +25,18 @@ _DIFFERENCED = _LOSSLESS - {1, 32773}  # those that a predictor may come before
 DAMAGED, REMEDY = "the image is damaged or cut short", "Save the image again"
 
 
-def decode(data: bytes, where: str) -> Raster | None:
+def decode(header: TiffHeader) -> Raster | None:
     """Read a TIFF of one sample a pixel with 8 bits or more; None for others, which are checked.
 
-    The number that the file declares to stand for 'no data' makes holes.
+    What the file declares to be no data makes holes, see `empty`.
 
     Raises:
         DermisError: damaged, cut short, too large, or samples of a kind that is not read.
     """
-    header = TiffHeader.of(data, where)
+    where = header.where
     kind, samples = header.sample_type(), header.number(tags.SAMPLES, 1)
     columns, rows = header.number(tags.WIDTH), header.number(tags.ROWS)
-    checked_size(columns, rows, where, packed=len(data))
+    checked_size(columns, rows, where, packed=len(header.data))
     if samples > 1 and (kind.itemsize > 1 or kind.kind != "u" or samples > 4):
         raise unreadable(f"{8 * kind.itemsize} bit, {samples} samples a pixel", where)
     plain = header.number(tags.PHOTOMETRIC, 1) in (0, 1) and header.number(tags.FILL_ORDER, 1) == 1
@@ -50,14 +50,73 @@ def decode(data: bytes, where: str) -> Raster | None:
     if packing == 1:
         _check_bytes(header, kind, columns, rows)
     values = _samples(header, kind, columns, rows)
+    holes, findings = empty(header, values[..., None])
     if header.number(tags.PHOTOMETRIC, 1) == 0 and kind.kind == "u":  # white is zero
         values = np.iinfo(kind).max - values
-    declared = header.no_data()
-    holes = np.zeros(values.shape, bool) if declared is None else holds(values, declared)
     largest, signed = largest_of(kind)
-    grey, findings = grey_of(values[..., None], where, largest)
+    grey, _ = grey_of(values[..., None], where, largest)
     levels = 0 if kind.kind == "f" else largest + 1
-    return Raster(grey[::-1].copy(), holes[::-1].copy(), levels, findings, signed)
+    return Raster(header.upright(grey)[::-1].copy(), header.upright(holes)[::-1].copy(), levels, findings, signed)
+
+
+def empty(header: TiffHeader, stored: NDArray[Any]) -> tuple[NDArray[np.bool_], tuple[Finding, ...]]:
+    """Return where a file declares its pixels empty, and what it declares besides and is not read.
+
+    A pixel is empty where all its samples hold the declared number, or where the page of the mask leaves it out.
+
+    Args:
+        stored: samples as the file holds them, not turned, shape (rows, columns, n).
+    """
+    number = header.no_data()
+    holes = np.zeros(stored.shape[:2], bool) if number is None else holds(stored, number).all(axis=2)
+    rows: list[tuple[Severity, str, str, str, str]] = []
+    others = 0
+    for page in header.further():
+        kind = 0 if page is None else page.number(tags.PAGE_KIND)
+        if page is None or not kind & (tags.MASK | tags.REDUCED):
+            others += 1
+        elif kind & tags.MASK and not kind & tags.REDUCED:
+            try:
+                holes |= ~_mask(page, holes.shape)
+            except DermisError as error:
+                what = f"the mask of the pixels that are there is not read: {error.what}"
+                rows.append(
+                    ("warning", "mask-not-read", what, str(error.value), "Write a no-data number instead of it")
+                )
+    if others:
+        what = "the file has further pages, which are not read"
+        rows.append(("info", "further-pages", what, str(others), "Save the page that is meant as a file of its own"))
+    for role, usual in (("scale", 1.0), ("offset", 0.0)):
+        said = header.declared(role)
+        if said is not None and said != usual:
+            what = f"the file declares a {role} of its numbers, which is not applied"
+            rows.append(
+                ("warning", f"{role}-not-applied", what, f"{said:g}", "Apply it before, or mind it in the unit")
+            )
+    return np.asarray(holes), tuple(
+        Finding(severity, code, what, header.where, value=value, remedy=remedy)
+        for severity, code, what, value, remedy in rows
+    )
+
+
+def _mask(page: TiffHeader, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Return where a page of a mask says that there are pixels, not turned.
+
+    Raises:
+        DermisError: it has another size than the image, or samples of another kind than a mask's.
+    """
+    from PIL.TiffImagePlugin import TiffImageFile
+
+    size = page.number(tags.ROWS), page.number(tags.WIDTH)
+    if size != shape:
+        raise DermisError("it has another size", value=f"{size[1]} x {size[0]}")
+    bits, packing = page.number(tags.BITS, 1), page.number(tags.COMPRESSION, 1)
+    if bits not in (1, 8) or page.number(tags.SAMPLES, 1) != 1 or packing not in _LOSSLESS | _PILLOWS:
+        raise DermisError("it is of an unknown kind", value=f"{bits} bit, compressed by method {packing}")
+    with damage_told(DAMAGED, page.where, remedy=REMEDY):
+        image = TiffImageFile(io.BytesIO(page.changed({tags.PHOTOMETRIC: 1})))
+        image.load()
+        return np.asarray(image) != 0
 
 
 def holds(values: NDArray[Any], number: float) -> NDArray[np.bool_]:

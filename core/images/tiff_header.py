@@ -1,20 +1,23 @@
-"""TiffHeader: the tags of a TIFF's first page, and where they lie in the file; classic and BigTIFF."""
+"""TiffHeader: the tags of one page of a TIFF, and where they lie in the file; classic and BigTIFF."""
 
 from __future__ import annotations
 
+import re
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import DermisError
 
 MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
-WIDTH, ROWS, BITS, COMPRESSION, PHOTOMETRIC, FILL_ORDER = 256, 257, 258, 259, 262, 266
-SAMPLES, STRIP_ROWS, STRIP_BYTES, PREDICTOR = 277, 278, 279, 317
-TILE_WIDTH, TILE_ROWS, TILE_BYTES, SAMPLE_FORMAT, NO_DATA = 322, 323, 325, 339, 42113
+PAGE_KIND, WIDTH, ROWS, BITS, COMPRESSION, PHOTOMETRIC, FILL_ORDER = 254, 256, 257, 258, 259, 262, 266
+ORIENTATION, SAMPLES, STRIP_ROWS, STRIP_BYTES, PREDICTOR = 274, 277, 278, 279, 317
+TILE_WIDTH, TILE_ROWS, TILE_BYTES, SAMPLE_FORMAT, GDAL, NO_DATA = 322, 323, 325, 339, 42112, 42113
+REDUCED, MASK = 1, 4  # bits of PAGE_KIND: a smaller copy, a mask of the pixels that are there
 _MOST_TAGS = 4096
 _TYPES = {1: "B", 3: "H", 4: "I", 16: "Q"}  # of whole numbers
 _FORMATS = {1: "u", 2: "i", 3: "f", 4: "u"}  # 4 is 'undefined', which readers take for whole numbers
@@ -30,10 +33,11 @@ class _Entry:
 
 @dataclass(frozen=True, eq=False)
 class TiffHeader:
-    """The first page's tags.
+    """The tags of one page.
 
     Attributes:
         order: '<' or '>'. big: BigTIFF.
+        at: where the page's directory begins. next: where the next page's begins, 0 behind the last page.
     """
 
     data: bytes
@@ -41,19 +45,23 @@ class TiffHeader:
     order: Literal["<", ">"]
     big: bool
     entries: Mapping[int, _Entry]
+    at: int
+    next: int
 
     @classmethod
-    def of(cls, data: bytes, where: str) -> TiffHeader:
-        """Read the first page's directory.
+    def of(cls, data: bytes, where: str, at: int = 0) -> TiffHeader:
+        """Read a page's directory: the one at `at`, the first where that is 0.
 
         Raises:
             DermisError: it is cut short.
         """
         order: Literal["<", ">"] = "<" if data[:2] == b"II" else ">"
         big = data[:4] in MAGIC[2:]
-        head, entry, inline = ("Q", "HHQ", 8) if big else ("H", "HHI", 4)
+        head, entry, inline, inline_kind = ("Q", "HHQ", 8, "Q") if big else ("H", "HHI", 4, "I")
         try:
-            (at,) = struct.unpack_from(order + ("Q" if big else "I"), data, 8 if big else 4)
+            if not at:
+                (at,) = struct.unpack_from(order + inline_kind, data, inline)
+            begin = at
             (count,) = struct.unpack_from(order + head, data, at)
             if count > _MOST_TAGS:
                 raise struct.error
@@ -65,14 +73,36 @@ class TiffHeader:
                 width = {1: 1, 2: 1, 3: 2, 4: 4, 16: 8}.get(kind, inline + 1)
                 value_at = at + size
                 if width * number > inline:
-                    (value_at,) = struct.unpack_from(order + ("Q" if big else "I"), data, value_at)
+                    (value_at,) = struct.unpack_from(order + inline_kind, data, value_at)
                 entries[tag] = _Entry(kind, number, at, value_at)
                 at += size + inline
+            further = data[at : at + inline]  # some writers end the file without it
+            (following,) = struct.unpack(order + inline_kind, further) if len(further) == inline else (0,)
         except struct.error as error:
             raise DermisError(
                 "the image is damaged or cut short", where=where, value="its tags", remedy="Save the image again"
             ) from error
-        return cls(data, where, order, big, entries)
+        return cls(data, where, order, big, entries, begin, following)
+
+    def further(self) -> Iterator[TiffHeader | None]:
+        """Return the pages behind this one; None in place of one that is damaged, which is the last."""
+        page, seen = self, {self.at}
+        while page.next and page.next not in seen:
+            seen.add(page.next)
+            try:
+                page = TiffHeader.of(self.data, self.where, page.next)
+            except DermisError:
+                yield None
+                return
+            yield page
+
+    def upright(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Turn rows and columns, the first two axes, as the tag of the orientation says."""
+        turn = self.number(ORIENTATION, 1)
+        if 5 <= turn <= 8:  # rows and columns change places
+            values = values.swapaxes(0, 1)
+        flipped_rows, flipped_columns = turn in (3, 4, 7, 8), turn in (2, 3, 6, 7)
+        return values[:: -1 if flipped_rows else 1, :: -1 if flipped_columns else 1]
 
     def numbers(self, tag: int, default: int = 0) -> tuple[int, ...]:
         """Return a tag's whole numbers; `default` alone where the page has none.
@@ -115,6 +145,20 @@ class TiffHeader:
                 remedy="Write the tag again, as a number",
             ) from error
 
+    def declared(self, role: str) -> float | None:
+        """Return the 'scale' or 'offset' of the first sample (tag 42112, written by GDAL); None where there is none."""
+        entry = self.entries.get(GDAL)
+        if entry is None:
+            return None
+        text = self.data[entry.value_at : entry.value_at + entry.count].decode("latin-1")
+        for attributes, value in re.findall(r"<Item\b([^>]*)>([^<]*)</Item>", text):
+            if f'role="{role}"' in attributes and 'sample="0"' in attributes:
+                try:
+                    return float(value)
+                except ValueError:
+                    return None
+        return None
+
     def sample_type(self) -> np.dtype:
         """Return the type of a sample, in the file's byte order; samples of fewer than 8 bits are whole numbers of 8.
 
@@ -138,11 +182,16 @@ class TiffHeader:
         Args:
             columns: that the image shall have, in samples.
         """
-        new = bytearray(self.data)
         changed = {WIDTH: columns * item, BITS: 8, SAMPLE_FORMAT: 1, PREDICTOR: 1, PHOTOMETRIC: 1}
         if TILE_WIDTH in self.entries:
             changed[TILE_WIDTH] = self.number(TILE_WIDTH) * item
-        for tag, value in changed.items():
+        return self.changed(changed)
+
+    def changed(self, values: Mapping[int, int]) -> bytes:
+        """Return the file with this page as its first, not turned, and with other values of tags that it has."""
+        new = bytearray(self.data)
+        struct.pack_into(self.order + ("Q" if self.big else "I"), new, 8 if self.big else 4, self.at)
+        for tag, value in {ORIENTATION: 1, **values}.items():
             entry = self.entries.get(tag)
             if entry is not None:
                 layout = "HHQQ" if self.big else "HHII"

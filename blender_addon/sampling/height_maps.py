@@ -74,7 +74,7 @@ def bounds(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> tuple[NDArr
     Raises:
         DermisError: it has no width or no height.
     """
-    with meshes.evaluated_mesh(obj.evaluated_get(depsgraph)) as mesh:
+    with meshes.EvaluatedMesh(obj.evaluated_get(depsgraph)) as mesh:
         raw = np.zeros((0, 3)) if mesh is None else meshes.positions(mesh).astype(np.float64)
     low, high = (raw.min(axis=0), raw.max(axis=0)) if len(raw) else (np.zeros(3), np.zeros(3))
     size = high[:2] - low[:2]

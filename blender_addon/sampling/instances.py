@@ -21,7 +21,7 @@ from .._core import Array
 from . import participants
 from .changes_seen import ChangesSeen
 from .joined_pieces import Joined, Pieces, join, with_area
-from .meshes import Geometry, MeshReader, evaluated_mesh
+from .meshes import EvaluatedMesh, Geometry, MeshReader
 from .participants import InstanceKey
 
 _UNUSED = 2**31 - 1  # what Blender fills unused levels of a persistent id with
@@ -168,7 +168,7 @@ class InstanceReader:
                 if address != shown.data:
                     ordinal = ordinals[maker.uid, shown.uid] = ordinals.get((maker.uid, shown.uid), -1) + 1
                     key = (maker.uid, shown.uid, ordinal)
-                with evaluated_mesh(instance) as mesh:
+                with EvaluatedMesh(instance) as mesh:
                     geometries[address] = self._meshes.geometry(key, mesh, True)
             listed, numbers = body.pieces.setdefault(address, ([], []))
             listed.append(ids)
@@ -201,7 +201,7 @@ class InstanceReader:
                     continue
                 self._showing.add(uid)
             if itself:
-                with evaluated_mesh(known.evaluated) as mesh:
+                with EvaluatedMesh(known.evaluated) as mesh:
                     pieces.insert(0, Pieces(self._meshes.geometry(uid, mesh, True), ((),), place[None]))
             surfaces[uid] = self._joined_of(uid, pieces, place)
         self._relevant |= self._showing

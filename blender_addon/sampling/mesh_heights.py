@@ -40,7 +40,7 @@ def cast(
             "no mesh was chosen for its relief", where=where, remedy="Choose an object under Screen > Mesh"
         )
     evaluated = target.evaluated_get(depsgraph)
-    with meshes.evaluated_mesh(evaluated) as mesh:
+    with meshes.EvaluatedMesh(evaluated) as mesh:
         points = np.zeros((0, 3)) if mesh is None else meshes.positions(mesh).astype(np.float64)
         faces = np.zeros((0, 3), np.int32) if mesh is None else meshes.triangles(mesh)
     if len(faces) == 0:

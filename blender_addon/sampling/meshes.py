@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Hashable
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import bpy
 import numpy as np
@@ -19,33 +17,39 @@ SURFACE_TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 """Types of object that have a surface."""
 
 
-@contextmanager
-def evaluated_mesh(evaluated: bpy.types.Object) -> Iterator[bpy.types.Mesh | None]:
-    """Give the mesh of an evaluated object of any type that has one; None for the others.
+class EvaluatedMesh:
+    """A context that gives the mesh of an evaluated object of any type that has one; None for the others.
 
     A mesh in edit mode keeps no arrays, and a curve has no mesh at all: for those Blender makes one, freed here.
+    It is entered for every sample, and a generator would take five times as long.
     """
-    if evaluated.type not in SURFACE_TYPES:
-        yield None
-        return
-    data = evaluated.data
-    if isinstance(data, bpy.types.Mesh) and "position" in data.attributes:
-        yield data
-        return
-    try:
-        yield evaluated.to_mesh()
-    finally:
-        evaluated.to_mesh_clear()
+
+    def __init__(self, evaluated: bpy.types.Object) -> None:
+        self._evaluated = evaluated
+        self._made = False
+
+    def __enter__(self) -> bpy.types.Mesh | None:
+        data = self._evaluated.data
+        if isinstance(data, bpy.types.Mesh) and "position" in data.attributes:
+            return data
+        if self._evaluated.type not in SURFACE_TYPES:
+            return None
+        self._made = True
+        return self._evaluated.to_mesh()
+
+    def __exit__(self, *_: object) -> None:
+        if self._made:
+            self._evaluated.to_mesh_clear()
 
 
 def positions(mesh: bpy.types.Mesh) -> NDArray[np.float32]:
     """Return vertex positions in scene units, shape (V, 3)."""
     layer = mesh.attributes.get("position")
-    if layer is None or len(layer.data) == 0:
-        return np.zeros((0, 3), np.float32)
-    raw = np.empty((len(layer.data), 3), np.float32)
-    layer.data.foreach_get("vector", raw.ravel())
-    return raw
+    values = None if layer is None else layer.data
+    raw = np.empty(0 if values is None else 3 * len(values), np.float32)
+    if values is not None and len(raw):
+        values.foreach_get("vector", raw)
+    return raw.reshape(-1, 3)
 
 
 def triangles(mesh: bpy.types.Mesh, of: str = "vertices") -> NDArray[np.int32]:
@@ -65,9 +69,15 @@ def normals(mesh: bpy.types.Mesh) -> NDArray[np.float32]:
 
 @dataclass(frozen=True, eq=False)
 class Topology:
-    """The triangles of a surface; the same object while they stay."""
+    """The triangles of a surface; the same object while they stay.
+
+    Attributes:
+        faces: shape (T, 3).
+        curved: the last curved surface of these triangles, for each reflection and tolerance.
+    """
 
     faces: NDArray[np.int32]
+    curved: dict[tuple[bool, float], Any] = field(default_factory=dict)
 
     @cached_property
     def reflected(self) -> NDArray[np.int32]:
@@ -83,21 +93,25 @@ class Geometry:
         positions: of the vertices, shape (V, 3).
         topology: the triangles.
         normals: that Blender shades the triangles' corners with, shape (T, 3, 3); None where nobody asked.
-        smooth: some of it shades smooth.
+        smooth: some of it shades smooth; False where nobody asked.
+        made: the surfaces in metres that were made of it, see `MeshReader.surface`.
     """
 
     positions: NDArray[Any]
     topology: Topology
     normals: NDArray[np.float32] | None = None
     smooth: bool = False
+    made: dict[tuple[Any, ...], tuple[Any, Any]] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass
 class _Last:
-    geometry: Geometry
-    corners: NDArray[np.int32]
-    polygons: int
-    loops: NDArray[np.int32] | None
+    """What was read last of a key: while vertices, polygons and corners stay, so do the triangles."""
+
+    form: tuple[int, int, bytes]
+    topology: Topology
+    loops: NDArray[np.int32] | None = None
+    geometry: Geometry | None = None
 
 
 class MeshReader:
@@ -109,8 +123,6 @@ class MeshReader:
     def clear(self) -> None:
         """Forget every surface."""
         self._last: dict[Hashable, _Last] = {}
-        self._made: WeakKeyDictionary[Geometry, dict[tuple[Any, ...], tuple[Any, Any]]] = WeakKeyDictionary()
-        self._curved: WeakKeyDictionary[Topology, dict[tuple[bool, float], Any]] = WeakKeyDictionary()
 
     def read(
         self, evaluated: bpy.types.Object, unit: float, mirrored: bool = False, tolerance: float | None = None
@@ -125,38 +137,31 @@ class MeshReader:
         Args:
             shaded: with the normals that it is shaded with.
         """
-        with evaluated_mesh(evaluated) as mesh:
+        with EvaluatedMesh(evaluated) as mesh:
             if mesh is None:
                 return None
             return self.geometry(evaluated.original.session_uid, mesh, shaded)  # evaluated copies all have uid 0
 
     def geometry(self, key: Hashable, mesh: bpy.types.Mesh, shaded: bool) -> Geometry:
         """Return what an evaluated mesh holds: the same object as the last one of this key, where it is the same."""
-        raw, corners, polygons = positions(mesh), _corners(mesh), len(mesh.polygons)
+        raw = positions(mesh)
+        form = (len(raw), len(mesh.polygons), _corners(mesh))
         last = self._last.get(key)
-        if last is not None and not (
-            last.polygons == polygons
-            and len(last.geometry.positions) == len(raw)
-            and np.array_equal(last.corners, corners)
-        ):
-            last = None
-        # The first triangulation holds while the faces do: Blender may split a bending quad along its other
-        # diagonal from one frame to the next, which would look like a change of topology.
-        topology = Topology(triangles(mesh)) if last is None else last.geometry.topology
-        loops = None if last is None else last.loops
-        known = None if last is None else last.geometry
-        shown = None
+        if last is None or last.form != form:
+            # The first triangulation holds while the faces do: Blender may split a bending quad along its other
+            # diagonal from one frame to the next, which would look like a change of topology.
+            last = self._last[key] = _Last(form, Topology(triangles(mesh)))
+        known, shown = last.geometry, None
         if shaded:
-            loops = triangles(mesh, "loops") if loops is None else loops
-            shown = normals(mesh)[loops]
+            last.loops = triangles(mesh, "loops") if last.loops is None else last.loops
+            shown = normals(mesh)[last.loops]
         if (
             known is not None
-            and np.array_equal(known.positions, raw)
+            and (known.positions == raw).all()
             and (shown is None or (known.normals is not None and np.array_equal(known.normals, shown)))
         ):
             return known
-        made = Geometry(raw, topology, shown, mesh.normals_domain != "FACE")
-        self._last[key] = _Last(made, corners, polygons, loops)
+        made = last.geometry = Geometry(raw, last.topology, shown, shaded and mesh.normals_domain != "FACE")
         return made
 
     def surface(
@@ -183,11 +188,11 @@ class MeshReader:
     ) -> tuple[Any, Any]:
         if geometry is None:
             return core.scene.tactile_scene.Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32)), None
-        made = self._made.setdefault(geometry, {})
         key = (unit, mirrored, tolerance)
-        if key not in made:
-            made[key] = self._surface_anew(geometry, unit, mirrored, tolerance)
-        return made[key]
+        made = geometry.made.get(key)
+        if made is None:
+            made = geometry.made[key] = self._surface_anew(geometry, unit, mirrored, tolerance)
+        return made
 
     def _surface_anew(
         self, geometry: Geometry, unit: float, mirrored: bool, tolerance: float | None
@@ -199,20 +204,18 @@ class MeshReader:
             return flat, None
         each = to_metres(geometry.normals.reshape(-1, 3), 1.0, mirrored).reshape(-1, 3, 3)
         each = each[:, ::-1] if mirrored else each
-        known = self._curved.setdefault(topology, {})
-        last = known.get((mirrored, tolerance))
+        last = topology.curved.get((mirrored, tolerance))
         if last is not None:
             made = last.moved(flat.vertices, each)
         else:
             made = core.surface.curved.curved_mesh(flat, each, tolerance=tolerance)
-        known[mirrored, tolerance] = made
+        topology.curved[mirrored, tolerance] = made
         return made.mesh, made
 
 
 def to_metres(raw: NDArray[Any], unit: float, mirrored: bool) -> NDArray[np.float64]:
     """Return positions in metres and, if asked, with X reflected."""
-    out = raw.astype(np.float64)
-    out *= unit
+    out: NDArray[np.float64] = np.multiply(raw, unit, dtype=np.float64)
     if mirrored:
         out[:, 0] *= -1.0
     return out
@@ -241,11 +244,12 @@ def zero_area_finding(mesh: Any, name: str) -> Any | None:
     )
 
 
-def _corners(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
+def _corners(mesh: bpy.types.Mesh) -> bytes:
+    """Return the vertices of all face corners, to be compared."""
     out = np.empty(len(mesh.loops), np.int32)
     layer = mesh.attributes.get(".corner_vert")
     if layer is not None:
         layer.data.foreach_get("value", out)
     else:
         mesh.loops.foreach_get("vertex_index", out)
-    return out
+    return out.tobytes()

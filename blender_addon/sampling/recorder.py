@@ -49,7 +49,7 @@ class Recorder:
         first_body = len(swept.fingers)
         self._instances = instances
         self._shown = np.array(instances.bodies, np.int64) + first_body  # their places among the entries
-        self._mirrored = np.array([e.mirrored for e in self._entries], bool)
+        self._mirrored = np.array([i for i, e in enumerate(self._entries) if e.mirrored], np.int64)
         self._objects = np.array([i for i, e in enumerate(self._entries) if e.instance is None], np.int64)
         self._offset = [(i, np.array(e.offset)) for i, e in enumerate(self._entries) if any(e.offset)]
         self._surfaced = [
@@ -172,31 +172,36 @@ class Recorder:
 
     def _take_instances(self, n: int) -> None:
         """Take over when what instances show is there, and when it has faces."""
+        if not self._shown.size:
+            return
         made = self._instances
         self._present[self._shown, :n] = made.here[:, :n]
         self._bare[self._shown, :n] = made.bare[:, :n] & self._present[self._shown, :n]
 
     def _record_surfaces(self, k: int, depsgraph: bpy.types.Depsgraph) -> None:
+        objects, unit = bpy.data.objects, self._participants.unit
         for s, (i, _, entry) in enumerate(self._surfaced):
             if not self._present[i, k]:
                 self._bare[i, k] = False
                 self._surfaces[s][k] = self._absent
                 continue
-            evaluated = bpy.data.objects[int(self._place[i])].evaluated_get(depsgraph)
-            mesh = self._reader.read(evaluated, self._participants.unit, entry.mirrored, entry.curved)
+            evaluated = objects[int(self._place[i])].evaluated_get(depsgraph)
+            mesh = self._reader.read(evaluated, unit, entry.mirrored, entry.curved)
             self._bare[i, k] = len(mesh.triangles) == 0
             self._surfaces[s][k] = self._absent if self._bare[i, k] else mesh
 
     def _poses(self, n: int) -> Array:
         """Return matrices of all entries in metres, reflections taken out, shape (entries, n, 4, 4)."""
-        placed = self._instances.placed
         poses = np.empty((len(self._entries), n, 4, 4))
-        poses[self._shown[placed]] = self._instances.places[placed, :n]
+        if self._shown.size:
+            placed = self._instances.placed
+            poses[self._shown[placed]] = self._instances.places[placed, :n]
         rows = self._raw[:n].reshape(n, -1, 4, 4)[:, self._place[self._objects]]
         poses[self._objects] = rows.transpose(1, 0, 3, 2)  # Blender's are column-major
         for i, offset in self._offset:
             poses[i, :, :3, 3] += poses[i, :, :3, :3] @ offset
-        poses[self._mirrored, :, :3, 0] *= -1.0
+        if self._mirrored.size:
+            poses[self._mirrored, :, :3, 0] *= -1.0
         poses[:, :, :3, 3] *= self._participants.unit
         return poses
 

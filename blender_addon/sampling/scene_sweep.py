@@ -328,7 +328,7 @@ def _steps(
                 depsgraph = _go_to(swept, frame)
                 recorder.record(k, depsgraph)
                 if watch is not None:
-                    watch.look(depsgraph)
+                    watch.look(depsgraph, frame)
                 for relief in reliefs:
                     relief.look(depsgraph, frame)
                 yield None

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from .. import compat, scene_time
+from .. import compat
 from .._core import Array, Finding, core
 from ..properties import object_properties
 from . import participants, simulated_motion
@@ -91,13 +91,20 @@ class Watch:
         ]
         self._still = {b: mesh for b, mesh in enumerate(surfaces) if mesh is not None}
         self._gone: set[int] = set()
-        self._changed: set[int] = set()
-        self._rows: dict[int, list[Any]] = {b: [] for b, _, _ in self._bodies}  # of the samples of a chunk
+        self._count = 0  # samples of the chunk so far
+        self._rows: dict[int, list[Any]] = {}  # their surfaces, of bodies that have changed
         self._edited: set[int] = set()  # session uids
         self._all = True  # whether everything may have been edited
         self._frame: int | None = None
-        self._settings = {o.session_uid: _settings(o) for o in scene.objects if participants.role_of(o) != "NONE"}
-        self._shown = {uid: not participants.is_disabled(o, view_layer) for uid, o in self._others().items()}
+        taking_part = [(place[o.session_uid], o) for o in scene.objects if participants.role_of(o) != "NONE"]
+        inside = _children()
+        self._settings = [(at, _settings(o, inside)) for at, o in taking_part]
+        # Fingers and screens are there all the time or not at all.
+        self._disabled = [
+            (at, participants.is_disabled(o, view_layer))
+            for at, o in taking_part
+            if participants.role_of(o) in ("FINGER", "SCREEN")
+        ]
         self._world = _world(scene)
         self._off = {key for key, on in simulated_motion.switches(scene) if not on}
         self._keyable = _keyable(swept, place)
@@ -130,16 +137,17 @@ class Watch:
                 self._all |= isinstance(original, bpy.types.Scene | bpy.types.Collection)
         self._all |= depsgraph is None
 
-    def look(self, depsgraph: bpy.types.Depsgraph) -> None:
+    def look(self, depsgraph: bpy.types.Depsgraph, at_frame: float) -> None:
         """Compare the current frame; it is the next sample of the chunk."""
         self._stay_last()
-        frame = math.floor(scene_time.shown(self._scene))
+        frame = math.floor(at_frame)
         if frame != self._frame:
             self._frame = frame
             self._look_at_settings(float(frame))
         if self._edited or self._all:
-            for uid, obj in self._others().items():
-                if self._shown.get(uid) == participants.is_disabled(obj, self._view_layer):
+            for at, disabled in self._disabled:
+                obj = bpy.data.objects[at]
+                if participants.is_disabled(obj, self._view_layer) != disabled:
                     self._tell(f"object '{obj.name_full}'", "visibility", float(frame))
             for b, at, entry in self._bodies:
                 obj = bpy.data.objects[at]
@@ -148,7 +156,8 @@ class Watch:
             self._edited.clear()
             self._all = False
         for b, row in self._rows.items():
-            row.append(core.scene.tactile_scene.ABSENT if b in self._gone else self._still.get(b))
+            row.append(self._now(b))
+        self._count += 1
         for key, values in self._following.items():
             values.append(self._value(key))
 
@@ -161,9 +170,10 @@ class Watch:
             if b in surfaces:  # it deforms with time too
                 own = surfaces[b]
                 surfaces[b] = tuple(absent if mine is absent else his for mine, his in zip(row, own, strict=True))
-            elif b in self._changed:
+            else:
                 surfaces[b] = tuple(row)
             row.clear()
+        self._count = 0
         for key, values in self._following.items():
             before = len(chunk.times) - len(values)
             animated[key] = np.array([self._keyable[key].first] * before + values)
@@ -171,25 +181,26 @@ class Watch:
         return replace(chunk, surfaces=surfaces, animated=animated)
 
     def _look_at_body(self, b: int, obj: bpy.types.Object, entry: Entry, depsgraph: bpy.types.Depsgraph) -> None:
+        before = self._now(b)
+        self._gone.discard(b)
         if participants.is_disabled(obj, self._view_layer):
             self._gone.add(b)
-            self._changed.add(b)
-            return
-        self._gone.discard(b)
-        if b not in self._still:
-            return
-        mesh = self._reader.read(obj.evaluated_get(depsgraph), self._unit, entry.mirrored, entry.curved)
-        if mesh is not self._still[b]:
+        elif b in self._still:
+            mesh = self._reader.read(obj.evaluated_get(depsgraph), self._unit, entry.mirrored, entry.curved)
             self._still[b] = mesh if len(mesh.triangles) else core.scene.tactile_scene.ABSENT
-            self._changed.add(b)
+        if self._now(b) is not before:
+            self._rows.setdefault(b, [before] * self._count)
+
+    def _now(self, b: int) -> Any:
+        return core.scene.tactile_scene.ABSENT if b in self._gone else self._still.get(b)
 
     def _look_at_settings(self, frame: float) -> None:
-        objects = participants.look_up(set(self._settings))
-        for uid, first in self._settings.items():
-            obj = objects.get(uid)
-            now = first if obj is None else _settings(obj)
-            if now != first:
-                self._compare(obj, first, now, frame)
+        inside = _children()
+        for at, first in self._settings:
+            obj = bpy.data.objects[at]
+            same = compat.stored(obj, "dermis") == first.stored
+            if not same or (first.content is not None and _content(obj, inside) != first.content):
+                self._compare(obj, first, _settings(obj, inside), frame)
         for name, value in _world(self._scene).items():
             if value != self._world[name]:
                 self._tell(f"scene '{self._scene.name_full}'", name, frame)
@@ -197,25 +208,24 @@ class Watch:
             if on and (uid, name) in self._off:
                 self._tell(_owner(uid), name or "rigid body world", frame)
 
-    def _compare(self, obj: Any, first: dict[str, Any], now: dict[str, Any], frame: float) -> None:
-        animated = compat.animated_paths(obj)
-        for path in sorted(now.keys() | first.keys()):
-            if now.get(path) == first.get(path) or f"dermis.{path}" in animated:
+    def _compare(self, obj: Any, first: _Settings, now: _Settings, frame: float) -> None:
+        animated, branch = compat.animated_paths(obj), _BRANCHES.get(participants.role_of(obj))
+        changed = set(_differing(first.stored, now.stored))
+        if first.content != now.content:
+            changed.add("material.content_kind")
+        for path in sorted(changed):
+            if f"dermis.{path}" in animated:
                 continue
             key = next((k for k, v in self._keyable.items() if (v.uid, v.path) == (obj.session_uid, path)), None)
             if key is not None:
                 self._following.setdefault(key, [])
-            elif path == "role" or (path.startswith(_BRANCHES[participants.role_of(obj)]) and _matters(path)):
+            elif path == "role" or (path.partition(".")[0] == branch and _matters(path)):
                 self._tell(f"object '{obj.name_full}'", path, frame)
 
     def _value(self, key: str) -> float:
         """Return a parameter of the object itself: Blender evaluates nothing because a script sets one of ours."""
         parameter = self._keyable[key]
         return float(bpy.data.objects[parameter.place].dermis.path_resolve(parameter.path)) * parameter.factor
-
-    def _others(self) -> dict[int, bpy.types.Object]:
-        """Return fingers and screens, which are there all the time or not at all."""
-        return {o.session_uid: o for o in self._scene.objects if participants.role_of(o) in ("FINGER", "SCREEN")}
 
     def _tell(self, where: str, name: str, frame: float) -> None:
         if any((f.code, f.where, f.value) == ("setting-changed", where, name) for f in self.findings):
@@ -282,12 +292,32 @@ def _keyable(swept: Participants, place: Mapping[int, int]) -> dict[str, _Keyabl
     return out
 
 
-def _settings(obj: bpy.types.Object) -> dict[str, Any]:
-    """Return everything that is set of an object, by its path below `dermis`."""
-    out = dict(_flat(compat.stored(obj, "dermis")))
-    material = obj.dermis.material
-    if participants.role_of(obj) == "TOUCHABLE" and material.content_kind == "child":
-        out["material.content_kind"] = (material.content_kind, *sorted(c.name_full for c in obj.children))
+class _Settings(NamedTuple):
+    """Everything that is set of an object.
+
+    Attributes:
+        stored: below `dermis`, in nested groups. content: the names of its children, where these are its content.
+    """
+
+    stored: dict[str, Any]
+    content: tuple[str, ...] | None
+
+
+def _settings(obj: bpy.types.Object, inside: Mapping[int, list[str]]) -> _Settings:
+    listed = participants.role_of(obj) == "TOUCHABLE" and obj.dermis.material.content_kind == "child"
+    return _Settings(compat.stored(obj, "dermis"), _content(obj, inside) if listed else None)
+
+
+def _content(obj: bpy.types.Object, inside: Mapping[int, list[str]]) -> tuple[str, ...]:
+    return tuple(sorted(inside.get(obj.session_uid, ())))
+
+
+def _children() -> dict[int, list[str]]:
+    """Return the names of all children by their parent's session uid; `Object.children` goes over all objects."""
+    out: dict[int, list[str]] = {}
+    for obj in bpy.data.objects:
+        if obj.parent is not None:
+            out.setdefault(obj.parent.session_uid, []).append(obj.name_full)
     return out
 
 
@@ -298,6 +328,18 @@ def _world(scene: bpy.types.Scene) -> dict[str, Any]:
 def _owner(uid: int) -> str:
     obj = next((o for o in bpy.data.objects if o.session_uid == uid), None)
     return "scene" if obj is None else f"object '{obj.name_full}'"
+
+
+def _differing(first: Any, now: Any, path: str = "") -> Iterator[str]:
+    """Yield the paths of what differs between two nested groups."""
+    if isinstance(first, dict) and isinstance(now, dict):
+        for name in first.keys() | now.keys():
+            one, other = first.get(name, {}), now.get(name, {})
+            if one != other:
+                yield from _differing(one, other, f"{path}.{name}" if path else name)
+        return
+    before, after = dict(_flat(first, path)), dict(_flat(now, path))
+    yield from (p for p in before.keys() | after.keys() if before.get(p) != after.get(p))
 
 
 def _flat(values: Any, path: str = "") -> Iterator[tuple[str, Any]]:

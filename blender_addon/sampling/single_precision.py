@@ -71,10 +71,12 @@ class Steps:
         fingers = chunk.fingers[:, :, :3, 3]
         parents = self._parents()
         for (kind, entries), poses in zip(self._groups, (chunk.fingers, chunk.bodies, chunk.screens), strict=True):
+            if not entries:
+                continue
             if kind not in self._first:
                 self._first[kind] = poses[:, 0].copy()
             places, first = poses[:, :, :3, 3], self._first[kind]
-            most = max(places.max(initial=0.0), -places.min(initial=0.0), self._farthest[kind], *parents.values())
+            most = max(places.max(), -places.min(), self._farthest[kind], *parents.values())
             if most <= self._harmless:
                 continue
             lengths = np.abs(places).max(axis=(1, 2))

@@ -223,6 +223,13 @@ def test_a_setting_that_cannot_follow_is_told_with_its_frame(script: Any) -> Non
     assert found == [("object 'Cube'", "material.content_length_mm", 13.0), ("scene 'Scene'", "gravity", 15.0)]
 
 
+def test_a_role_that_a_script_takes_away_is_told_and_the_object_is_felt_to_the_end(script: Any) -> None:
+    scene, cube = scene_of_cube()
+    script(lambda: setattr(cube.dermis, "role", "NONE"))
+    found = [(f.where, f.value, f.frame) for f in told(scene, "setting-changed")]
+    assert found == [("object 'Cube'", "role", float(LATE))]
+
+
 def test_keyed_gravity_is_told_and_that_of_the_first_frame_holds() -> None:
     scene, _ = scene_of_cube()
     build.keys(scene, "gravity", [1, 7, 8], [(0, 0, -2), (0, 0, -2), (0, 0, -3)])

@@ -32,6 +32,7 @@ from .track_source import TrackSource
 
 ARMING = 1.0  # a device that is not armed after this long will not be [s]
 SWITCH_OFF = "Switch its supply off"
+APART = 0.05  # so long apart, because a disturbed line or network loses what leaves together [s]
 REPEAT = 3  # a safe state is written this often where no device confirms it
 
 
@@ -394,7 +395,7 @@ class Drive:
         assert ramp is not None
         if ramp.waits(now):
             return
-        if ramp.due(now):
+        if ramp.due(now) and not ramp.said:  # after a word that lets actuators go, none may take hold again
             left = send(adapter.command(ramp.step(now), now, None), now, moves=True)
             self.connection.note(now, None, left, Logged.RAMP)
             if left:
@@ -402,12 +403,11 @@ class Drive:
             else:
                 adapter.forget()
                 ramp.undo()
-        while ramp.there and ramp.said < REPEAT:
+        if ramp.there and ramp.said < REPEAT and now >= ramp.say_at:
             adapter.forget()  # said again in full
-            if not send(adapter.safe() or adapter.command(self.output.wire.safe, now, None), now, moves=True):
-                break
-            self.connection.note(now, None, True, Logged.SAFE)
-            ramp.said += 1
+            if send(adapter.safe() or adapter.command(self.output.wire.safe, now, None), now, moves=True):
+                self.connection.note(now, None, True, Logged.SAFE)
+                ramp.said, ramp.say_at = ramp.said + 1, now + APART
         if ramp.said == REPEAT:
             self._finish_safing(now)
         elif ramp.stuck(now):

@@ -5,6 +5,8 @@ It takes as long as that takes. Only what is declared `at_once`, as a screen's v
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ..arrays import Array
@@ -25,7 +27,7 @@ class SafeRamp:
         period: between two commands [s]. now: when it begins, which may be later [s].
 
     Attributes:
-        said: how often the safe state was said, once it was reached.
+        said: how often the safe state was said, once it was reached. say_at: when it may be said next [s].
     """
 
     def __init__(self, limiter: OutputLimiter, period: float, now: float) -> None:
@@ -33,7 +35,7 @@ class SafeRamp:
         limiter.plan(period)
         self._start = limiter.last
         self._begins = self._next = self._left = now
-        self.said = 0
+        self.said, self.say_at = 0, -math.inf
 
     @property
     def seconds(self) -> float:

@@ -332,3 +332,19 @@ def test_a_device_that_does_not_obey_is_left_to_its_own_watchdog_and_that_is_sai
     del lab.sent[:]
     lab.run(0.5)
     assert not lab.sent, "silent, so that its own watchdog acts"
+
+
+@pytest.mark.parametrize("protocol", DRIVEN)
+def test_a_gap_of_a_tenth_of_a_second_in_the_line_does_not_lose_the_safe_state(protocol: str) -> None:
+    lab = driven(protocol)
+    lab.stops += 1
+    lab.run(0.2)
+    link = lab.streamer.connection.link  # type: ignore[union-attr]
+    send, began = link.send, lab.now
+
+    def lossy(message: bytes) -> bool:
+        return True if lab.now < began + 0.13 else bool(send(message))
+
+    link.send = lossy  # type: ignore[method-assign]
+    lab.run(0.6)
+    assert np.allclose(lab.at, SAFE, atol=QUANTUM) and lab.streamer.state == State.READY

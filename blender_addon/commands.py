@@ -143,8 +143,8 @@ def _parser() -> argparse.ArgumentParser:
             action="append",
             default=[],
             metavar="[SCREEN=]VALUE",
-            help="stored number of height maps that stands for 'nothing measured', or 'none': of one touch screen, or "
-            "of all that do not say; more than once",
+            help="stored number of height maps that stands for 'nothing measured', or 'none' for no other: of one "
+            "touch screen, or of all that leave it open; once for each number",
         ),
         arguments.QUIET,
     )
@@ -225,17 +225,20 @@ def _settle_maps(options: argparse.Namespace, scene: bpy.types.Scene) -> None:
     """
     layer = bpy.context.view_layer if scene == bpy.context.scene else scene.view_layers[0]
     screens = [o for o in participants.taking_part(scene, layer, []) if o.dermis.role == "SCREEN"]
+    given: dict[str, list[str]] = {}
     for text in options.no_data:
         name, _, value = text.rpartition("=")
+        given.setdefault(name, []).append(value)
         core.effects.map_repair.no_data_of(value, "--no-data")
         if name and all(obj.name != name for obj in screens):
             known = ", ".join(obj.name for obj in screens)
             raise DermisError("no such touch screen", where="--no-data", value=name, limit=known)
-        for obj in screens:
-            if obj.name == name or (not name and not height_maps.said_no_data(obj)):
-                obj.dermis.screen.no_data = value
     for obj in screens:
+        if obj.name in given:
+            obj.dermis.screen.no_data = "; ".join(given[obj.name])
         try:
+            if "" in given and (not height_maps.said_no_data(obj) or height_maps.unanswered(obj)):
+                height_maps.say_no_data(obj, *given[""])
             open_ = height_maps.unanswered(obj)
         except DermisError:  # told, with all else, when the scene is sampled
             continue

@@ -99,7 +99,9 @@ class DERMIS_PT_screen(DermisPanel, bpy.types.Panel):
             if finding.code in height_maps.NO_DATA:
                 number = "0" if finding.code == "zeros-like-holes" else finding.value
                 row = layout.row(align=True)
-                for text, answer in ((f"{number} Is No Data", number), ("All Are Heights", "none")):
+                rest = "All Others Are Heights" if height_maps.said_no_data(context.object) else "All Are Heights"
+                for text, word in ((f"{number} Is No Data", number), (rest, "none")):
+                    answer = height_maps.words_on_no_data(context.object, word)
                     button = row.operator("wm.context_set_string", text=text)
                     button.data_path, button.value = "object.dermis.screen.no_data", answer
             else:

@@ -25,7 +25,7 @@ DIM, BEYOND = 0.05, 0.01
 """Of white: a map that is nowhere brighter, or goes so far beyond black or white, is likely a measure."""
 
 _kept: dict[int, tuple[Any, Any]] = {}
-_offered: dict[int, tuple[Any, ...]] = {}
+_offered: dict[int, tuple[str, tuple[Any, ...]]] = {}  # under what was said of no data when a map was read
 
 
 def forget() -> None:
@@ -36,9 +36,9 @@ def forget() -> None:
 def offered(obj: bpy.types.Object) -> tuple[Any, ...]:
     """Return what the artist has to decide about the map that a screen was last read from, and has not decided yet."""
     settings = obj.dermis.screen
-    said = bool(_no_data(settings))
-    decided = {**dict.fromkeys(NO_DATA, said), "no-unit": settings.map_unit != "white"}
-    return tuple(f for f in _offered.get(obj.session_uid, ()) if not decided[f.code])
+    said, found = _offered.get(obj.session_uid, ("", ()))
+    decided = {**dict.fromkeys(NO_DATA, said != _no_data(settings)), "no-unit": settings.map_unit != "white"}
+    return tuple(finding for finding in found if not decided[finding.code])
 
 
 def look(obj: bpy.types.Object) -> tuple[Any, ...]:
@@ -56,13 +56,24 @@ def said_no_data(obj: bpy.types.Object) -> bool:
     return bool(_no_data(obj.dermis.screen))
 
 
+def words_on_no_data(obj: bpy.types.Object, *words: str) -> str:
+    """Return what the artist has said of a screen's 'no data', and further words behind it."""
+    said = _no_data(obj.dermis.screen)
+    return "; ".join(([said] if said else []) + list(words))
+
+
+def say_no_data(obj: bpy.types.Object, *words: str) -> None:
+    """Add to what is said of a screen's 'no data'."""
+    obj.dermis.screen.no_data = words_on_no_data(obj, *words)
+
+
 def unanswered(obj: bpy.types.Object) -> tuple[Any, ...]:
-    """Return the findings of a screen's map on what may stand for 'no data', while nobody has said.
+    """Return the findings of a screen's map on what may stand for 'no data', and of which nobody has said it.
 
     Raises:
         DermisError: the map cannot be read.
     """
-    if obj.dermis.screen.source == "MESH" or not _chosen(obj.dermis.screen) or said_no_data(obj):
+    if obj.dermis.screen.source == "MESH" or not _chosen(obj.dermis.screen):
         return ()
     _read(obj, None, 1.0)
     return tuple(finding for finding in offered(obj) if finding.code in NO_DATA)
@@ -219,7 +230,8 @@ def _file(obj: bpy.types.Object, *, sequence: bool) -> Any:
         made = core.effects.depth_map.read(paths, **_meant(settings), unit=unit)
     except DermisError as error:
         if error.code in OFFERED:
-            _offered[obj.session_uid] = (error.as_finding(code=error.code, remedy=error.remedy),)
+            found = (error.as_finding(code=error.code, remedy=error.remedy),)
+            _offered[obj.session_uid] = _no_data(settings), found
         raise
     gap = core.images.gap_after(path) if sequence else None
     made = replace(made, findings=made.findings + (() if gap is None else (gap,)))
@@ -243,7 +255,7 @@ def _with_unit(obj: bpy.types.Object, made: Any, where: str) -> Any:
     if height_unit == 0.0:
         height_unit = value_of(obj.dermis.screen, core.parameters.screen.HEIGHT)
         findings += _doubtful(made.heights, obj.dermis.screen.invert, where)
-    _offered[obj.session_uid] = tuple(f for f in findings if f.code in OFFERED)
+    _offered[obj.session_uid] = _no_data(obj.dermis.screen), tuple(f for f in findings if f.code in OFFERED)
     return replace(made, height_unit=height_unit, findings=findings)
 
 

@@ -52,9 +52,10 @@ def read(
     Args:
         source: a path, or paths (`core.images.sequence` finds the numbered ones that follow one).
         meaning: 'height' towards the viewer, or 'depth' away from the viewer, which is negated.
-        no_data: the number, as the file stores it, that stands for 'nothing measured', such as -9999; or 'none', where
-            every number is a height. Left out, a number that looks so is told. What the file itself declares (alpha 0,
-            a TIFF's tag 42113), and what is not finite, is no height in any case.
+        no_data: the number, as the file stores it, that stands for 'nothing measured', such as -9999; or several, such
+            as (65535, 0); or 'none', where every number is a height, and (65535, 'none'), where every other one is.
+            Without 'none', another number that looks so is told. What the file itself declares (alpha 0, a TIFF's tag
+            42113, the page of its mask), and what is not finite, is no height in any case.
         steps: what to do with the staircases of 8-bit images; finer formats are exact and stay as they are.
         unit: metres that one stored number stands for, 1e-12 to 1e3: 1e-3 of a depth camera's millimetres. It gives
             `height_unit`.

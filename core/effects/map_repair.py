@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from numbers import Real
 from typing import Any, Literal
 
@@ -25,7 +27,7 @@ from .repair import (
 
 Meaning = Literal["height", "depth"]
 Steps = Literal["smooth", "keep"]
-NoData = float | Literal["none"] | None
+NoData = float | Literal["none"] | Sequence[float | Literal["none"]] | None
 MEANINGS: tuple[Meaning, ...] = ("height", "depth")
 STEPS: tuple[Steps, ...] = ("smooth", "keep")
 
@@ -37,7 +39,7 @@ class MapRepair:
         meaning, no_data, steps, where: as for `depth_map.from_array`.
 
     Raises:
-        DermisError: an unknown meaning or kind of steps, or a `no_data` that is neither a number nor 'none'.
+        DermisError: an unknown meaning or kind of steps, or a `no_data` of anything but numbers and 'none'.
     """
 
     def __init__(self, meaning: Meaning, no_data: NoData, steps: Steps, where: str) -> None:
@@ -49,12 +51,13 @@ class MapRepair:
                 limit="height or depth; smooth or keep",
             )
         self._sign = -1.0 if meaning == "depth" else 1.0
-        self._asks = no_data is None
-        number = None if no_data is None or no_data == "none" else number_of(no_data, "no_data", where)
-        self._hole = None if number is None or np.isnan(number) else number  # no numbers are holes as it is
+        said = () if no_data is None else no_data if isinstance(no_data, list | tuple) else (no_data,)
+        self._asks = "none" not in said
+        numbers = [number_of(value, "no_data", where) for value in said if value != "none"]
+        self._held = {number: 0 for number in numbers if not np.isnan(number)}  # NaN is a hole as it is
         self._smooth, self._where = steps == "smooth", where
         self._pixels = self._holes = self._smoothed = self._kept = self._flat = self._few = self._levels = 0
-        self._zeros = self._asked = 0
+        self._zeros = 0
         self._likely: dict[float, int] = {}
 
     def repaired(
@@ -75,11 +78,11 @@ class MapRepair:
         with np.errstate(over="ignore"):  # beyond doubles is infinite, a hole
             heights = values.astype(np.float64)
         gaps = holes_in(heights, declared)
-        if self._hole is not None:
-            asked = holds(values, self._hole / largest)
-            self._asked += int(np.count_nonzero(asked))
+        for number in self._held:
+            asked = holds(values, number / largest)
+            self._held[number] += int(np.count_nonzero(asked))
             gaps |= asked
-        elif self._asks:
+        if self._asks and not gaps.all():  # the rest is looked at again after each answer
             self._look(heights[~gaps] if gaps.any() else heights.ravel(), values.dtype, levels, largest, signed)
         known = ~gaps
         if not known.any():
@@ -107,9 +110,10 @@ class MapRepair:
 
     def _look(self, heights: Array, kind: np.dtype, levels: int, largest: float, signed: bool) -> None:
         """Count what likely stands for 'no data'."""
-        zeros = likely_holes(heights) if self._sign < 0.0 else 0
+        coarse = 0 < levels <= MAX_LEVELS
+        zeros = likely_holes(heights, coarse=coarse) if self._sign < 0.0 else 0
         self._zeros += zeros
-        if zeros or 0 < levels <= MAX_LEVELS:  # as few levels are brightness: white and black are heights
+        if zeros or coarse:  # as few levels are brightness: white and black are heights
             return
         stored = [*CUSTOMARY, *((largest,) if levels else ()), *((-largest - 1.0,) if levels and signed else ())]
         ends = np.array(stored) / largest
@@ -125,6 +129,7 @@ class MapRepair:
         """Return what was repaired and noticed, one finding a kind."""
         levels = f"{self._levels} levels"
         share, zeros = (f"{100.0 * n / max(self._pixels, 1):.3g} %" for n in (self._holes, self._zeros))
+        missing = [number for number, held in self._held.items() if not held]
         likely, count = max(self._likely.items(), key=lambda item: item[1], default=(0.0, 0))
         rows: tuple[tuple[int, Severity, str, str, str | None, str], ...] = (
             (
@@ -136,11 +141,11 @@ class MapRepair:
                 "",
             ),
             (
-                self._hole is not None and not self._asked,
-                "warning" if self._hole else "info",  # a camera that missed nothing has no zeros
+                len(missing),
+                "warning" if any(missing) else "info",  # a camera that missed nothing has no zeros
                 "no-such-hole",
                 "no pixel holds the value that stands for 'nothing measured'",
-                None if self._hole is None else f"{self._hole:.9g}",
+                ", ".join(f"{number:.9g}" for number in missing),
                 "Give the number as the file stores it, such as 65535",
             ),
             (
@@ -150,7 +155,7 @@ class MapRepair:
                 "pixels hold exactly 0, far from all others: depth cameras write 0 where they measured nothing, but "
                 "here it is a depth, and cliffs",
                 zeros,
-                say_no_data(0.0),
+                say_no_data(0.0, tuple(self._held)),
             ),
             (
                 count,
@@ -159,7 +164,7 @@ class MapRepair:
                 "many pixels hold one number that stands apart from all others, as files write 'no data', but here it "
                 "is a height, and cliffs",
                 _words(likely),
-                say_no_data(likely),
+                say_no_data(likely, tuple(self._held)),
             ),
             (
                 self._smoothed,
@@ -195,34 +200,42 @@ class MapRepair:
 
 
 def no_data_of(text: str, where: str) -> NoData:
-    """Return what a person's words say: '' nothing, 'none', or a number.
+    """Return what a person's words say: '' nothing, 'none', or numbers with spaces or semicolons between.
+
+    'none' behind numbers says that there are no others.
 
     Raises:
         DermisError: they say something else.
     """
-    words = text.strip().lower()
-    if not words:
-        return None
-    if words == "none":
-        return "none"
+    words = re.sub(r";|,(?=\s|$)", " ", text.lower()).split()
     try:
-        return float(words.replace(",", "."))
+        said: list[float | Literal["none"]] = [
+            "none" if word == "none" else float(word.replace(",", ".")) for word in words
+        ]
     except ValueError as error:
-        limit = "a number as the file stores it, such as -9999, or 'none'"
+        limit = "numbers as the file stores them, such as -9999 or '65535; 0'; or 'none'"
         raise DermisError("not a number that stands for 'no data'", where=where, value=text, limit=limit) from error
+    return None if not said else said[0] if len(said) == 1 else tuple(said)
 
 
-def say_no_data(number: float) -> str:
-    """Return how a person says whether a number stands for 'no data'."""
-    text = _words(number)
+def say_no_data(number: float, said: Sequence[float]) -> str:
+    """Return how a person says whether a number stands for 'no data'.
+
+    Args:
+        said: numbers that were said already.
+    """
+    answers = [[*map(_words, said), answer] for answer in (_words(number), "none")]
+    field = " or ".join("; ".join(words) for words in answers)
+    option = " or ".join(" ".join(f"--no-data {word}" for word in words) for words in answers)
+    quoted = [", ".join(word if word != "none" else "'none'" for word in words) for words in answers]
+    script = " or ".join(f"no_data=({words})" if said else f"no_data={words}" for words in quoted)
     return (
-        f"Say which: No Data {text} or none in the Dermis tab under Screen; --no-data {text} or --no-data none on the "
-        f"command line; no_data={text} or no_data='none' in a script"
+        f"Say which: No Data {field} in the Dermis tab under Screen; {option} on the command line; {script} in a script"
     )
 
 
 def _words(number: float) -> str:
-    return str(int(number)) if number == round(number) and abs(number) < 1e15 else repr(number)
+    return str(int(number)) if abs(number) < 1e15 and number == round(number) else repr(number)
 
 
 def number_of(value: Any, name: str, where: str) -> float:

@@ -54,16 +54,23 @@ def holds(values: NDArray[Any], number: float) -> NDArray[np.bool_]:
         return np.asarray(values == np.asarray(number).astype(values.dtype))
 
 
-def likely_holes(depths: Array) -> int:
-    """Return how many zeros of a depth map, shape (n,), stand for 'nothing measured'; 0 where they are depths."""
-    return _stands_apart(depths, 0.0, NEAREST) if depths.size and not (depths < 0.0).any() else 0
+def likely_holes(depths: Array, *, coarse: bool = False) -> int:
+    """Return how many zeros of a depth map, shape (n,), stand for 'nothing measured'; 0 where they are depths.
+
+    Args:
+        coarse: the depths are brightness of few levels, in which black is a depth.
+    """
+    if not depths.size or (depths < 0.0).any():
+        return 0
+    return (not coarse and _far_off(depths, 0.0)) or _stands_apart(depths, 0.0, NEAREST)
 
 
 def likely_no_data(values: Array, ends: Sequence[float]) -> tuple[float, int] | None:
     """Return the number that most likely stands for 'no data', and how many pixels hold it; None where none does.
 
-    It is the largest or the least number, frequent, and apart from all others: at an end of its type a little, else by
-    more than they differ among each other. Zero is the ground that reliefs stand on, and never one.
+    It is the largest or the least number, and apart from all others by more than they differ among each other. A number
+    at an end of its type may be in few pixels, or nearer to the others where it is in many; any other is in many.
+    Zero is the ground that reliefs stand on, and never one.
 
     Args:
         values: heights or depths, shape (n,). ends: numbers at an end of their type, or customary for it.
@@ -73,10 +80,28 @@ def likely_no_data(values: Array, ends: Sequence[float]) -> tuple[float, int] | 
     for number in (float(values.min()), float(values.max())):
         if number == 0.0:
             continue
+        few = _far_off(values, number) if number in ends else 0
+        if few:
+            return number, few
         count = _stands_apart(values, number, NEAREST if number in ends else 0.5)
         if count > 1:
             return number, count
     return None
+
+
+def _far_off(values: Array, number: float) -> int:
+    """Return how many values are a number, however few; 0 where it is no farther from the others than they differ.
+
+    One other number is enough beside a negative one. Beside others it makes a mask, which has two levels.
+    """
+    same = values == number
+    others = values[~same]
+    if not 0 < len(others) < len(values):
+        return 0
+    low, high = others.min(), others.max()
+    if max(low - number, number - high) <= high - low or (low == high and number >= 0.0):
+        return 0
+    return len(values) - len(others)
 
 
 def _stands_apart(values: Array, number: float, least: float) -> int:

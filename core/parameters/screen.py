@@ -61,8 +61,9 @@ NO_DATA = Parameter(
     name="no_data",
     unit=TEXT,
     label="No Data",
-    text="The number, as the file stores it, that stands for 'nothing measured': 0 of depth cameras, -9999, 65535. "
-    "Such pixels are filled from their rims. 'none': every number is a height. Empty: as the file declares",
+    text="The number, as the file stores it, that stands for 'nothing measured': 0 of depth cameras, -9999, 65535; "
+    "several with semicolons between. Such pixels are filled from their rims. 'none': every other number is a height. "
+    "Empty: as the file declares",
     default="",
     note="scripts give `depth_map.read` it as `no_data`",
 )

@@ -131,6 +131,27 @@ def test_a_question_about_no_data_ends_the_work_and_names_the_option(mapped, tmp
     assert commands.main([verb, str(mapped), "--out", str(out), "--no-data", "far"]) == 2
 
 
+def test_a_second_number_is_asked_about_once_the_first_is_answered(mapped, tmp_path, capsys):
+    """One answer was taken as the answer to all."""
+    heights = np.load(tmp_path / "heights.npy")
+    heights[20:22, 3:30] = -32768
+    np.save(tmp_path / "heights.npy", heights)
+    sample = ["sample", str(mapped), "--out", str(tmp_path / "out.npz")]
+    assert commands.main(sample) == 2
+    assert "--no-data -32768 or --no-data none" in capsys.readouterr().err
+    for options in (["--no-data", "-32768"], ["--no-data", "Panel=-32768"]):
+        assert commands.main([*sample, *options]) == 2
+        assert "--no-data -32768 --no-data -9999 or --no-data -32768 --no-data none" in capsys.readouterr().err
+    answers = ["-32768", "-9999"], ["-32768", "none"], ["Panel=-32768", "-9999"], ["Panel=-32768; -9999"]
+    for options in answers:
+        assert commands.main([*sample, *(part for text in options for part in ("--no-data", text))]) == 0, options
+    bpy.ops.wm.open_mainfile(filepath=str(mapped))
+    bpy.data.objects["Panel"].dermis.screen.no_data = "-32768"  # what the file says of the first
+    bpy.ops.wm.save_as_mainfile(filepath=str(mapped))
+    assert commands.main(sample) == 2
+    assert commands.main([*sample, "--no-data", "-9999"]) == 0
+
+
 def test_the_option_makes_holes_of_no_data(mapped, tmp_path):
     from core import load_scene
 

@@ -392,6 +392,28 @@ def test_no_data_of_a_height_map_is_asked_about(tmp_path, number):
         scene_sweep.sample()
 
 
+def test_a_second_number_is_asked_about_after_the_first(tmp_path):
+    """One answer was taken as the answer to all, and the second number was felt as a cliff."""
+    build.span(1, 3)
+    build.finger()
+    obj = build.screen()
+    bpy.context.view_layer.objects.active = obj
+    path = elevations(tmp_path, -9999)
+    heights = np.load(path)
+    heights[2:4, 3:9] = -32768
+    np.save(path, heights)
+    for said, asked in (("", "-32768"), ("-32768", "-9999"), ("-32768; -9999", None), ("-32768; none", None)):
+        assert bpy.ops.dermis.open_map(filepath=path, map_unit="mm", no_data=said) == {"FINISHED"}
+        offered = height_maps.offered(obj)
+        assert [f.value for f in offered] == ([asked] if asked else [])
+        if asked:  # the panel's button
+            obj.dermis.screen.no_data = height_maps.words_on_no_data(obj, asked)
+            assert not height_maps.offered(obj)
+            assert obj.dermis.screen.no_data == (f"{said}; {asked}" if said else asked)
+    obj.dermis.screen.no_data = "-32768; -9999"
+    assert relief()[2]["holes-filled"].count == 72
+
+
 def test_files_of_earlier_versions_keep_their_zeros_as_holes(tmp_path):
     build.span(1, 3)
     build.finger()

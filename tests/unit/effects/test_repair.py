@@ -260,10 +260,12 @@ def test_a_hole_that_no_pixel_has_is_told(tmp_path):
     assert found.severity == "info"  # a camera that missed nothing
     for absent in (0.5, -1, 256 + int(stored[0, 0])):  # none of them is rounded or wrapped to one that is there
         assert "no-such-hole" in {f.code for f in from_array(stored.astype(np.uint8), no_data=absent).findings}
+    for beyond in (np.nan, np.inf):
+        assert from_array(waves(), no_data=beyond).heights.max() < 1
     assert "no-such-hole" not in {f.code for f in from_array(waves(), no_data=np.nan).findings}
 
 
-@pytest.mark.parametrize("hole", ["a", [0], 1j])
+@pytest.mark.parametrize("hole", ["a", ["a"], [None], 1j])
 def test_a_hole_is_a_number(hole):
     with pytest.raises(DermisError, match="the no_data must be a number"):
         from_array(waves(), no_data=hole)
@@ -321,6 +323,10 @@ def test_no_data_of_brightness_is_its_stored_number_too(tmp_path, meaning):
         np.where(waves() > 0.5, 255, 10 + 40 * waves()).astype(np.uint8),  # letters in 8 bit
         np.where(waves() > 0.5, 0.0, 1.0 + waves()),  # ground
         np.random.default_rng(0).normal(0.0, 9999.0, (40, 60)),
+        np.kron(np.arange(12).reshape(3, 4), np.full((8, 8), 65535 / 11)).astype(np.uint16),  # terraces up to white
+        np.where(waves() > 0.5, 32767, 0).astype(np.int16),  # a mask of signed numbers
+        np.linspace(0, 65535, 12).reshape(3, 4).astype(np.uint16),  # a ramp of few pixels
+        np.linspace(-9999, 9999, 40).reshape(4, 10),
     ],
 )
 def test_heights_are_not_taken_for_no_data(tmp_path, values):
@@ -335,7 +341,78 @@ def test_a_sequence_counts_no_data_over_its_maps(tmp_path):
     assert (asked.code, asked.value, asked.count) == ("no-data-likely", "-9999", 210)
 
 
-@pytest.mark.parametrize(("text", "value"), [("", None), (" none ", "none"), ("-9999", -9999.0), ("0,5", 0.5)])
+@pytest.mark.parametrize(
+    ("kind", "meaning", "first", "second"),
+    [
+        (np.uint16, "depth", 65535, 0),  # depth cameras of two makers
+        (np.int16, "height", -32768, -9999),  # mosaics of two tiles
+        (np.float32, "height", -32768, -9999),
+        (np.int32, "depth", -(2**31), -9999),
+    ],
+)
+def test_after_an_answer_the_rest_is_looked_at_again(tmp_path, kind, meaning, first, second):
+    heights = measured(kind, first)
+    heights[20:24, 40:50] = second
+    np.save(tmp_path / "map.npy", heights)
+
+    def found(no_data):
+        made = read(tmp_path / "map.npy", unit=1e-3, meaning=meaning, no_data=no_data)
+        return made, [f for f in made.findings if f.code != "holes-filled"]
+
+    (asked,) = found(None)[1]
+    assert (asked.code, asked.value, asked.count) == ("no-data-likely", str(first), 70)
+    for one, other, count in ((first, second, 40), (second, first, 70)):
+        (asked,) = found(one)[1]
+        assert asked.code == ("no-data-likely" if other else "zeros-like-holes") and asked.count == count
+        assert f"No Data {one}; {other} or {one}; none in" in asked.remedy
+        assert f"--no-data {one} --no-data {other} or --no-data {one} --no-data none on" in asked.remedy
+        assert f"no_data=({one}, {other}) or no_data=({one}, 'none') in" in asked.remedy
+        made, left = found((one, other))
+        assert not left and 0.39 < np.abs(made.heights * 1e-3 * (np.iinfo(kind).max if kind != np.float32 else 1)).min()
+        np.testing.assert_array_equal(made.holes, (heights[::-1] == first) | (heights[::-1] == second))
+        made, left = found((one, "none"))
+        assert not left
+        np.testing.assert_array_equal(made.holes, heights[::-1] == one)
+    (absent,) = found((first, second, -7))[1]
+    assert (absent.code, absent.value) == ("no-such-hole", "-7")
+
+
+@pytest.mark.parametrize("pixels", [1, 2, 20])
+@pytest.mark.parametrize(
+    ("kind", "number"), [(np.int16, -32768), (np.float32, -9999.0), (np.uint16, 65535), (np.float64, -32768.0)]
+)
+def test_an_end_of_its_type_is_asked_about_in_few_pixels_too(tmp_path, kind, number, pixels):
+    heights = measured(kind, 600, 200, 200)
+    heights.ravel()[np.random.default_rng(1).choice(heights.size, pixels, replace=False)] = number
+    np.save(tmp_path / "map.npy", heights)
+    (asked,) = read(tmp_path / "map.npy", unit=1e-3).findings
+    assert (asked.code, asked.value, asked.count) == ("no-data-likely", str(int(number)), pixels)
+
+
+@pytest.mark.parametrize("levels", [1, 2, 12])
+def test_an_end_of_its_type_is_asked_about_beside_few_heights_too(tmp_path, levels):
+    heights = np.repeat(5 + np.arange(40) * levels // 40, 60).reshape(40, 60).astype(np.int16)
+    heights[5:7, 20:30] = -9999
+    np.save(tmp_path / "map.npy", heights)
+    (asked,) = read(tmp_path / "map.npy", unit=1e-3).findings
+    assert (asked.code, asked.value, asked.count) == ("no-data-likely", "-9999", 20)
+
+
+def test_few_zeros_of_a_depth_camera_are_asked_about_too(tmp_path):
+    depths = np.rint(600 + 200 * waves()).astype(np.uint16)
+    depths[7, 9] = 0
+    np.save(tmp_path / "map.npy", depths)
+    (asked,) = read(tmp_path / "map.npy", unit=1e-3, meaning="depth").findings
+    assert (asked.code, asked.count) == ("zeros-like-holes", 1)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("", None), (" none ", "none"), ("-9999", -9999.0), ("0,5", 0.5), ("65535; 0", (65535.0, 0.0)),
+        ("0, 65535", (0.0, 65535.0)), ("-9999 None", (-9999.0, "none")), ("7;", 7.0),
+    ],
+)  # fmt: skip
 def test_words_on_no_data(text, value):
     assert no_data_of(text, "here") == value
     with pytest.raises(DermisError, match="here: not a number that stands for 'no data'"):

@@ -343,7 +343,9 @@ def _steps(
 
 
 def _go_to(swept: Participants, frame: float) -> bpy.types.Depsgraph:
-    scene = _scene_named(swept.scene) if bpy.context.scene.name_full != swept.scene else bpy.context.scene
+    scene = bpy.context.scene
+    if scene.name_full != swept.scene:
+        scene = _scene_named(swept.scene)
     if scene is None:
         raise DermisError("the scene was removed while it was sampled", where=f"scene '{swept.scene}'")
     scene_time.go_to(scene, frame)

@@ -130,12 +130,16 @@ class Watch:
             functions.append(self._note)
 
     def _note(self, _scene: bpy.types.Scene, depsgraph: Any = None) -> None:
-        for update in depsgraph.updates if depsgraph is not None else ():
+        if depsgraph is None:
+            self._all = True
+            return
+        timely = self._timely
+        for update in depsgraph.updates:
             original = update.id.original
-            if original.session_uid not in self._timely:
-                self._edited.add(original.session_uid)
+            uid = original.session_uid
+            if uid not in timely:
+                self._edited.add(uid)
                 self._all |= isinstance(original, bpy.types.Scene | bpy.types.Collection)
-        self._all |= depsgraph is None
 
     def look(self, depsgraph: bpy.types.Depsgraph, at_frame: float) -> None:
         """Compare the current frame; it is the next sample of the chunk."""

@@ -96,6 +96,8 @@ class DeviceOutput:
         """
         before, self.wire = self.wire.safe, Wire.of(self.wire.spec, calibration)
         self.limiter.wire = self.wire
+        if isinstance(self.source, PanelSource):
+            self.source.recalibrated(self.wire)
         return bool((before != self.wire.safe).any())
 
     def limited(self) -> dict[str, int]:

@@ -58,7 +58,13 @@ class PanelSource:
         self._heading = screen.heading()
         self._direction = (0.0, 0.0)
         self._heard: float | None = None  # when the finger was said to be down last [s]; None: it is not
-        self._values = wire.rest.copy()
+        self._values = wire.safe_command
+
+    def recalibrated(self, wire: Wire) -> None:
+        """Take the device with another calibration."""
+        self.wire = wire
+        if self._heard is None:
+            self._values = wire.safe_command
 
     def begin(self, now: float) -> None:
         """Begin at 0 V with whatever finger is there, and with the map's time where Blender does not tell it."""
@@ -113,4 +119,4 @@ class PanelSource:
     def _lift(self) -> None:
         self._heard = None
         self._heading.lift()
-        self._values = self.wire.rest.copy()
+        self._values = self.wire.safe_command  # no voltage, whatever the calibration adds to one

@@ -226,6 +226,22 @@ def test_a_change_in_the_first_ramp_does_not_shorten_it(tmp_path: Path) -> None:
     assert lab.at[0] == pytest.approx(90.0, abs=300 / 65535)
 
 
+def test_a_calibration_puts_no_voltage_under_a_finger_that_is_lifted(screen: ScreenMap) -> None:
+    lab = panel_lab(screen)
+    lab.begin(0.3)
+    assert lab.at[0] == 0.0
+    made = Calibration.of(Library().device("electrovibration")).with_entry("amplitude", zero=50.0)
+    lab.set(calibration=made.dumps())
+    most: list[float] = []
+    lab.run(1.0, lambda: most.append(float(lab.at[0])))
+    assert max(most) <= 300 / 65535 and lab.streamer.armed
+    lab._answers.append(lab.device.touched(True, 0.0, 0.0, lab.now))
+    lab.run(0.1)
+    lab._answers.append(lab.device.touched(False, 0.0, 0.0, lab.now))
+    lab.run(0.1)
+    assert lab.at[0] <= 300 / 65535
+
+
 @pytest.mark.parametrize("mode", ["play", "jog"])
 def test_a_calibration_under_way_puts_no_voltage_where_there_is_none(mode: str, tmp_path: Path) -> None:
     """Before and after a track, and for a channel that nobody moves, 0 V stays 0 V, whatever zero and gain become."""

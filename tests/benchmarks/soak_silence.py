@@ -48,7 +48,8 @@ def soak(minutes: float, loops: int) -> dict[str, Any]:
                     }
                     client.set(jog=jog)
                 if was_armed[i] and not status["armed"]:
-                    gap = receiver.ask("judge")["gap"]
+                    found = receiver.ask("judge")
+                    gap = max(found["gap"], found["quiet"])  # what is still silent counts too
                     after = float(status["silence"]["after_ms"]) / 1e3
                     ended[receiver.protocol].append({"at": time.monotonic() - start, "gap": gap, "after": after})
                 if not status["armed"] and status["state"] in ("ready", "stalled", "fault"):

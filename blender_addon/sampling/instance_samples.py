@@ -100,7 +100,7 @@ class InstanceSamples:
             if entry.instance is None and geometry is not None:
                 known = self._topology.get(s)
                 self._topology[s] = geometry.topology
-                if known is not None and known is not geometry.topology:
+                if known is not None and not _same_faces(known, geometry.topology):
                     self._others.setdefault(s, []).append(k)
         self._shown = shown
         self._note_strange(shown, k)
@@ -163,3 +163,7 @@ class InstanceSamples:
                 frame=float(frames[samples[0]]),
                 remedy="Let instances come and go at whole frames",
             )
+
+
+def _same_faces(one: Topology, other: Topology) -> bool:
+    return one is other or core.surface.topology.cut_otherwise(one.faces, other.faces)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import Finding, core
+from .face_cuts import FaceCuts, triangle_loops
 
 SURFACE_TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 """Types of object that have a surface."""
@@ -52,12 +53,9 @@ def positions(mesh: bpy.types.Mesh) -> NDArray[np.float32]:
     return raw.reshape(-1, 3)
 
 
-def triangles(mesh: bpy.types.Mesh, of: str = "vertices") -> NDArray[np.int32]:
-    """Return Blender's triangulation by vertices, or by 'loops' (face corners), shape (T, 3)."""
-    mesh.calc_loop_triangles()
-    out = np.empty((len(mesh.loop_triangles), 3), np.int32)
-    mesh.loop_triangles.foreach_get(of, out.ravel())
-    return out
+def triangles(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
+    """Return Blender's triangulation by vertices, shape (T, 3)."""
+    return np.frombuffer(_corners(mesh), np.int32)[triangle_loops(mesh)]
 
 
 def normals(mesh: bpy.types.Mesh) -> NDArray[np.float32]:
@@ -106,16 +104,16 @@ class Geometry:
 
 @dataclass
 class _Last:
-    """What was read last of a key: while vertices, polygons and corners stay, so do the triangles."""
+    """What was read last of a key: while vertices, polygons and corners stay, so do its faces."""
 
     form: tuple[int, int, bytes]
+    cuts: FaceCuts
     topology: Topology
-    loops: NDArray[np.int32] | None = None
     geometry: Geometry | None = None
 
 
 class MeshReader:
-    """Reads surfaces and hands out the same `Mesh` while positions stay, the same triangles while topology stays."""
+    """Reads surfaces and hands out the same `Mesh` while positions stay, and the same triangles while Blender's do."""
 
     def __init__(self) -> None:
         self.clear()
@@ -148,16 +146,17 @@ class MeshReader:
         form = (len(raw), len(mesh.polygons), _corners(mesh))
         last = self._last.get(key)
         if last is None or last.form != form:
-            # The first triangulation holds while the faces do: Blender may split a bending quad along its other
-            # diagonal from one frame to the next, which would look like a change of topology.
-            last = self._last[key] = _Last(form, Topology(triangles(mesh)))
+            cuts = FaceCuts(mesh, np.frombuffer(form[2], np.int32), raw)
+            last = self._last[key] = _Last(form, cuts, Topology(cuts.vertices))
         known, shown = last.geometry, None
+        stays = known is not None and bool((known.positions == raw).all())
+        if known is not None and not stays and last.cuts.follow(mesh, raw):
+            last.topology = Topology(last.cuts.vertices)
         if shaded:
-            last.loops = triangles(mesh, "loops") if last.loops is None else last.loops
-            shown = normals(mesh)[last.loops]
+            shown = normals(mesh)[last.cuts.loops]
         if (
             known is not None
-            and (known.positions == raw).all()
+            and stays
             and (shown is None or (known.normals is not None and np.array_equal(known.normals, shown)))
         ):
             return known

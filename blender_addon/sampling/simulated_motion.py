@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import bpy
@@ -164,20 +165,31 @@ class Recording:
         return self._poses[name].at(times)
 
     def surfaces_at(self, name: str, times: Array) -> tuple[Any, ...]:
-        """Return surfaces at other times; where topology changes nearby, the last whole frame's holds."""
+        """Return surfaces at other times; where faces change nearby, the last whole frame's holds.
+
+        Faces that are cut along other diagonals are the same, and have the triangles of the last whole frame.
+        """
         meshes = self._surfaces[name]
         step = self.times[1] - self.times[0]
         at = np.clip(np.searchsorted(self.times, times + 1e-9 * step, side="right") - 1, 0, len(meshes) - 1)
         low, high = max(int(at[0]) - MARGIN, 0), min(int(at[-1]) + 1 + MARGIN, len(meshes) - 1)
         window = meshes[low : high + 1]
-        if any(m.triangles is not window[0].triangles for m in window):
+        if not all(_same_faces(*pair) for pair in pairwise(window)):
             return tuple(meshes[i] for i in at)
         stack = np.stack([m.vertices for m in window])
         spline = core.motion.Spline(self.times[low : high + 1], stack.reshape(len(window), -1))
         return tuple(
-            core.scene.tactile_scene.Mesh(vertices.copy(), window[0].triangles)
-            for vertices in spline.at(times).reshape(-1, *stack.shape[1:])
+            core.scene.tactile_scene.Mesh(vertices.copy(), meshes[i].triangles)
+            for i, vertices in zip(at.tolist(), spline.at(times).reshape(-1, *stack.shape[1:]), strict=True)
         )
+
+
+def _same_faces(one: Any, other: Any) -> bool:
+    if one.triangles is other.triangles:
+        return True
+    return len(one.vertices) == len(other.vertices) and core.surface.topology.cut_otherwise(
+        one.triangles, other.triangles
+    )
 
 
 class Poses:

@@ -17,6 +17,7 @@ from ..errors import DermisError, Finding
 from ..scene.tactile_scene import ABSENT, Body, Chunk, Mesh
 from ..surface.gap import Surface
 from ..surface.repairs import Repairs
+from ..surface.topology import cut_otherwise
 from .surfaces import box_of
 
 
@@ -86,7 +87,7 @@ class DeformingSurfaces:
         """Return the velocity of a surface's vertices in carried space since the last sample [m/s], shape (V, 3).
 
         None where there is no last sample, where it is the same surface, or where its points cannot be followed because
-        the topology is another.
+        the faces are others; where faces are cut along other diagonals, they can.
 
         Args:
             carry: linear map from the object's space into carried space, shape (3, 3).
@@ -101,7 +102,11 @@ class DeformingSurfaces:
         if (
             before is now
             or before.vertices.shape != now.vertices.shape
-            or not (before.triangles is now.triangles or np.array_equal(before.triangles, now.triangles))
+            or not (
+                before.triangles is now.triangles
+                or np.array_equal(before.triangles, now.triangles)
+                or cut_otherwise(before.triangles, now.triangles)
+            )
         ):
             return None
         return (now.vertices - before.vertices) @ carry.T / (float(chunk.times[i]) - time)

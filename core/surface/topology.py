@@ -151,3 +151,57 @@ def topology_of(vertices: Array, triangles: NDArray[np.integer]) -> Topology:
     if triangles.base is None:  # a view may die while its memory is shared: not worth keeping
         _CACHE[key] = (weakref.ref(triangles, lambda _: _CACHE.pop(key, None)), topology)
     return topology
+
+
+def cut_otherwise(one: NDArray[np.integer], other: NDArray[np.integer]) -> bool:
+    """Return whether triangles are of the same faces, of which some are cut along other diagonals.
+
+    Vertices can then be followed from one to the other. A face is what triangles form that share diagonals, which are
+    edges of one of the two only. Faces have the same outline in both, and all their corners are on it.
+
+    Args:
+        one, other: vertices of triangles, those of a face in the same rows; shape (T, 3).
+    """
+    if one.shape != other.shape:
+        return False
+    rows = (one != other).any(axis=1)
+    a, b = _edges(one[rows]), _edges(other[rows])
+    if not a.size or np.unique(a).size < a.size or np.unique(b).size < b.size:
+        return False
+    common, in_a, in_b = np.intersect1d(a, b, assume_unique=True, return_indices=True)
+    faces = []
+    for edges, outline in ((a, in_a), (b, in_b)):
+        inner = np.ones(edges.size, dtype=np.bool_)
+        inner[outline] = False
+        face = _joined(edges, np.flatnonzero(inner))
+        if face is None:
+            return False
+        faces.append(face[outline // 3])
+    pairs = np.unique(np.stack(faces), axis=1).shape[1]
+    return common.size > 0 and all(np.unique(face).size == pairs for face in faces)
+
+
+def _edges(triangles: NDArray[np.integer]) -> NDArray[np.int64]:
+    """Return a number for each directed edge, three a triangle."""
+    start = triangles.astype(np.int64)
+    return (start << 32 | np.roll(start, -1, axis=1)).ravel()
+
+
+def _joined(edges: NDArray[np.int64], inner: NDArray[np.intp]) -> NDArray[np.int32] | None:
+    """Return the face of each triangle, shape (t,), where they are joined at inner edges.
+
+    None unless each inner edge joins two, each face has several, and no vertex lies within one.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    start, end = edges[inner] >> 32, edges[inner] & 0xFFFFFFFF
+    there, back = np.argsort(edges[inner]), np.argsort(end << 32 | start)
+    if not np.array_equal(edges[inner][there], (end << 32 | start)[back]):
+        return None
+    t = edges.size // 3
+    graph = coo_array((np.ones(inner.size), (inner[there] // 3, inner[back] // 3)), shape=(t, t))
+    count, face = connected_components(graph, directed=False)
+    # Triangles that are joined as a tree have no vertex within.
+    tree = inner.size == 2 * (t - count)
+    return face if tree and np.bincount(face).min() > 1 else None

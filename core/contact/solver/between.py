@@ -9,7 +9,8 @@ import numpy as np
 from ...arrays import Array, Indices
 from ...motion import matrices, quaternions
 from ...surface.gap import Surface
-from .bodies import ContactBody, from_material, moved, to_material
+from ...surface.topology import cut_otherwise
+from .bodies import ContactBody, corners_of, from_material, moved, to_material
 from .near_surface import NearTriangles
 
 
@@ -62,14 +63,19 @@ def matter_moved(a: ContactBody, b: ContactBody, points: Array, triangle: Indice
         points: [m], shape (n, 3). triangle: of the second state that each is closest to, shape (n,).
 
     Returns:
-        None where the surface is of other triangles.
+        None where the surface is of other faces.
     """
     if a.surface is b.surface:
         return moved(a, b, points)
     if not reshaped(a, b):
-        return None
+        one, other = a.surface, b.surface
+        if a.away or b.away or not isinstance(one, Surface) or not isinstance(other, Surface):
+            return None
+        if len(one.vertices) != len(other.vertices) or not cut_otherwise(one.triangles, other.triangles):
+            return None
     own = np.zeros(len(points), dtype=np.int64)
-    return points - from_material((a,), own, to_material((b,), own, triangle, points), triangle)
+    material, corners = to_material((b,), own, triangle, points), corners_of((b,), own, triangle)
+    return points - from_material((a,), own, material, triangle, corners)
 
 
 def vertices_moved(near: NearTriangles, a: ContactBody, b: ContactBody) -> float:

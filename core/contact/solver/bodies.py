@@ -32,7 +32,7 @@ class ContactBody:
     """A body that a finger may touch, posed in the finger's frame.
 
     Attributes:
-        surface: in the body's own space, or, where it deforms, in any space with the same triangles every frame.
+        surface: in the body's own space, or, where it deforms, in any space with the same faces every frame.
         rotation: from the body's space to the finger's, orthonormal, shape (3, 3).
         translation: of the body's origin in the finger's frame [m], shape (3,).
         friction: Coulomb coefficient against skin.
@@ -239,19 +239,33 @@ def to_material(bodies: Sequence[ContactBody], owner: Indices, triangle: Indices
 
 
 def from_material(
-    bodies: Sequence[ContactBody], owner: NDArray[np.integer], material: Array, triangle: Indices
+    bodies: Sequence[ContactBody], owner: NDArray[np.integer], material: Array, triangle: Indices, corners: Indices
 ) -> Array:
-    """Return where material points are now, in the finger's frame [m], shape (n, 3); the inverse of `to_material`."""
+    """Return where material points are now, in the finger's frame [m], shape (n, 3); the inverse of `to_material`.
+
+    Args:
+        triangle: that `to_material` was asked with. corners: see `corners_of`; faces may be cut otherwise now.
+    """
     out = np.full_like(material, np.nan)
     for index, which in owned(owner):
         body = bodies[index]
         if body.deforms and isinstance(body.surface, Surface):
-            a, ab, ac, normal = _plane_of(body.surface, triangle[which])
+            a, ab, ac, normal = _plane_through(body.surface, triangle[which], corners[which])
             u, w, height = material[which].T[:, :, None]
             local = a + u * ab + w * ac + height * normal
         else:
             local = material[which] if body.carry is None else material[which] @ body.carry.T
         out[which] = local @ body.rotation.T + body.translation
+    return out
+
+
+def corners_of(bodies: Sequence[ContactBody], owner: NDArray[np.integer], triangle: Indices) -> Indices:
+    """Return the vertices of triangles of bodies that deform, shape (n, 3); -1 for those of others."""
+    out = np.full((len(triangle), 3), -1)
+    for index, which in owned(owner):
+        body = bodies[index]
+        if body.deforms and isinstance(body.surface, Surface):
+            out[which] = body.surface.triangles[triangle[which]]
     return out
 
 
@@ -271,6 +285,19 @@ def owned(owner: NDArray[np.integer]) -> Iterator[tuple[int, Indices | slice]]:
 def _plane_of(surface: Surface, triangle: Indices) -> tuple[Array, Array, Array, Array]:
     rows = surface.table.rows[:9].take(triangle, axis=1).T
     return rows[:, 0:3], rows[:, 3:6], rows[:, 6:9], surface.table.bounds[3:6].take(triangle, axis=1).T
+
+
+def _plane_through(surface: Surface, triangle: Indices, corners: Indices) -> tuple[Array, Array, Array, Array]:
+    """Return the planes of triangles, or through their corners where these belong to other triangles now."""
+    planes = _plane_of(surface, triangle)
+    others = np.flatnonzero((surface.triangles[triangle] != corners).any(axis=1))
+    if others.size:
+        a, b, c = surface.vertices[corners[others].T]
+        normal = np.cross(b - a, c - a)
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+        for plane, value in zip(planes, (a, b - a, c - a, normal), strict=True):
+            plane[others] = value
+    return planes
 
 
 def _boxes_meet(points: Array, box: Array, search_radius: float) -> bool:

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
-from .bodies import ContactBody, Expected, NodeGaps, from_material, owned, to_material
+from .bodies import ContactBody, Expected, NodeGaps, corners_of, from_material, owned, to_material
 
-_ARRAYS = ("body", "_material", "_triangle", "_normal", "gap", "sticking", "slip", "swept")
+_ARRAYS = ("body", "_material", "_triangle", "_corners", "_normal", "gap", "sticking", "slip", "swept")
 
 # Bodies are level where the normals of one and the other differ by less than this cosine says.
 LEVEL = 0.999
@@ -32,6 +32,7 @@ class ContactHistory:
         self.body: Indices = np.full(count, -1)
         self._material = np.zeros((count, 3))
         self._triangle: Indices = np.full(count, -1)
+        self._corners: Indices = np.full((count, 3), -1)  # of the triangle, when the anchor was put there
         self._normal = np.zeros((count, 3))  # out of the body, in its axes
         self.gap = np.zeros(count)
         self.sticking = np.zeros(count, dtype=bool)
@@ -94,7 +95,7 @@ class ContactHistory:
     def _anchors(self, bodies: Sequence[ContactBody]) -> Array:
         """Return where the anchors are on bodies [m], shape (m, 3), nan without any: a frame asks for it twice."""
         if self._seen is None or self._seen[0] is not bodies:
-            self._seen = bodies, from_material(bodies, self.body, self._material, self._triangle)
+            self._seen = bodies, from_material(bodies, self.body, self._material, self._triangle, self._corners)
         return self._seen[1]
 
     def normals(self, bodies: Sequence[ContactBody]) -> Array:
@@ -159,3 +160,4 @@ class ContactHistory:
         self._seen = None
         self._material[nodes] = to_material(bodies, body, triangle, positions)
         self._triangle[nodes] = triangle
+        self._corners[nodes] = corners_of(bodies, body, triangle)

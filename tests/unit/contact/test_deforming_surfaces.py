@@ -88,6 +88,17 @@ def test_doubts_about_deforming_surfaces_are_told_once() -> None:
     assert [f.code for f in touch(0.12, opened, size=24).findings] == ["open-surface"]
 
 
+@pytest.mark.parametrize("size", [7, COUNT])
+def test_a_surface_whose_faces_are_cut_along_other_diagonals_moves_as_before(size: int) -> None:
+    others = np.array([t for a, b, c, d in QUADS for t in ((a, b, d), (b, c, d))], dtype=np.int32)
+    part = np.where(np.arange(12)[:, None] < 6, others, FACES)
+    cuts = (FACES, others, part)
+    flipping = [replace(mesh, triangles=cuts[i % 3]) for i, mesh in enumerate(growing())]
+    one, other = (touch(0.12, meshes, size=size).pairs[0, 0] for meshes in (growing(), flipping))
+    assert one.surface_velocity[1:, 2] == pytest.approx(np.full(COUNT - 1, 0.01), rel=1e-9)
+    np.testing.assert_allclose(other.surface_velocity, one.surface_velocity, rtol=0, atol=1e-15)
+
+
 @pytest.mark.parametrize("size", [7, 24, COUNT])
 def test_a_touch_gap_that_grows_is_not_cut_at_its_first_value(size: int) -> None:
     distance = np.where(np.arange(COUNT) < 30, 0.0005, 0.15)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import core.contact.solver.path as path_module
+from core.contact.solver.between import matter_moved
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.candidates import CandidateInverse
 from core.contact.solver.cone import SLIP, STICK
@@ -13,6 +14,7 @@ from core.contact.solver.path import PathSolver
 from core.contact.solver.solve import solve
 from core.surface.gap import Surface
 from core.surface.plane import Plane
+from core.surface.topology import cut_otherwise
 from tests.contact_laws import complementarity_residual, cone_residual
 
 MU = 0.6
@@ -242,9 +244,20 @@ def test_a_mesh_is_touched_as_the_plane_that_it_is(skin):
         np.testing.assert_allclose(two, one, atol=1e-5 * max(np.abs(one).max(), 1e-12))
 
 
-def test_a_deforming_mesh_that_moves_rigidly_is_a_rigid_one(skin):
-    """Material points are carried by triangles: turning the vertices must give what turning the pose does."""
+@pytest.mark.parametrize("cut", ["alike", "otherwise"])
+def test_a_deforming_mesh_that_moves_rigidly_is_a_rigid_one(skin, cut):
+    """Material points are carried by triangles: turning the vertices must give what turning the pose does.
+
+    Along which diagonals its faces are cut at each frame makes no difference.
+    """
     vertices, triangles = block()
+    half = 8 * 8  # quads of the top
+    first, second = triangles[:half], triangles[half : 2 * half]
+    others = triangles.copy()
+    others[:half] = np.column_stack([first[:, 0], first[:, 1], second[:, 2]])
+    others[half : 2 * half] = np.column_stack([first[:, 1], first[:, 2], second[:, 2]])
+    assert cut_otherwise(triangles, others)
+    past = []
     rigid_surface = Surface.build(vertices, triangles)
     a = PathSolver(skin.compliance, skin.positions, tolerance=1e-8)
     b = PathSolver(skin.compliance, skin.positions, tolerance=1e-8)
@@ -253,8 +266,16 @@ def test_a_deforming_mesh_that_moves_rigidly_is_a_rigid_one(skin):
         rotation = turn([0.1, 0.2, 1.0], 0.03 * i)
         place = np.array([1e-4 * i, 2e-4 * i, lowest + 1e-3])
         one = a.step([ContactBody(rigid_surface, rotation, place, MU)]).solution
-        moved = Surface.build(vertices @ rotation.T + place, triangles)
-        two = b.step([ContactBody(moved, friction=MU, deforms=True)]).solution
+        moved = Surface.build(vertices @ rotation.T + place, others if i % 2 and cut == "otherwise" else triangles)
+        body = ContactBody(moved, friction=MU, deforms=True)
+        two = b.step([body]).solution
+        if past:
+            last, last_turn, last_place = past[-1]
+            points = skin.positions[np.abs(skin.positions[:, :2]).max(axis=1) < 0.01]
+            at = moved.query(points, 1.0).triangle
+            want = points - (points - place) @ rotation @ last_turn.T - last_place
+            np.testing.assert_allclose(matter_moved(last, body, points, at), want, atol=1e-12)
+        past.append((body, rotation, place))
         np.testing.assert_allclose(two.force, one.force, atol=1e-5 * np.abs(one.force).max())
     assert np.abs(one.force[:, :2]).max() > 0.05 * one.force[:, 2].max()
 

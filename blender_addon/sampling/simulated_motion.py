@@ -185,11 +185,10 @@ class Recording:
 
 
 def _same_faces(one: Any, other: Any) -> bool:
-    if one.triangles is other.triangles:
-        return True
-    return len(one.vertices) == len(other.vertices) and core.surface.topology.cut_otherwise(
-        one.triangles, other.triangles
-    )
+    a, b = one.triangles, other.triangles
+    if len(one.vertices) != len(other.vertices):
+        return False
+    return a is b or np.array_equal(a, b) or core.surface.topology.cut_otherwise(a, b)
 
 
 class Poses:

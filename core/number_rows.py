@@ -46,12 +46,14 @@ class Rows:
     Attributes:
         where: the file. names: of the columns; none where the file has no line of names.
         values: NaN where a cell holds no number, shape (n, c). lines: the number of each row's line in the file.
+        spaced: white space parts the cells.
     """
 
     where: str
     names: tuple[str, ...]
     values: Array
     lines: tuple[int, ...]
+    spaced: bool = False
 
     def columns(self) -> tuple[Column, ...]:
         """Return what the names say.
@@ -126,7 +128,7 @@ def read_rows(path: Path) -> Rows:
     Raises:
         DermisError: the file is no text, has no rows, or rows of different lengths.
     """
-    lines, _, comment = lines_of(path)
+    lines, separator, comment = lines_of(path)
     names: tuple[str, ...] = ()
     if lines and not any(value is not None for value in lines[0].numbers()):
         names, lines = lines[0].cells, lines[1:]
@@ -141,11 +143,12 @@ def read_rows(path: Path) -> Rows:
                 where=f"{path}, line {line.number}",
                 value=len(row),
                 limit=str(count),
+                remedy="Keep one line of names with the units in it, and below it rows of as many numbers",
             )
     if not names and len(comment) == count and _has_places(comment, str(path)):
         names = comment
     values = np.array(rows, np.float64)  # None becomes NaN
-    return Rows(str(path), names, values, tuple(line.number for line in lines))
+    return Rows(str(path), names, values, tuple(line.number for line in lines), not separator)
 
 
 def lines_of(path: Path) -> tuple[list[Line], str, tuple[str, ...]]:

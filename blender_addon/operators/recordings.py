@@ -26,7 +26,9 @@ SHOWN, LOOKED_AT = 4, 1000  # rows that the dialog shows, and that it tries the 
 def _compose(self: Any, _context: bpy.types.Context) -> None:
     """Write the choices of the dialog as names of columns."""
     if self.ask:
-        self.columns = core.motion.recorded_poses.names_of(self.time.lower(), self.turn.lower(), self.unit.lower())
+        names_of = core.motion.recorded_poses.names_of
+        chosen = self.turn != "ASK"
+        self.columns = names_of(self.time.lower(), self.turn.lower(), self.unit.lower()) if chosen else ""
 
 
 @needs(
@@ -66,6 +68,7 @@ class DERMIS_OT_import_poses(File, bpy.types.Operator):
             ("S", "Seconds", ""),
             ("MS", "Milliseconds", ""),
             ("US", "Microseconds", ""),
+            ("NS", "Nanoseconds", ""),
             ("FRAME", "Frames", "Frames are counted, at Rows a Second"),
         ),
         options={"SKIP_SAVE"},
@@ -82,6 +85,7 @@ class DERMIS_OT_import_poses(File, bpy.types.Operator):
             ("EULER_RAD", "Euler Angles, Radians", "About the fixed X, then Y, then Z: roll, pitch, yaw"),
             ("VECTOR_RAD", "Rotation Vector, Radians", "Axis times angle"),
             ("VECTOR_DEG", "Rotation Vector, Degrees", "Axis times angle"),
+            ("ASK", "Choose", "The numbers do not tell whether a quaternion's W is its first or its last"),
         ),
         options={"SKIP_SAVE"},
         update=_compose,
@@ -136,7 +140,7 @@ class DERMIS_OT_import_poses(File, bpy.types.Operator):
                 where=f"object '{obj.name}'",
                 remedy="Clear its parent, keeping the transformation",
             )
-        made = core.motion.recorded_poses.read(path, columns=self.columns, rate=self.rate, unit=UNITS[self.unit])
+        made = core.motion.recorded_poses.read(path, columns=self.columns, rate=self.rate, unit=self._unit())
         up = _Y_UP if self.y_up else np.eye(3)
         places = made.places @ up.T / metres_per_unit(scene)
         own = np.array(obj.matrix_world.to_quaternion().to_matrix())
@@ -150,16 +154,22 @@ class DERMIS_OT_import_poses(File, bpy.types.Operator):
         last = ceil(frames[-1])
         scene.frame_end = max(scene.frame_end, last)
         changes.mark_dirty(obj.name)
+        span = np.ptp(made.places, axis=0).max()
         unused = f"; not used: {', '.join(made.unused)}" if made.unused else ""
         return (
-            f"Keyed {len(places)} poses over {made.times[-1]:.4g} s, frames {self.first} to {last}"
+            f"Keyed {len(places)} poses over {made.times[-1]:.4g} s and {1e3 * span:.4g} mm, "
+            f"frames {self.first} to {last}"
             f"{'' if made.turns is not None else ', without rotation'}{unused}"
         )
+
+    def _unit(self) -> float | None:
+        """Return metres in a unit of places; None for metres, which places without a unit are if they can be."""
+        return None if self.unit == "M" else UNITS[self.unit]
 
     def _unsaid(self) -> bool:
         """Return whether the file leaves open what its columns are."""
         try:
-            core.motion.recorded_poses.read(self.path())
+            core.motion.recorded_poses.read(self.path(), unit=self._unit())
         except DermisError as error:
             return bool(error.code == core.motion.recorded_poses.NOT_SAID)
         return False
@@ -167,8 +177,9 @@ class DERMIS_OT_import_poses(File, bpy.types.Operator):
     def _guess(self) -> None:
         """Choose what the file most likely holds."""
         found = core.motion.recorded_poses.guess(self._rows)
-        self.time, self.turn, self.unit = (word.upper() for word in (found.time, found.turn, found.unit))
-        self.columns = core.motion.recorded_poses.suggestion(self._rows) or self.columns
+        choices = found.time or "s", found.turn or "ask", found.unit or "m"
+        self.time, self.turn, self.unit = (choice.upper() for choice in choices)
+        self.columns = core.motion.recorded_poses.suggestion(self._rows)  # nothing where the person has to choose
 
     def _draw_question(self) -> None:
         """Draw the first rows, the choices and what comes of them."""
@@ -185,7 +196,7 @@ class DERMIS_OT_import_poses(File, bpy.types.Operator):
                 column.label(text=f"{value:.6g}")
         few = replace(rows, values=rows.values[:LOOKED_AT], lines=rows.lines[:LOOKED_AT])
         try:
-            made = core.motion.recorded_poses.of_rows(few, columns=self.columns, rate=self.rate, unit=UNITS[self.unit])
+            made = core.motion.recorded_poses.of_rows(few, columns=self.columns, rate=self.rate, unit=self._unit())
         except DermisError as error:
             words(layout, f"{error.what[0].upper()}{error.what[1:]} ({error.value}).", 600.0, "ERROR")
         else:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..arrays import Array
+from ..column_names import TIMES as SECONDS
 from ..column_names import Column, columns_of
 from ..errors import DermisError
 from ..number_rows import Rows, check_times, read_rows
@@ -19,7 +20,9 @@ PLACE = ("x", "y", "z")
 QUATERNION, VECTOR, EULER = ("qw", "qx", "qy", "qz"), ("vx", "vy", "vz"), ("rx", "ry", "rz")
 OFF_UNIT = 0.01  # of a quaternion's length: what rounding its four numbers to two decimals can take off or add
 REACH = 3.0  # [m] that no hand moves, so that places which do are no metres
-SLOW, MANY = 1.0, 60  # rows as far apart [s], so many of them: nobody records so, their times have another unit
+ROOM = 10.0  # [m] from its origin that a tracker reaches: SteamVR's largest room is 10 m wide and long
+SLOW, LONG = 1.0, 60.0  # rows as far apart [s], for so long [s]: nobody records so, their times have another unit
+LATEST = 1e11  # [s] more than since the year 1 (6.4e10), less than milliseconds since 1970 (1.7e12)
 TURNS = {
     "none": (),
     "wxyz": ("qw", "qx", "qy", "qz"),
@@ -30,7 +33,7 @@ TURNS = {
     "vector_deg": ("rotvec_x_deg", "rotvec_y_deg", "rotvec_z_deg"),
 }
 """How rows may tell a rotation, and the names of its columns."""
-TIMES = {"none": (), "s": ("time_s",), "ms": ("time_ms",), "us": ("time_us",), "frame": ("frame",)}
+TIMES = {"none": (), "s": ("time_s",), "ms": ("time_ms",), "us": ("time_us",), "ns": ("time_ns",), "frame": ("frame",)}
 """How rows may tell their time."""
 NOT_SAID = "columns-not-said"  # the code of a refusal that `columns` answers
 
@@ -53,14 +56,14 @@ class RecordedPoses:
 
 @dataclass(frozen=True)
 class Guess:
-    """What a file without names may hold: keys of `TIMES` and `TURNS`, and the unit of places."""
+    """What a file without names may hold: keys of `TIMES` and `TURNS`, and the unit of places; '' if nothing tells."""
 
     time: str
     turn: str
     unit: str
 
 
-def read(path: Path, *, columns: str = "", rate: float = 100.0, unit: float = 1.0) -> RecordedPoses:
+def read(path: Path, *, columns: str = "", rate: float = 100.0, unit: float | None = None) -> RecordedPoses:
     """Read recorded poses.
 
     The file's line of names says which column is what, and in which unit: 'time [ms]', 'x_mm', 'rx_deg', 'qw'. Times
@@ -69,16 +72,17 @@ def read(path: Path, *, columns: str = "", rate: float = 100.0, unit: float = 1.
     Args:
         columns: names with commas between, for a file that has none, or instead of its own.
         rate: rows or frames a second, of a file that counts frames or has no times.
-        unit: of places whose names have none [m].
+        unit: of places whose names have none [m]; left out, they are metres.
 
     Raises:
-        DermisError: the code is 'columns-not-said' where the file does not say what it holds; numbers that contradict
-            the names: a quaternion far from unit length, times that do not rise or last longer than a day.
+        DermisError: the code is 'columns-not-said' where the file does not say what it holds, and where nobody says a
+            unit and the numbers can be no seconds or metres; numbers that contradict the names: a quaternion far from
+            unit length, times that do not rise or last longer than a day.
     """
     return of_rows(read_rows(path), columns=columns, rate=rate, unit=unit)
 
 
-def of_rows(rows: Rows, *, columns: str = "", rate: float = 100.0, unit: float = 1.0) -> RecordedPoses:
+def of_rows(rows: Rows, *, columns: str = "", rate: float = 100.0, unit: float | None = None) -> RecordedPoses:
     """Read poses from rows of numbers; see `read`."""
     known = _known(rows, columns)
     place = {column.meaning: index for index, column in enumerate(known) if column.meaning}
@@ -94,13 +98,17 @@ def of_rows(rows: Rows, *, columns: str = "", rate: float = 100.0, unit: float =
         used.append(time)
         factor = known[time].unit or 1.0
         times = rows.values[:, time] * (factor if "time" in place else 1.0 / rate)
+        unsaid_unit = "time" in place and known[time].unit is None
+        if unsaid_unit and _slow(times) and (np.diff(times) > 0.0).all():
+            raise _not_said("nobody says in which unit the times are, and as seconds they are slow", rows, known)
         check_times(times, rows, time)
-        if "time" in place and known[time].unit is None and not columns and _slow(times):
-            raise _not_said("nobody says in which unit the times are, and as seconds they are slow", rows, "_ms")
+    unsaid = [place[name] for name in PLACE if known[place[name]].unit is None]
+    if unit is None and unsaid and _far(rows.values[:, unsaid]):
+        raise _not_said("nobody says in which unit the places are, and as metres they are far", rows, known)
     numbers = {name: rows.values[:, place[name]] for name in (*PLACE, *turn)}
     for name in numbers:
         own = known[place[name]].unit
-        numbers[name] = numbers[name] * ((unit if name in PLACE else 1.0) if own is None else own)
+        numbers[name] = numbers[name] * ((unit or 1.0 if name in PLACE else 1.0) if own is None else own)
     turns = None
     if turn:
         given = np.stack([numbers[name] for name in turn], axis=1)
@@ -115,30 +123,45 @@ def guess(rows: Rows) -> Guess:
     rises = bool((np.diff(values[:, 0]) > 0.0).all())
     timed = count in (4, 8) or (count == 7 and rises and not _unit_length(values[:, 3:]))
     rest = values[:, 3 + timed :]
-    turn = {3: "euler", 4: "wxyz"}.get(rest.shape[1], "none")
-    if turn == "euler":
-        turn += _angle_unit(rest)
-    moved = np.nanmax(np.ptp(values[:, timed : timed + 3], axis=0), initial=0.0)
-    time = ("ms" if _slow(values[:, 0]) else "s") if timed else "none"
-    return Guess(time, turn, "mm" if moved > REACH else "m")
+    unit = _length_unit(values[:, timed : timed + 3])
+    as_tum = rows.spaced and count == 8  # the TUM format, whose places are metres
+    turn = "none"
+    if rest.shape[1] == 3:
+        turn = "euler" + _angle_unit(rest)
+    elif rest.shape[1] == 4:
+        turn = _order(rest, as_tum)
+    time = _time_unit(values[:, 0]) if timed else "none"
+    return Guess(time, turn, "" if as_tum and unit != "m" else unit)
 
 
-def suggestion(rows: Rows, time_unit: str = "") -> str:
+def suggestion(rows: Rows, known: Sequence[Column] = ()) -> str:
     """Return the names of columns that most likely answer for what a file does not say; '' where nothing fits.
 
     Args:
-        time_unit: behind the name of the times, where these have none.
+        known: what the columns were said to be; left out, what the file's own names say.
 
     Raises:
         DermisError: see `column_names.columns_of`.
     """
-    known = rows.columns()
+    known = known or rows.columns()
     if not set(PLACE) <= {column.meaning for column in known}:
         found = guess(rows)
+        if not (found.time and found.turn and found.unit) or (rows.names and found.turn != "none"):
+            return ""  # names that are there say something else than a rotation
         usual = names_of(found.time, found.turn, found.unit)
         return usual if usual.count(",") + 1 == rows.values.shape[1] else ""
-    unit = _angle_unit(rows.values[:, [i for i, column in enumerate(known) if column.meaning in EULER]])
-    missing = {**dict.fromkeys(EULER, unit), "time": time_unit}
+
+    def of(*meanings: str) -> Array:
+        unsaid = [i for i, column in enumerate(known) if column.meaning in meanings and column.unit is None]
+        return np.asarray(rows.values[:, unsaid])
+
+    missing = dict.fromkeys(EULER, _angle_unit(of(*EULER)))
+    if _slow(of("time").ravel()):
+        missing["time"] = f"_{_time_unit(of('time').ravel())}"
+    if _far(of(*PLACE)):
+        missing.update(dict.fromkeys(PLACE, f"_{_length_unit(of(*PLACE))}"))
+    if "_" in missing.values():
+        return ""
     named = [c.meaning + missing[c.meaning] if c.unit is None and c.meaning in missing else c.name for c in known]
     return ", ".join(name if column.meaning else "-" for name, column in zip(named, known, strict=True))
 
@@ -153,8 +176,43 @@ def names_of(time: str, turn: str, unit: str = "m") -> str:
 
 
 def _slow(times: Array) -> bool:
-    """Return whether times are too far apart to be seconds."""
-    return bool(len(times) >= MANY and np.ptp(times) >= SLOW * (len(times) - 1))
+    """Return whether times are too far apart, or too late, to be seconds."""
+    if not len(times):
+        return False
+    span = np.ptp(times)
+    return bool((span >= LONG and span >= SLOW * (len(times) - 1)) or np.abs(times).max() > LATEST)
+
+
+def _time_unit(times: Array) -> str:
+    """Return the unit of times, 's' where they can be seconds; '' where they have none."""
+    if not _slow(times):
+        return "s"
+    step = np.ptp(times) / (len(times) - 1)
+    for unit in ("ms", "us", "ns"):
+        if step * SECONDS[unit] < SLOW and np.abs(times).max() * SECONDS[unit] <= LATEST:
+            return unit
+    return ""
+
+
+def _far(places: Array) -> bool:
+    """Return whether places are too far from each other, or from their origin, to be metres."""
+    return bool(np.nanmax(np.ptp(places, axis=0), initial=0.0) > REACH or np.nanmax(np.abs(places), initial=0.0) > ROOM)
+
+
+def _length_unit(places: Array) -> str:
+    """Return 'm' where places can be metres, 'mm' where they can be millimetres, else ''."""
+    return "m" if not _far(places) else "mm" if not _far(1e-3 * places) else ""
+
+
+def _order(turns: Array, as_tum: bool) -> str:
+    """Return the key of `TURNS` for four columns of a quaternion; '' where nothing tells.
+
+    How far rows are apart is the same in either order. A row without a turn tells it, as recordings have where they
+    begin; so does the layout of the TUM format, eight numbers with spaces between.
+    """
+    still = np.any(np.abs(np.abs(turns) - 1.0) < 1e-6, axis=0).tolist()
+    told = {key for key, index in (("wxyz", 0), ("xyzw", 3)) if still[index]} | ({"xyzw"} if as_tum else set())
+    return told.pop() if len(told) == 1 else ""
 
 
 def _angle_unit(angles: Array) -> str:
@@ -205,9 +263,11 @@ def _known(rows: Rows, columns: str) -> tuple[Column, ...]:
     return known
 
 
-def _not_said(what: str, rows: Rows, time_unit: str = "") -> DermisError:
-    suggested = suggestion(rows, time_unit)
+def _not_said(what: str, rows: Rows, known: Sequence[Column] = ()) -> DermisError:
+    suggested = suggestion(rows, known)
     said = f"columns='{suggested}'" if suggested else "columns='time_s, x_mm, y_mm, z_mm, qw, qx, qy, qz' or similar"
+    if not suggested and not rows.names and not guess(rows).turn:
+        said += ", or qx, qy, qz, qw: the numbers do not tell whether w is the first or the last"
     return DermisError(
         what,
         where=rows.where,

@@ -66,12 +66,25 @@ def test_a_header_decides_what_is_time_and_what_is_an_angle(tmp_path) -> None:
     assert at(obj, 13)[:3, 3] == pytest.approx([3e-3, 2e-3, 1e-3])
 
 
+def test_places_that_cannot_be_metres_are_asked_about_and_the_unit_answers(tmp_path) -> None:
+    """A finger was keyed 100 m away, and moved by a metre."""
+    obj = ready()
+    path = written(tmp_path, "time,x,y,z\n0,100,200,300\n0.5,101,200,300\n")
+    with pytest.raises(RuntimeError, match="as metres they are far.*columns='time, x_mm, y_mm, z_mm'"):
+        bpy.ops.dermis.import_poses(filepath=path)
+    assert obj.animation_data is None
+    bpy.ops.dermis.import_poses(filepath=path, unit="MM")
+    assert at(obj, 1)[:3, 3] == pytest.approx([0.1, 0.2, 0.3])
+    bpy.ops.dermis.import_poses(filepath=path, columns="time_s, x_m, y_m, z_m")
+    assert at(obj, 1)[:3, 3] == pytest.approx([100.0, 200.0, 300.0])
+
+
 def test_rows_without_times_have_a_rate_and_places_alone_keep_the_turn(tmp_path) -> None:
     obj = ready()
     obj.rotation_euler = (0.1, 0.2, 0.3)
     bpy.context.view_layer.update()
     rows = "\n".join(f"{i},0,0" for i in range(49))
-    bpy.ops.dermis.import_poses(filepath=written(tmp_path, rows), rate=48.0, columns="x, y, z")
+    bpy.ops.dermis.import_poses(filepath=written(tmp_path, rows), rate=48.0, columns="x_m, y_m, z_m")
     assert bpy.context.scene.frame_end == 25
     assert at(obj, 13.5)[0, 3] == pytest.approx(25.0)
     assert tuple(obj.rotation_euler) == pytest.approx((0.1, 0.2, 0.3), abs=1e-5)

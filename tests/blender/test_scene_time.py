@@ -341,7 +341,7 @@ def test_a_recording_plays_as_long_as_it_is(timing: Timing, tmp_path: Path) -> N
     scene, hand = moving(timing)
     bpy.context.view_layer.objects.active = hand
     path = tmp_path / "poses.csv"
-    path.write_text("time,x,y,z\n" + "".join(f"{t / 10},{t},0,0\n" for t in range(21)))  # 2 s, 10 units a second
+    path.write_text("time,x_m,y_m,z_m\n" + "".join(f"{t / 10},{t},0,0\n" for t in range(21)))  # 2 s, 10 units a second
     bpy.ops.dermis.import_poses(filepath=str(path), first=timing.first)
     clock = scene_time.clock(scene, timing.first)
     for seconds in (0.0, 0.55, 1.3, 2.0):

@@ -162,7 +162,8 @@ REFUSED = {
     ),
     "going back": ("t,x,y,z\n0,0,0,0\n2,0,0,0\n1,0,0,0\n", "line 4, column 1 't': times do not rise"),
     "standing": ("t,x,y,z\n0,0,0,0\n0,0,0,0\n", "line 3, column 1 't': times do not rise"),
-    "nanoseconds": ("time,x,y,z\n0,0,0,0\n1000000000,0,0,0\n", "cannot be seconds.*longer than a day"),
+    "nanoseconds": ("time_s,x,y,z\n0,0,0,0\n1000000000,0,0,0\n", "cannot be seconds.*longer than a day"),
+    "nanoseconds, not said": ("time,x,y,z\n0,0,0,0\n10000000,0,0,0\n", "which unit the times.*'time_ns, x, y"),
     "slow": ("time,x,y,z\n" + "".join(f"{10 * i},0,0,0\n" for i in range(99)), "which unit the times.*'time_ms, x, y"),
     "a gap": ("t,x,y,z\n0,1,2,3\n1,a,2,3\n", "line 3, column 2 'x': a value is missing"),
     "no time": ("t,x,y,z\n0,1,2,3\n,1,2,3\n", "line 3, column 1 't': a time is missing"),
@@ -192,6 +193,95 @@ def test_what_nobody_says_can_be_said(write):
     for wrong, words in (("x, y, z", "another number of columns"), ("t, x, y, z, a, b, c", "named by something")):
         with pytest.raises(DermisError, match=words):
             recorded_poses.read(path, columns=wrong)
+
+
+def rows_of(step, places, count=3, first=0):
+    return "".join(f"{first + step * i},{places[0] + i % 2},{places[1]},{places[2]}\n" for i in range(count))
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("time,x,y,z\n" + rows_of(0.1, (100, 200, 300)), "time, x_mm, y_mm, z_mm"),  # far from its origin
+        ("t,x,y,z\n0,0,0,0\n0.5,4,0,0\n", "t, x_mm, y_mm, z_mm"),  # farther than a hand moves
+        ("t_s,x,y,z_m\n0,20,0,0\n1,21,0,0\n", "t_s, x_mm, y_mm, z_m"),
+        ("Frame,Sub Frame,RX,RY,RZ,TX,TY,TZ\n1,0,10,20,30,100,200,300\n2,0,10,20,30,101,200,300\n",
+         "Frame, -, rx_deg, ry_deg, rz_deg, x_mm, y_mm, z_mm"),
+        ("timestamp,x,y,z\n" + rows_of(10000, (1, 2, 3), first=10**6), "time_us, x, y, z"),
+        ("timestamp,x,y,z\n" + rows_of(8333, (1, 2, 3), 10, 10**6), "time_us, x, y, z"),
+        ("timestamp,x,y,z\n" + rows_of(10, (0, 0, 0), 50), "time_ms, x, y, z"),
+        ("timestamp,x,y,z\n" + rows_of(10, (0, 0, 0), 2, 17 * 10**11), "time_ms, x, y, z"),  # since 1970
+        ("timestamp,x,y,z\n" + rows_of(10**4, (0, 0, 0), 2, 17 * 10**17), "time_ns, x, y, z"),
+    ],
+)  # fmt: skip
+def test_numbers_that_cannot_have_the_usual_unit_are_asked_about(write, text, names):
+    path = write(text)
+    with pytest.raises(DermisError) as told:
+        recorded_poses.read(path)
+    assert told.value.code == recorded_poses.NOT_SAID and f"columns='{names}'" in told.value.remedy
+    made = recorded_poses.read(path, columns=names)
+    assert made.times[-1] < 1.1 and np.abs(made.places).max() < 3.1
+    if "_mm" in names:
+        with pytest.raises(DermisError, match="as metres they are far"):  # names without a unit say none
+            recorded_poses.read(path, columns=names.replace("_mm", ""))
+        if "Frame" not in names:
+            assert np.abs(recorded_poses.read(path, unit=1e-3).places).max() < 0.4
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "time,x,y,z\n0,0,0,0\n5,1,0,0\n10,0,0,0\n",  # a few keys, seconds apart
+        "time,x,y,z\n" + rows_of(0.9, (0, 0, 0), 100),
+        "time,x,y,z\n" + rows_of(0.01, (8, -9, 1.5), 200, 1305031098),  # a room, and seconds since 1970
+        "time,x,y,z\n" + rows_of(0.5, (0, 0, 0), 9, 63 * 10**9),  # seconds since the year 1
+    ],
+)
+def test_seconds_and_metres_without_a_unit_are_not_asked_about(write, text):
+    made = recorded_poses.read(write(text))
+    first = float(text.splitlines()[1].split(",")[0])
+    assert made.times[-1] == pytest.approx(float(text.splitlines()[-1].split(",")[0]) - first)
+    assert np.ptp(made.places[:, 0]) == pytest.approx(1.0)
+
+
+STILL = 8 * [0.6, 0.48, 0.36, -0.5273]  # a turn that tells no order
+
+
+def eight(separator, turn, place=(1.3, 0.6, 1.6)):
+    values = [[1305031098.6 + 0.1 * i, place[0] + 0.1 * i, *place[1:], *turn] for i in range(3)]
+    return "".join(separator.join(map(repr, row)) + "\n" for row in values)
+
+
+@pytest.mark.parametrize(
+    ("separator", "turn", "order"),
+    [
+        (" ", STILL[:4], "qx, qy, qz, qw"),  # the layout of the TUM format
+        (" ", [0, 0, 0, 1], "qx, qy, qz, qw"),
+        (" ", [1, 0, 0, 0], ""),  # that layout, and w likely first
+        (",", STILL[:4], ""),
+        (",", [0, 0, 0, 1], "qx, qy, qz, qw"),
+        (",", [0, 0, 0, -1], "qx, qy, qz, qw"),
+        (";", [1, 0, 0, 0], "qw, qx, qy, qz"),
+    ],
+)
+def test_the_order_of_a_quaternion_is_not_offered_where_nothing_tells_it(write, separator, turn, order):
+    path = write(eight(separator, turn))
+    assert recorded_poses.suggestion(read_rows(path)) == (f"time_s, x_m, y_m, z_m, {order}" if order else "")
+    assert recorded_poses.guess(read_rows(path)).turn == {"": "", "qw": "wxyz", "qx": "xyzw"}[order[:2]]
+    with pytest.raises(DermisError, match="columns=" if order else "do not tell whether w is the first or the last"):
+        recorded_poses.read(path)
+
+
+def test_no_unit_and_no_turn_is_offered_where_none_fits(write):
+    assert recorded_poses.suggestion(read_rows(write(eight(" ", STILL[:4], (458000.0, 5e6, 100.0))))) == ""
+    assert recorded_poses.suggestion(read_rows(write(eight(" ", STILL[:4], (5.0, 40.0, 3.0))))) == ""  # TUM's metres?
+    assert "x_mm" in recorded_poses.suggestion(read_rows(write(eight(",", [0, 0, 0, 1], (5.0, 40.0, 3.0)))))
+    hands = "time,left.x,left.y,left.z,right.x,right.y,right.z\n0,1,2,3,4,5,6\n1,1,2,3,4,5,6\n"
+    path = write(hands)  # the second hand is no turn
+    assert recorded_poses.suggestion(read_rows(path)) == ""
+    with pytest.raises(DermisError, match="do not say where x, y and z are"):
+        recorded_poses.read(path)
+    assert recorded_poses.read(path, columns="time, -, -, -, x, y, z").turns is None
 
 
 @pytest.mark.parametrize(

@@ -141,12 +141,17 @@ def instance_name(shown: bpy.types.Object, maker: bpy.types.Object, key: Instanc
 
 
 def hidden_instances(obj: bpy.types.Object, view_layer: bpy.types.ViewLayer) -> list[Any]:
-    """Report an object whose instances Blender does not show because it is hidden with the eye; its mesh is felt."""
+    """Report an object whose instances Blender does not show because it is hidden with the eye; its mesh is felt.
+
+    A disabled object is not evaluated, so nobody knows what it would show.
+    """
+    if is_disabled(obj, view_layer) or not obj.hide_get(view_layer=view_layer):
+        return []
     makes = obj.is_instancer or len(obj.particle_systems) > 0
     if not makes and any(m.type == "NODES" and m.show_viewport for m in obj.modifiers):
         geometry = obj.evaluated_get(view_layer.depsgraph).evaluated_geometry()
         makes = geometry.instances_pointcloud() is not None
-    if not makes or not obj.hide_get(view_layer=view_layer):
+    if not makes:
         return []
     return [
         Finding(

@@ -7,6 +7,7 @@ frame_set of a light scene costs 30 microseconds, so every microsecond spent her
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import bpy
@@ -263,17 +264,9 @@ class Recorder:
             entry = self._entries[i]
             gone = ~self._present[i, : len(frames)]
             if gone.any():
-                _note(
-                    findings,
-                    Finding(
-                        "info",
-                        "absent",
-                        "it is not there all the time, and cannot be touched meanwhile",
-                        where=f"object '{entry.name}'",
-                        frame=float(frames[np.argmax(gone)]),
-                        count=int(gone.sum()),
-                    ),
-                )
+                finding = self._absence(i)
+                frame, count = float(frames[np.argmax(gone)]), int(gone.sum())
+                _note(findings, replace(finding, frame=frame, count=count))
             bare = self._bare[i, : len(frames)]
             if bare.any():
                 _note(
@@ -287,6 +280,22 @@ class Recorder:
                         count=int(bare.sum()),
                     ),
                 )
+
+    def _absence(self, i: int) -> Any:
+        """Return the finding that entry i is hidden for a while: chunks tell the engine so of bodies only."""
+        name, first_screen = self._entries[i].name, len(self._entries) - len(self._participants.screens)
+        if len(self._participants.fingers) <= i < first_screen:
+            what = "it is not there all the time, and cannot be touched meanwhile"
+            return Finding("info", "absent", what, where=f"object '{name}'")
+        is_screen = i >= first_screen
+        return Finding(
+            "warning",
+            "felt-throughout",
+            "it is hidden for a while, but "
+            + ("a touch screen is felt all the time" if is_screen else "a finger feels all the time"),
+            where=f"{'screen' if is_screen else 'finger'} '{name}'",
+            remedy="Move it away for these frames, or key none of its visibility",
+        )
 
 
 def _recorded(simulated: Any, entry: Entry) -> bool:

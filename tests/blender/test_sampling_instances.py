@@ -698,3 +698,32 @@ def _ball(radius: float = 0.006, rings: int = 6, around: int = 10) -> tuple[Any,
             a = 1 + around * r
             faces += [(a + k, a + around + k, a + around + n), (a + k, a + around + n, a + n)]
     return vertices, faces
+
+
+@pytest.mark.parametrize("hides", ["object", "collection"])
+def test_a_host_that_a_script_hides_at_first_shows_its_instances_later(hides: str) -> None:
+    scene = build.span(1, 12)
+    maker = host()
+    on_points(maker, node("GeometryNodeMeshCube"))
+    inner = bpy.data.collections.new("Inner")
+    scene.collection.children.link(inner)
+    scene.collection.objects.unlink(maker)
+    inner.objects.link(maker)
+    hidden = maker if hides == "object" else inner
+    build.cube("Other", location=(9, 0, 0))
+    build.finger(location=(0, 0, 50))
+
+    def hide(shown: bpy.types.Scene, _depsgraph: Any = None) -> None:
+        hidden.hide_viewport = shown.frame_current < 6
+
+    hide.__module__ = "somebody.elses"
+    bpy.app.handlers.frame_change_post.append(hide)
+    try:
+        tactile = scene_sweep.sample(scene)
+        got = build.joined(tactile)
+    finally:
+        bpy.app.handlers.frame_change_post.remove(hide)
+    body = [b.name for b in tactile.bodies].index("Host")
+    felt = np.array([mesh is not ABSENT for mesh in got["surfaces"][body]])
+    whole = got["frames"] == np.round(got["frames"])
+    np.testing.assert_array_equal(felt[whole], got["frames"][whole] >= 6)

@@ -200,3 +200,18 @@ def test_the_live_preview_keeps_a_relief_until_told():
     picture.pixels.foreach_set(np.tile(np.array([0, 0, 0, 1], np.float32), 20))
     scene_sweep.forget()
     assert now().max() == 0.0
+
+
+@pytest.mark.parametrize("role", ["screen", "finger"])
+def test_a_screen_or_a_finger_whose_visibility_is_keyed_is_said_to_be_felt_throughout(role: str) -> None:
+    scene = build.span(1, 7)
+    obj, tip, _ = build.screen(), build.finger(), build.cube()
+    obj.dermis.screen.image = image("Relief", np.ones((4, 4), np.float32))
+    hidden = obj if role == "screen" else tip
+    build.keys(hidden, "hide_viewport", [1, 4], [0, 1], "CONSTANT")
+    tactile = scene_sweep.sample(scene)
+    frames = build.joined(tactile)["frames"]
+    (finding,) = [f for f in tactile.chunks.findings if f.code in ("absent", "felt-throughout")]
+    assert (finding.severity, finding.code) == ("warning", "felt-throughout")
+    assert finding.where == f"{role} '{hidden.name}'" and "all the time" in finding.what
+    assert (finding.frame, finding.count) == (4.0, int((frames >= 4).sum()))

@@ -124,15 +124,28 @@ def instancers(scene: bpy.types.Scene) -> frozenset[int]:
     )
 
 
-def fingers_in_instances(depsgraph: bpy.types.Depsgraph) -> list[str]:
-    """Return the names of fingers that are only shown by instances, such as a linked hand; those cannot feel."""
+def in_instances(depsgraph: bpy.types.Depsgraph, role: str) -> list[str]:
+    """Return the names of objects with a role that instances show, such as the fingers of a linked hand."""
     return sorted(
         {
             i.object.original.name_full
             for i in depsgraph.object_instances
-            if i.is_instance and role_of(i.object.original) == "FINGER"
+            if i.is_instance and role_of(i.object.original) == role
         }
     )
+
+
+def in_background_sets(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """Return the objects with a role that a scene shows from its background set and from the sets of that."""
+    known, found, shown = {scene.session_uid}, {}, scene.background_set
+    own = {o.session_uid for o in scene.objects}
+    while shown is not None and shown.session_uid not in known:
+        known.add(shown.session_uid)
+        for obj in shown.objects:
+            if role_of(obj) != "NONE" and obj.session_uid not in own and (not obj.hide_viewport or comes_and_goes(obj)):
+                found[obj.session_uid] = obj
+        shown = shown.background_set
+    return sorted(found.values(), key=lambda o: o.name_full)
 
 
 def instance_name(shown: bpy.types.Object, maker: bpy.types.Object, key: InstanceKey) -> str:

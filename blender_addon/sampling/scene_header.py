@@ -156,16 +156,18 @@ def list_participants(
             out.findings += participants.hidden_instances(obj, view_layer)
     out.findings[:] = [f for f in out.findings if f.code != "disabled" or f.where not in felt]
     if instances.bodies or participants.instancers(scene):
-        out.findings += [
-            Finding(
-                "warning",
-                "finger-instance",
-                "it is shown by an instance, and instances cannot feel",
-                where=f"finger '{name}'",
-                remedy="Make the instance real, or a library override of it",
-            )
-            for name in participants.fingers_in_instances(depsgraph)
-        ]
+        out.findings += _in_instances(depsgraph)
+    out.findings += [
+        Finding(
+            "warning",
+            "background-set",
+            "the background set shows it, and nothing of a background set is felt or feels",
+            where=f"object '{obj.name_full}'",
+            limit=f"the objects of scene '{scene.name_full}'",
+            remedy="Link it to this scene",
+        )
+        for obj in participants.in_background_sets(scene)
+    ]
     if instances.bodies:
         bodies += _instance_entries(reader.read(depsgraph).places, simulations, deforming, instances.bodies)
     out.fingers, out.bodies, out.screens = tuple(fingers), tuple(bodies), tuple(screens)
@@ -250,6 +252,32 @@ def header(
     bodies = [_with_content(b, e, objects, names, findings) for b, e in zip(bodies, body_entries, strict=True)]
     kept = replace(swept, bodies=tuple(body_entries), screens=tuple(screen_entries))
     return Header(kept, tuple(fingers), tuple(bodies), tuple(screens))
+
+
+def _in_instances(depsgraph: bpy.types.Depsgraph) -> list[Any]:
+    """Report fingers and touch screens that instances show."""
+    remedy = "Make the instance real, or a library override of it"
+    fingers = [
+        Finding(
+            "warning",
+            "finger-instance",
+            "it is shown by an instance, and instances cannot feel",
+            where=f"finger '{name}'",
+            remedy=remedy,
+        )
+        for name in participants.in_instances(depsgraph, "FINGER")
+    ]
+    screens = [
+        Finding(
+            "warning",
+            "screen-instance",
+            "it is shown by an instance, and an instance of a touch screen is not felt",
+            where=f"screen '{name}'",
+            remedy=remedy,
+        )
+        for name in participants.in_instances(depsgraph, "SCREEN")
+    ]
+    return fingers + screens
 
 
 def _finger_entry(entry: Entry, findings: list[Any]) -> Entry:

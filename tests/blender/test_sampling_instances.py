@@ -727,3 +727,22 @@ def test_a_host_that_a_script_hides_at_first_shows_its_instances_later(hides: st
     felt = np.array([mesh is not ABSENT for mesh in got["surfaces"][body]])
     whole = got["frames"] == np.round(got["frames"])
     np.testing.assert_array_equal(felt[whole], got["frames"][whole] >= 6)
+
+
+def test_what_a_background_set_shows_is_said_not_to_be_felt() -> None:
+    scene = build.span(1, 3)
+    near, inner, deeper, hidden, plain = (build.cube(n) for n in ("Near", "Inner", "Deeper", "Hidden", "Plain"))
+    plain.dermis.role, hidden.hide_viewport = "NONE", True
+    tip = build.finger("Far Tip")
+    build.finger()
+    sets = [bpy.data.scenes.new(name) for name in ("Set", "Set of Set")]
+    for obj in (inner, deeper, hidden, plain, tip):
+        scene.collection.objects.unlink(obj)
+        sets[obj is deeper].collection.objects.link(obj)
+    sets[0].collection.objects.link(near)  # in both: the scene feels it itself
+    scene.background_set, sets[0].background_set = sets
+    bpy.context.view_layer.update()
+    tactile = scene_sweep.sample(scene)
+    assert [b.name for b in tactile.bodies] == ["Near"]
+    found = [(f.severity, f.where) for f in tactile.findings if f.code == "background-set"]
+    assert found == [("warning", f"object '{name}'") for name in ("Deeper", "Far Tip", "Inner")]

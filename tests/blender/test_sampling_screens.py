@@ -215,3 +215,22 @@ def test_a_screen_or_a_finger_whose_visibility_is_keyed_is_said_to_be_felt_throu
     assert (finding.severity, finding.code) == ("warning", "felt-throughout")
     assert finding.where == f"{role} '{hidden.name}'" and "all the time" in finding.what
     assert (finding.frame, finding.count) == (4.0, int((frames >= 4).sum()))
+
+
+@pytest.mark.parametrize("linked", [False, True])
+def test_a_screen_that_instances_show_is_told(linked: bool) -> None:
+    """Whether the scene has the screen itself as well or not."""
+    scene = build.span(1, 3)
+    pane = build.screen()
+    pane.dermis.screen.image = image("Relief", np.ones((4, 4), np.float32))
+    tablet = bpy.data.collections.new("Tablet")
+    tablet.objects.link(pane)
+    if not linked:
+        scene.collection.objects.unlink(pane)
+    shower = build.empty("Shower", (0.5, 0, 0))
+    shower.instance_type, shower.instance_collection = "COLLECTION", tablet
+    build.finger(), build.cube()
+    tactile = scene_sweep.sample(scene)
+    found = [(f.severity, f.where) for f in tactile.findings if f.code == "screen-instance"]
+    assert found == [("warning", "screen 'Screen'")]
+    assert [s.name for s in tactile.screens] == (["Screen"] if linked else [])

@@ -16,7 +16,7 @@ from core.presets import Library
 from core.scene.tactile_scene import ABSENT
 from core.steps import drain
 
-from . import build
+from . import build, test_sampling_instances
 
 LATE = 10
 WHEN = ("frame_change_pre", "frame_change_post")
@@ -369,3 +369,32 @@ def test_stored_settings_are_plain_values() -> None:
     cube.dermis.material.friction, cube.dermis.material.texture_on = 0.25, True
     assert compat.stored(cube, "dermis")["material"]["friction"] == 0.25
     assert compat.stored(build.empty("Bare"), "dermis") == {}
+
+
+@pytest.mark.parametrize("how", ["vertices", "nodes"])
+def test_instances_that_a_script_switches_on_late_are_felt(script: Any, how: str) -> None:
+    scene = build.span(1, 20)
+    build.finger()
+    maker = build.mesh_object("Host", [(0, 0, 0), (3, 0, 0), (0, 3, 0)], [(0, 1, 2)])
+    maker.dermis.role = "TOUCHABLE"
+    if how == "vertices":
+        peg = build.cube("Peg", 0.5)
+        peg.dermis.role, peg.parent = "NONE", maker
+    else:
+        cube = test_sampling_instances.node("GeometryNodeMeshCube")
+        tree = test_sampling_instances.on_points(maker, cube, join=True)
+        maker.modifiers.clear()
+
+    def switch() -> None:
+        late = scene.frame_current >= LATE
+        if how == "vertices":
+            maker.instance_type = "VERTS" if late else "NONE"
+        elif late and not maker.modifiers:
+            maker.modifiers.new("Nodes", "NODES").node_group = tree
+        elif not late:
+            maker.modifiers.clear()
+
+    script(switch, first=-1000)
+    counts = {f: len(m.triangles) for f, m in surfaces_by_frame(scene).items()}
+    assert {counts[f] for f in range(1, LATE)} == {1}
+    assert {counts[f] for f in range(LATE, 21)} == {37}

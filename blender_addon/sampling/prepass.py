@@ -62,12 +62,9 @@ def instances(
     simulations: Any,
     reader: InstanceReader,
 ) -> Instances:
-    """Look at whole frames for instances of touchable objects: the header must name those that appear later.
-
-    A script may begin to make instances at any frame.
-    """
+    """Look at whole frames for instances of touchable objects: the header must name those that appear later."""
     survey = Survey(reader)
-    if not participants.instancers(scene) and not script_changes.run_here():
+    if not participants.instancers(scene):
         return survey.found()
     looked_at = set(map(float, range(span[0], span[1] + 1)))
     steps = scene_time.simulated_frames(scene, simulations.start, span).tolist() if simulations.uids else []

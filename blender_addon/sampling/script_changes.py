@@ -107,6 +107,8 @@ class Watch:
         ]
         self._world = _world(scene)
         self._off = {key for key, on in simulated_motion.switches(scene) if not on}
+        # Where nothing makes instances at first, nobody looks for instances later.
+        self._looks_for_makers = not participants.instancers(scene)
         self._keyable = _keyable(swept, place)
         self._following: dict[str, list[float]] = {}  # of the samples of a chunk
 
@@ -153,6 +155,8 @@ class Watch:
                 obj = bpy.data.objects[at]
                 if participants.is_disabled(obj, self._view_layer) != disabled:
                     self._tell(f"object '{obj.name_full}'", "visibility", float(frame))
+            if self._looks_for_makers and participants.instancers(self._scene):
+                self._look_for_makers(depsgraph, float(frame))
             for b, at, entry in self._bodies:
                 obj = bpy.data.objects[at]
                 if self._all or entry.uid in self._edited or _hangs_on_others(obj) or _uid(obj.data) in self._edited:
@@ -245,6 +249,27 @@ class Watch:
                 frame=frame,
             )
         )
+
+    def _look_for_makers(self, depsgraph: bpy.types.Depsgraph, frame: float) -> None:
+        """Report what has begun to show touchable instances: the bodies are listed before the first sample."""
+        shown = [(i.object.original, i.parent.original) for i in depsgraph.object_instances if i.is_instance]
+        makers = {
+            maker.name_full
+            for instance, maker in shown
+            if "TOUCHABLE" in (participants.role_of(instance), participants.role_of(maker))
+        }
+        self._looks_for_makers = not makers
+        for name in sorted(makers):
+            self.findings.append(
+                Finding(
+                    "warning",
+                    "instances-too-late",
+                    "a script lets it show instances within the range, and they are not felt",
+                    where=f"object '{name}'",
+                    remedy="Let the instances be there from the first frame, or bake the range in parts",
+                    frame=frame,
+                )
+            )
 
     def _tell_absence(self, b: int, gone: list[bool], frames: Array) -> None:
         """Report, once, when a body is first not there."""

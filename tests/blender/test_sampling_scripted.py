@@ -372,7 +372,7 @@ def test_stored_settings_are_plain_values() -> None:
 
 
 @pytest.mark.parametrize("how", ["vertices", "nodes"])
-def test_instances_that_a_script_switches_on_late_are_felt(script: Any, how: str) -> None:
+def test_instances_that_a_script_switches_on_late_are_told(script: Any, how: str) -> None:
     scene = build.span(1, 20)
     build.finger()
     maker = build.mesh_object("Host", [(0, 0, 0), (3, 0, 0), (0, 3, 0)], [(0, 1, 2)])
@@ -395,6 +395,21 @@ def test_instances_that_a_script_switches_on_late_are_felt(script: Any, how: str
             maker.modifiers.clear()
 
     script(switch, first=-1000)
-    counts = {f: len(m.triangles) for f, m in surfaces_by_frame(scene).items()}
-    assert {counts[f] for f in range(1, LATE)} == {1}
-    assert {counts[f] for f in range(LATE, 21)} == {37}
+    (finding,) = told(scene, "instances-too-late")
+    assert (finding.severity, finding.where, finding.frame) == ("warning", "object 'Host'", LATE)
+
+
+def test_nodes_that_a_script_adds_late_and_that_show_no_instances_are_no_finding(script: Any) -> None:
+    scene, cube = scene_of_cube()
+    tree = bpy.data.node_groups.new("Nodes", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    tree.links.new(tree.nodes.new("NodeGroupInput").outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
+
+    def add() -> None:
+        if not cube.modifiers:
+            cube.modifiers.new("Nodes", "NODES").node_group = tree
+
+    script(add)
+    assert told(scene, "instances-too-late") == []
+    assert len(cube.modifiers) == 1

@@ -24,6 +24,7 @@ from . import (
     prepass,
     render_differences,
     scene_header,
+    screen_sizes,
     script_changes,
     simulated_motion,
     single_precision,
@@ -153,8 +154,11 @@ def sample(
         swept = header.participants
         gravity = scene_header.gravity(scene, findings)
         may_deform = None if script_changes.run_here() else timely.deforming
-        screens = participants.look_up({entry.uid for entry in swept.screens}).values()
-        reliefs = height_maps.frozen(screens, depsgraph, may_deform)
+        screens = list(participants.look_up({entry.uid for entry in swept.screens}).values())
+        on_screens = [
+            *height_maps.frozen(screens, depsgraph, may_deform),
+            *screen_sizes.watched(screens, depsgraph, swept.unit, may_deform),
+        ]
         findings += render_differences.findings(swept, scene, view_layer, depsgraph, simulations.uids)
         surfaces = [body.mesh for body in header.bodies]
         coarse = single_precision.Steps(swept, rate, surfaces)
@@ -183,7 +187,7 @@ def sample(
     noticed: list[Any] = []
     whole = scene_time.simulated_frames(scene, simulations.start, span) if simulated else np.zeros(0)
     readers = _Readers(reader, shown, seen, instances.bodies, {b.name: b.mesh for b in header.bodies})
-    steps = _steps(swept, readers, frames, times, clock, whole, chunk_size, noticed, watch, reliefs, coarse)
+    steps = _steps(swept, readers, frames, times, clock, whole, chunk_size, noticed, watch, on_screens, coarse)
     return replace(made, chunks=Sweep(steps, len(frames) + len(whole), noticed))
 
 
@@ -309,7 +313,7 @@ def _steps(
     chunk_size: int,
     findings: list[Any],
     watch: script_changes.Watch | None,
-    reliefs: list[Any],
+    on_screens: list[Any],
     coarse: single_precision.Steps,
 ) -> Generator[Any, None, None]:
     """Yield None after each sample, and each chunk when it is complete."""
@@ -329,15 +333,15 @@ def _steps(
                 recorder.record(k, depsgraph)
                 if watch is not None:
                     watch.look(depsgraph, frame)
-                for relief in reliefs:
-                    relief.look(depsgraph, frame)
+                for watched in on_screens:
+                    watched.look(depsgraph, frame)
                 yield None
             chunk = recorder.chunk(frames[part], times[part], part.stop - part.start, findings)
             coarse.look(chunk)
             yield chunk if watch is None else watch.follow(chunk)
         findings += coarse.findings()
-        for relief in reliefs:
-            findings += relief.findings
+        for watched in on_screens:
+            findings += watched.findings
         if watch is not None:
             findings += watch.findings
 

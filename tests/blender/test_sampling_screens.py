@@ -234,3 +234,41 @@ def test_a_screen_that_instances_show_is_told(linked: bool) -> None:
     found = [(f.severity, f.where) for f in tactile.findings if f.code == "screen-instance"]
     assert found == [("warning", "screen 'Screen'")]
     assert [s.name for s in tactile.screens] == (["Screen"] if linked else [])
+
+
+@pytest.mark.parametrize("how", ["shape key", "script", "still"])
+def test_a_screen_whose_mesh_grows_is_said_to_keep_its_first_size(how: str) -> None:
+    scene = build.span(1, 7)
+    scene.unit_settings.scale_length = 0.001
+    pane = build.screen("Pane", 200, 100)  # millimetres
+    pane.scale = (0.5, 1, 1)
+    pane.dermis.screen.image = image("Relief", np.ones((4, 4), np.float32))
+    build.finger()
+    pane.shape_key_add(name="Basis")
+    key = pane.shape_key_add(name="Wide")
+    for point in key.data:
+        point.co.x *= 2
+        point.co.z += 5  # out of the plane: no matter of size
+    if how == "still":
+        for point in key.data:
+            point.co.x /= 2
+
+    def widen(shown: bpy.types.Scene, _depsgraph: object = None) -> None:
+        key.value = max(0.0, (shown.frame_current_final - 1) / 6)
+
+    if how == "script":
+        bpy.app.handlers.frame_change_post.append(widen)
+    else:
+        build.keys(pane.data.shape_keys, 'key_blocks["Wide"].value', [1, 7], [0, 1])
+    try:
+        tactile = scene_sweep.sample(scene)
+        list(tactile.chunks)
+    finally:
+        if how == "script":
+            bpy.app.handlers.frame_change_post.remove(widen)
+    found = [f for f in tactile.chunks.findings if f.code == "screen-size-changes"]
+    assert len(found) == (how != "still")
+    for finding in found:
+        assert (finding.severity, finding.where) == ("warning", "screen 'Pane'")
+        assert 1 < finding.frame < 1.5
+        assert finding.value == "an edge moves by 50 mm, at frame 7"  # 100 mm in its own X, at half the scale

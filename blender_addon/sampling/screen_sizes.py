@@ -1,0 +1,82 @@
+"""Touch screens whose mesh grows or shrinks: their size is that of the first frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .._core import Array, DermisError, Finding
+from . import height_maps, participants
+
+TOLERANCE = 1e-5
+"""Of the screen's longer side: what single precision and a change of the frame leave of a still edge."""
+
+
+class FixedSize:
+    """Measures how far the edges of a screen's mesh get from where they are at the first frame."""
+
+    def __init__(self, screen: bpy.types.Object, depsgraph: bpy.types.Depsgraph, unit: float) -> None:
+        """Take a usable screen at the first frame; `unit` is metres in a scene unit."""
+        self._name, self._uid, self._unit = screen.name_full, screen.session_uid, unit
+        self._first = _edges(screen, depsgraph)
+        self._smallest = TOLERANCE * float(np.ptp(self._first, axis=0).max())
+        self._since: float | None = None
+        self._worst, self._worst_at = 0.0, 0.0
+
+    def look(self, depsgraph: bpy.types.Depsgraph, frame: float) -> None:
+        """Compare the current frame with the first."""
+        screen = participants.look_up({self._uid}).get(self._uid)
+        if screen is None or participants.is_disabled(screen, depsgraph.view_layer):
+            return  # the recorder says so
+        evaluated = screen.evaluated_get(depsgraph)
+        try:
+            off = np.abs(_edges(screen, depsgraph) - self._first)
+        except DermisError:  # nothing is left of it: as far as its middle
+            off = 0.5 * np.ptp(self._first, axis=0)[None]
+        if off.max() <= self._smallest:
+            return
+        self._since = frame if self._since is None else self._since
+        stretch = np.linalg.norm(np.array(evaluated.matrix_world, np.float64)[:3, :2], axis=0)
+        distance = float((off * stretch).max()) * self._unit
+        if distance > self._worst:
+            self._worst, self._worst_at = distance, frame
+
+    @property
+    def findings(self) -> list[Any]:
+        """Return the finding of the samples so far."""
+        if self._since is None:
+            return []
+        return [
+            Finding(
+                "warning",
+                "screen-size-changes",
+                "its mesh changes its width or height, but a touch screen keeps the size of the first frame",
+                where=f"screen '{self._name}'",
+                value=f"an edge moves by {self._worst * 1000:.4g} mm, at frame {self._worst_at:g}",
+                limit="an edge that stays where it is in the screen's own X and Y",
+                remedy="Keep the mesh's outline still, or bake the range in parts",
+                frame=self._since,
+            )
+        ]
+
+
+def watched(
+    screens: Iterable[bpy.types.Object], depsgraph: bpy.types.Depsgraph, unit: float, deforming: frozenset[int] | None
+) -> list[FixedSize]:
+    """Return what watches the sizes of screens whose shape may change.
+
+    Args:
+        unit: metres in a scene unit.
+        deforming: session uids of the objects whose shape may change; None if that of every object may.
+    """
+    changing = (obj for obj in screens if deforming is None or obj.session_uid in deforming)
+    return [FixedSize(obj, depsgraph, unit) for obj in changing]
+
+
+def _edges(screen: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Array:
+    """Return the lowest and the highest X and Y of a screen's mesh in its own space, shape (2, 2) [scene units]."""
+    centre, size = height_maps.bounds(screen, depsgraph)
+    return np.array([centre[:2] - 0.5 * size, centre[:2] + 0.5 * size])

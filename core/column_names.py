@@ -27,6 +27,7 @@ _PLACE = {"", "p", "pos", "position", "loc", "location", "translation", "trans"}
 _TURN = {"r", "rot", "rotation", "euler", "angle", "eulerangle", "orientation", "ori"}
 _VECTOR = {"rv", "rotvec", "rotvector", "rotationvector", "axisangle"}
 _QUATERNION = {"q", "quat", "quaternion", "rotquat"}
+_FORCES, _TORQUES = (("fx", "fy", "fz"), ("forcex", "forcey", "forcez")), ("tx", "ty", "tz")
 _ANGLES = {"roll": "rx", "pitch": "ry", "yaw": "rz"}
 _DIMENSIONS: Mapping[str, Mapping[str, float]] = {
     "t": TIMES,
@@ -58,12 +59,14 @@ def columns_of(names: Sequence[str], where: str) -> tuple[Column, ...]:
     """Return what names say, in their order.
 
     A quaternion may be written as `rotation_x` to `rotation_w`, and as `w, x, y, z` or `x, y, z, w` behind a place's
-    `x, y, z`.
+    `x, y, z`. Beside forces `fx, fy, fz`, `tx, ty, tz` are torques.
 
     Raises:
         DermisError: a unit in brackets that is none of a column's, or two columns for one number.
     """
-    found = [_column(name, where) for name in names]
+    bare = [re.sub(r"[^a-z0-9]", "", _unit(name)[0].lower()) for name in names]
+    torques = _TORQUES if any(set(forces) <= set(bare) for forces in _FORCES) else ()
+    found = [Column(n, "") if b in torques else _column(n, where) for n, b in zip(names, bare, strict=True)]
     _short_quaternion(found)
     if any(column.meaning == "rw" for column in found):
         turned = {"rw": "qw", "rx": "qx", "ry": "qy", "rz": "qz"}

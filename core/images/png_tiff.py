@@ -7,11 +7,15 @@ from __future__ import annotations
 
 import io
 import re
+import struct
+import zlib
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import DermisError
 from ..foreign import damage_told
 from . import tiff
 from .raster import Raster, checked_size, grey_of
@@ -24,6 +28,11 @@ if TYPE_CHECKING:
 PNG = b"\x89PNG\r\n\x1a\n"
 _GREY = {"1", "L", "I;16", "I;16B"}  # Pillow's names of what pixels hold
 _COLOUR = {"P", "LA", "RGB", "RGBA"}
+_SAMPLES = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # a pixel, of the types of colour of a PNG
+_PASSES = (  # of an interlaced PNG: first column and row, columns and rows from one to the next
+    (0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2),
+)  # fmt: skip
+_PACKED, _UNPACKED = 1 << 16, 1 << 20  # bytes that are unpacked, and come out, at a time
 
 
 def decode(data: bytes, where: str) -> Raster:
@@ -44,6 +53,8 @@ def decode(data: bytes, where: str) -> Raster:
     columns, rows = image.size
     checked_size(columns, rows, where, packed=len(data))
     bits = _bits(image, where)
+    if header is None:
+        _check_rows(data, where)
     with damage_told(tiff.DAMAGED, where, remedy=tiff.REMEDY):
         image.load()
         pixels, stored, holes = _pixels(image, bits)
@@ -73,6 +84,56 @@ def _bits(image: ImageFile, where: str) -> int:
     if image.mode not in _GREY | _COLOUR or (bits > 8 and image.mode in _COLOUR):
         raise unreadable(f"{bits} bit, {image.mode}", where)
     return bits
+
+
+def _check_rows(data: bytes, where: str) -> None:
+    """Refuse a PNG that packs more or fewer bytes than its rows have. Pillow makes missing rows 0 and drops others."""
+    columns, rows, depth, colour, _, _, interlaced = struct.unpack_from(">IIBBBBB", data, len(PNG) + 8)
+    needed = 0
+    for column, row, wide, high in _PASSES if interlaced else ((0, 0, 1, 1),):
+        across, down = max(-(-(columns - column) // wide), 0), max(-(-(rows - row) // high), 0)
+        if across:  # a pass without pixels has no rows
+            needed += down * (1 + (across * depth * _SAMPLES.get(colour, 1) + 7) // 8)
+    with damage_told(tiff.DAMAGED, where, remedy=tiff.REMEDY):
+        held = _unpacked(data, needed)
+    if held != needed:
+        raise DermisError(
+            "the image has fewer pixels than its size" if held < needed else "the image has more pixels than its size",
+            where=where,
+            value=f"{held} bytes" if held < needed else f"more than {needed} bytes",
+            limit=f"{needed} bytes: {columns} x {rows} of {depth} bit",
+            remedy=tiff.REMEDY,
+        )
+
+
+def _unpacked(data: bytes, most: int) -> int:
+    """Return how many bytes the pixels of a PNG unpack to; what goes on beyond `most` is not counted further."""
+    stream, held = zlib.decompressobj(), 0
+    for part in _packed(data):
+        rest: bytes | memoryview = part
+        while not stream.eof and held <= most:
+            got = len(stream.decompress(rest, _UNPACKED))
+            held, rest = held + got, stream.unconsumed_tail
+            if not rest and got < _UNPACKED:
+                break
+    if held < most and not stream.eof:
+        raise EOFError(f"its pixels are truncated after {held} bytes of {most}")
+    return held
+
+
+def _packed(data: bytes) -> Iterator[memoryview]:
+    """Return the packed pixels of a PNG, a little at a time: the first chunks IDAT that follow on each other."""
+    view, at, begun = memoryview(data), len(PNG), False
+    while at + 8 <= len(data):
+        size, kind = struct.unpack_from(">I4s", data, at)
+        if kind == b"IDAT":
+            begun = True
+            end = min(at + 8 + size, len(data))
+            for i in range(at + 8, end, _PACKED):
+                yield view[i : min(i + _PACKED, end)]
+        elif begun:
+            return
+        at += 12 + size
 
 
 def _pixels(image: ImageFile, bits: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.bool_]]:

@@ -244,7 +244,7 @@ EMPTY = chunk(b"IDAT", b"") + chunk(b"IEND", b"")
         ),
         (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 4, 4, 3, 0, 0, 0, 0)) + EMPTY, "damaged"),
         (GOOD[:33] + chunk(b"IDAT", b"rubbish") + chunk(b"IEND", b""), "damaged"),
-        (GOOD[:33] + chunk(b"IDAT", zlib.compress(bytes(7))) + chunk(b"IEND", b""), "truncated"),
+        (GOOD[:33] + chunk(b"IDAT", zlib.compress(bytes(7))) + chunk(b"IEND", b""), "fewer pixels"),
         (GOOD[:33] + chunk(b"IDAT", zlib.compress(b"\5" + bytes(19))) + chunk(b"IEND", b""), "damaged"),
         (b"P5 4 4", "cut short"),
         (b"P5 4 4 255\n123", "cut short"),
@@ -360,3 +360,70 @@ def test_findings_of_a_sequence_are_counted_together(tmp_path):
     assert findings["holes-filled"].count == 6
     coloured = sum(int(((s[..., 0] != s[..., 1]) | (s[..., 1] != s[..., 2])).sum()) for s in stack)
     assert findings["coloured-map"].count == coloured
+
+
+SEVEN = [(0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2)]
+
+
+def streamed(stream, columns, rows, depth, colour, interlace=0, pieces=3):
+    """Encode a PNG of a stream that is packed already, in several chunks, with an empty one among them."""
+    head = struct.pack(">IIBBBBB", columns, rows, depth, colour, 0, 0, interlace)
+    size = -(-len(stream) // pieces)
+    parts = [stream[i : i + size] for i in range(0, len(stream), size)]
+    palette = chunk(b"PLTE", bytes(range(48))) if colour == 3 else b""
+    return (
+        b"\x89PNG\r\n\x1a\n"
+        + chunk(b"IHDR", head)
+        + palette
+        + b"".join(chunk(b"IDAT", part) for part in [parts[0], b"", *parts[1:]])
+        + chunk(b"IEND", b"")
+    )
+
+
+def unfiltered(columns, rows, depth, channels, interlace):
+    """Return rows of zeros, each behind the number of its filter, as the format's description has them."""
+    passes = SEVEN if interlace else [(0, 0, 1, 1)]
+    out = b""
+    for x, y, dx, dy in passes:
+        wide, high = len(range(x, columns, dx)), len(range(y, rows, dy))
+        if wide:
+            out += bytes(1 + -(-wide * depth * channels // 8)) * high
+    return out
+
+
+@pytest.mark.parametrize("interlace", [0, 1])
+@pytest.mark.parametrize(
+    ("colour", "channels", "depth"), [(0, 1, 1), (0, 1, 4), (0, 1, 16), (2, 3, 8), (3, 1, 4), (6, 4, 8)]
+)
+@pytest.mark.parametrize(("columns", "rows"), [(1, 1), (3, 2), (5, 9), (17, 8)])
+def test_a_png_has_as_many_pixels_as_its_size_says(tmp_path, interlace, colour, channels, depth, columns, rows):
+    whole = unfiltered(columns, rows, depth, channels, interlace)
+
+    def read_with(body):
+        return images.read(put(tmp_path, streamed(zlib.compress(body), columns, rows, depth, colour, interlace)))
+
+    assert read_with(whole).values.shape == (rows, columns)
+    for body, words in ((whole[:-1], "fewer pixels"), (whole[: len(whole) // 2], "fewer"), (whole + b"\0", "more")):
+        with pytest.raises(DermisError, match=f"{words}.*{columns} x {rows}"):
+            read_with(body)
+
+
+def test_a_png_whose_stream_goes_on_without_end_is_refused_soon(tmp_path):
+    row = bytes(1 + 2 * 40)
+    endless = zlib.compress(bytes(1 << 28), 9)  # 256 MB out of 260 kB
+    with pytest.raises(DermisError, match="more pixels than its size.*more than 3240 bytes"):
+        images.read(put(tmp_path, streamed(endless, 40, 40, 16, 0, pieces=1)))
+    cut = zlib.compress(row * 40)[:-8]  # neither the last bytes nor their check sum
+    with pytest.raises(DermisError, match="cut short.*truncated after .* bytes of 3240"):
+        images.read(put(tmp_path, streamed(cut, 40, 40, 16, 0)))
+
+
+def test_a_large_png_in_one_chunk_or_in_many_is_read(tmp_path):
+    samples = numbers(700, 900, 1, 16)  # more than is unpacked at a time, and hardly packed at all
+    body = b"".join(b"\0" + row.astype(">u2").tobytes() for row in samples)
+    for pieces in (1, 9000):
+        for level in (0, 6):
+            made = images.read(put(tmp_path, streamed(zlib.compress(body, level), 900, 700, 16, 0, pieces=pieces)))
+            np.testing.assert_allclose(made.values[::-1], samples[..., 0] / 65535, rtol=1e-6)
+    flat = unfiltered(4000, 4000, 8, 1, 0)
+    assert images.read(put(tmp_path, streamed(zlib.compress(flat, 9), 4000, 4000, 8, 0))).values.max() == 0

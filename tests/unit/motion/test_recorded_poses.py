@@ -300,3 +300,30 @@ def test_no_unit_and_no_turn_is_offered_where_none_fits(write):
 )
 def test_the_guess_of_a_file_without_names(write, rows, names):
     assert recorded_poses.suggestion(read_rows(write(rows))) == names
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        "time,Fx,Fy,Fz,Tx,Ty,Tz",
+        "time [s],Fx [N],Fy [N],Fz [N],Tx [Nm],Ty [Nm],Tz [Nm]",
+        "t,F_x,F_y,F_z,T_x,T_y,T_z",
+        "time,Force X,Force Y,Force Z,Tx,Ty,Tz",
+    ],
+)
+def test_torques_are_no_places(tmp_path, names):
+    path = tmp_path / "forces.csv"
+    path.write_text(names + "\n" + "".join(f"{0.01 * i},1,2,3,0.1,0.2,{0.01 * i}\n" for i in range(9)))
+    with pytest.raises(DermisError, match="where x, y and z are"):
+        recorded_poses.read(path)
+    places = names.replace("Tx", "x,Tx").replace("T_x", "x,T_x").replace("Ty", "y,z,Ty").replace("T_y", "y,z,T_y")
+    path.write_text(places + "\n" + "".join(f"{0.01 * i},1,2,3,4,0.1,5,{i},0.2,0.3\n" for i in range(3)))
+    made = recorded_poses.read(path)
+    np.testing.assert_array_equal(made.places, [[4, 5, 0], [4, 5, 1], [4, 5, 2]])
+    assert len(made.unused) == 6
+
+
+def test_tx_is_a_place_where_no_forces_are(tmp_path):
+    path = tmp_path / "camera.csv"
+    path.write_text("time,fx,fy,tx,ty,tz\n0,9,9,1,2,3\n1,9,9,1,2,3\n")  # fx, fy: focal lengths
+    np.testing.assert_array_equal(recorded_poses.read(path).places, [[1, 2, 3]] * 2)

@@ -9,12 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from .arrays import Array
-from .column_names import Column, columns_of, time_column
+from .column_names import TIMES, Column, columns_of, time_column
 from .errors import DermisError
 from .files import read_text
 
 SEPARATORS = ";\t,"  # the first of them that stands in the first line; else white space
 LONGEST_SPAN = 86_400.0  # [s], a day: no recording of a finger is longer, and numbers of another unit are
+SLOW, LONG = 1.0, 60.0  # rows as far apart [s], for so long [s]: nobody records so, their times have another unit
+LATEST = 1e11  # [s] more than since the year 1 (6.4e10), less than milliseconds since 1970 (1.7e12)
+UNIT_NOT_SAID = "nobody says in which unit the times are, and as seconds they are slow"
 
 
 @dataclass(frozen=True)
@@ -74,16 +77,36 @@ class Rows:
         """Return times [s], rising, shape (n,), and their column: the first where the file has no names.
 
         Raises:
-            DermisError: no column is the time by its name, or see `check_times`.
+            DermisError: no column is the time by its name, or see `seconds`.
         """
-        index, unit = 0, 1.0
-        if self.names:
-            columns = self.columns()
-            index = time_column(columns, self.where)
-            unit = columns[index].unit or 1.0
-        times = self.values[:, index] * unit
+        if not self.names:
+            return self.seconds(0, None), 0
+        columns = self.columns()
+        index = time_column(columns, self.where)
+        return self.seconds(index, columns[index].unit), index
+
+    def seconds(self, index: int, unit: float | None) -> Array:
+        """Return the times of a column [s], rising, shape (n,).
+
+        Args:
+            unit: seconds of one, None where the file does not say it: then they are seconds if they can be.
+
+        Raises:
+            DermisError: nobody says the unit, and they can hardly be seconds; or see `check_times`.
+        """
+        given = self.values[:, index]
+        if unit is None and slow(given) and (np.diff(given) > 0.0).all():
+            likely = time_unit(given) or "ms"
+            raise DermisError(
+                UNIT_NOT_SAID,
+                where=self.place(len(given) - 1, index),
+                value=f"{given[0]:.12g} to {given[-1]:.12g} in {len(given)} rows",
+                limit=f"less than {SLOW:g} s from row to row, or a unit in the column's name",
+                remedy=f"Name the column in the line of names 'time_{likely}', or 'time_s' if they are seconds",
+            )
+        times = given * (unit or 1.0)
         check_times(times, self, index)
-        return times, index
+        return times
 
 
 def check_times(times: Array, rows: Rows, column: int) -> None:
@@ -115,6 +138,25 @@ def check_times(times: Array, rows: Rows, column: int) -> None:
             limit=f"{LONGEST_SPAN:g} s",
             remedy="Name their unit in the line of names, such as 'time [ms]', or choose the right column",
         )
+
+
+def slow(times: Array) -> bool:
+    """Return whether times are too far apart, or too late, to be seconds."""
+    if not len(times):
+        return False
+    span = np.ptp(times)
+    return bool((span >= LONG and span >= SLOW * (len(times) - 1)) or np.abs(times).max() > LATEST)
+
+
+def time_unit(times: Array) -> str:
+    """Return the unit of times, 's' where they can be seconds; '' where they have none."""
+    if not slow(times):
+        return "s"
+    step = np.ptp(times) / (len(times) - 1)
+    for unit in ("ms", "us", "ns"):
+        if step * TIMES[unit] < SLOW and np.abs(times).max() * TIMES[unit] <= LATEST:
+            return unit
+    return ""
 
 
 def read_rows(path: Path) -> Rows:

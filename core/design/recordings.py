@@ -22,7 +22,7 @@ from ..errors import DermisError
 from ..matching.nearest import NEIGHBOURS
 from ..matching.readings import SATURATED, at_the_end
 from ..matching.table import SkinTable
-from ..number_rows import Rows, check_times, lines_of, number
+from ..number_rows import Rows, lines_of, number
 
 SLACK = 0.01  # of a motor's range, that a recorded command may lie beyond its ends
 LONGEST = 4_000_000  # lines; a whole day at 100 Hz is about twice that, and no interaction
@@ -48,7 +48,8 @@ def read_recording(path: Path) -> Recording:
 
     Raises:
         DermisError: no channels, one that is constant or saturated, rows of different lengths, a transposed file,
-            trailing separators, values that are no numbers, times that do not rise.
+            trailing separators, values that are no numbers, times that do not rise, or whose unit nobody says and that
+            can hardly be seconds.
     """
     path = Path(path)
     rows = _columns(path, 1, "a column 'time' and one a channel")
@@ -56,10 +57,10 @@ def read_recording(path: Path) -> Recording:
     columns = columns_of(names, where)
     if columns[0].meaning != "time":
         raise DermisError("the first column must be the time", where=where, value=names[0], limit="time")
-    times, readings = rows.values[:, 0] * (columns[0].unit or 1.0), rows.values[:, 1:]
-    if len(times) < 2:
-        raise DermisError("too few samples", where=where, value=len(times), limit=">= 2")
-    check_times(times, rows, 0)
+    readings = rows.values[:, 1:]
+    if len(readings) < 2:
+        raise DermisError("too few samples", where=where, value=len(readings), limit=">= 2")
+    times = rows.seconds(0, columns[0].unit)
     _channels(readings, names[1:], where)
     return Recording(path.stem, times, readings, tuple(names[1:]))
 

@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from ..arrays import Array
-from ..column_names import TIMES as SECONDS
 from ..column_names import Column, columns_of
 from ..errors import DermisError
-from ..number_rows import Rows, check_times, read_rows
+from ..number_rows import UNIT_NOT_SAID, Rows, check_times, read_rows, slow, time_unit
 from .rotation import matrices
 
 PLACE = ("x", "y", "z")
@@ -21,8 +20,6 @@ QUATERNION, VECTOR, EULER = ("qw", "qx", "qy", "qz"), ("vx", "vy", "vz"), ("rx",
 OFF_UNIT = 0.01  # of a quaternion's length: what rounding its four numbers to two decimals can take off or add
 REACH = 3.0  # [m] that no hand moves, so that places which do are no metres
 ROOM = 10.0  # [m] from its origin that a tracker reaches: SteamVR's largest room is 10 m wide and long
-SLOW, LONG = 1.0, 60.0  # rows as far apart [s], for so long [s]: nobody records so, their times have another unit
-LATEST = 1e11  # [s] more than since the year 1 (6.4e10), less than milliseconds since 1970 (1.7e12)
 TURNS = {
     "none": (),
     "wxyz": ("qw", "qx", "qy", "qz"),
@@ -99,8 +96,8 @@ def of_rows(rows: Rows, *, columns: str = "", rate: float = 100.0, unit: float |
         factor = known[time].unit or 1.0
         times = rows.values[:, time] * (factor if "time" in place else 1.0 / rate)
         unsaid_unit = "time" in place and known[time].unit is None
-        if unsaid_unit and _slow(times) and (np.diff(times) > 0.0).all():
-            raise _not_said("nobody says in which unit the times are, and as seconds they are slow", rows, known)
+        if unsaid_unit and slow(times) and (np.diff(times) > 0.0).all():
+            raise _not_said(UNIT_NOT_SAID, rows, known)
         check_times(times, rows, time)
     unsaid = [place[name] for name in PLACE if known[place[name]].unit is None]
     if unit is None and unsaid and _far(rows.values[:, unsaid]):
@@ -130,7 +127,7 @@ def guess(rows: Rows) -> Guess:
         turn = "euler" + _angle_unit(rest)
     elif rest.shape[1] == 4:
         turn = _order(rest, as_tum)
-    time = _time_unit(values[:, 0]) if timed else "none"
+    time = time_unit(values[:, 0]) if timed else "none"
     return Guess(time, turn, "" if as_tum and unit != "m" else unit)
 
 
@@ -156,8 +153,8 @@ def suggestion(rows: Rows, known: Sequence[Column] = ()) -> str:
         return np.asarray(rows.values[:, unsaid])
 
     missing = dict.fromkeys(EULER, _angle_unit(of(*EULER)))
-    if _slow(of("time").ravel()):
-        missing["time"] = f"_{_time_unit(of('time').ravel())}"
+    if slow(of("time").ravel()):
+        missing["time"] = f"_{time_unit(of('time').ravel())}"
     if _far(of(*PLACE)):
         missing.update(dict.fromkeys(PLACE, f"_{_length_unit(of(*PLACE))}"))
     if "_" in missing.values():
@@ -173,25 +170,6 @@ def names_of(time: str, turn: str, unit: str = "m") -> str:
         time, turn: keys of `TIMES` and `TURNS`. unit: of the places.
     """
     return ", ".join((*TIMES[time], *(f"{axis}_{unit}" for axis in PLACE), *TURNS[turn]))
-
-
-def _slow(times: Array) -> bool:
-    """Return whether times are too far apart, or too late, to be seconds."""
-    if not len(times):
-        return False
-    span = np.ptp(times)
-    return bool((span >= LONG and span >= SLOW * (len(times) - 1)) or np.abs(times).max() > LATEST)
-
-
-def _time_unit(times: Array) -> str:
-    """Return the unit of times, 's' where they can be seconds; '' where they have none."""
-    if not _slow(times):
-        return "s"
-    step = np.ptp(times) / (len(times) - 1)
-    for unit in ("ms", "us", "ns"):
-        if step * SECONDS[unit] < SLOW and np.abs(times).max() * SECONDS[unit] <= LATEST:
-            return unit
-    return ""
 
 
 def _far(places: Array) -> bool:

@@ -97,7 +97,7 @@ def read_stimuli(path: Path, channels: int) -> tuple[Array, Array]:
 
     Raises:
         DermisError: the file cannot be read, has another number of channels, values that are not finite, or times that
-            do not rise.
+            do not rise, or whose unit a .csv file does not say and that can hardly be seconds.
     """
     path, where = Path(path), str(path)
     if path.suffix.lower() == ".csv":

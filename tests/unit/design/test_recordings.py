@@ -57,6 +57,30 @@ def test_units_of_times_and_decimal_commas_are_read(write):
     np.testing.assert_allclose(found.times, np.arange(50) / 100)
 
 
+@pytest.mark.parametrize("name", ["time", "t", "timestamp"])
+@pytest.mark.parametrize(("step", "start", "unit"), [(10, 0, "ms"), (10_000, 0, "us"), (10, 1_790_000_000_000, "ms")])
+def test_times_that_can_hardly_be_seconds_need_their_unit(write, name, step, start, unit):
+    """200 rows, 10 ms apart, lasted 1990 s."""
+    values = counts(200)
+
+    def written(first):
+        lines = [f"{start + step * i}," + ",".join(map(str, row)) for i, row in enumerate(values.tolist())]
+        return write("\n".join([",".join([first, *NAMES]), *lines]) + "\n")
+
+    with pytest.raises(DermisError, match=f"nobody says in which unit the times are.*'time_{unit}'"):
+        read_recording(written(name))
+    found = read_recording(written(f"{name}_{unit}"))
+    assert np.ptp(found.times) == pytest.approx(199 * step * {"ms": 1e-3, "us": 1e-6}[unit])
+
+
+def test_slow_recordings_are_seconds_where_their_name_says_so(write):
+    values = counts(200)
+    slowly = np.column_stack([2.0 * np.arange(200), values])
+    np.testing.assert_allclose(read_recording(write(text(slowly, ("time_s", *NAMES)))).times, slowly[:, 0])
+    short = np.column_stack([2.0 * np.arange(9), values[:9]])
+    np.testing.assert_allclose(read_recording(write(text(short))).times, short[:, 0])
+
+
 def test_units_of_motors_are_read(write):
     values = counts(40)
     moved = np.random.default_rng(3).uniform(0.0, 2.0, (40, 3))

@@ -303,6 +303,7 @@ READERS = (
     _reader(
         "image",
         "core.images:read core.images.npy:decode core.images.png_tiff:_opened core.images.netpbm:_raw "
+        "core.images.png_tiff:_check_rows core.images.png_tiff:_packed core.images.png_tiff:_unpacked "
         "core.images.netpbm:_floats core.images.tiff:_samples core.images.tiff:_mask "
         "core.images.tiff_header:TiffHeader.of core.images.tiff_header:TiffHeader.numbers",
         ".png",

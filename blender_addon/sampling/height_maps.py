@@ -204,7 +204,17 @@ def _read(obj: bpy.types.Object, depsgraph: Any, unit: float) -> Any:
         return replace(made, height_unit=1.0, findings=noticed + made.findings)
     if settings.source == "IMAGE":
         values, empty, noticed = pixels(settings.image, where)
-        largest = _largest(settings.image)
+        unit_ = core.parameters.screen.UNITS_OF_MAPS[settings.map_unit]
+        found = _largest(settings.image)
+        if found is None and (unit_ is not None or _no_data(settings) not in ("", "0", "none")):
+            raise DermisError(
+                "Blender scales the numbers of this image to 0 to 1, and it is not known by how much",
+                where=f"{where}, image '{settings.image.name_full}'",
+                value=settings.image.file_format,
+                limit="PNG, OpenEXR, Radiance HDR; TIFF of one type of sample, whose file is there",
+                remedy="Choose it as a file: Source in the Dermis tab under Screen; or save it as OpenEXR or PNG",
+            )
+        largest = found or 1
         made = depth_map.from_array(
             values,
             **_meant(settings),
@@ -213,7 +223,6 @@ def _read(obj: bpy.types.Object, depsgraph: Any, unit: float) -> Any:
             largest=largest,
             where=where,
         )
-        unit_ = core.parameters.screen.UNITS_OF_MAPS[settings.map_unit]
         height_unit = 0.0 if unit_ is None else unit_ * largest
         return _with_unit(obj, replace(made, findings=noticed + made.findings, height_unit=height_unit), where)
     if not settings.filepath.strip():
@@ -277,11 +286,29 @@ def _doubtful(heights: NDArray[np.float32], depth: bool, where: str) -> tuple[An
     )
 
 
-def _largest(image: bpy.types.Image) -> int:
-    """Return the stored number that Blender makes 1; floating-point formats are as stored."""
+def _largest(image: bpy.types.Image) -> int | None:
+    """Return the stored number that Blender makes 1, 1 for floating point; None where that cannot be looked up."""
     if not image.is_float:
         return 255
-    return 65535 if image.file_format == "PNG" and image.source in ("FILE", "SEQUENCE") else 1
+    kind = image.file_format
+    if image.source not in ("FILE", "SEQUENCE", "TILED") or kind in ("OPEN_EXR", "OPEN_EXR_MULTILAYER", "HDR"):
+        return 1
+    if kind == "PNG":
+        return 65535
+    if kind != "TIFF":
+        return None  # whole numbers of 10 to 16 bits: JPEG 2000, Cineon, DPX and others
+    try:
+        if image.packed_file is not None:
+            data = bytes(image.packed_file.data)
+        else:
+            data = core.files.read_bytes(bpy.path.abspath(image.filepath_from_user(), library=image.library))
+        if not data.startswith(core.images.tiff_header.MAGIC):
+            return None
+        stored = core.images.tiff_header.TiffHeader.of(data, image.name_full).sample_type()
+    except DermisError:
+        return None
+    largest, _ = core.images.raster.largest_of(stored)
+    return int(largest)
 
 
 def pixels(image: bpy.types.Image | None, where: str) -> tuple[NDArray[np.float32], NDArray[np.bool_], tuple[Any, ...]]:

@@ -413,3 +413,45 @@ def test_nodes_that_a_script_adds_late_and_that_show_no_instances_are_no_finding
     script(add)
     assert told(scene, "instances-too-late") == []
     assert len(cube.modifiers) == 1
+
+
+@pytest.mark.parametrize("how", ["swapped", "renamed and edited", "renamed to the end"])
+@pytest.mark.parametrize("chunk", [5, 64])
+def test_objects_that_a_script_renames_are_not_taken_for_each_other(script: Any, how: str, chunk: int) -> None:
+    """Blender's list of objects is in order of name."""
+    scene = build.span(1, 10)
+    scene.dermis.sample_rate = 48.0
+    build.finger()
+    one, other = build.cube("A"), build.cube("M", 0.5)
+    build.keys(one, "location", [1, 10], [(0, 0, 0), (9, 0, 0)])
+    build.keys(other, "location", [1, 10], [(0, 4, 0), (0, 13, 0)])
+    build.keys(other, "hide_viewport", [1, 6], [0, 1], "CONSTANT")
+    build.keys(one, "dermis.material.friction", [1, 10], [0.1, 1.0])
+
+    def rename() -> None:
+        frame = scene.frame_current
+        now = 4 <= frame < (99 if how == "renamed to the end" else 8)
+        if how == "swapped":
+            if (one.name == "M") != now:
+                one.name = "Between"
+                other.name = "A" if now else "M"
+                one.name = "M" if now else "A"
+        else:
+            one.name = "Z" if now else "A"
+        if how == "renamed and edited":
+            for vertex in one.data.vertices:
+                vertex.co.z = np.sign(vertex.co.z) * (0.75 if frame >= 5 else 0.5)
+            one.data.update()
+
+    script(rename, first=-1000)
+    tactile = scene_sweep.sample(scene, chunk_size=chunk)
+    assert [b.name for b in tactile.bodies] == ["A", "M"]
+    got = build.joined(tactile)
+    frames = got["frames"]
+    np.testing.assert_allclose(got["bodies"][0, :, 0, 3], frames - 1, atol=1e-5)
+    np.testing.assert_allclose(got["bodies"][1, :, 1, 3][frames < 6], frames[frames < 6] + 3, atol=1e-5)
+    np.testing.assert_allclose(got["animated"]["body/0/friction"], 0.1 * frames, atol=1e-5)
+    np.testing.assert_array_equal([mesh is ABSENT for mesh in got["surfaces"][1]], frames >= 6)
+    if how == "renamed and edited":
+        tops = [mesh.vertices[:, 2].max() for mesh in got["surfaces"][0]]
+        np.testing.assert_allclose(tops, np.where(frames >= 5, 0.75, 0.5), atol=1e-6)

@@ -250,3 +250,12 @@ def animated_key(kind: str, index: int, name: str) -> str:
 def look_up(uids: set[int]) -> dict[int, bpy.types.Object]:
     """Return the objects with these session uids; what was deleted is missing."""
     return {o.session_uid: o for o in bpy.data.objects if o.session_uid in uids}
+
+
+def at_place(place: int, uid: int) -> bpy.types.Object:
+    """Return the object with a session uid that was at a place in Blender's list.
+
+    The list is in order of name, so the place changes where a script renames objects.
+    """
+    obj = bpy.data.objects[place]
+    return obj if obj.session_uid == uid else look_up({uid})[uid]

@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 
 from .._core import Array, DermisError, Finding, core
-from . import participants
+from . import participants, script_changes
 from .instance_samples import InstanceSamples
 from .meshes import MeshReader
 from .participants import Entry, Participants
@@ -40,6 +40,7 @@ class Recorder:
         total = len(bpy.data.objects)
         self._uids, self._now = np.empty(total, np.int32), np.empty(total, np.int32)
         bpy.data.objects.foreach_get("session_uid", self._uids)
+        self._scripted = script_changes.run_here()
         self._raw = np.empty((count, total * 16), np.float32)
         place = {int(uid): i for i, uid in enumerate(self._uids)}
         self._place = np.array([place[e.uid] for e in self._entries], np.int64)
@@ -70,20 +71,23 @@ class Recorder:
         objects = bpy.data.objects
         if len(objects) != len(self._uids):
             self._changed()
+        order = self._order() if self._scripted else None
         if not self._checked:
             self._check_source(depsgraph)
         if self._direct:
             self._record_directly(k, depsgraph)
         else:
             objects.foreach_get("matrix_world", self._raw[k])
+            if order is not None:
+                self._raw[k] = self._raw[k].reshape(-1, 16)[order].ravel()
         for i, place in self._blinking:
-            self._present[i, k] = not participants.is_disabled(objects[place], depsgraph.view_layer)
+            self._present[i, k] = not participants.is_disabled(self._object(place), depsgraph.view_layer)
         if self._shown.size:
             self._instances.record(k, depsgraph)
         if self._surfaced:
             self._record_surfaces(k, depsgraph)
         for key, place, path, factor in self._animated:
-            value = objects[place].evaluated_get(depsgraph).dermis.path_resolve(path)
+            value = self._object(place).evaluated_get(depsgraph).dermis.path_resolve(path)
             self._values[key][k] = value * factor
 
     def chunk(self, frames: Array, times: Array, n: int, findings: list[Any], *, simulating: bool = False) -> Any:
@@ -93,10 +97,7 @@ class Recorder:
             DermisError: a matrix or a parameter that is not a finite number.
         """
         # An exchange of objects that keeps their number shows here at the latest, before anything is handed on.
-        if len(bpy.data.objects) != len(self._uids):
-            self._changed()
-        bpy.data.objects.foreach_get("session_uid", self._now)
-        if not np.array_equal(self._now, self._uids):
+        if len(bpy.data.objects) != len(self._uids) or (self._order() is not None and not self._scripted):
             self._changed()
         self._take_instances(n)
         poses = self._poses(n)
@@ -157,10 +158,28 @@ class Recorder:
             remedy="Bake again",
         )
 
+    def _order(self) -> Array | None:
+        """Return where the objects are in Blender's list now, None where they are as at the start.
+
+        A script that renames objects moves them there.
+        """
+        bpy.data.objects.foreach_get("session_uid", self._now)
+        if np.array_equal(self._now, self._uids):
+            return None
+        by_uid = np.argsort(self._now)
+        order = by_uid[np.searchsorted(self._now, self._uids, sorter=by_uid).clip(max=len(by_uid) - 1)]
+        if not np.array_equal(self._now[order], self._uids):
+            self._changed()
+        return order
+
+    def _object(self, place: int) -> bpy.types.Object:
+        """Return the object that was at a place in Blender's list at the start."""
+        return participants.at_place(place, int(self._uids[place]))
+
     def _check_source(self, depsgraph: bpy.types.Depsgraph) -> None:
         """See whether Blender copies evaluated matrices back to the objects; it does for the active graph only."""
         self._checked = True
-        self._direct = not depsgraph_is_active(depsgraph, [bpy.data.objects[i] for i in self._places_of_objects()])
+        self._direct = not depsgraph_is_active(depsgraph, [self._object(i) for i in self._places_of_objects()])
 
     def _places_of_objects(self) -> list[int]:
         """Return where those are in Blender's list that are where their objects are; instances are not."""
@@ -169,7 +188,7 @@ class Recorder:
     def _record_directly(self, k: int, depsgraph: bpy.types.Depsgraph) -> None:
         row = self._raw[k].reshape(-1, 4, 4)
         for place in self._places_of_objects():
-            row[place] = np.array(bpy.data.objects[place].evaluated_get(depsgraph).matrix_world).T
+            row[place] = np.array(self._object(place).evaluated_get(depsgraph).matrix_world).T
 
     def _take_instances(self, n: int) -> None:
         """Take over when what instances show is there, and when it has faces."""
@@ -180,13 +199,13 @@ class Recorder:
         self._bare[self._shown, :n] = made.bare[:, :n] & self._present[self._shown, :n]
 
     def _record_surfaces(self, k: int, depsgraph: bpy.types.Depsgraph) -> None:
-        objects, unit = bpy.data.objects, self._participants.unit
+        unit = self._participants.unit
         for s, (i, _, entry) in enumerate(self._surfaced):
             if not self._present[i, k]:
                 self._bare[i, k] = False
                 self._surfaces[s][k] = self._absent
                 continue
-            evaluated = objects[int(self._place[i])].evaluated_get(depsgraph)
+            evaluated = self._object(int(self._place[i])).evaluated_get(depsgraph)
             mesh = self._reader.read(evaluated, unit, entry.mirrored, entry.curved)
             self._bare[i, k] = len(mesh.triangles) == 0
             self._surfaces[s][k] = self._absent if self._bare[i, k] else mesh

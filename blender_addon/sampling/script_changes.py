@@ -87,7 +87,7 @@ class Watch:
         self._unit, self._names = swept.unit, [e.name for e in swept.bodies]
         place = {o.session_uid: i for i, o in enumerate(bpy.data.objects)}
         self._bodies = [
-            (b, place[e.uid], e) for b, e in enumerate(swept.bodies) if e.shown_as is None and not e.blinking
+            (b, (place[e.uid], e.uid), e) for b, e in enumerate(swept.bodies) if e.shown_as is None and not e.blinking
         ]
         self._still = {b: mesh for b, mesh in enumerate(surfaces) if mesh is not None}
         self._gone: set[int] = set()
@@ -96,7 +96,9 @@ class Watch:
         self._edited: set[int] = set()  # session uids
         self._all = True  # whether everything may have been edited
         self._frame: int | None = None
-        taking_part = [(place[o.session_uid], o) for o in scene.objects if participants.role_of(o) != "NONE"]
+        taking_part = [
+            ((place[o.session_uid], o.session_uid), o) for o in scene.objects if participants.role_of(o) != "NONE"
+        ]
         inside = _children()
         self._settings = [(at, _settings(o, inside)) for at, o in taking_part]
         # Fingers and screens are there all the time or not at all.
@@ -152,13 +154,13 @@ class Watch:
             self._look_at_settings(float(frame))
         if self._edited or self._all:
             for at, disabled in self._disabled:
-                obj = bpy.data.objects[at]
+                obj = participants.at_place(*at)
                 if participants.is_disabled(obj, self._view_layer) != disabled:
                     self._tell(f"object '{obj.name_full}'", "visibility", float(frame))
             if self._looks_for_makers and participants.instancers(self._scene):
                 self._look_for_makers(depsgraph, float(frame))
             for b, at, entry in self._bodies:
-                obj = bpy.data.objects[at]
+                obj = participants.at_place(*at)
                 if self._all or entry.uid in self._edited or _hangs_on_others(obj) or _uid(obj.data) in self._edited:
                     self._look_at_body(b, obj, entry, depsgraph)
             self._edited.clear()
@@ -205,7 +207,7 @@ class Watch:
     def _look_at_settings(self, frame: float) -> None:
         inside = _children()
         for at, first in self._settings:
-            obj = bpy.data.objects[at]
+            obj = participants.at_place(*at)
             same = compat.stored(obj, "dermis") == first.stored
             if not same or (first.content is not None and _content(obj, inside) != first.content):
                 self._compare(obj, first, _settings(obj, inside), frame)
@@ -233,7 +235,8 @@ class Watch:
     def _value(self, key: str) -> float:
         """Return a parameter of the object itself: Blender evaluates nothing because a script sets one of ours."""
         parameter = self._keyable[key]
-        return float(bpy.data.objects[parameter.place].dermis.path_resolve(parameter.path)) * parameter.factor
+        obj = participants.at_place(parameter.place, parameter.uid)
+        return float(obj.dermis.path_resolve(parameter.path)) * parameter.factor
 
     def _tell(self, where: str, name: str, frame: float) -> None:
         if any((f.code, f.where, f.value) == ("setting-changed", where, name) for f in self.findings):

@@ -62,7 +62,7 @@ class Steps:
             (kind, i): chain
             for kind, entries in self._groups
             for i, e in enumerate(entries)
-            if e.instance is None and (chain := [place[o.session_uid] for o in _chain(objects[e.uid])])
+            if e.instance is None and (chain := [(place[o.session_uid], o.session_uid) for o in _chain(objects[e.uid])])
         }
         self._linked = sorted({at for chain in self._chains.values() for at in chain})
 
@@ -122,7 +122,7 @@ class Steps:
 
     def _parents(self) -> Mapping[int, float]:
         """Return how far off those are that have parents, and their parents, in whatever space Blender adds up [m]."""
-        return {at: _farthest(bpy.data.objects[at]) * self._unit for at in self._linked}
+        return {at: _farthest(participants.at_place(*at)) * self._unit for at in self._linked}
 
 
 def _chain(obj: bpy.types.Object) -> Iterator[bpy.types.Object]:

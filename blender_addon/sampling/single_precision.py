@@ -120,7 +120,7 @@ class Steps:
         if size > self._limit and (known is None or size > known.step):
             self._worst[where] = _Worst(size, length, where, frame if known is None else known.frame)
 
-    def _parents(self) -> Mapping[int, float]:
+    def _parents(self) -> Mapping[tuple[int, int], float]:
         """Return how far off those are that have parents, and their parents, in whatever space Blender adds up [m]."""
         return {at: _farthest(participants.at_place(*at)) * self._unit for at in self._linked}
 

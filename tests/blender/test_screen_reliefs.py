@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import struct
 import warnings
 
 import bpy
@@ -189,6 +190,62 @@ def test_a_map_of_measures_asks_for_its_unit(tmp_path, kind):
     heights, unit, findings = relief()
     np.testing.assert_allclose(heights * unit, 1e-3 * depth, rtol=1e-6)
     assert "no-unit" not in findings
+
+
+def tiff(path, values):
+    """Write a grey TIFF of one strip, of the array's own type, row 0 at the bottom."""
+    rows, columns = values.shape
+    size, form = 8 * values.dtype.itemsize, {"u": 1, "i": 2, "f": 3}[values.dtype.kind]
+    tags = [(256, columns), (257, rows), (258, size), (259, 1), (262, 1), (273, 8), (277, 1), (278, rows)]
+    tags += [(279, values.nbytes), (339, form)]
+    entries = b"".join(struct.pack("<HHII", tag, 4, 1, value) for tag, value in tags)
+    pixels = values[::-1].astype(values.dtype.newbyteorder("<")).tobytes()
+    head = struct.pack("<2sHI", b"II", 42, 8 + len(pixels))
+    path.write_bytes(head + pixels + struct.pack("<H", len(tags)) + entries + bytes(4))
+    return str(path)
+
+
+@pytest.mark.parametrize("packed", [False, True])
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.int16, np.uint32, np.int32, np.float32])
+def test_a_tiff_has_the_same_heights_as_an_image_and_as_a_file(tmp_path, kind, packed):
+    """Blender makes the largest number of a type 1: heights were 65535 or 2^32 times too low."""
+    build.span(1, 3)
+    build.finger()
+    settings = build.screen().dermis.screen
+    ramp = np.add.outer(np.arange(30), np.arange(40))
+    values = (ramp if kind is np.uint8 else 1000 + 4 * ramp).astype(kind)
+    path = tiff(tmp_path / "map.tif", values)
+    settings.map_unit, settings.no_data = "mm", "none"
+    settings.source, settings.filepath = "FILE", path
+    heights, unit, _ = relief()
+    np.testing.assert_allclose(heights * unit, 1e-3 * values, rtol=1e-6, atol=1e-8)
+    settings.image = bpy.data.images.load(path)
+    settings.image.colorspace_settings.name = "Non-Color"
+    if packed:
+        settings.image.pack()
+        (tmp_path / "map.tif").unlink()
+    settings.source = "IMAGE"
+    heights, unit, _ = relief()
+    np.testing.assert_allclose(heights * unit, 1e-3 * values, rtol=1e-6, atol=1e-8)
+
+
+def test_an_image_whose_numbers_are_scaled_by_nobody_knows_what_is_to_be_a_file(tmp_path):
+    build.span(1, 3)
+    build.finger()
+    build.cube()
+    settings = build.screen().dermis.screen
+    path = tiff(tmp_path / "map.tif", np.arange(1200, dtype=np.uint16).reshape(30, 40))
+    settings.image = bpy.data.images.load(path)
+    settings.image.colorspace_settings.name = "Non-Color"
+    settings.map_unit = "mm"
+    assert relief()[1] == 1e-3 * 65535
+    (tmp_path / "map.tif").unlink()  # the pixels are still in Blender
+    tactile = scene_sweep.sample()
+    (told,) = [f for f in tactile.findings if "scales the numbers" in str(f)]
+    assert not tactile.screens and told.remedy.startswith("Choose it as a file")
+    settings.map_unit = "white"  # brightness is right as it is
+    heights, _, _ = relief()
+    assert heights.max() == pytest.approx(1199 / 65535)
 
 
 def test_an_image_of_lengths_needs_no_height():

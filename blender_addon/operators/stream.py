@@ -107,8 +107,10 @@ class DERMIS_OT_stream_arm(Checked, Streaming, bpy.types.Operator):
             440,
             "ERROR",
         )
-        for text in filter(None, (session.caution(context.scene), session.silence())):
-            words(self.layout.box(), text, 440, "INFO")
+        caution, silence = session.caution(context.scene), session.silence()
+        for text in (caution, silence if silence[1:-1] not in caution else ""):
+            if text:
+                words(self.layout.box(), text, 440, "INFO")
 
     def checked(self, context: bpy.types.Context) -> list[bpy.types.Scene]:
         """Return the scene where its bake is to be played."""

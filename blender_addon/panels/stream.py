@@ -109,7 +109,7 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
             paragraph(layout, context, now["message"], "ERROR" if another or now["state"] != State.READY else "INFO")
         if caution := session.caution(context.scene):
             paragraph(layout, context, caution, "ERROR")
-        if silence := session.silence():
+        if (silence := session.silence()) and silence[1:-1] not in caution:
             paragraph(layout, context, silence, "INFO")
         for key in ("notice", "not_rendered"):
             if now.get(key):

@@ -115,7 +115,7 @@ def test_recorded_commands_in_other_units_are_refused(table, tmp_path):
     lines = [",".join(("m1", "m2", "m3", *CHANNELS)), *(",".join(f"{v:.9g}" for v in row) for row in values)]
     (tmp_path / "t.csv").write_text("\n".join(lines) + "\n")
     ends = np.array([[0.0] * 3, [2.8] * 3])
-    with pytest.raises(DermisError, match=r"m1: .*beyond the motor's range .*not degrees"):
+    with pytest.raises(DermisError, match=r"m1: .*beyond the motor's range .*Write rad and m, or the unit"):
         read_table(tmp_path / "t.csv", np.ptp(ends, axis=0), ends)
 
 

@@ -14,7 +14,8 @@ Array = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
 Look = Callable[[Floats32], tuple[Floats32, Floats32, float]]
 SIZE = 60
-WITHIN = 40  # steps to a residual of 1e-5 where stiffness is 0.45 to 3.5 times that at rest, and
+NEAR = 2e-5  # residual; at half of it the rounding of single precision decides, which processors do in their own ways
+WITHIN = 20  # steps to it where stiffness is 0.45 to 3.5 times that at rest, and
 SOON = 15  # to 5e-3, where a frame is done
 
 
@@ -52,10 +53,10 @@ def walk(look: Look, steps: int, tolerance: float = 1e-5, start: Floats32 | None
 @pytest.mark.parametrize("seed", range(6))
 def test_where_tissue_is_up_to_four_times_as_stiff_it_comes_close_in_few_steps(seed: int, scale: float) -> None:
     look, answer = linear(0.45, 3.5, seed, scale)
-    relaxation, count = walk(look, WITHIN)
+    relaxation, count = walk(look, WITHIN, NEAR)
     assert count <= WITHIN and not relaxation.lost
     best = relaxation.best
-    assert best is not None and best[1] <= 1e-5
+    assert best is not None and best[1] <= NEAR
     assert np.linalg.norm(best[0] - answer) <= 1e-3 * np.linalg.norm(answer)
     assert walk(look, SOON, 5e-3)[1] <= SOON
 

@@ -40,7 +40,7 @@ def play(options: argparse.Namespace) -> int:
             pass
         finally:
             player.finish()
-    status = player.tell()
+        status = player.tell()  # a second signal changes nothing of that either
     return 128 + signals.number if signals.number else status or int(not player.logged)
 
 

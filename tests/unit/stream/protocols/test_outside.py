@@ -17,7 +17,7 @@ from core.stream.protocols.silence import Does, Silence
 from core.stream.protocols.wire import Wire
 from tests.unit.stream.stream_lab import TICK, Lab
 
-OUTSIDE = Path(__file__).with_name("outside")
+OUTSIDE = Path(__file__).parents[3] / "adapters"
 FAR = {f"motor_{k}": 2.79 for k in (1, 2, 3)}
 COUNT = 2 * np.pi / 4096
 
@@ -37,7 +37,7 @@ class Bus:
         self.wire, self.torque, self.heard = wire, np.zeros(wire.count, bool), 0.0
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
-        from tests.unit.stream.protocols.outside import dynamixel
+        from tests.adapters import dynamixel
 
         assert data[:4] == dynamixel.HEADER and struct.unpack("<H", data[-2:])[0] == dynamixel.crc(data[:-2])
         body, out = data[7:-2].replace(b"\xff\xff\xfd\xfd", b"\xff\xff\xfd"), []

@@ -395,7 +395,8 @@ def test_what_devices_take_of_a_touch_is_what_the_engine_says(pressing: bpy.type
     assert "matched" not in vars(state)
     wear(pressing, "thimble_3rrs")
     (state,) = skin_preview.step(bpy.context)
-    assert thimble_preview.follow(pressing, state, pressing.objects["Finger"].dermis.finger.devices[0]).rendered
+    finger = pressing.objects["Finger"]
+    assert thimble_preview.follow(pressing, state, finger, finger.dermis.finger.devices[0]).rendered
     assert state.matched is state.matched and "matched" in vars(state)
     assert state.matched.model is state.model.matched and state.matched.model.stiff is state.model.stiff
     assert bpy.ops.dermis.bake() == {"FINISHED"}

@@ -278,7 +278,7 @@ def test_a_bomb_is_refused_before_it_grows(
 def test_pixels_that_are_unpacked_beyond_the_picture_are_not_unpacked(tmp_path: Path) -> None:
     endless_png(tmp_path / "a.png")
     said, _, megabytes = tried("images.read", tmp_path / "a.png")
-    assert said == "read" and megabytes < 50
+    assert "more pixels than its size" in said and megabytes < 50
 
 
 def test_the_limits_leave_what_people_have(tmp_path: Path) -> None:

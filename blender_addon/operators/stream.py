@@ -7,7 +7,7 @@ from bpy.props import BoolProperty, StringProperty
 
 from .._core import core
 from ..layouts import words
-from ..streaming import agreed_paths, board_identity, session, stream_log
+from ..streaming import agreed_paths, board_identity, frame_hold, session, stream_log
 from .checked import Checked
 from .work import Work, counted
 
@@ -113,8 +113,8 @@ class DERMIS_OT_stream_arm(Checked, Streaming, bpy.types.Operator):
                 words(self.layout.box(), text, 440, "INFO")
 
     def checked(self, context: bpy.types.Context) -> list[bpy.types.Scene]:
-        """Return the scene where its bake is to be played."""
-        plays = session.plays_bake(context.scene)
+        """Return the scene where its bake is to be played, unless something steps through the frames."""
+        plays = session.plays_bake(context.scene) and not frame_hold.held()
         return [context.scene] if plays else []
 
     def work(self, context: bpy.types.Context) -> str | None:

@@ -30,8 +30,8 @@ def scene() -> Any:
     build.cube(size=0.2)
     build.finger(location=(0.0, 0.0, 0.1)).dermis.finger.devices.add().preset = HAPTIP
     bpy.context.view_layer.update()
+    bpy.context.scene.dermis.sample_rate = 50.0
     made = a_bake(a_track())
-    made.dermis.sample_rate = 50.0
     made.frame_set(13)
     return made
 

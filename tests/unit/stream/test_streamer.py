@@ -226,7 +226,7 @@ def test_ending_goes_through_the_safe_state(track_file: Path) -> None:
         lab.run(0.3)
         assert lab.streamer.state == "streaming", (protocol, lab.streamer.message)
         lab.streamer.shut(lab.now)
-        for _ in range(100):
+        for _ in range(300):  # the safe state is said three times over a tenth of a second
             lab.now += TICK
             if not lab.streamer.finished:
                 lab.streamer.tick(lab.now)

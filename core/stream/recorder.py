@@ -138,7 +138,7 @@ class Recorder:
         wire, spec = output.wire, output.wire.spec
         path, form = "", settings.form
         if settings.path:
-            found, form = settings.place(spec.key, f"{datetime.now():%Y-%m-%d_%H-%M-%S}")
+            found, form = settings.place(spec.key, f"{datetime.now():%Y-%m-%d_%H-%M-%S-%f}")
             path = str(found)
         header = LogHeader(
             log=os.urandom(8).hex(),

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import sys
 import time
@@ -28,7 +29,7 @@ UNDER_WAY = 0.02  # a message may be under way, or wait for its reader, for this
 
 def soak(minutes: float, loops: int) -> dict[str, Any]:
     """Stream for some minutes; return what was seen."""
-    ended: dict[str, list[dict[str, float]]] = {protocol: [] for protocol in PROTOCOLS}
+    ended: dict[str, list[dict[str, Any]]] = {protocol: [] for protocol in PROTOCOLS}
     loads: list[float] = []
     with busy(loops), ExitStack() as stack:
         receivers = [stack.enter_context(exits.Receiver(protocol)) for protocol in PROTOCOLS]
@@ -36,7 +37,7 @@ def soak(minutes: float, loops: int) -> dict[str, Any]:
         for client, receiver in zip(clients, receivers, strict=True):
             exits.connect(client, receiver, "" if receiver.protocol == "native" else "silence=keeps")
         start, k = time.monotonic(), 0
-        was_armed = [False] * len(clients)
+        was_armed, after = [False] * len(clients), [math.inf] * len(clients)
         while time.monotonic() - start < 60 * minutes:
             k += 1
             for i, (client, receiver) in enumerate(zip(clients, receivers, strict=True)):
@@ -50,12 +51,15 @@ def soak(minutes: float, loops: int) -> dict[str, Any]:
                 if was_armed[i] and not status["armed"]:
                     found = receiver.ask("judge")
                     gap = max(found["gap"], found["quiet"])  # what is still silent counts too
-                    after = float(status["silence"]["after_ms"]) / 1e3
-                    ended[receiver.protocol].append({"at": time.monotonic() - start, "gap": gap, "after": after})
+                    why = {"state": status["state"], "message": status["message"]}
+                    ended[receiver.protocol].append(
+                        {"at": time.monotonic() - start, "gap": gap, "after": after[i], **why}
+                    )
                 if not status["armed"] and status["state"] in ("ready", "stalled", "fault"):
                     client.arm()
                 if status["armed"] and not was_armed[i]:
                     receiver.ask("mark")
+                    after[i] = float(status["silence"]["after_ms"]) / 1e3
                 was_armed[i] = bool(status["armed"])
             if k % 500 == 0:
                 loads.append(os.getloadavg()[0])

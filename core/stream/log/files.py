@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 from collections.abc import Mapping
 from dataclasses import replace
@@ -74,6 +75,7 @@ class LogFiles:
         if now - self._synced >= SYNC:
             self._synced = now
             os.fsync(self._descriptor)
+            self._check()
 
     def close(self, summary: Mapping[str, Any]) -> None:
         """End the last file.
@@ -131,9 +133,27 @@ class LogFiles:
         self._length += len(data)
         self.written += len(data)
 
+    def _check(self) -> None:
+        """Look whether the file is still the one that was written.
+
+        Raises:
+            OSError: another program has removed, replaced or cut it.
+        """
+        mine = os.fstat(self._descriptor)
+        try:
+            there = os.stat(self.path)
+        except FileNotFoundError:
+            raise OSError(errno.EIO, "another program has removed the file; its rows are lost") from None
+        if (there.st_dev, there.st_ino) != (mine.st_dev, mine.st_ino):
+            raise OSError(errno.EIO, "another program has put another file in its place; its rows are lost")
+        if mine.st_size != self._length:
+            cut = f"it has {mine.st_size} bytes, and {self._length} were written"
+            raise OSError(errno.EIO, f"another program has changed the file: {cut}")
+
     def _finish(self, summary: Mapping[str, Any]) -> None:
         self._append(self._form.end(summary))
         os.fsync(self._descriptor)
+        self._check()
         status = os.fstat(self._descriptor)
         self._mine.append((self.path, (status.st_dev, status.st_ino), self._length))
         os.close(self._descriptor)

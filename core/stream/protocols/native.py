@@ -20,6 +20,7 @@ from .wire import REACH, Wire
 
 WATCHDOG_MS = 50  # silence after which the device goes to its safe state: with 30 ms of backlog and a pulse's 20, 100
 HELLO_EVERY, SYNC_EVERY, ARM_EVERY, SAFE_EVERY = 0.1, 0.01, 0.03, 0.005
+LEAST_WATCHDOG_MS = round(2e3 * SYNC_EVERY)  # one sign of life may come late; with 10 ms no device would arm
 SILENCE = 1.0  # a device that has not answered for this long is gone [s] ...
 SILENCE_ARMED = 0.08  # ... and while it is armed for this long: the sender's own dead man's switch
 BEHIND = 0.01  # an answer this much later than the soonest lies behind commands that the link does not carry [s]
@@ -42,7 +43,7 @@ class Native(Adapter):
     def __init__(self, wire: Wire, options: Mapping[str, str]) -> None:
         super().__init__(wire, options)
         wire.need_ranges(self.title)
-        self.watchdog_ms = self.whole("watchdog_ms", WATCHDOG_MS, 10, 80)  # [ms]; more, and 100 ms are not kept
+        self.watchdog_ms = self.whole("watchdog_ms", WATCHDOG_MS, LEAST_WATCHDOG_MS, 80)  # more: 100 ms are not kept
         self.reach = self._reach(options.get("reach", ""))
         does = Does.LETS_GO if self.reach == Reach.RELEASE else Does.RETRACTS
         self.silence = Silence(does, self.watchdog_ms / 1e3, "board")

@@ -8,7 +8,10 @@ from ..protocols.wire import Wire
 
 
 class MaestroDevice:
-    """A Pololu Maestro without a serial time-out: targets in quarter microseconds; 0: no pulses."""
+    """A Pololu Maestro without a serial time-out: targets in quarter microseconds; 0: no pulses.
+
+    A servo starts at the preset's rest, and stays where it is while it gets no pulses.
+    """
 
     datagrams = False
 
@@ -18,6 +21,7 @@ class MaestroDevice:
         self.errors = 0
         self._low, self._high, self._stuck = 4 * low_us, 4 * high_us, stuck
         self._bytes: list[int] = []
+        self._values = wire.rest.copy()
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
         """Take bytes: a command byte has its highest bit set, data bytes have not."""
@@ -33,6 +37,7 @@ class MaestroDevice:
                 _, channel, low, high = self._bytes
                 if channel < 24 and channel != self._stuck:
                     self.targets[channel] = low | high << 7
+                    self._move()
                 self._bytes = []
         return []
 
@@ -41,11 +46,15 @@ class MaestroDevice:
         return []
 
     def report(self) -> dict[str, object]:
-        """Return the pulses as values."""
-        part = (self.targets[: self.wire.count] - self._low) / (self._high - self._low)
-        values = self.wire.range_low + (self.wire.range_high - self.wire.range_low) * np.clip(part, 0, 1)
+        """Return where the servos are."""
         return {
-            "values": self.wire.named(values),
+            "values": self.wire.named(self._values),
             "errors": self.errors,
             "released": bool((self.targets[: self.wire.count] == 0).all()),
         }
+
+    def _move(self) -> None:
+        """Put every servo that gets pulses where they say."""
+        targets, low, high = self.targets[: self.wire.count], self.wire.range_low, self.wire.range_high
+        at = low + (high - low) * np.clip((targets - self._low) / (self._high - self._low), 0, 1)
+        self._values = np.where(targets == 0, self._values, at)

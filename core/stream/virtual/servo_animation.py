@@ -39,7 +39,8 @@ class ServoAnimationDevice:
         return []
 
     def report(self) -> dict[str, object]:
-        """Return the positions as values."""
+        """Return where the servos are; one without a position yet is at the preset's rest."""
         ids = [i for i in range(256) if i != 60][: self.wire.count]
-        part = np.array([(self.positions.get(i, self._low) - self._low) / (self._high - self._low) for i in ids])
-        return {"values": self.wire.named(self.wire.range_low + (self.wire.range_high - self.wire.range_low) * part)}
+        low, span = self.wire.range_low, self.wire.range_high - self.wire.range_low
+        at = [(self.positions.get(i, np.nan) - self._low) / (self._high - self._low) for i in ids]
+        return {"values": self.wire.named(np.where(np.isnan(at), self.wire.rest, low + span * at))}

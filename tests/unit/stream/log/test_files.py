@@ -18,7 +18,7 @@ from core.errors import DermisError
 from core.stream.log import binary
 from core.stream.log.binary import BinaryForm
 from core.stream.log.csv import CsvForm
-from core.stream.log.files import LogFiles
+from core.stream.log.files import SYNC, LogFiles
 from core.stream.log.row import Channel, Fate, LogHeader, Phase, Rows, file_rows, header_of
 
 HEADER = LogHeader(
@@ -156,6 +156,25 @@ def test_a_file_that_took_its_place_is_not_removed(tmp_path: Path) -> None:
     files.give_up()
 
 
+@pytest.mark.parametrize("suffix", sorted(FORMS))
+@pytest.mark.parametrize(
+    ("happens", "said"), [("removed", "has removed"), ("replaced", "another file"), ("cut", "changed the file")]
+)
+def test_a_log_that_another_program_takes_away_is_told(happens: str, said: str, suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"log.{suffix}"
+    made = LogFiles(path, FORMS[suffix], HEADER, 1e6, 1e6)
+    made.take(rows(20), 0.0)
+    if happens == "cut":
+        os.truncate(path, 100)
+    else:
+        path.unlink()
+        if happens == "replaced":
+            path.write_bytes(b"other")
+    with pytest.raises(OSError, match=said):
+        made.take(rows(20, 20), SYNC + 1.0)  # under way, not at the end only
+    made.give_up()
+
+
 @pytest.mark.parametrize("name", ["a.csv", "a.2.csv"])
 def test_no_file_is_overwritten(name: str, tmp_path: Path) -> None:
     (tmp_path / name).write_text("three years")
@@ -196,7 +215,7 @@ WRITES = """
 import resource, sys
 from pathlib import Path
 from tests.unit.stream.log.test_files import FORMS, HEADER, rows
-from core.stream.log.files import LogFiles
+from core.stream.log.files import SYNC, LogFiles
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), int(sys.argv[2])))
 path = Path(sys.argv[1])
 files = LogFiles(path, FORMS[path.suffix[1:]], HEADER, 1e9, 1e9)

@@ -272,7 +272,8 @@ def test_osc_against_python_osc() -> None:
 @pytest.mark.parametrize(
     ("protocol", "options", "what"),
     [
-        ("native", {"watchdog_ms": "500"}, "watchdog_ms: .* '500'; allowed: 10 to 80"),
+        ("native", {"watchdog_ms": "500"}, "watchdog_ms: .* '500'; allowed: 20 to 80"),
+        ("native", {"watchdog_ms": "10"}, "watchdog_ms: .* '10'; allowed: 20 to 80"),
         ("native", {"watchdog_ms": "20.5"}, "no whole number within its limits"),
         ("native", {"reach": "at_once"}, "allowed: ramp, release"),
         ("maestro", {"first": "22"}, "'maestro', first: .* '22'; allowed: 0 to 20"),

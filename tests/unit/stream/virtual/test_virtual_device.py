@@ -19,6 +19,8 @@ from core.presets import Library
 from core.stream.client import SenderClient
 from core.stream.links.open_link import open_link
 from core.stream.links.url import Url
+from core.stream.protocols.wire import Wire
+from core.stream.virtual.device import make
 from core.stream.virtual.faults import Faults
 from core.stream.virtual.link import open_any_link
 from tests import exits
@@ -61,8 +63,6 @@ def test_what_is_not_there_says_so() -> None:
         ("/dev/null?baud=fast", "baud"),
         ("spy://", "needs the URL"),
     ):
-        from core.stream.protocols.wire import Wire
-
         with pytest.raises(DermisError, match=what):
             open_any_link(Url(url), Wire.of(Library().device("haptip")))
 
@@ -203,3 +203,11 @@ def test_a_finger_on_the_virtual_panel_is_answered_through_a_real_sender(tmp_pat
         exits.until(lambda: max(seen) > 0.98 * steepest and min(seen) == 0.0, beat, "uphill and downhill")
         assert client.status()["armed"], client.status()["message"]
     assert max(seen) == pytest.approx(steepest, rel=0.02) and min(seen) == 0.0
+
+
+@pytest.mark.parametrize("protocol", exits.PROTOCOLS)
+def test_a_device_that_was_told_nothing_yet_is_at_rest(protocol: str) -> None:
+    wire = Wire.of(Library().device(exits.device_for(protocol)))
+    assert np.any(wire.rest != wire.range_low), "a device where it matters"
+    reported = make(protocol, wire, {}).report()["values"]
+    assert list(reported.values()) == pytest.approx(wire.rest.tolist(), abs=1e-3)  # the coarsest position

@@ -11,7 +11,8 @@ instances         what instances show, read from the dependency graph; joined_pi
                   instance_samples records it, changes_seen says when it need not be read again
 script_changes    what scripts change at changes of the frame: followed, or told
 single_precision  who moves in steps because it is far from the origin
-render_differences  what renders show otherwise; render_surfaces measures how far apart the surfaces are
+render_differences  what renders show otherwise: render_settings compares settings, render_causes finds whose shape
+                  they change (dependence follows the users of data), render_surfaces measures how far
 recorder          poses, surfaces and animated parameters at one sample
 scene_sweep       all samples, in chunks: a `TactileScene`
 """

@@ -1,183 +1,212 @@
-"""What a render shows otherwise than the viewport, whose surfaces are felt: which settings differ, and how far apart.
+"""What renders show otherwise than the viewport, whose surfaces are felt: which settings differ, and how far apart.
 
-Only surfaces whose settings differ are compared; the others cost nothing.
+A render shows whole frames, so those are looked at. Settings are compared at the first frame, and at each one where
+something animates them or scripts run. Surfaces are measured only where settings differ, at a few frames.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import bpy
+import numpy as np
 
-from .. import scene_time
-from .._core import Finding, core
-from . import participants, render_surfaces, simulated_motion
+from .._core import Array, Finding, core
+from . import participants, render_settings, render_surfaces
 from .participants import Participants
+from .render_causes import RenderCauses
 
 LARGEST = 200_000
 """Triangles up to which a surface is compared with another: measuring them takes seconds."""
-_ALWAYS = 2**31 - 1  # a level that Simplify leaves as it is
-_OFF_IN = {True: "is off in renders", False: "is on in renders only"}
+FRAMES = 9
+"""Frames at which a surface that changes is measured: the ends of the range and each eighth; fewer for large ones."""
+STATES = 8
+"""Times beyond that an object is measured because its settings change."""
+_SAME = 1e-3  # of a scale: a largest distance is given with three digits
+_LISTED = 4  # differences that a finding lists
+_UNKNOWN = "how far apart they are is not known"
 
 
-def findings(
-    swept: Participants,
-    scene: bpy.types.Scene,
-    view_layer: bpy.types.ViewLayer,
-    depsgraph: bpy.types.Depsgraph,
-    simulated: frozenset[int],
-) -> list[Any]:
-    """Return what a render shows otherwise of all that can be touched, at the current frame.
+@dataclass
+class _Known:
+    """What was found out of an object whose settings differ.
+
+    Attributes:
+        stride: it is measured at every so many of the frames for that. measured: how often it was.
+        states: the settings with which it was. missed: it was not with all of them. stretch: of its pose, last.
+        since: first frame at which the surfaces differ, None so far.
+        distance: how far apart they were at most [m], None where it is not known. at: the frame. said: what differed.
+    """
+
+    said: list[str]
+    stride: int = 1
+    measured: int = 0
+    states: set[tuple[str, ...]] = field(default_factory=set)
+    missed: bool = False
+    stretch: float = 1.0
+    since: float | None = None
+    distance: float | None = 0.0
+    at: float = 0.0
+
+    def note(self, distance: float | None, said: list[str], frame: float) -> None:
+        """Take a distance between the surfaces; None where nobody knows it."""
+        if self.distance is None or (distance is not None and distance <= core.surface.curved.TOLERANCE):
+            return
+        self.since = frame if self.since is None else self.since
+        if distance is None or distance > self.distance:
+            self.distance, self.said, self.at = distance, said, frame
+
+
+class RenderDifferences:
+    """Looks at the samples of a sweep for what renders show otherwise.
 
     Args:
-        simulated: session uids of what hangs on simulations: those are not run again for this.
+        simulated: session uids of what hangs on simulations: those are not run again to be measured.
+        deforming: session uids of the objects whose shape may change; None if that of every object may.
+        frames: of the samples, shape (n,).
     """
-    differing = {o: said for o in scene.objects if (said := settings(o, scene))}
-    uids = {e.uid for e in swept.bodies} | {u for e in swept.bodies if e.instance is not None for u in e.instance[:2]}
-    screens = participants.look_up({e.uid for e in swept.screens}).values()
-    reliefs = {o.dermis.screen.mesh_object for o in screens if o.dermis.screen.mesh_object is not None}
-    felt = sorted({*participants.look_up(uids).values(), *reliefs}, key=lambda o: str(o.name_full))
-    why = _with_sources(felt, differing)
-    out = [_hidden(o) for o in felt if hidden_in_renders(o, view_layer)]
-    shown = [o for o in why if not hidden_in_renders(o, view_layer)]
-    known = [o for o in shown if o.session_uid not in simulated and _triangles(o, scene, depsgraph) <= LARGEST]
-    apart = dict(zip(known, render_surfaces.distances(known, scene, view_layer), strict=True))
-    for obj in shown:
-        distance = apart.get(obj)
-        if distance is None or distance > core.surface.curved.TOLERANCE:
-            out.append(_other(obj, why[obj], distance, scene_time.shown(scene)))
-    out += [_other(o, [f"displacement of {n}" for n in names], None, None) for o in felt if (names := displacing(o))]
-    return out
+
+    def __init__(
+        self,
+        swept: Participants,
+        scene: bpy.types.Scene,
+        view_layer: bpy.types.ViewLayer,
+        simulated: frozenset[int],
+        deforming: frozenset[int] | None,
+        frames: Array,
+    ) -> None:
+        self._scene, self._view_layer, self._simulated = scene, view_layer, simulated
+        self._causes = RenderCauses(swept, scene, view_layer)
+        self._hosts = {e.uid for e in swept.bodies if e.shows_instances}
+        self._instanced = {e.uid for e in swept.bodies if e.instance is not None}
+        self._bodies = {e.uid for e in swept.bodies}
+        self._changing = None if deforming is None else deforming | {e.uid for e in swept.bodies if e.deforming}
+        places = np.linspace(0, len(frames) - 1, FRAMES).round().astype(int)
+        self._places = {whole: i for i, whole in enumerate(sorted({math.floor(f) for f in frames[places].tolist()}))}
+        self._length = math.floor(frames[-1]) - math.floor(frames[0]) + 1  # in whole frames
+        self._whole: int | None = None
+        self._known: dict[int, _Known] = {}
+        self._hidden: dict[int, float] = {}
+        self._displaced: dict[int, list[str]] = {}
+
+    def look(self, depsgraph: bpy.types.Depsgraph, frame: float) -> None:
+        """Look at the frame that is evaluated now."""
+        whole = math.floor(frame)
+        if whole == self._whole:
+            return
+        first, self._whole = self._whole is None, whole
+        if first or self._causes.vary or (self._known and whole in self._places):
+            self._judge(depsgraph, frame, first)
+
+    @property
+    def findings(self) -> list[Any]:
+        """Return what was found at the frames so far."""
+        uids = self._hidden.keys() | self._known.keys() | self._displaced.keys()
+        felt = sorted(participants.look_up(set(uids)).values(), key=lambda o: str(o.name_full))
+        out = [_hidden(o, self._hidden[o.session_uid]) for o in felt if o.session_uid in self._hidden]
+        out += [f for o in felt if o.session_uid in self._known for f in self._differing(o)]
+        for obj in felt:
+            said = [f"displacement of {name}" for name in self._displaced.get(obj.session_uid, ())]
+            out += [_other(obj, said, _UNKNOWN, None)] if said else []
+        return out
+
+    def _judge(self, depsgraph: bpy.types.Depsgraph, frame: float, first: bool) -> None:
+        objects = {o.session_uid: o for o in bpy.data.objects}
+        self._causes.look(objects)
+        there, hidden = self._causes.there(objects), self._causes.hidden(objects)
+        for uid in sorted(there & hidden):
+            self._hidden.setdefault(uid, frame)
+        differing = self._causes.differing(objects)
+        due = {objects[u]: differing[u] for u in sorted(there - hidden & differing.keys())}
+        due = {obj: said for obj, said in due.items() if self._is_due(obj, said)}
+        if not first and not due:
+            return
+        pieces = render_surfaces.Pieces(self._hosts, self._instanced, depsgraph, self._scene)
+        if first:
+            for uid in self._bodies & there - hidden:
+                shown = (objects[uid], *pieces.shown_by(objects[uid]))
+                self._displaced[uid] = list(dict.fromkeys(n for o in shown for n in render_settings.displacing(o)))
+        self._measure(due, pieces, frame)
+
+    def _is_due(self, obj: bpy.types.Object, said: list[str]) -> bool:
+        uid = obj.session_uid
+        if uid not in self._known:
+            self._known[uid] = _Known(said)
+            return True
+        known = self._known[uid]
+        if known.distance is None:
+            return False
+        if tuple(said) not in known.states:
+            if len(known.states) <= STATES:
+                return True
+            known.missed = True
+        place = self._places.get(self._whole)
+        if place is None or place % known.stride:
+            return False
+        return self._may_change(uid) or abs(_stretch(obj) - known.stretch) > _SAME * known.stretch
+
+    def _may_change(self, uid: int) -> bool:
+        return self._changing is None or uid in self._changing
+
+    def _measure(self, due: dict[Any, list[str]], pieces: render_surfaces.Pieces, frame: float) -> None:
+        known = {obj: pieces.triangles(obj) for obj in due}
+        known = {o: n for o, n in known.items() if n <= LARGEST and o.session_uid not in self._simulated}
+        distances = render_surfaces.distances(list(known), self._scene, self._view_layer)
+        apart = dict(zip(known, distances, strict=True))
+        for obj, said in due.items():
+            found, distance = self._known[obj.session_uid], apart.get(obj)
+            found.note(None if distance is None else distance * pieces.enlarged(obj), said, frame)
+            found.measured += 1
+            found.states.add(tuple(said))
+            found.stretch, found.stride = _stretch(obj), _stride(known.get(obj, 0.0))
+
+    def _differing(self, obj: bpy.types.Object) -> Iterator[Any]:
+        known = self._known[obj.session_uid]
+        if known.since is None:
+            if known.missed or (self._may_change(obj.session_uid) and known.measured < self._length):
+                how_far = f"they are the same at the {known.measured} frames that were compared"
+                yield replace(_other(obj, known.said, how_far, None, "may show"), severity="info")
+        elif known.distance is None:
+            yield _other(obj, known.said, _UNKNOWN, known.since)
+        else:
+            at = f", at frame {known.at:g}" if known.measured > 1 else ""
+            yield _other(obj, known.said, f"up to {1e3 * known.distance:.3g} mm apart{at}", known.since)
 
 
-def settings(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[str]:
-    """Return in words what makes an object's surface another in a render."""
-    out: list[str] = []
-    most = _simplified(scene)
-    for modifier in obj.modifiers:
-        if modifier.show_viewport != modifier.show_render:
-            out.append(f"{modifier.name} {_OFF_IN[modifier.show_viewport]}")
-        elif modifier.show_viewport:
-            pair = _levels(modifier, most)
-            if pair is not None and pair[0] != pair[1]:
-                out.append(f"{modifier.name}: {pair[0]}, in renders {pair[1]}")
-            elif modifier.type == "NODES" and _asks_for_viewport(modifier.node_group, set()):
-                out.append(f"{modifier.name} asks whether it is in the viewport")
-    data = obj.data
-    if isinstance(data, bpy.types.Curve):
-        for name in ("resolution_u", "resolution_v"):
-            shown, rendered = getattr(data, name), getattr(data, f"render_{name}")
-            if rendered not in (0, shown):
-                out.append(f"{name}: {shown}, in renders {rendered}")
-    elif isinstance(data, bpy.types.MetaBall) and data.resolution != data.render_resolution:
-        out.append(f"resolution: {data.resolution:g}, in renders {data.render_resolution:g}")
-    if obj.is_instancer and obj.show_instancer_for_viewport != obj.show_instancer_for_render:
-        out.append(f"the instancer {_OFF_IN[obj.show_instancer_for_viewport]}")
-    return out
+def _stretch(obj: bpy.types.Object) -> float:
+    return float(core.surface.curved.stretch_of(np.array(obj.matrix_world, np.float64)))
 
 
-def displacing(obj: bpy.types.Object) -> list[str]:
-    """Return the names of the materials that move an object's surface in a render."""
-    found = []
-    for slot in obj.material_slots:
-        material = slot.material
-        if material is None or material.displacement_method == "BUMP" or material.node_tree is None:
-            continue
-        output = material.node_tree.get_output_node("ALL")
-        if output is not None and output.inputs["Displacement"].is_linked:
-            found.append(material.name)
-    return found
+def _stride(triangles: float) -> int:
+    """Return at every how many of the frames a surface is measured, so that it is at most twice `LARGEST` in all."""
+    stride = 1
+    while stride < FRAMES - 1 and triangles * (FRAMES - 1) > stride * LARGEST:
+        stride *= 2
+    return stride
 
 
-def hidden_in_renders(obj: bpy.types.Object, view_layer: bpy.types.ViewLayer) -> bool:
-    """Return whether renders do not show an object: itself, or every collection that it is in."""
-    return bool(obj.hide_render) or not any(_rendering(view_layer.layer_collection, obj.name))
-
-
-def _rendering(layer: bpy.types.LayerCollection, name: str) -> Iterator[bool]:
-    if layer.exclude or layer.collection.hide_render:
-        return
-    if name in layer.collection.objects:
-        yield True
-    for child in layer.children:
-        yield from _rendering(child, name)
-
-
-def _simplified(scene: bpy.types.Scene) -> tuple[int, int]:
-    """Return the most that Simplify lets surfaces be subdivided in the viewport and in renders."""
-    render = scene.render
-    if not render.use_simplify:
-        return _ALWAYS, _ALWAYS
-    return render.simplify_subdivision, render.simplify_subdivision_render
-
-
-def _levels(modifier: Any, most: tuple[int, int]) -> tuple[float, float] | None:
-    """Return a modifier's fineness in the viewport and in renders; None where it has only one."""
-    if modifier.type == "SUBSURF":
-        return min(modifier.levels, most[0]), min(modifier.render_levels, most[1])
-    if modifier.type == "MULTIRES":
-        return min(modifier.levels, most[0]), min(modifier.render_levels, most[1])
-    if modifier.type == "SCREW":
-        return modifier.steps, modifier.render_steps
-    if modifier.type == "OCEAN":
-        return modifier.viewport_resolution, modifier.resolution
-    return None
-
-
-def _asks_for_viewport(tree: Any, seen: set[str]) -> bool:
-    if tree is None or tree.name_full in seen:
-        return False
-    seen.add(tree.name_full)
-    return any(
-        node.bl_idname == "GeometryNodeIsViewport" or _asks_for_viewport(getattr(node, "node_tree", None), seen)
-        for node in tree.nodes
-    )
-
-
-def _with_sources(felt: Iterable[bpy.types.Object], differing: dict[Any, list[str]]) -> dict[Any, list[str]]:
-    """Return the felt objects that are another in a render, or that are made of one that is, with what differs."""
-    out = {o: differing[o] for o in felt if o in differing}
-    if differing:
-        for source, said in differing.items():
-            users = simulated_motion.dependants({source})
-            for obj in felt:
-                if obj in users and obj not in out and obj.modifiers:
-                    out[obj] = [f"{source.name_full}: {s}" for s in said]
-    return out
-
-
-def _triangles(obj: bpy.types.Object, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> float:
-    """Return about how many triangles an object has in a render."""
-    evaluated = obj.evaluated_get(depsgraph)
-    if not isinstance(evaluated.data, bpy.types.Mesh):
-        return 0.0
-    finer = 0.0
-    for modifier in obj.modifiers:
-        pair = _levels(modifier, _simplified(scene)) if modifier.type in ("SUBSURF", "MULTIRES") else None
-        if pair is not None:
-            finer += pair[1] * modifier.show_render - pair[0] * modifier.show_viewport
-    return 2.0 * len(evaluated.data.polygons) * 4.0**finer
-
-
-def _hidden(obj: bpy.types.Object) -> Any:
+def _hidden(obj: bpy.types.Object, frame: float) -> Any:
     return Finding(
         "info",
         "render-differs",
         "renders do not show it, but it is felt",
         where=f"object '{obj.name_full}'",
         remedy="Show it in renders, or ignore this where it stands for something else",
+        frame=frame,
     )
 
 
-def _other(obj: bpy.types.Object, said: list[str], distance: float | None, frame: float | None) -> Any:
-    far = "how far apart they are is not known" if distance is None else f"up to {1e3 * distance:.3g} mm apart"
+def _other(obj: bpy.types.Object, said: list[str], how_far: str, frame: float | None, verb: str = "show") -> Any:
+    more = len(said) - _LISTED
     return Finding(
         "warning",
         "render-differs",
-        f"renders show another surface than the viewport, whose surface is felt: {far}",
+        f"renders {verb} another surface than the viewport, whose surface is felt: {how_far}",
         where=f"object '{obj.name_full}'",
-        value="; ".join(said),
+        value="; ".join([*said[:_LISTED], *([f"{more} more"] if more > 0 else [])]),
         remedy="Give the viewport and renders the same settings, or ignore this where the viewport's surface is meant",
         frame=frame,
     )

@@ -11,7 +11,7 @@ import io
 import os
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Set
 from contextlib import contextmanager, redirect_stdout, suppress
 from pathlib import Path
 from typing import Any
@@ -21,11 +21,61 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import Array, DermisError, core
+from . import render_settings
 
 _MILLIMETRE = 1e-3  # exported files have six decimals, which are nanometres then
 _MODES = {"viewport": "DAG_EVAL_VIEWPORT", "render": "DAG_EVAL_RENDER"}
 
 Surface = tuple[Array, NDArray[np.int64]]  # vertices [m], shape (V, 3), and triangles, shape (T, 3)
+
+
+class Pieces:
+    """What instances show at the current frame, and how large all of it is.
+
+    Args:
+        hosts: session uids of the objects that are felt with the instances that they show.
+        instanced: session uids of the objects whose instances are felt.
+    """
+
+    def __init__(
+        self, hosts: Set[int], instanced: Set[int], depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene
+    ) -> None:
+        self._depsgraph, self._scene = depsgraph, scene
+        self._shown: dict[int, dict[int, bpy.types.Object]] = {}  # by host, by session uid
+        self._triangles: dict[int, float] = {}  # of hosts
+        self._enlarged: dict[int, float] = {}
+        for item in depsgraph.object_instances if hosts or instanced else ():
+            if not item.is_instance:
+                continue
+            host, shown = item.parent.original.session_uid, item.instance_object.original
+            if host in hosts:
+                self._shown.setdefault(host, {})[shown.session_uid] = shown
+                self._triangles[host] = self._triangles.get(host, 0.0) + self._finest(shown, item.object)
+            if shown.session_uid in instanced:
+                moved = np.array(item.matrix_world) @ np.linalg.pinv(np.array(shown.matrix_world))
+                known = self._enlarged.get(shown.session_uid, 0.0)
+                self._enlarged[shown.session_uid] = max(known, core.surface.curved.stretch_of(moved))
+
+    def shown_by(self, host: bpy.types.Object) -> Iterable[bpy.types.Object]:
+        """Return the objects that a host shows as instances."""
+        return self._shown.get(host.session_uid, {}).values()
+
+    def triangles(self, obj: bpy.types.Object) -> float:
+        """Return about how many triangles an object has in a render, with what it shows; inf where nobody exports it.
+
+        Instances on vertices and faces are shown of children, which are not exported with it.
+        """
+        if obj.instance_type in ("VERTS", "FACES"):
+            return np.inf
+        return self._finest(obj, obj.evaluated_get(self._depsgraph)) + self._triangles.get(obj.session_uid, 0.0)
+
+    def enlarged(self, obj: bpy.types.Object) -> float:
+        """Return how many times larger an instance of an object is felt than the object itself is shown, at most."""
+        return max(1.0, self._enlarged.get(obj.session_uid, 0.0))
+
+    def _finest(self, obj: bpy.types.Object, evaluated: bpy.types.Object) -> float:
+        is_mesh = isinstance(evaluated.data, bpy.types.Mesh)
+        return 2.0 * len(evaluated.data.polygons) * render_settings.finer(obj, self._scene) if is_mesh else 0.0
 
 
 def distances(

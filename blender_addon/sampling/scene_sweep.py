@@ -155,11 +155,10 @@ def sample(
         gravity = scene_header.gravity(scene, findings)
         may_deform = None if script_changes.run_here() else timely.deforming
         screens = list(participants.look_up({entry.uid for entry in swept.screens}).values())
-        on_screens = [
+        lookers = [
             *height_maps.frozen(screens, depsgraph, may_deform),
             *screen_sizes.watched(screens, depsgraph, swept.unit, may_deform),
         ]
-        findings += render_differences.findings(swept, scene, view_layer, depsgraph, simulations.uids)
         surfaces = [body.mesh for body in header.bodies]
         coarse = single_precision.Steps(swept, rate, surfaces)
         watch = None
@@ -184,10 +183,11 @@ def sample(
     except DermisError as error:
         raise scene_header.reason(made, error) from error
     frames, times = sweep_frames(scene, span, rate)
+    lookers.append(render_differences.RenderDifferences(swept, scene, view_layer, simulations.uids, may_deform, frames))
     noticed: list[Any] = []
     whole = scene_time.simulated_frames(scene, simulations.start, span) if simulated else np.zeros(0)
     readers = _Readers(reader, shown, seen, instances.bodies, {b.name: b.mesh for b in header.bodies})
-    steps = _steps(swept, readers, frames, times, clock, whole, chunk_size, noticed, watch, on_screens, coarse)
+    steps = _steps(swept, readers, frames, times, clock, whole, chunk_size, noticed, watch, lookers, coarse)
     return replace(made, chunks=Sweep(steps, len(frames) + len(whole), noticed))
 
 
@@ -313,7 +313,7 @@ def _steps(
     chunk_size: int,
     findings: list[Any],
     watch: script_changes.Watch | None,
-    on_screens: list[Any],
+    lookers: list[Any],
     coarse: single_precision.Steps,
 ) -> Generator[Any, None, None]:
     """Yield None after each sample, and each chunk when it is complete."""
@@ -333,15 +333,15 @@ def _steps(
                 recorder.record(k, depsgraph)
                 if watch is not None:
                     watch.look(depsgraph, frame)
-                for watched in on_screens:
-                    watched.look(depsgraph, frame)
+                for looker in lookers:
+                    looker.look(depsgraph, frame)
                 yield None
             chunk = recorder.chunk(frames[part], times[part], part.stop - part.start, findings)
             coarse.look(chunk)
             yield chunk if watch is None else watch.follow(chunk)
         findings += coarse.findings()
-        for watched in on_screens:
-            findings += watched.findings
+        for looker in lookers:
+            findings += looker.findings
         if watch is not None:
             findings += watch.findings
 

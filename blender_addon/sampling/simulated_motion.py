@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from .. import compat, scene_time
 from .._core import Array, Finding, core
+from . import dependence
 
 MARGIN = 8
 """Frames of vertices taken either side of a window: a cubic spline forgets a knot by 0.27 a frame, 3e-5 in eight."""
 
 _CACHED = {"CLOTH", "SOFT_BODY"}
 _SIMULATED_TYPES = {"CLOTH", "SOFT_BODY", "DYNAMIC_PAINT", "EXPLODE", "PARTICLE_INSTANCE"}
-_NO_LINK = ("Scene", "Collection", "WindowManager", "WorkSpace", "Screen", "Window", "Library", "Text")
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def find(scene: bpy.types.Scene) -> Simulations:
         for system in obj.particle_systems:
             sources.add(obj)
             starts.append(system.point_cache.frame_start)
-    uids = frozenset(o.session_uid for o in dependants(sources) if isinstance(o, bpy.types.Object))
+    uids = frozenset(o.session_uid for o in dependence.dependants(sources) if isinstance(o, bpy.types.Object))
     return Simulations(uids, min(starts, default=scene.frame_start), tuple(sorted(fluids)))
 
 
@@ -101,20 +101,6 @@ def _simulates(tree: Any) -> bool:
                 return True
             pending.append(getattr(node, "node_tree", None))
     return False
-
-
-def dependants(sources: set[Any]) -> set[Any]:
-    """Return the sources and every ID that refers to one, directly or through others."""
-    if not sources:
-        return set()
-    users = bpy.data.user_map()
-    found, pending = set(sources), list(sources)
-    while pending:
-        for user in users.get(pending.pop(), ()):
-            if user not in found and type(user).__name__ not in _NO_LINK:
-                found.add(user)
-                pending.append(user)
-    return found
 
 
 def stretched(scene: bpy.types.Scene) -> tuple[Any, ...]:

@@ -22,7 +22,9 @@ def ranged() -> None:
 
 
 def told() -> list[Any]:
-    return [f for f in scene_sweep.sample().findings if f.code == "render-differs"]
+    tactile = scene_sweep.sample()
+    list(tactile.chunks)
+    return [f for f in (*tactile.findings, *tactile.chunks.findings) if f.code == "render-differs"]
 
 
 def apart(finding: Any) -> float:

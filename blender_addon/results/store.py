@@ -22,6 +22,7 @@ from .._core import DermisError, Finding, core
 from ..identity import Device
 from ..preferences import setting, user_folder
 from ..properties import skin_properties
+from ..sampling import script_changes
 from ..sampling.frames import frame_range
 from . import owners, stored_skins
 
@@ -87,7 +88,10 @@ _results: dict[int, Result] = {}
 
 
 def fingerprint(scene: bpy.types.Scene) -> tuple[Any, ...]:
-    """Return the settings of a scene that a bake depends on and that change without a depsgraph update."""
+    """Return the settings of a scene that a bake depends on and that change without a depsgraph update.
+
+    The scripts that run at changes of the frame are among them.
+    """
     units, mine = scene.unit_settings, scene.dermis
     return (
         *scene_time.settings(scene),
@@ -104,6 +108,7 @@ def fingerprint(scene: bpy.types.Scene) -> tuple[Any, ...]:
         mine.use_range,
         mine.frame_start,
         mine.frame_end,
+        *script_changes.functions(),
     )
 
 

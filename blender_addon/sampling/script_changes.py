@@ -38,7 +38,12 @@ def _foreign(name: str) -> list[Any]:
 
 def run_here() -> bool:
     """Return whether functions that are not ours run at changes of the frame."""
-    return any(_foreign(name) for name in _LISTS)
+    return bool(functions())
+
+
+def functions() -> tuple[Any, ...]:
+    """Return the functions that are not ours and run at changes of the frame, in their order."""
+    return tuple(f for name in _LISTS for f in _foreign(name))
 
 
 @contextmanager

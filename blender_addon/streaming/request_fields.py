@@ -11,6 +11,7 @@ from .. import scene_time
 from .._core import core
 from ..preview import device_preview
 from ..properties.fields import values
+from ..results import store
 from . import agreed_paths, stream_log, streamed_track
 
 
@@ -24,6 +25,24 @@ def published(scene: bpy.types.Scene, names: Sequence[str]) -> tuple[float, tupl
     if row is None or not all(n in row.values for n in names):
         return moment, ()
     return moment, tuple(float(row.values[n]) for n in names)
+
+
+def caveat(scene: bpy.types.Scene) -> str:
+    """Return in words that what is sent is of a bake that does not fit the scene any more; '' where it fits."""
+    settings = scene.dermis_stream
+    if settings.mode == "play":
+        baked = not settings.track_file and streamed_track.chosen_output(scene) is not None
+        state, verb, other = store.state(scene) if baked else "", "plays", "stop it"
+    elif settings.mode == "follow":
+        preview = device_preview.computed(scene)
+        state, verb, other = preview.source if preview is not None else "", "follows", "turn on Live Preview"
+    else:
+        return ""
+    if state == "stale":
+        return f"the device {verb} the bake of before your edit: bake again, or {other}"
+    if state == "earlier":
+        return f"the device {verb} an earlier session's bake, which was not compared with the scene: {other}, or bake"
+    return ""
 
 
 def request_fields(scene: bpy.types.Scene) -> dict[str, Any]:

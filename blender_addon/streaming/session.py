@@ -257,7 +257,8 @@ def heartbeat() -> None:
         changed()
     if _status["armed"] and board_identity.is_another(scene):
         _client.disarm()
-    said = (_note, met, _status.get("message"), (_status.get("received") or {}).get("record"))
+    caveat = request_fields.caveat(scene) if _status["armed"] else ""
+    said = (_note, met, caveat, _status.get("message"), (_status.get("received") or {}).get("record"))
     _status["message"] = "; ".join(filter(None, said))
 
 

@@ -10,6 +10,7 @@ import bpy
 import pytest
 
 from blender_addon import changes, preferences
+from blender_addon.preview import device_preview
 from blender_addon.results import store
 from blender_addon.streaming import session
 
@@ -109,6 +110,67 @@ def test_what_changed_is_said_and_nothing_is_written(scene: Any, tmp_path: Path,
     assert not session.status()["armed"]
     bpy.ops.dermis.bake()
     assert exported(tmp_path)
+
+
+def another(_scene: Any, _depsgraph: Any = None) -> None:
+    """A frame handler that comes while a track is played."""
+
+
+WHILE_ARMED: dict[str, Callable[[], Any]] = {
+    "a vertex": lambda: setattr(bpy.data.objects["Cube"].data.vertices[0], "co", (0.0, 0.0, -0.05)),
+    "a key": lambda: keys(bpy.data.objects["Index"], "location", (7,), [(0.0, 0.0, 0.0301)]),
+    "friction": lambda: setattr(bpy.data.objects["Cube"].dermis.material, "friction", 0.123),
+    "the frame rate": lambda: setattr(bpy.context.scene.render, "fps", 30),
+    "time stretching": lambda: setattr(bpy.context.scene.render, "frame_map_new", 200),
+    "a handler more": lambda: bpy.app.handlers.frame_change_post.append(another),
+    "a handler less": lambda: bpy.app.handlers.frame_change_pre.remove(mover),
+}
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize("what", WHILE_ARMED)
+def test_an_edit_while_the_track_is_played_is_said_and_arming_again_is_refused(scene: Any, what: str) -> None:
+    words = "plays the bake of before your edit"
+    scene.dermis_stream.mode, scene.dermis_stream.ramp = "play", 0.1
+    session.connect(scene)
+    wait(state("ready"))
+    assert bpy.ops.dermis.stream_arm() == {"FINISHED"}
+    assert words not in wait(lambda status: status["armed"])["message"]
+    try:
+        WHILE_ARMED[what]()
+        bpy.context.view_layer.update()
+        session.heartbeat()
+        status = session.status()
+        assert words in status["message"] and status["armed"], "it says so, and goes on"
+        bpy.ops.dermis.stream_stop()
+        assert words not in wait(state("ready"))["message"], "nothing is played"
+        if not what.startswith("a handler"):  # those change nothing of this scene: sampling it again tells
+            with pytest.raises(RuntimeError, match="not what the bake was made from"):
+                bpy.ops.dermis.stream_arm()
+            assert bpy.ops.dermis.bake() == {"FINISHED"}
+        assert bpy.ops.dermis.stream_arm() == {"FINISHED"}
+        assert words not in wait(lambda status: status["armed"])["message"]
+    finally:
+        if another in bpy.app.handlers.frame_change_post:
+            bpy.app.handlers.frame_change_post.remove(another)
+
+
+@pytest.mark.real_time
+def test_following_an_old_bake_is_said_as_well(scene: Any) -> None:
+    words = "follows the bake of before your edit"
+    scene.dermis_stream.mode, scene.dermis_stream.ramp, scene.dermis.live_preview = "follow", 0.1, False
+    session.connect(scene)
+    wait(state("ready"))
+    session.arm(scene)
+    assert words not in wait(lambda status: status["armed"])["message"]
+    WHILE_ARMED["a vertex"]()
+    bpy.context.view_layer.update()
+    session.heartbeat()
+    assert words in session.status()["message"]
+    scene.dermis.live_preview = True
+    device_preview.step(bpy.context)
+    session.heartbeat()
+    assert words not in session.status()["message"], "it follows the scene as it is"
 
 
 def test_what_does_not_matter_is_exported_and_played(scene: Any, tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ import bpy
 import numpy as np
 
 from .._core import Array
-from . import participants
+from . import curved_surfaces, participants
 from .changes_seen import ChangesSeen
 from .joined_pieces import Joined, Pieces, join, with_area
 from .meshes import EvaluatedMesh, Geometry, MeshReader
@@ -276,11 +276,13 @@ class Present(NamedTuple):
         first: its matrix [scene units] where it first was; None where it is always there.
         material: session uid of the object whose material it has.
         changing: its surface is not always the same.
+        stretch: the most that its matrices stretch it by; of those alone whose surface is felt curved.
     """
 
     first: Array | None
     material: int
     changing: bool
+    stretch: float = 1.0
 
 
 class Instances(NamedTuple):
@@ -296,10 +298,15 @@ class Instances(NamedTuple):
 
 
 class Survey:
-    """Looks at frames for instances: the header must name those that appear later."""
+    """Looks at frames for instances: the header must name those that appear later.
 
-    def __init__(self, reader: InstanceReader) -> None:
-        self._reader = reader
+    Args:
+        curved: session uids of the objects that are felt curved: how large their instances become must be known.
+    """
+
+    def __init__(self, reader: InstanceReader, curved: frozenset[int] = frozenset()) -> None:
+        self._reader, self._curved = reader, curved
+        self._stretches: dict[InstanceKey, float] = {}
         self._frames = 0
         self._last: Shown | None = None
         self._since = 0
@@ -319,6 +326,8 @@ class Survey:
             for key, place in shown.places.items():
                 if key not in self._first:
                     self._first[key] = place, shown.materials[key]
+            if self._curved:
+                self._measure(shown)
             self._last = shown
         self._frames += 1
 
@@ -326,10 +335,22 @@ class Survey:
         """Return what was seen at all frames."""
         self._count()
         bodies = {
-            key: Present(None if self._times[key] == self._frames else place, material, key in self._changing)
+            key: Present(
+                None if self._times[key] == self._frames else place,
+                material,
+                key in self._changing,
+                self._stretches.get(key) or 1.0,
+            )
             for key, (place, material) in sorted(self._first.items(), key=lambda item: item[0])
         }
         return Instances(bodies, {k: k in self._changing for k in self._surfaces if isinstance(k, int)})
+
+    def _measure(self, shown: Shown) -> None:
+        keys = [key for key, material in shown.materials.items() if material in self._curved]
+        if keys:
+            now = curved_surfaces.stretches_of(np.stack([shown.places[key] for key in keys])).tolist()
+            for key, stretch in zip(keys, now, strict=True):
+                self._stretches[key] = max(self._stretches.get(key, 0.0), stretch)
 
     def _count(self) -> None:
         if self._last is not None:
@@ -338,8 +359,10 @@ class Survey:
         self._since = self._frames
 
 
-def only_now(reader: InstanceReader, depsgraph: bpy.types.Depsgraph) -> Instances:
-    """Return the instances of the current frame."""
-    survey = Survey(reader)
+def only_now(
+    reader: InstanceReader, depsgraph: bpy.types.Depsgraph, curved: frozenset[int] = frozenset()
+) -> Instances:
+    """Return the instances of the current frame; `curved` as in `Survey`."""
+    survey = Survey(reader, curved)
     survey.look(depsgraph)
     return survey.found()

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import bpy
+import numpy as np
 
 from .. import scene_time
-from . import participants, script_changes
+from . import curved_surfaces, participants, script_changes
 from .instances import InstanceReader, Instances, Survey
 
 
@@ -55,21 +56,66 @@ def time_dependent(scene: bpy.types.Scene, first: int) -> TimeDependent:
     return TimeDependent(frozenset(uid for uid, deforms in found.items() if deforms), frozenset(found))
 
 
-def instances(
+class Seen(NamedTuple):
+    """What was seen at the whole frames of a range.
+
+    Attributes:
+        stretches: the most that objects are stretched by, by session uid; of those alone that were asked for.
+    """
+
+    instances: Instances
+    stretches: dict[int, float]
+
+
+def look_through(
     scene: bpy.types.Scene,
     view_layer: bpy.types.ViewLayer,
     span: tuple[int, int],
     simulations: Any,
     reader: InstanceReader,
-) -> Instances:
-    """Look at whole frames for instances of touchable objects: the header must name those that appear later."""
-    survey = Survey(reader)
-    if not participants.instancers(scene):
-        return survey.found()
+    growing: frozenset[int],
+) -> Seen:
+    """Look at whole frames for instances of touchable objects, and for the sizes of those that grow.
+
+    The header must name instances that appear later, and have surfaces that are fine enough when they are largest.
+
+    Args:
+        growing: session uids of the objects whose sizes are asked for.
+    """
+    survey, stretches = Survey(reader, curved_ones()), dict.fromkeys(growing, 0.0)
+    makes = bool(participants.instancers(scene))
+    if not (makes or growing):
+        return Seen(survey.found(), stretches)
     looked_at = set(map(float, range(span[0], span[1] + 1)))
     steps = scene_time.simulated_frames(scene, simulations.start, span).tolist() if simulations.uids else []
     for frame in sorted(looked_at.union(steps)):
         scene_time.go_to(scene, frame)
-        if frame in looked_at:  # particles must live from their start to be where they are later
-            survey.look(depsgraph_of(scene, view_layer))
-    return survey.found()
+        if frame not in looked_at:
+            continue  # particles must live from their start to be where they are later
+        depsgraph = depsgraph_of(scene, view_layer)
+        if makes:
+            survey.look(depsgraph)
+        for uid, obj in participants.look_up(set(growing)).items() if growing else ():
+            matrix = np.array(obj.evaluated_get(depsgraph).matrix_world, np.float64)
+            stretches[uid] = max(stretches[uid], float(curved_surfaces.stretches_of(matrix)))
+    return Seen(survey.found(), stretches)
+
+
+def growing(scene: bpy.types.Scene, timely: TimeDependent) -> frozenset[int]:
+    """Return the session uids of touchable objects whose sizes over the range must be known and may change."""
+    scripted = script_changes.run_here()
+    return frozenset(
+        o.session_uid
+        for o in scene.objects
+        if participants.role_of(o) == "TOUCHABLE"
+        and (
+            (scripted and curved_surfaces.is_curved(o))
+            or (o.session_uid in timely.all and curved_surfaces.asks_for_size(o) and curved_surfaces.may_grow(o))
+        )
+    )
+
+
+def curved_ones() -> frozenset[int]:
+    """Return the session uids of all touchable objects that are felt curved, linked ones that instances show too."""
+    touchable = (o for o in bpy.data.objects if participants.role_of(o) == "TOUCHABLE")
+    return frozenset(o.session_uid for o in touchable if curved_surfaces.is_curved(o))

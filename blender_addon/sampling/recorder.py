@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 
 from .._core import Array, DermisError, Finding, core
-from . import participants, script_changes
+from . import curved_surfaces, participants, script_changes
 from .instance_samples import InstanceSamples
 from .meshes import MeshReader
 from .participants import Entry, Participants
@@ -53,6 +53,7 @@ class Recorder:
         self._shown = np.array(instances.bodies, np.int64) + first_body  # their places among the entries
         self._mirrored = np.array([i for i, e in enumerate(self._entries) if e.mirrored], np.int64)
         self._objects = np.array([i for i, e in enumerate(self._entries) if e.instance is None], np.int64)
+        self._curved = [i for i, e in enumerate(self._entries) if e.curved is not None]
         self._offset = [(i, np.array(e.offset)) for i, e in enumerate(self._entries) if any(e.offset)]
         self._surfaced = [
             (first_body + i, i, e)
@@ -103,6 +104,10 @@ class Recorder:
         poses = self._poses(n)
         self._check_finite(poses, frames)
         self._mend_scales(poses, frames, findings)
+        for i in self._curved:
+            entry, stretches = self._entries[i], curved_surfaces.stretches_of(poses[i])
+            if finding := curved_surfaces.outgrown(entry.name, entry.stretch, stretches, frames):
+                _note(findings, finding)
         if self._simulated is not None:
             for i, entry in enumerate(self._entries):
                 if entry.simulated:

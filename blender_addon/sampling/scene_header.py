@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .._core import DermisError, Finding, core
+from .._core import Array, DermisError, Finding, core
 from ..devices import platform_devices, thimble_devices
 from ..properties import object_properties, scene_properties, skin_properties
 from ..quantities import metres_per_unit
@@ -108,6 +108,7 @@ def list_participants(
     deforming: frozenset[int] | None,
     instances: Instances,
     reader: InstanceReader,
+    stretches: Mapping[int, float] | None = None,
     *,
     scripted: bool = False,
 ) -> Participants:
@@ -117,6 +118,8 @@ def list_participants(
         scripted: scripts run at changes of the frame: what can be touched and is disabled now may be enabled later.
         deforming: session uids of objects whose surface depends on time; None if every surface may.
         instances: of the range. reader: of those of the current frame.
+        stretches: the most that objects which may grow are stretched by in the range, by session uid; None where that
+            is not known.
     """
     out = Participants(scene.name_full, view_layer.name, metres_per_unit(scene))
     fingers, bodies, screens = [], [], []
@@ -151,8 +154,9 @@ def list_participants(
         else:
             uid = obj.session_uid
             own = deforming is None or uid in deforming or instances.objects.get(uid, False)
-            shows, curved = uid in instances.objects, curved_surfaces.tolerance_of(obj, matrix)
-            bodies.append(replace(entry, deforming=own, shows_instances=shows, curved=curved))
+            stretch = _stretch(obj, matrix, stretches)
+            curved, shows = curved_surfaces.tolerance_of(obj, stretch), uid in instances.objects
+            bodies.append(replace(entry, deforming=own, shows_instances=shows, stretch=stretch, curved=curved))
             out.findings += participants.hidden_instances(obj, view_layer)
     out.findings[:] = [f for f in out.findings if f.code != "disabled" or f.where not in felt]
     if instances.bodies or participants.instancers(scene):
@@ -237,8 +241,7 @@ def header(
             if flaw := zero_area_finding(mesh, entry.name):
                 findings.append(flaw)
             made = reader.curved(geometry, swept.unit, entry.mirrored, entry.curved)
-            matrix, where = obj.evaluated_get(depsgraph).matrix_world, f"object '{entry.name}'"
-            findings += curved_surfaces.findings(geometry, matrix, swept.unit, made, where)
+            findings += curved_surfaces.findings(geometry, entry.stretch, swept.unit, made, f"object '{entry.name}'")
         parameters = shared.get(entry.uid)
         if parameters is None:
             parameters = object_properties.parameters(obj.dermis.material)
@@ -278,6 +281,16 @@ def _in_instances(depsgraph: bpy.types.Depsgraph) -> list[Any]:
         for name in participants.in_instances(depsgraph, "SCREEN")
     ]
     return fingers + screens
+
+
+def _stretch(obj: bpy.types.Object, matrix: Array, stretches: Mapping[int, float] | None) -> float:
+    """Return the most that an object's pose stretches it by, over the range as far as that is known."""
+    now = curved_surfaces.stretch_of(matrix)
+    if stretches is not None:
+        return stretches.get(obj.session_uid) or now
+    if curved_surfaces.is_curved(obj) and curved_surfaces.grows(obj):
+        return curved_surfaces.rounded_up(now)
+    return now
 
 
 def _finger_entry(entry: Entry, findings: list[Any]) -> Entry:
@@ -358,14 +371,10 @@ def _instance_entries(
     """List the instances that are bodies; `now` has the places of those that are there at the current frame."""
     objects = participants.look_up({u for key in instances for u in (key.instancer, key.object)})
     animated = {p.material: participants.animated_parameters(objects[p.material]) for p in instances.values()}
-    tolerances = {p.material: curved_surfaces.tolerance_of(objects[p.material], np.eye(4)) for p in instances.values()}
     out = []
     for key, present in instances.items():
         shown, maker = objects[key.object], objects[key.instancer]
         matrix = now.get(key, present.first)
-        curved = tolerances[present.material]
-        if curved is not None and matrix is not None:
-            curved = curved_surfaces.tolerance_of(objects[present.material], matrix)
         out.append(
             Entry(
                 participants.instance_name(shown, maker, key),
@@ -375,7 +384,8 @@ def _instance_entries(
                 deforming=deforming is None or present.changing or key.object in deforming,
                 simulated=key.object in simulations.uids or key.instancer in simulations.uids,
                 blinking=present.first is not None,
-                curved=curved,
+                stretch=present.stretch,
+                curved=curved_surfaces.tolerance_of(objects[present.material], present.stretch),
                 animated=animated[present.material],
             )
         )

@@ -19,6 +19,7 @@ from .. import changes, scene_time
 from .._core import Array, DermisError, core
 from ..quantities import metres_per_unit
 from . import (
+    curved_surfaces,
     height_maps,
     participants,
     prepass,
@@ -137,7 +138,8 @@ def sample(
     with undisturbed(scene):
         timely = prepass.time_dependent(scene, span[0])
         with seen.watching():
-            instances = prepass.instances(scene, view_layer, span, simulations, shown)
+            growing = prepass.growing(scene, timely)
+            instances, stretches = prepass.look_through(scene, view_layer, span, simulations, shown, growing)
             scene.frame_set(span[0])
             depsgraph = prepass.depsgraph_of(scene, view_layer)
             swept = scene_header.list_participants(
@@ -148,6 +150,7 @@ def sample(
                 timely.deforming,
                 instances,
                 shown,
+                stretches,
                 scripted=script_changes.run_here(),
             )
             header = scene_header.header(depsgraph, swept, reader, shown)
@@ -260,12 +263,14 @@ def _read_live(
     view_layer = scene.view_layers[depsgraph.view_layer.name]
     findings = scene_header.scene_findings(scene)
     has = participants.instancers(scene)
-    instances = only_now(_live_shown, depsgraph) if has else Instances({}, {})
+    instances = only_now(_live_shown, depsgraph, prepass.curved_ones()) if has else Instances({}, {})
     none = simulated_motion.Simulations(frozenset(), span[0], ())
     swept = scene_header.list_participants(scene, depsgraph, view_layer, none, None, instances, _live_shown)
     header = scene_header.header(depsgraph, swept, _live_reader, _live_shown, live=True)
     scene_header.gravity(scene, findings)
     varies = any(e.blinking or e.mirrored for e in header.participants.entries)
+    curved = {e.uid for e in header.participants.bodies if e.curved is not None}
+    varies |= any(map(curved_surfaces.grows, participants.look_up(curved).values()))
     varies |= any(f.code == "mesh-unusable" for f in header.participants.findings)  # it may get its faces later
     lasting = not has and not varies and not script_changes.run_here()
     return _Live(key, header, tuple(findings), lasting)

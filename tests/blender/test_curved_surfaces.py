@@ -52,6 +52,96 @@ def test_a_smooth_ball_is_round_in_the_world(scale):
     assert findings["curved"].severity == "info" and "facets" not in findings
 
 
+def grows(obj: bpy.types.Object, how: str) -> None:
+    """Let an object come from next to nothing to its size at the middle of the range, in some way or other."""
+    scales = [[s] * 3 for s in (1e-3, 1.0, 1e-3)]
+    if how == "keys":
+        build.keys(obj, "scale", [1, 3, 5], scales)
+    elif how == "from zero":
+        build.keys(obj, "scale", [1, 2, 3, 5], [[0.0] * 3, [0.0] * 3, [1.0] * 3, [1e-3] * 3])
+    elif how == "parent":
+        obj.parent = build.empty("Parent")
+        build.keys(obj.parent, "scale", [1, 3, 5], scales)
+    elif how == "constraint":
+        other = build.empty("Other")
+        build.keys(other, "scale", [1, 3, 5], scales)
+        obj.constraints.new("COPY_SCALE").target = other
+    elif how == "delta":
+        build.keys(obj, "delta_scale", [1, 3, 5], scales)
+
+
+WAYS = ["keys", "from zero", "parent", "constraint", "delta", "script", "instances"]
+
+
+@pytest.mark.parametrize("how", WAYS)
+def test_what_grows_is_as_round_as_its_largest_size_asks_for(how):
+    obj = ball()
+    obj.dermis.material.curved = True
+
+    def script(scene, _depsgraph=None):
+        obj.scale = [1.0 if scene.frame_current == 3 else 1e-3] * 3
+
+    if how == "instances":
+        ball_collection = bpy.data.collections.new("Balls")
+        bpy.context.scene.collection.objects.unlink(obj)
+        ball_collection.objects.link(obj)
+        maker = build.empty("Maker")
+        maker.instance_type, maker.instance_collection = "COLLECTION", ball_collection
+        grows(maker, "keys")
+    elif how == "script":
+        bpy.app.handlers.frame_change_pre.append(script)
+    else:
+        grows(obj, how)
+    try:
+        tactile, findings = sampled()
+        joined = build.joined(tactile)
+    finally:
+        if script in bpy.app.handlers.frame_change_pre:
+            bpy.app.handlers.frame_change_pre.remove(script)
+    (body,) = tactile.bodies
+    mesh = body.mesh if body.mesh is not None else joined["surfaces"][0][len(joined["frames"]) // 2]
+    assert off(mesh) < 1.5 * TOLERANCE and len(mesh.triangles) < 10_000, "neither coarser nor finer than asked for"
+    assert findings.get("curved") is None or findings["curved"].value == "0.101 mm"
+    assert not any(f.code == "curved-coarsely" for f in tactile.chunks.findings)
+
+
+def test_facets_of_what_grows_are_told_at_its_largest():
+    obj = ball()
+    grows(obj, "keys")
+    _, findings = sampled()
+    assert "0.1" in findings["facets"].value
+
+
+def test_what_grows_between_whole_frames_is_told():
+    obj = ball()
+    obj.dermis.material.curved = True
+    build.keys(obj, "scale", [1, 2.5, 4], [[1e-3] * 3, [1.0] * 3, [1e-3] * 3])
+    tactile, _ = sampled()
+    list(tactile.chunks)
+    assert not [f for f in tactile.chunks.findings if f.code == "curved-coarsely"], "0.67 of it at a whole frame"
+    build.keys(obj, "scale", [1, 2.1, 2.5, 2.9, 4], [[1e-3] * 3, [1e-3] * 3, [1.0] * 3, [1e-3] * 3, [1e-3] * 3])
+    tactile, _ = sampled()
+    list(tactile.chunks)
+    (told,) = [f for f in tactile.chunks.findings if f.code == "curved-coarsely"]
+    assert told.where == "object 'Icosphere'" and 2 < told.frame < 2.5 and "whole frame" in told.remedy
+
+
+def test_the_preview_is_as_fine_as_the_size_at_each_frame_asks_for():
+    obj = ball()
+    obj.dermis.material.curved = True
+    grows(obj, "keys")
+    build.finger()
+    scene = build.span(1, 5)
+    scene_sweep.forget()
+    counts = []
+    for frame in (1, 2, 3):
+        scene.frame_set(frame)
+        (chunk,) = scene_sweep.sample_now(scene, bpy.context.evaluated_depsgraph_get()).chunks
+        counts.append(len(chunk.surfaces[0][0].triangles))
+    assert counts[0] == 320 and counts[0] < counts[2] < 10_000
+    assert off(chunk.surfaces[0][0]) < 1.5 * TOLERANCE
+
+
 def test_off_it_is_flat_as_ever_and_says_what_that_costs():
     ball()
     tactile, findings = sampled()

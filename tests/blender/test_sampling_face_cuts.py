@@ -74,6 +74,46 @@ def test_triangles_are_those_that_blender_shows_at_each_sample(made: Any) -> Non
     assert 2 <= len({id(m.triangles) for m in surfaces}) < len(surfaces)
 
 
+OCTAGON = [(np.cos(a), np.sin(a), 0.1 * np.sin(5 * a)) for a in np.arange(8) * np.pi / 4]
+SPLITS = [[3, 5], [5, 3], [4, 4], [3, 5]]
+
+
+def split(sizes: list[int]) -> list[tuple[int, ...]]:
+    """Return faces of so many corners each, one after the other round the octagon."""
+    ends = np.cumsum([0, *sizes]).tolist()
+    return [tuple(range(a, b)) for a, b in zip(ends, ends[1:], strict=False)]
+
+
+@pytest.mark.parametrize("key_shapes", [False, True], ids=["still", "bending"])
+def test_faces_of_other_sizes_are_others_though_their_corners_are_the_same(key_shapes: bool) -> None:
+    scene = build.span(1, 5)
+    scene.dermis.sample_rate = 24.0
+    build.finger()
+    things = [build.mesh_object(f"{i}", OCTAGON, split(sizes)) for i, sizes in enumerate(SPLITS)]
+    data = [thing.data for thing in things]
+    if key_shapes:  # so that it is read at each sample
+        for thing in things:
+            thing.shape_key_add(name="Basis")
+            for point in thing.shape_key_add(name="Key").data:
+                point.co = 1.5 * point.co
+            build.keys(thing.data.shape_keys, 'key_blocks["Key"].value', [1, 5], [0.0, 1.0])
+    things[0].dermis.role = "TOUCHABLE"
+
+    def handler(scene: Any, _depsgraph: Any = None) -> None:
+        things[0].data = data[min(scene.frame_current - 1, 3)]
+
+    bpy.app.handlers.frame_change_pre.append(handler)
+    try:
+        scene.frame_set(1)
+        got = build.joined(scene_sweep.sample(scene))
+        for frame, mesh in zip(got["frames"].tolist(), got["surfaces"][0], strict=True):
+            np.testing.assert_array_equal(
+                mesh.vertices[mesh.triangles], shown(things[0], frame), err_msg=f"frame {frame}"
+            )
+    finally:
+        bpy.app.handlers.frame_change_pre.remove(handler)
+
+
 def test_where_a_range_begins_does_not_matter_to_a_finger_in_a_notch() -> None:
     scene = build.span(1, 14)
     notched()

@@ -219,19 +219,22 @@ def to_material(bodies: Sequence[ContactBody], owner: Indices, triangle: Indices
     """Return the material coordinates of positions [m], shape (n, 3), on the bodies and triangles they are near.
 
     On a rigid body they are its local coordinates; where its scale changed, those at its first scale; on one that
-    deforms, two affine weights in the plane of a triangle and the height above it.
+    deforms, two affine weights in the plane of a triangle and the height above it. Without a triangle, -1, they are
+    local coordinates on either.
     """
     out = np.empty_like(positions)
     for index, which in owned(owner):
         body = bodies[index]
         local = (positions[which] - body.translation) @ body.rotation
         if body.deforms and isinstance(body.surface, Surface):
-            a, ab, ac, normal = _plane_of(body.surface, triangle[which])
-            v = local - a
+            known = triangle[which] >= 0
+            a, ab, ac, normal = _plane_of(body.surface, triangle[which][known])
+            v = local[known] - a
             g11, g12, g22 = along(ab, ab), along(ab, ac), along(ac, ac)
             d1, d2 = along(v, ab), along(v, ac)
             det = g11 * g22 - g12 * g12
-            local = np.stack([(g22 * d1 - g12 * d2) / det, (g11 * d2 - g12 * d1) / det, along(v, normal)], axis=1)
+            weights = (g22 * d1 - g12 * d2) / det, (g11 * d2 - g12 * d1) / det, along(v, normal)
+            local[known] = np.stack(weights, axis=1)
         elif body.carry is not None:
             local = local @ np.linalg.inv(body.carry).T
         out[which] = local
@@ -244,28 +247,31 @@ def from_material(
     """Return where material points are now, in the finger's frame [m], shape (n, 3); the inverse of `to_material`.
 
     Args:
-        triangle: that `to_material` was asked with. corners: see `corners_of`; faces may be cut otherwise now.
+        triangle: that `to_material` was asked with. corners: see `corners_of`; faces may be cut otherwise now, but
+            not be others.
     """
     out = np.full_like(material, np.nan)
     for index, which in owned(owner):
         body = bodies[index]
-        if body.deforms and isinstance(body.surface, Surface):
-            a, ab, ac, normal = _plane_through(body.surface, triangle[which], corners[which])
-            u, w, height = material[which].T[:, :, None]
-            local = a + u * ab + w * ac + height * normal
-        else:
-            local = material[which] if body.carry is None else material[which] @ body.carry.T
+        local = material[which] if body.carry is None else material[which] @ body.carry.T
+        on = corners[which, 0] >= 0
+        if on.any() and isinstance(body.surface, Surface):
+            a, ab, ac, normal = _plane_through(body.surface, triangle[which][on], corners[which][on])
+            u, w, height = material[which][on].T[:, :, None]
+            local = local.copy()
+            local[on] = a + u * ab + w * ac + height * normal
         out[which] = local @ body.rotation.T + body.translation
     return out
 
 
 def corners_of(bodies: Sequence[ContactBody], owner: NDArray[np.integer], triangle: Indices) -> Indices:
-    """Return the vertices of triangles of bodies that deform, shape (n, 3); -1 for those of others."""
+    """Return the vertices of triangles of bodies that deform, shape (n, 3); -1 for those of others, and for none."""
     out = np.full((len(triangle), 3), -1)
     for index, which in owned(owner):
         body = bodies[index]
         if body.deforms and isinstance(body.surface, Surface):
-            out[which] = body.surface.triangles[triangle[which]]
+            own = triangle[which]
+            out[which] = np.where(own[:, None] >= 0, body.surface.triangles[own], -1)
     return out
 
 

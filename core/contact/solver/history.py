@@ -8,9 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
+from ...surface.gap import Surface
+from ...surface.plane import Plane
+from ...surface.topology import cut_otherwise
 from .bodies import ContactBody, Expected, NodeGaps, corners_of, from_material, owned, to_material
 
-_ARRAYS = ("body", "_material", "_triangle", "_corners", "_normal", "gap", "sticking", "slip", "swept")
+_ARRAYS = ("body", "_material", "_triangle", "_corners", "_local", "_normal", "gap", "sticking", "slip", "swept")
 
 # Bodies are level where the normals of one and the other differ by less than this cosine says.
 LEVEL = 0.999
@@ -33,6 +36,8 @@ class ContactHistory:
         self._material = np.zeros((count, 3))
         self._triangle: Indices = np.full(count, -1)
         self._corners: Indices = np.full((count, 3), -1)  # of the triangle, when the anchor was put there
+        self._local = np.zeros((count, 3))  # where it was in the body's own space, when it was looked at last
+        self._faces: dict[int, NDArray[np.integer]] = {}  # triangles of bodies that deform, then
         self._normal = np.zeros((count, 3))  # out of the body, in its axes
         self.gap = np.zeros(count)
         self.sticking = np.zeros(count, dtype=bool)
@@ -44,12 +49,14 @@ class ContactHistory:
         self.body[:] = -1
         self.sticking[:] = False
         self._seen = None
+        self._faces.clear()
 
     def copy(self) -> ContactHistory:
         """Return a copy that shares nothing with this one."""
         other = ContactHistory(len(self.body))
         for name in _ARRAYS:
             setattr(other, name, getattr(self, name).copy())
+        other._faces = dict(self._faces)
         return other
 
     def rearranged(self, order: Indices, count: int) -> ContactHistory:
@@ -57,6 +64,7 @@ class ContactHistory:
         other = ContactHistory(len(order) + count)
         for name in _ARRAYS:
             getattr(other, name)[: len(order)] = getattr(self, name)[order]
+        other._faces = dict(self._faces)
         return other
 
     def inherit(
@@ -95,8 +103,29 @@ class ContactHistory:
     def _anchors(self, bodies: Sequence[ContactBody]) -> Array:
         """Return where the anchors are on bodies [m], shape (m, 3), nan without any: a frame asks for it twice."""
         if self._seen is None or self._seen[0] is not bodies:
-            self._seen = bodies, from_material(bodies, self.body, self._material, self._triangle, self._corners)
+            shaped = [(i, own) for i, own in owned(self.body) if bodies[i].deforms or i in self._faces]
+            for index, own in shaped:
+                self._meet(index, own, bodies[index].surface)
+            places = from_material(bodies, self.body, self._material, self._triangle, self._corners)
+            for index, own in shaped:
+                self._local[own] = (places[own] - bodies[index].translation) @ bodies[index].rotation
+            self._seen = bodies, places
         return self._seen[1]
+
+    def _meet(self, index: int, own: Indices | slice, surface: Surface | Plane) -> None:
+        """See a body that deforms; where it has other faces now, its anchors keep their places in its own space.
+
+        How its matter moves from the old faces to the new ones is not known.
+        """
+        if not isinstance(surface, Surface):
+            return
+        before, now = self._faces.get(index), surface.triangles
+        self._faces[index] = now
+        if before is None or before is now or np.array_equal(before, now) or cut_otherwise(before, now):
+            return
+        nodes = np.arange(len(self.body))[own]
+        nodes = nodes[self._corners[nodes, 0] >= 0]
+        self._material[nodes], self._triangle[nodes], self._corners[nodes] = self._local[nodes], -1, -1
 
     def normals(self, bodies: Sequence[ContactBody]) -> Array:
         """Return the normals of the surfaces that points were above, turned with their bodies, shape (m, 3)."""
@@ -161,3 +190,8 @@ class ContactHistory:
         self._material[nodes] = to_material(bodies, body, triangle, positions)
         self._triangle[nodes] = triangle
         self._corners[nodes] = corners_of(bodies, body, triangle)
+        for index, own in owned(body):
+            posed = bodies[index]
+            if posed.deforms and isinstance(posed.surface, Surface):
+                self._local[nodes[own]] = (positions[own] - posed.translation) @ posed.rotation
+                self._faces[index] = posed.surface.triangles

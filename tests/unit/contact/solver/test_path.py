@@ -280,6 +280,50 @@ def test_a_deforming_mesh_that_moves_rigidly_is_a_rigid_one(skin, cut):
     assert np.abs(one.force[:, :2]).max() > 0.05 * one.force[:, 2].max()
 
 
+OTHERS = {
+    "fewer": lambda: block(0.01, 2),
+    "more": lambda: block(0.01, 11),
+    "renumbered": lambda: renumbered(*block(0.01, 8)),
+}
+
+
+def renumbered(vertices, triangles):
+    """The same surface whose vertices and triangles have other numbers."""
+    order = np.random.default_rng(3).permutation(len(vertices))
+    return vertices[order], np.argsort(order)[triangles][np.random.default_rng(4).permutation(len(triangles))]
+
+
+@pytest.mark.parametrize("other", OTHERS)
+def test_where_the_faces_are_others_from_a_frame_on_friction_stays_where_it_was(skin, other):
+    """A flat top moves as one piece, so what faces it is made of cannot be felt."""
+    rigid = Surface.build(*block(0.01, 8))
+    first, then = block(0.01, 8), OTHERS[other]()
+    a, b = (PathSolver(skin.compliance, skin.positions, tolerance=1e-8) for _ in range(2))
+    lowest = skin.positions[:, 2].min()
+    for i in range(12):
+        rotation, place = turn(UP, 0.01 * i), np.array([1e-5 * i, 2e-5 * i, lowest + 1e-3])
+        one = a.step([ContactBody(rigid, rotation, place, MU)]).solution
+        surface = Surface.build(*(first if i < 6 else then))
+        two = b.step([ContactBody(surface, rotation, place, MU, deforms=True)]).solution
+        np.testing.assert_allclose(two.force, one.force, atol=1e-5 * np.abs(one.force).max(), err_msg=f"frame {i}")
+    assert np.abs(one.force[:, :2]).max() > 0.01 * one.force[:, 2].max()
+    assert (one.status == STICK).any(), "anchors from before the change still count"
+
+
+@pytest.mark.parametrize("late", [True, False])
+def test_what_begins_or_ends_to_deform_keeps_its_friction(skin, late):
+    """A body comes with the chunks in which a script edits it, and in no other."""
+    surface = Surface.build(*block(0.01, 8))
+    a, b = (PathSolver(skin.compliance, skin.positions, tolerance=1e-8) for _ in range(2))
+    lowest = skin.positions[:, 2].min()
+    for i in range(12):
+        rotation, place = turn(UP, 0.01 * i), np.array([1e-5 * i, 2e-5 * i, lowest + 1e-3])
+        one = a.step([ContactBody(surface, rotation, place, MU)]).solution
+        two = b.step([ContactBody(surface, rotation, place, MU, deforms=(i >= 6) == late)]).solution
+        np.testing.assert_allclose(two.force, one.force, atol=1e-5 * np.abs(one.force).max(), err_msg=f"frame {i}")
+    assert (one.status == STICK).any()
+
+
 def test_turning_on_the_spot_drags_the_skin_round(skin, solver):
     for i in range(20):
         step = solver.step([ContactBody(FLAT, turn(UP, 0.01 * i), plane(skin, 1e-3).translation, MU)])

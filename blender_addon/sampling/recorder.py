@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 
 from .._core import Array, DermisError, Finding, core
-from . import curved_surfaces, participants, script_changes
+from . import curved_surfaces, participants, script_changes, simulated_motion
 from .instance_samples import InstanceSamples
 from .meshes import MeshReader
 from .participants import Entry, Participants
@@ -54,6 +54,7 @@ class Recorder:
         self._mirrored = np.array([i for i, e in enumerate(self._entries) if e.mirrored], np.int64)
         self._objects = np.array([i for i, e in enumerate(self._entries) if e.instance is None], np.int64)
         self._curved = [i for i, e in enumerate(self._entries) if e.curved is not None]
+        self._particles = simulated_motion.between_frames(self._entries) if simulated is not None else {}
         self._offset = [(i, np.array(e.offset)) for i, e in enumerate(self._entries) if any(e.offset)]
         self._surfaced = [
             (first_body + i, i, e)
@@ -111,7 +112,10 @@ class Recorder:
         if self._simulated is not None:
             for i, entry in enumerate(self._entries):
                 if entry.simulated:
-                    poses[i] = self._simulated.poses_at(entry.name, times)
+                    now = self._simulated.poses_at(entry.name, times)
+                    if i in self._particles:
+                        self._particles[i].look(now[:, :3, 3], poses[i, :, :3, 3], self._present[i, :n], frames)
+                    poses[i] = now
         f, b = len(self._participants.fingers), len(self._participants.bodies)
         surfaces = {body: tuple(self._surfaces[s][:n]) for s, (_, body, _) in enumerate(self._surfaced)}
         if self._shown.size:
@@ -134,6 +138,11 @@ class Recorder:
         return core.scene.tactile_scene.Chunk(
             frames, times, _rigid(poses[:f]), poses[f : f + b], poses[f + b :], surfaces, animated
         )
+
+    def findings(self) -> list[Any]:
+        """Return what was noticed over all chunks."""
+        watched = dict.fromkeys(self._particles.values())
+        return [found for between in watched if (found := between.finding()) is not None]
 
     def surfaces_of(self, k: int) -> Iterator[tuple[Entry, Any]]:
         """Yield the surfaces of deforming bodies at sample k."""

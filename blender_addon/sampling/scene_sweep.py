@@ -345,6 +345,7 @@ def _steps(
             coarse.look(chunk)
             yield chunk if watch is None else watch.follow(chunk)
         findings += coarse.findings()
+        findings += recorder.findings()
         for looker in lookers:
             findings += looker.findings
         if watch is not None:

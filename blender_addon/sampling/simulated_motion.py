@@ -6,7 +6,7 @@ rotation, stretch and vertices pass through the engine's own C2 splines.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from .. import compat, scene_time
 from .._core import Array, Finding, core
-from . import dependence
+from . import dependence, participants
+from .participants import Entry
 
 MARGIN = 8
 """Frames of vertices taken either side of a window: a cubic spline forgets a knot by 0.27 a frame, 3e-5 in eight."""
@@ -121,6 +122,61 @@ def stretched(scene: bpy.types.Scene) -> tuple[Any, ...]:
             remedy="Bake the simulation's cache before it is played, or set Old and New to the same number",
         ),
     )
+
+
+class BetweenFrames:
+    """Measures how far particles of an object are felt from where Blender shows them between whole frames.
+
+    Blender interpolates particles there in its own way, from one frame to the next; here their curves are smooth, and
+    round a bounce off.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._worst, self._worst_at, self._since, self._count = 0.0, 0.0, np.inf, 0
+
+    def look(self, felt: Array, shown: Array, there: NDArray[np.bool_], frames: Array) -> None:
+        """Compare the places [m] of a particle, shape (n, 3), at frames, shape (n,); `there` says when it is there."""
+        off = np.where(there, np.linalg.norm(felt - shown, axis=1), 0.0)
+        rounding = np.finfo(np.float32).eps * np.abs(shown).max(axis=1)
+        beyond = np.flatnonzero(off > core.surface.curved.TOLERANCE + rounding)
+        if not len(beyond):
+            return
+        self._since = min(self._since, float(frames[beyond[0]]))
+        self._count += len(beyond)
+        worst = int(np.argmax(off))
+        if off[worst] > self._worst:
+            self._worst, self._worst_at = float(off[worst]), float(frames[worst])
+
+    def finding(self) -> Any | None:
+        """Return the finding of the samples so far; None where nothing was off."""
+        if not self._count:
+            return None
+        return Finding(
+            "warning",
+            "particles-between-frames",
+            "between whole frames its particles are felt elsewhere than Blender shows them: both only interpolate there",
+            where=f"object '{self._name}'",
+            value=f"up to {1e3 * self._worst:.4g} mm, at frame {self._worst_at:g}",
+            limit=f"{1e3 * core.surface.curved.TOLERANCE:g} mm",
+            remedy="Raise the frame rate and stretch time by as much, or sample at whole frames only",
+            frame=self._since,
+            count=self._count,
+        )
+
+
+def between_frames(entries: Sequence[Entry]) -> dict[int, BetweenFrames]:
+    """Return what compares particles, and objects that emit them, by their places among entries; one for an object.
+
+    Blender moves those between whole frames too. Rigid bodies and cloth stand still there.
+    """
+    makers = {i: e.uid if e.instance is None else e.instance.instancer for i, e in enumerate(entries) if e.simulated}
+    emitting = {
+        uid: BetweenFrames(obj.name_full)
+        for uid, obj in participants.look_up(set(makers.values())).items()
+        if obj.particle_systems and obj.rigid_body is None
+    }
+    return {i: emitting[uid] for i, uid in makers.items() if uid in emitting}
 
 
 class Recording:

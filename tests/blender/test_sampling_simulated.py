@@ -148,6 +148,47 @@ def test_a_fluid_domain_is_refused_by_name():
     assert [(f.severity, f.where) for f in tactile.findings if f.code == "fluid"] == [("error", "object 'Water'")]
 
 
+def falling_particles(floor: float | None) -> tuple[bpy.types.Scene, bpy.types.Object]:
+    """Let two particles that show a cube fall, on a floor at a height; return the scene and who emits them."""
+    scene = build.span(1, 12, 25)
+    pebble = build.cube("Pebble", 0.1, (0, 0, -50))
+    source = build.mesh_object("Source", [(0, 0, 5), (1, 0, 5), (0, 1, 5)], [(0, 1, 2)])
+    source.modifiers.new("Particles", "PARTICLE_SYSTEM")
+    settings = source.particle_systems[0].settings
+    settings.count, settings.frame_start, settings.frame_end, settings.lifetime = 2, 1, 1, 500
+    settings.render_type, settings.instance_object, settings.particle_size = "OBJECT", pebble, 1.0
+    settings.normal_factor = settings.drag_factor = settings.brownian_factor = 0.0
+    if floor is not None:
+        corners = [(-9, -9, floor), (9, -9, floor), (9, 9, floor), (-9, 9, floor)]
+        build.mesh_object("Floor", corners, [(0, 1, 2, 3)]).modifiers.new("Collision", "COLLISION")
+    build.finger()
+    return scene, source
+
+
+@pytest.mark.parametrize(("floor", "rate", "chunk"), [(4.8, 50.0, 64), (4.8, 50.0, 5), (4.8, 25.0, 64), (None, 50.0, 64)])
+def test_particles_that_are_felt_beside_where_blender_shows_them_are_told(floor, rate, chunk):
+    scene, source = falling_particles(floor)
+    scene.dermis.sample_rate = rate
+    tactile = scene_sweep.sample(scene, chunk_size=chunk)
+    got = build.joined(tactile)
+    names = [b.name for b in tactile.bodies]
+    off = np.zeros(len(got["frames"]))
+    for k, frame in enumerate(got["frames"].tolist()):
+        scene.frame_set(int(frame), subframe=frame % 1.0)
+        for item in bpy.context.evaluated_depsgraph_get().object_instances:
+            if item.is_instance:
+                body = names.index(f"Pebble @ Source {item.persistent_id[0]}.0")
+                place = got["bodies"][body, k, :3, 3]
+                off[k] = max(off[k], np.linalg.norm(place - np.array(item.matrix_world.translation)))
+    told = [f for f in tactile.chunks.findings if f.code == "particles-between-frames"]
+    assert len(told) == (off.max() > 1e-4)
+    for finding in told:
+        assert finding.where == f"object '{source.name}'" and off.max() > 0.01
+        assert finding.value == f"up to {1000 * off.max():.4g} mm, at frame {got['frames'][np.argmax(off)]:g}"
+        assert finding.frame == got["frames"][np.argmax(off > 1.1e-5)]
+    assert bool(told) == (floor is not None and rate > 25.0)
+
+
 def test_particles_that_show_a_touchable_object_fall_smoothly():
     scene = build.span(1, 26, 25)  # Blender's particles live 0.04 s a frame, whatever the frame rate
     pebble = build.cube("Pebble", 0.1, (0, 0, -50))

@@ -60,8 +60,8 @@ def stretch_of(matrix: Any) -> float:
 def stretches_of(matrices: Array) -> Array:
     """Return the most that each of many matrices to the world, shape (..., 4, 4), stretches by; 0 for unknown."""
     linear = matrices[..., :3, :3]
-    finite = np.isfinite(linear).all(axis=(-2, -1))
-    found = np.linalg.norm(np.where(finite[..., None, None], linear, 0.0), ord=2, axis=(-2, -1))
+    finite = np.logical_and.reduce(np.isfinite(linear), axis=(-2, -1), keepdims=True)
+    found = np.linalg.norm(np.where(finite, linear, 0.0), ord=2, axis=(-2, -1))
     return np.asarray(found, np.float64)
 
 

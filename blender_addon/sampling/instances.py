@@ -359,9 +359,7 @@ class Survey:
         self._since = self._frames
 
 
-def only_now(
-    reader: InstanceReader, depsgraph: bpy.types.Depsgraph, curved: frozenset[int] = frozenset()
-) -> Instances:
+def only_now(reader: InstanceReader, depsgraph: bpy.types.Depsgraph, curved: frozenset[int] = frozenset()) -> Instances:
     """Return the instances of the current frame; `curved` as in `Survey`."""
     survey = Survey(reader, curved)
     survey.look(depsgraph)

@@ -155,7 +155,7 @@ class BetweenFrames:
         return Finding(
             "warning",
             "particles-between-frames",
-            "between whole frames its particles are felt elsewhere than Blender shows them: both only interpolate there",
+            "between whole frames its particles are felt elsewhere than Blender shows them: both interpolate there",
             where=f"object '{self._name}'",
             value=f"up to {1e3 * self._worst:.4g} mm, at frame {self._worst_at:g}",
             limit=f"{1e3 * core.surface.curved.TOLERANCE:g} mm",

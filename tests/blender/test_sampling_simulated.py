@@ -165,7 +165,9 @@ def falling_particles(floor: float | None) -> tuple[bpy.types.Scene, bpy.types.O
     return scene, source
 
 
-@pytest.mark.parametrize(("floor", "rate", "chunk"), [(4.8, 50.0, 64), (4.8, 50.0, 5), (4.8, 25.0, 64), (None, 50.0, 64)])
+@pytest.mark.parametrize(
+    ("floor", "rate", "chunk"), [(4.8, 50.0, 64), (4.8, 50.0, 5), (4.8, 25.0, 64), (None, 50.0, 64)]
+)
 def test_particles_that_are_felt_beside_where_blender_shows_them_are_told(floor, rate, chunk):
     scene, source = falling_particles(floor)
     scene.dermis.sample_rate = rate

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from .._core import DermisError, Finding, core
 from ..properties import object_properties
 from ..properties.fields import value_of
-from . import mesh_heights, meshes
+from . import image_files, mesh_heights, meshes
 
 LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
 """Rec. 709 weights of red, green and blue."""
@@ -204,8 +204,11 @@ def _read(obj: bpy.types.Object, depsgraph: Any, unit: float) -> Any:
         return replace(made, height_unit=1.0, findings=noticed + made.findings)
     if settings.source == "IMAGE":
         values, empty, noticed = pixels(settings.image, where)
+        declared, more = image_files.declared(settings.image, values, where, said=bool(_no_data(settings)))
+        noticed += more
+        empty = empty if declared is None else empty | declared
         unit_ = core.parameters.screen.UNITS_OF_MAPS[settings.map_unit]
-        found = _largest(settings.image)
+        found = image_files.largest(settings.image)
         if found is None and (unit_ is not None or _no_data(settings) not in ("", "0", "none")):
             raise DermisError(
                 "Blender scales the numbers of this image to 0 to 1, and it is not known by how much",
@@ -286,31 +289,6 @@ def _doubtful(heights: NDArray[np.float32], depth: bool, where: str) -> tuple[An
     )
 
 
-def _largest(image: bpy.types.Image) -> int | None:
-    """Return the stored number that Blender makes 1, 1 for floating point; None where that cannot be looked up."""
-    if not image.is_float:
-        return 255
-    kind = image.file_format
-    if image.source not in ("FILE", "SEQUENCE", "TILED") or kind in ("OPEN_EXR", "OPEN_EXR_MULTILAYER", "HDR"):
-        return 1
-    if kind == "PNG":
-        return 65535
-    if kind != "TIFF":
-        return None  # whole numbers of 10 to 16 bits: JPEG 2000, Cineon, DPX and others
-    try:
-        if image.packed_file is not None:
-            data = bytes(image.packed_file.data)
-        else:
-            data = core.files.read_bytes(bpy.path.abspath(image.filepath_from_user(), library=image.library))
-        if not data.startswith(core.images.tiff_header.MAGIC):
-            return None
-        stored = core.images.tiff_header.TiffHeader.of(data, image.name_full).sample_type()
-    except DermisError:
-        return None
-    largest, _ = core.images.raster.largest_of(stored)
-    return int(largest)
-
-
 def pixels(image: bpy.types.Image | None, where: str) -> tuple[NDArray[np.float32], NDArray[np.bool_], tuple[Any, ...]]:
     """Return an image's raw brightness, row 0 at the bottom, where it is empty (alpha 0), and what was noticed.
 
@@ -342,6 +320,18 @@ def pixels(image: bpy.types.Image | None, where: str) -> tuple[NDArray[np.float3
                 value=image.colorspace_settings.name,
                 limit="Non-Color",
                 remedy="Set the image's Color Space to Non-Color, or read it as a file",
+            ),
+        )
+    if image.source == "TILED" and len(image.tiles) > 1:
+        findings += (
+            Finding(
+                "warning",
+                "udim-first-tile",
+                "only the first tile of the image is felt, all over the screen",
+                where=f"{where}, image '{image.name_full}'",
+                value=f"tile {image.tiles[0].number} of {', '.join(str(tile.number) for tile in image.tiles)}",
+                limit="one tile",
+                remedy="Choose the tile that is meant as an image of its own, or join the tiles to one image",
             ),
         )
     values = planes[:, :, :3] @ LUMA if image.channels >= 3 else planes[:, :, 0]

@@ -192,13 +192,16 @@ def test_a_map_of_measures_asks_for_its_unit(tmp_path, kind):
     assert "no-unit" not in findings
 
 
-def tiff(path, values):
-    """Write a grey TIFF of one strip, of the array's own type, row 0 at the bottom."""
+def tiff(path, values, no_data=None):
+    """Write a grey TIFF of one strip, of the array's own type, row 0 at the bottom; it may declare a no-data number."""
     rows, columns = values.shape
     size, form = 8 * values.dtype.itemsize, {"u": 1, "i": 2, "f": 3}[values.dtype.kind]
     tags = [(256, columns), (257, rows), (258, size), (259, 1), (262, 1), (273, 8), (277, 1), (278, rows)]
     tags += [(279, values.nbytes), (339, form)]
     entries = b"".join(struct.pack("<HHII", tag, 4, 1, value) for tag, value in tags)
+    if no_data is not None:  # four characters stand in the entry itself
+        tags.append((42113, no_data))
+        entries += struct.pack("<HHI4s", 42113, 2, 4, no_data)
     pixels = values[::-1].astype(values.dtype.newbyteorder("<")).tobytes()
     head = struct.pack("<2sHI", b"II", 42, 8 + len(pixels))
     path.write_bytes(head + pixels + struct.pack("<H", len(tags)) + entries + bytes(4))
@@ -227,6 +230,70 @@ def test_a_tiff_has_the_same_heights_as_an_image_and_as_a_file(tmp_path, kind, p
     settings.source = "IMAGE"
     heights, unit, _ = relief()
     np.testing.assert_allclose(heights * unit, 1e-3 * values, rtol=1e-6, atol=1e-8)
+
+
+@pytest.mark.parametrize("packed", [False, True])
+@pytest.mark.parametrize(("kind", "number"), [(np.uint8, 7), (np.uint16, 999), (np.int16, -99), (np.float32, -99)])
+def test_what_a_tiff_declares_to_be_no_data_is_a_hole_of_the_image_too(tmp_path, kind, number, packed):
+    """Blender keeps no tags: cliffs were felt where the file has no heights, and are filled from around."""
+    build.span(1, 3)
+    build.finger()
+    settings = build.screen().dermis.screen
+    values = (100 + np.add.outer(np.arange(30), np.arange(40))).astype(kind)
+    values[10:14, 20:25] = number
+    path = tiff(tmp_path / "map.tif", values, str(number).encode().ljust(4, b"\0"))
+    settings.map_unit = "mm"
+    settings.source, settings.filepath = "FILE", path
+    heights, unit, told = relief()
+    assert 1e-3 * 99 < heights.min() * unit and heights.max() * unit < 1e-3 * 200 and "holes-filled" in told
+    settings.image = bpy.data.images.load(path)
+    settings.image.colorspace_settings.name = "Non-Color"
+    if packed:
+        settings.image.pack()
+        (tmp_path / "map.tif").unlink()
+    settings.source = "IMAGE"
+    same, same_unit, told = relief()
+    np.testing.assert_allclose(same * same_unit, heights * unit, rtol=1e-5)
+    assert "holes-filled" in told and "no-data-unknown" not in told
+
+
+def test_a_tiff_that_is_not_there_or_another_by_now_does_not_say_where_it_has_no_data(tmp_path):
+    build.span(1, 3)
+    build.finger()
+    settings = build.screen().dermis.screen
+    values = (100 + np.add.outer(np.arange(30), np.arange(40))).astype(np.float32)
+    path = tiff(tmp_path / "map.tif", values, b"-99\0")
+    settings.image, settings.source, settings.map_unit = bpy.data.images.load(path), "IMAGE", "white"
+    settings.image.colorspace_settings.name = "Non-Color"
+    assert "no-data-unknown" not in relief()[2]
+    for other in (values.T, values + 1.0, None):
+        if other is None:
+            (tmp_path / "map.tif").unlink()
+        else:
+            tiff(tmp_path / "map.tif", np.ascontiguousarray(other), b"-99\0")
+        told = relief()[2]["no-data-unknown"]
+        assert told.severity == "warning" and settings.image.name in told.where and "file" in told.remedy
+    settings.no_data = "none"
+    assert "no-data-unknown" not in relief()[2], "the artist has said it"
+
+
+def test_of_several_tiles_the_first_is_felt_and_that_is_said(tmp_path):
+    build.span(1, 3)
+    build.finger()
+    settings = build.screen().dermis.screen
+    values = (10 + np.add.outer(np.arange(30), np.arange(40))).astype(np.uint8)
+    tiff(tmp_path / "map.1001.tif", values)
+    tiles = bpy.data.images.load(str(tmp_path / "map.1001.tif"))
+    tiles.source, tiles.filepath = "TILED", str(tmp_path / "map.<UDIM>.tif")
+    settings.image, settings.source, settings.map_unit = tiles, "IMAGE", "mm"
+    heights, unit, told = relief()
+    assert heights.min() * unit == pytest.approx(0.01) and "no-data-unknown" not in told
+    assert "udim-first-tile" not in told, "there is one"
+    tiff(tmp_path / "map.1002.tif", 80 + values)
+    tiles.tiles.new(1002)
+    tiles.reload()
+    told = relief()[2]
+    assert told["udim-first-tile"].value == "tile 1001 of 1001, 1002" and "no-data-unknown" not in told
 
 
 def test_an_image_whose_numbers_are_scaled_by_nobody_knows_what_is_to_be_a_file(tmp_path):

@@ -5,7 +5,7 @@ prepass           what must be known of the range before: which surfaces change,
 simulated_motion  what simulations move, swept at whole frames
 frames            the range to bake, and the frames nearest to a steady rate
 scene_header      names, parameters and flaws, before the first sample
-height_maps       relief of screens; mesh_heights casts it from a mesh
+height_maps       relief of screens; mesh_heights casts it from a mesh, image_files knows the files behind images
 meshes            the vertices of an evaluated object
 instances         what instances show, read from the dependency graph; joined_pieces makes one surface of it,
                   instance_samples records it, changes_seen says when it need not be read again

@@ -132,10 +132,12 @@ def findings(geometry: Geometry | None, stretch: float, unit: float, made: Any |
 
 
 def outgrown(name: str, stretch: float, series: Array, frames: Array) -> Any | None:
-    """Return the finding that an object becomes larger between whole frames than its curved surface was made for.
+    """Return the finding that an object becomes larger than its curved surface was made for.
+
+    That is, between whole frames, or because a script lets it.
 
     Args:
-        stretch: the most that its pose stretches it by at whole frames. series: of each sample, shape (n,).
+        stretch: the most that its pose stretches it by at whole frames, without scripts. series: of each sample, shape (n,).
         frames: of the samples, shape (n,).
     """
     off = core.surface.curved.TOLERANCE * series / stretch
@@ -145,11 +147,11 @@ def outgrown(name: str, stretch: float, series: Array, frames: Array) -> Any | N
     return Finding(
         "warning",
         "curved-coarsely",
-        "it is larger between whole frames than its curved surface was made for, and is felt in facets there",
+        "between whole frames, or by a script, it becomes larger than its curved surface was made for: facets are felt",
         where=f"object '{name}'",
         value=f"up to {1e6 * off.max():.3g} um off",
         limit=f"{1e6 * core.surface.curved.TOLERANCE:.3g} um",
-        remedy="Let it be at its largest at a whole frame",
+        remedy="Let it be at its largest at a whole frame, and by keys; or bake the range in parts",
         frame=float(frames[beyond[0]]),
         count=len(beyond),
     )

@@ -290,7 +290,8 @@ class Instances(NamedTuple):
 
     Attributes:
         bodies: those that are bodies, in the order of their keys.
-        objects: session uids of the objects that show instances as their own surface, and whether that changes.
+        objects: session uids of the objects that show instances as their own surface, and whether that changes, or
+            begins or ends.
     """
 
     bodies: dict[InstanceKey, Present]
@@ -310,7 +311,7 @@ class Survey:
         self._frames = 0
         self._last: Shown | None = None
         self._since = 0
-        self._times: dict[InstanceKey, int] = {}
+        self._times: dict[Hashable, int] = {}
         self._first: dict[InstanceKey, tuple[Array, int]] = {}
         self._surfaces: dict[Hashable, Geometry | None] = {}
         self._changing: set[Hashable] = set()
@@ -343,7 +344,12 @@ class Survey:
             )
             for key, (place, material) in sorted(self._first.items(), key=lambda item: item[0])
         }
-        return Instances(bodies, {k: k in self._changing for k in self._surfaces if isinstance(k, int)})
+        objects = {
+            key: key in self._changing or self._times[key] < self._frames
+            for key in self._surfaces
+            if isinstance(key, int)
+        }
+        return Instances(bodies, objects)
 
     def _measure(self, shown: Shown) -> None:
         keys = [key for key, material in shown.materials.items() if material in self._curved]
@@ -354,7 +360,7 @@ class Survey:
 
     def _count(self) -> None:
         if self._last is not None:
-            for key in self._last.places:
+            for key in self._last.surfaces:
                 self._times[key] = self._times.get(key, 0) + self._frames - self._since
         self._since = self._frames
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from typing import Any, NamedTuple
 
 import bpy
@@ -88,30 +89,33 @@ def look_through(
         return Seen(survey.found(), stretches)
     looked_at = set(map(float, range(span[0], span[1] + 1)))
     steps = scene_time.simulated_frames(scene, simulations.start, span).tolist() if simulations.uids else []
-    for frame in sorted(looked_at.union(steps)):
-        scene_time.go_to(scene, frame)
-        if frame not in looked_at:
-            continue  # particles must live from their start to be where they are later
-        depsgraph = depsgraph_of(scene, view_layer)
-        if makes:
-            survey.look(depsgraph)
-        for uid, obj in participants.look_up(set(growing)).items() if growing else ():
-            matrix = np.array(obj.evaluated_get(depsgraph).matrix_world, np.float64)
-            stretches[uid] = max(stretches[uid], float(curved_surfaces.stretches_of(matrix)))
+    # Scripts may edit once and for all: that shall not have happened before the first sample.
+    with nullcontext() if makes else script_changes.held_back():
+        for frame in sorted(looked_at.union(steps)):
+            scene_time.go_to(scene, frame)
+            if frame not in looked_at:
+                continue  # particles must live from their start to be where they are later
+            depsgraph = depsgraph_of(scene, view_layer)
+            if makes:
+                survey.look(depsgraph)
+            for uid, obj in participants.look_up(set(growing)).items() if growing else ():
+                matrix = np.array(obj.evaluated_get(depsgraph).matrix_world, np.float64)
+                stretches[uid] = max(stretches[uid], float(curved_surfaces.stretches_of(matrix)))
     return Seen(survey.found(), stretches)
 
 
 def growing(scene: bpy.types.Scene, timely: TimeDependent) -> frozenset[int]:
-    """Return the session uids of touchable objects whose sizes over the range must be known and may change."""
-    scripted = script_changes.run_here()
+    """Return the session uids of touchable objects whose sizes over the range must be known and may change.
+
+    What scripts let grow is told by `curved_surfaces.outgrown`.
+    """
     return frozenset(
         o.session_uid
         for o in scene.objects
         if participants.role_of(o) == "TOUCHABLE"
-        and (
-            (scripted and curved_surfaces.is_curved(o))
-            or (o.session_uid in timely.all and curved_surfaces.asks_for_size(o) and curved_surfaces.may_grow(o))
-        )
+        and o.session_uid in timely.all
+        and curved_surfaces.asks_for_size(o)
+        and curved_surfaces.may_grow(o)
     )
 
 

@@ -13,9 +13,9 @@ from .._core import Array, DermisError, Finding, core
 from ..devices import platform_devices, thimble_devices
 from ..properties import object_properties, scene_properties, skin_properties
 from ..quantities import metres_per_unit
-from . import curved_surfaces, height_maps, participants
+from . import curved_surfaces, height_maps, participants, script_changes
 from .instances import InstanceReader, Instances, Present
-from .meshes import MeshReader, zero_area_finding
+from .meshes import SURFACE_TYPES, MeshReader, zero_area_finding
 from .participants import Entry, InstanceKey, Participants
 from .simulated_motion import Simulations
 
@@ -226,6 +226,8 @@ def header(
         else:
             geometry = reader.geometry_of(obj.evaluated_get(depsgraph), entry.curved is not None or not live)
         mesh = reader.surface(geometry, swept.unit, entry.mirrored, entry.curved)
+        if not (live or len(mesh.triangles)) and obj.type in SURFACE_TYPES and script_changes.run_here():
+            entry = replace(entry, blinking=True)  # a script may give it faces
         if live or not (entry.deforming or entry.blinking):  # these may get their faces later: the chunks tell
             try:
                 core.scene.tactile_scene.check_mesh(mesh, f"object '{entry.name}'")

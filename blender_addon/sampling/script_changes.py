@@ -114,6 +114,7 @@ class Watch:
         ]
         self._world = _world(scene)
         self._off = {key for key, on in simulated_motion.switches(scene) if not on}
+        self._known = {o.session_uid for _, o in taking_part}
         # Where nothing makes instances at first, nobody looks for instances later.
         self._looks_for_makers = not participants.instancers(scene)
         self._keyable = _keyable(swept, place)
@@ -216,6 +217,9 @@ class Watch:
             same = compat.stored(obj, "dermis") == first.stored
             if not same or (first.content is not None and _content(obj, inside) != first.content):
                 self._compare(obj, first, _settings(obj, inside), frame)
+        for obj in self._scene.objects:
+            if obj.session_uid not in self._known and participants.role_of(obj) != "NONE":
+                self._tell(f"object '{obj.name_full}'", "role", frame)
         for name, value in _world(self._scene).items():
             if value != self._world[name]:
                 self._tell(f"scene '{self._scene.name_full}'", name, frame)

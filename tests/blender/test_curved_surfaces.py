@@ -70,16 +70,13 @@ def grows(obj: bpy.types.Object, how: str) -> None:
         build.keys(obj, "delta_scale", [1, 3, 5], scales)
 
 
-WAYS = ["keys", "from zero", "parent", "constraint", "delta", "script", "instances"]
+WAYS = ["keys", "from zero", "parent", "constraint", "delta", "instances"]
 
 
 @pytest.mark.parametrize("how", WAYS)
 def test_what_grows_is_as_round_as_its_largest_size_asks_for(how):
     obj = ball()
     obj.dermis.material.curved = True
-
-    def script(scene, _depsgraph=None):
-        obj.scale = [1.0 if scene.frame_current == 3 else 1e-3] * 3
 
     if how == "instances":
         ball_collection = bpy.data.collections.new("Balls")
@@ -88,21 +85,33 @@ def test_what_grows_is_as_round_as_its_largest_size_asks_for(how):
         maker = build.empty("Maker")
         maker.instance_type, maker.instance_collection = "COLLECTION", ball_collection
         grows(maker, "keys")
-    elif how == "script":
-        bpy.app.handlers.frame_change_pre.append(script)
     else:
         grows(obj, how)
-    try:
-        tactile, findings = sampled()
-        joined = build.joined(tactile)
-    finally:
-        if script in bpy.app.handlers.frame_change_pre:
-            bpy.app.handlers.frame_change_pre.remove(script)
+    tactile, findings = sampled()
+    joined = build.joined(tactile)
     (body,) = tactile.bodies
     mesh = body.mesh if body.mesh is not None else joined["surfaces"][0][len(joined["frames"]) // 2]
     assert off(mesh) < 1.5 * TOLERANCE and len(mesh.triangles) < 10_000, "neither coarser nor finer than asked for"
     assert findings.get("curved") is None or findings["curved"].value == "0.101 mm"
     assert not any(f.code == "curved-coarsely" for f in tactile.chunks.findings)
+
+
+def test_what_a_script_lets_grow_is_told():
+    obj = ball()
+    obj.dermis.material.curved = True
+
+    def script(scene, _depsgraph=None):
+        if scene.frame_current >= 3:  # once and for all
+            obj.scale = [20.0] * 3
+
+    bpy.app.handlers.frame_change_pre.append(script)
+    try:
+        tactile, _ = sampled()
+        list(tactile.chunks)
+    finally:
+        bpy.app.handlers.frame_change_pre.remove(script)
+    (told,) = [f for f in tactile.chunks.findings if f.code == "curved-coarsely"]
+    assert told.frame == 3 and told.value == "up to 200 um off"
 
 
 def test_facets_of_what_grows_are_told_at_its_largest():

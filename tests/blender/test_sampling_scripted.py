@@ -399,6 +399,65 @@ def test_instances_that_a_script_switches_on_late_are_told(script: Any, how: str
     assert (finding.severity, finding.where, finding.frame) == ("warning", "object 'Host'", LATE)
 
 
+@pytest.mark.parametrize("others", [False, True], ids=["alone", "beside"])
+def test_an_empty_that_a_script_makes_an_instancer_late_is_felt_or_told(script: Any, others: bool) -> None:
+    """Where something else makes instances, whole frames are looked through anyway."""
+    scene = build.span(1, 20)
+    scene.dermis.sample_rate = 24.0
+    build.finger()
+    shown = test_sampling_instances.in_collection("Shown", test_sampling_instances.plain("Peg"))
+    maker = build.empty("Maker")
+    maker.dermis.role = "TOUCHABLE"
+    maker.instance_collection = shown
+    if others:
+        test_sampling_instances.instance_of(shown, "Other", (5, 0, 0))
+
+    def switch() -> None:
+        maker.instance_type = "COLLECTION" if scene.frame_current >= LATE else "NONE"
+
+    build.cube("Beside", location=(0, 9, 0))
+    script(switch, first=-1000)
+    tactile = scene_sweep.sample(scene)
+    got = build.joined(tactile)
+    names = [body.name for body in tactile.bodies]
+    if not others:
+        assert "Maker" not in names
+        (finding,) = [f for f in tactile.chunks.findings if f.code == "instances-too-late"]
+        assert (finding.where, finding.frame) == ("object 'Maker'", LATE)
+        return
+    assert not [f for f in tactile.findings if f.code == "mesh-unusable" and "Maker" in f.where]
+    there = [mesh is not ABSENT for mesh in got["surfaces"][names.index("Maker")]]
+    np.testing.assert_array_equal(there, got["frames"] >= LATE)
+
+
+@pytest.mark.parametrize("before", ["no faces at first", "none at the end"])
+def test_a_mesh_that_a_script_gives_faces_late_is_felt_from_then_on(script: Any, before: str) -> None:
+    scene, cube = scene_of_cube()
+    build.cube("Other", location=(0, 9, 0))
+    full, bare = cube.data, bpy.data.meshes.new("Bare")
+
+    def switch() -> None:
+        cube.data = full if (scene.frame_current >= LATE) == (before == "no faces at first") else bare
+
+    script(switch, first=-1000)
+    scene.frame_set(1)
+    tactile = scene_sweep.sample(scene)
+    got = build.joined(tactile)
+    there = [mesh is not ABSENT for mesh in got["surfaces"][[b.name for b in tactile.bodies].index("Cube")]]
+    np.testing.assert_array_equal(there, (got["frames"] >= LATE) == (before == "no faces at first"))
+    assert not [f for f in tactile.findings if f.code == "mesh-unusable"]
+
+
+@pytest.mark.parametrize("role", ["TOUCHABLE", "FINGER", "SCREEN"])
+def test_a_role_that_a_script_gives_late_is_told(script: Any, role: str) -> None:
+    scene, _ = scene_of_cube()
+    other = build.cube("Other", location=(0, 9, 0))
+    other.dermis.role = "NONE"
+    script(lambda: setattr(other.dermis, "role", role if scene.frame_current >= LATE else "NONE"), first=-1000)
+    (finding,) = told(scene, "setting-changed")
+    assert (finding.where, finding.value, finding.frame) == ("object 'Other'", "role", LATE)
+
+
 def test_nodes_that_a_script_adds_late_and_that_show_no_instances_are_no_finding(script: Any) -> None:
     scene, cube = scene_of_cube()
     tree = bpy.data.node_groups.new("Nodes", "GeometryNodeTree")

@@ -137,8 +137,8 @@ def outgrown(name: str, stretch: float, series: Array, frames: Array) -> Any | N
     That is, between whole frames, or because a script lets it.
 
     Args:
-        stretch: the most that its pose stretches it by at whole frames, without scripts. series: of each sample, shape (n,).
-        frames: of the samples, shape (n,).
+        stretch: the most that its pose stretches it by at whole frames, without scripts. series: that of each sample,
+            shape (n,). frames: of the samples, shape (n,).
     """
     off = core.surface.curved.TOLERANCE * series / stretch
     beyond = np.flatnonzero(off > FELT)

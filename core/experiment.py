@@ -6,7 +6,7 @@ Frame: origin at the pad's centre, +Y towards the tip, +Z towards the nail. Ever
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -14,31 +14,23 @@ from numpy.typing import NDArray
 
 from .arrays import Array
 from .cache import Cache
+from .contact.single_touch import SingleTouch
 from .contact.solver.bodies import ContactBody
-from .contact.solver.law_skin import LawSkin
-from .contact.solver.path import PathSolver, PathStep
-from .contact.solver.point_path import PointSolver
-from .contact.trusted import trusted
 from .devices.spec import DeviceSpec
 from .errors import DermisError, Finding
 from .parameters.material import FRICTION
-from .parameters.skin import CONTACT, DEFAULT_SKIN, SKIN_CONTACT, TISSUE
+from .parameters.skin import CONTACT, DEFAULT_SKIN, TISSUE
 from .presets import Library
 from .skin.blas import one_thread
 from .skin.felt_state import matched_amounts
 from .skin.model import SkinModel, skin_from_parameters
-from .skin.nodal_forces import NodalForces
-from .skin.point_forces import PointForces
 from .skin.stimulus import Stimulus, von_mises
-from .skin.surface_store import no_smooth_pad, smooth_pad
 from .surface.gap import Surface
 from .tissue.finger_skin import asked_for
 from .track.command_track import CommandTrack
 
-STEP = 0.1e-3  # from pose to pose on the way of a press; friction remembers the way [m]
 DEEPEST = 5e-3  # of a press: beyond it linear skin says nothing [m]
-CLOSE = 1e-8  # to which first contact is found [m]
-FAR = 0.1  # a surface that has risen this far above the pad has passed beside it, or slid off it [m]
+FAR = 0.1  # from the finger's axes that a surface may be [m]
 METRES = "Lengths are in metres: a millimetre is 1e-3"
 
 
@@ -48,11 +40,13 @@ class Touch(Stimulus):
 
     Attributes:
         depth: of the undeformed pad in the surface [m].
+        place: of the surface's origin in the finger's axes at the end [m], shape (3,).
         residual: of the contact's laws, relative to the forces. iterations: of its last pose.
         findings: what is doubtful: a depth that linear skin is not trusted at, a contact that did not converge.
     """
 
     depth: float = 0.0
+    place: Array | None = None
     residual: float = 0.0
     iterations: int = 0
     findings: tuple[Finding, ...] = ()
@@ -169,7 +163,8 @@ def press(
 ) -> Touch:
     """Return what a skin feels when a surface is pressed into its pad, and then drawn along it.
 
-    The surface rises along +Z from first contact to its depth, in steps, since friction remembers the way.
+    The surface rises along +Z from first contact with the smooth skin to its depth, by the steps of a bake that is
+    sampled every 0.1 mm, since friction remembers the way.
 
     Args:
         surface: in the finger's axes; where it stands along Z does not matter. depth: beyond first contact [m].
@@ -202,44 +197,24 @@ def press(
     if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-9) or np.linalg.det(rotation) < 0.0:
         raise DermisError("not a rotation", where="turn", value=rotation.tolist(), limit="orthonormal, right-handed")
     body = ContactBody(surface, rotation, np.array([*origin, 0.0]), friction=friction)
-    SKIN_CONTACT["contact"].check(contact, "press")
     doubtful = [f for f in surface.findings("surface") if f.severity != "info"]
-    pad = smooth_pad(skin) if contact == "points" else None
-    if contact == "points" and pad is None:
-        doubtful.append(no_smooth_pad(skin, "press"))
-    limit = trusted(skin.tissue).depth
     with one_thread():
-        solver: PathSolver
-        law = LawSkin.of(skin)
-        if pad is None:
-            solver = PathSolver(
-                skin.compliance, skin.positions, areas=skin.areas, name="press", depth_limit=limit, law=law
-            )
-        else:
-            solver = PointSolver(pad, NodalForces(skin.mesh, pad.chart), name="press", depth_limit=limit, law=law)
-        step = _pressed(solver, body, depth, along)
-    doubtful += [replace(finding, frame=None) for finding in solver.findings]  # frames are of scenes
-    solution, points = step.solution, None
-    if pad is not None and isinstance(solver, PointSolver):
-        loaded = np.flatnonzero(solution.force.any(axis=1))
-        points = PointForces(pad, solver.cells[loaded], solution.force[loaded], step.amounts)
-    found = skin, step.nodal, points, step.amounts
-    return Touch(*found, depth, solution.residual, solution.iterations, tuple(doubtful))
+        touch = SingleTouch(skin, body, "press", contact)
+        touch.move((0.0, 0.0, depth))
+        if depth > 0.0 and not touch.step.solution.force.any():
+            doubtful.append(_unfelt(touch, depth))
+        step = touch.move((*along, 0.0))
+    found = skin, step.nodal, touch.points, step.amounts
+    solution, told = step.solution, (*doubtful, *touch.findings)
+    return Touch(*found, depth, touch.place, solution.residual, solution.iterations, told)
 
 
-def _pressed(solver: PathSolver, body: ContactBody, depth: float, along: Array) -> PathStep:
-    """Return the last step of a body's way from first contact to its depth and then along."""
-    start = replace(body, translation=np.array([*body.translation[:2], _first_contact(solver.pad, body)]))
-    step = solver.step([start])
-    for far, way in ((depth, np.array([0.0, 0.0, 1.0])), (float(np.hypot(*along)), np.array([*along, 0.0]))):
-        if far <= 0.0:
-            continue
-        way = way / np.linalg.norm(way)
-        origin_of_leg = start
-        for part in np.linspace(0.0, far, max(int(np.ceil(far / STEP)), 1) + 1)[1:]:
-            start = replace(origin_of_leg, translation=origin_of_leg.translation + part * way)
-            step = solver.step([start])
-    return step
+def _unfelt(touch: SingleTouch, depth: float) -> Finding:
+    """Return that nothing is felt though the surface is in the skin."""
+    where = "the points" if touch.pad is not None else "the nodes"
+    what = f"nothing is felt: the surface lies between {where} that contact is solved at, or went through the skin"
+    remedy = "Solve its contact on points of the smooth skin, or press less deep"
+    return Finding("warning", "smaller-than-mesh", what, touch.name, f"{1e3 * depth:g} mm deep", remedy=remedy)
 
 
 def match(
@@ -331,29 +306,6 @@ def _match_thimble(touch: Stimulus, spec: DeviceSpec, method: str | None) -> Mat
         Stimulus(
             touch.skin, found.force[0].astype(np.float64), given=None if found.amounts is None else found.amounts[0]
         ),
-    )
-
-
-def _first_contact(points: Array, body: ContactBody) -> float:
-    """Return the height of a body at which it first meets points of the undeformed pad from below [m].
-
-    It rises by the smallest gap there is, which can never carry it past a point, until that is nothing.
-    """
-    assert isinstance(body.surface, Surface)
-    top = float((body.surface.vertices @ body.rotation.T)[:, 2].max())
-    height, highest = float(points[:, 2].min()) - top - CLOSE, float(points[:, 2].max()) - top + FAR
-    while height <= highest:
-        place = np.array([*body.translation[:2], height])
-        gap = float(body.surface.query((points - place) @ body.rotation).gap.min())
-        if gap <= CLOSE:
-            return height
-        height += gap
-    raise DermisError(
-        "the surface does not meet the pad from below",
-        where="surface",
-        value=str(body.surface),
-        limit="wide enough to meet one of the pad's nodes",
-        remedy=f"Move it with 'at', or make it larger. {METRES}",
     )
 
 

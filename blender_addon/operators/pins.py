@@ -64,7 +64,9 @@ class DERMIS_OT_press_test(Work, bpy.types.Operator):
         with skin_models.one_thread():
             model: Any = skin_models.of({**values, "skin": {**values["skin"], "alpha": 1.0}}, wait=True)
             depths = [d for d, _ in read]
-            modelled: Any = core.matching.press_test.press_loads(model, depths) if depths else []
+            modelled: Any = (
+                core.matching.press_test.press_loads(model, depths, contact=values["contact"]) if depths else []
+            )
         fit = core.matching.press_test.stiffness_factor(depths, [f for _, f in read], modelled)
         skin.alpha = fit.alpha
         changes.mark_dirty(context.object.name)

@@ -25,7 +25,7 @@ Evaluate = Callable[[Array], tuple[Array, Array]]
 
 OPTIMAL = 3e-3  # KKT residual to stop at
 SMALL_STEP = 1e-4  # of tilt [rad], and of distance over the platform's radius: 0.006 degrees, 1 um
-EXACT = 1e-7  # mismatch relative to the target below which nothing is left to gain
+EXACT = 1e-6  # mismatch relative to the target below which nothing is left to gain: contact is solved to as much
 SMALL_GAIN = 1e-3  # of the cost in one step, 0.05 % of the mismatch: at a kink (a node about to slip) steps creep
 # Of the cost, 0.13 % of the mismatch: for less no step is tried. A full step that gains no more starts where the KKT
 # residual is 0.05 at most.

@@ -12,15 +12,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array
+from ..contact.single_touch import SingleTouch
 from ..contact.solver.bodies import ContactBody
-from ..contact.solver.law_skin import LawSkin
-from ..contact.solver.path import PathSolver
 from ..errors import DermisError
 from ..parameters.material import FRICTION  # of the push plate too: it changes the load of a press by little
+from ..parameters.skin import CONTACT
 from ..skin.model import SkinModel
-from ..surface.plane import Plane
+from ..surface.gap import Surface
 
 DEPTHS = (0.5e-3, 1.0e-3, 1.5e-3, 2.0e-3)  # [m] of the press test. Source: [S1] IV.D
+PLATE = 0.1  # side of the plate: larger than any finger [m]
 PAPER_RANGE = (0.61, 0.90)  # alpha of the ten people of [S1] fig. 6
 
 
@@ -39,11 +40,14 @@ class Calibration:
     residual: float
 
 
-def press_loads(skin: SkinModel, depths: ArrayLike = DEPTHS, friction: float = FRICTION) -> Array:
+def press_loads(
+    skin: SkinModel, depths: ArrayLike = DEPTHS, friction: float = FRICTION, contact: str = CONTACT
+) -> Array:
     """Return the loads of a flat plate pressed into a skin to each depth, with the skin's own E and alpha [N].
 
     Args:
-        depths: rising, from above zero [m], shape (n,).
+        depths: beyond first contact, rising from above zero [m], shape (n,).
+        contact: at the 'nodes' of the skin's mesh, or on 'points' of the smooth skin, as the finger's touches are.
 
     Raises:
         DermisError: depths that do not rise from above zero.
@@ -53,13 +57,9 @@ def press_loads(skin: SkinModel, depths: ArrayLike = DEPTHS, friction: float = F
     d = np.asarray(depths, dtype=np.float64)
     if d.ndim != 1 or not (np.diff(d, prepend=0.0) > 0).all():
         raise DermisError("depths must rise from above zero", where="press test", value=np.ravel(d).tolist())
-    solver = PathSolver(skin.compliance, skin.positions, areas=skin.areas, law=LawSkin.of(skin))
-    plate = Plane(np.array([0.0, 0.0, 1.0]), np.zeros(3))
-    loads = []
-    for depth in d.tolist():
-        body = ContactBody(plate, translation=np.array([0.0, 0.0, depth]), friction=friction)
-        loads.append(float(solver.step([body]).solution.force[:, 2].sum()))
-    return np.array(loads)
+    plate = Surface.block(PLATE, PLATE)
+    touch = SingleTouch(skin, ContactBody(plate, friction=friction), "press test", contact)
+    return np.array([float(touch.move((0.0, 0.0, up)).solution.force[:, 2].sum()) for up in np.diff(d, prepend=0.0)])
 
 
 def stiffness_factor(depths: ArrayLike, measured: ArrayLike, modelled: ArrayLike) -> Calibration:

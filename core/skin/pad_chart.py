@@ -198,6 +198,10 @@ class PadChart:
         vectors = np.cross(along, around)
         return points, vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
+    def points(self, places: Array) -> Array:
+        """Return points of the smooth skin at places of the chart [m], shape (n, 2) to (n, 3)."""
+        return _skin(self.shape, places)
+
     def surface(self, places: Array) -> Patches:
         """Return the smooth skin at places of the chart, shape (n, 2); sides and areas per unit of the chart."""
         return _patches(self.shape, places, np.full_like(places, 0.5))
@@ -238,16 +242,18 @@ class PadChart:
 
 def _frame(shape: FingertipShape, places: Array) -> tuple[Array, Array, Array]:
     """Return points of the skin and its derivatives along and around the finger, each shape (..., 3)."""
-    p = np.exp(-shape.reach)
-
-    def skin(along: float, around: float) -> Array:
-        plane = np.exp(places[..., 0] + along + 1j * (places[..., 1] + around))
-        return shape.skin(p * (plane - 1.0) / (1.0 - p * p * plane))
 
     def slope(along: float, around: float) -> Array:
-        return (skin(along, around) - skin(-along, -around)) / (2 * _STEP)
+        return (_skin(shape, places, along, around) - _skin(shape, places, -along, -around)) / (2 * _STEP)
 
-    return skin(0.0, 0.0), slope(_STEP, 0.0), slope(0.0, _STEP)
+    return _skin(shape, places), slope(_STEP, 0.0), slope(0.0, _STEP)
+
+
+def _skin(shape: FingertipShape, places: Array, along: float = 0.0, around: float = 0.0) -> Array:
+    """Return points of the skin [m] beside places of the chart, shape (..., 2) to (..., 3)."""
+    p = np.exp(-shape.reach)
+    plane = np.exp(places[..., 0] + along + 1j * (places[..., 1] + around))
+    return shape.skin(p * (plane - 1.0) / (1.0 - p * p * plane))
 
 
 def _patches(shape: FingertipShape, places: Array, halves: Array) -> Patches:

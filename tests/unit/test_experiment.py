@@ -175,9 +175,9 @@ def test_one_blas_thread_does_it(skin: SkinModel, monkeypatch: pytest.MonkeyPatc
     """Two pools of threads that fight over the cores made a thimble's first match twelve times slower."""
     counts = []
 
-    def asked(solver: PathSolver, *arguments: object) -> object:
+    def asked(solver: PathSolver, *arguments: object, **more: object) -> object:
         counts.extend(pool["num_threads"] for pool in pools().info())
-        return step(solver, *arguments)
+        return step(solver, *arguments, **more)  # type: ignore[arg-type]
 
     step = PathSolver.step
     monkeypatch.setattr(PathSolver, "step", asked)
@@ -202,7 +202,7 @@ def test_pins_by_every_method(skin: SkinModel) -> None:
 def test_an_exact_match_is_optimal(skin: SkinModel) -> None:
     """Three forces and three servos: what is left over is rounding, and its direction is no doubt."""
     found = match(press(skin, Surface.sphere(5e-3), 1e-3, friction=0.5), "thimble_3rrs", "force")
-    assert found.error < 1e-7 and found.optimality < 1e-7
+    assert found.error < 1e-6 and found.optimality < 1e-6
 
 
 @pytest.mark.parametrize("device", ["pin_array_128", "thimble_3rrs"])

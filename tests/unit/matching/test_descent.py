@@ -11,7 +11,7 @@ from core.devices.lateral_stage import LateralStage
 from core.devices.thimble import mechanism
 from core.errors import DermisError
 from core.matching.descent import descend, response
-from core.matching.gauss_newton import HARDLY, LATER, ServoLimits, minimise
+from core.matching.gauss_newton import EXACT, HARDLY, LATER, ServoLimits, minimise
 from core.presets import Library
 
 DEVICE = mechanism(Library().device("thimble_3rrs"))
@@ -53,7 +53,7 @@ def test_inside_is_what_the_constraints_say():
 def test_a_reachable_target_is_found_exactly(goal):
     found = descend(curved, curved(np.array(goal))[0], np.array([0.0, 0.0, 0.018]), DEVICE)
     np.testing.assert_allclose(found.x, goal, atol=1e-6)
-    assert found.why == "exact" and found.kkt <= 1e-7 and not found.active and found.cost <= found.start_cost
+    assert found.why == "exact" and found.kkt <= EXACT and not found.active and found.cost <= found.start_cost
     np.testing.assert_allclose(found.room, DEVICE.constraints(found.x, *DEVICE.servo_limits)[0], atol=1e-12)
 
 

@@ -1,0 +1,133 @@
+"""First touch: the height at which a body that rises meets a finger's undeformed skin, wherever between points it does.
+
+The skin is cut into pieces. A gap changes by no more than the way between two points, so a piece's gap is known to half
+its size; the pieces that may hold the smallest gap are split until it is known well enough.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..arrays import Array, Indices
+from ..errors import DermisError
+from ..skin.model import SkinModel
+from ..skin.pad_chart import PadChart
+from ..surface.gap import Surface
+from .solver.bodies import ContactBody
+
+CLOSE = 1e-6  # to which the gap at first touch is found: 0.3 % of the force half a millimetre deep [m]
+FAR = 0.1  # a body that has risen this far above the pad has passed beside it, or slid off it [m]
+STRETCH = 1.2  # skin of a piece is at most this much farther from its middle than the chart says in its middle [1]
+MOST_PIECES = 500  # that are split at once: where a body is almost parallel to skin, any of them is near enough
+
+
+@dataclass(frozen=True, eq=False)
+class _Squares:
+    """Pieces of the smooth skin: squares of the chart.
+
+    Attributes:
+        places, halves: middles and half the sides in the chart, shape (n, 2). sizes: how far skin of a piece may be
+            from its middle [m], shape (n,).
+    """
+
+    chart: PadChart
+    places: Array
+    halves: Array
+    sizes: Array
+
+    @classmethod
+    def of(cls, chart: PadChart) -> _Squares:
+        """Return the coarsest cells."""
+        cells = chart.cells.take(chart.base)
+        corners = (
+            np.linalg.norm(cells.sides.sum(axis=1), axis=1),
+            np.linalg.norm(np.diff(cells.sides, axis=1)[:, 0], axis=1),
+        )
+        return cls(chart, chart.places[chart.base], chart.halves[chart.base], 0.5 * STRETCH * np.maximum(*corners))
+
+    @property
+    def middles(self) -> Array:
+        """The middle of each piece [m], shape (n, 3)."""
+        return self.chart.points(self.places)
+
+    def split(self, some: Indices) -> _Squares:
+        """Return the four quarters of some pieces."""
+        signs = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
+        halves = 0.5 * self.halves[some]
+        places = (self.places[some][:, None] + signs * halves[:, None]).reshape(-1, 2)
+        return _Squares(self.chart, places, np.repeat(halves, 4, axis=0), np.repeat(0.5 * self.sizes[some], 4))
+
+
+@dataclass(frozen=True, eq=False)
+class _Triangles:
+    """Pieces of a mesh's pad: triangles by their corners [m], shape (n, 3, 3)."""
+
+    corners: Array
+
+    @property
+    def middles(self) -> Array:
+        """The middle of each piece [m], shape (n, 3)."""
+        return self.corners.mean(axis=1)
+
+    @property
+    def sizes(self) -> Array:
+        """How far skin of a piece may be from its middle [m], shape (n,)."""
+        return np.linalg.norm(self.corners - self.middles[:, None], axis=2).max(axis=1)
+
+    def split(self, some: Indices) -> _Triangles:
+        """Return the four quarters of some pieces."""
+        a, b, c = self.corners[some].transpose(1, 0, 2)
+        ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+        parts = [np.stack(corners, axis=1) for corners in ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))]
+        return _Triangles(np.concatenate(parts))
+
+
+def first_touch(skin: SkinModel, body: ContactBody) -> float:
+    """Return the height of a body at which it first meets the undeformed pad from below [m], to about `CLOSE`.
+
+    It rises by no more than the smallest gap, which can never carry it past the skin.
+
+    Raises:
+        DermisError: it does not meet the pad.
+    """
+    assert isinstance(body.surface, Surface)
+    pieces = _pieces(skin)
+    middles = pieces.middles
+    top = float((body.surface.vertices @ body.rotation.T)[:, 2].max())
+    height, highest = float(middles[:, 2].min()) - top - 2e-3, float(middles[:, 2].max()) - top + FAR
+    while height <= highest:
+        low, gap = _smallest(pieces, replace(body, translation=np.array([*body.translation[:2], height])))
+        if gap <= 2.0 * CLOSE:
+            return height + 0.5 * gap
+        height += low
+    raise DermisError(
+        "the surface does not meet the pad from below",
+        where="surface",
+        value=str(body.surface),
+        limit="wide enough to meet the pad",
+        remedy="Move it with 'at', or make it larger. Lengths are in metres: a millimetre is 1e-3",
+    )
+
+
+def _pieces(skin: SkinModel) -> _Squares | _Triangles:
+    if skin.shape is not None:
+        return _Squares.of(PadChart.of(skin.shape, 1))
+    mesh = skin.mesh
+    pad = np.isin(mesh.surface, mesh.pad).all(axis=1)
+    return _Triangles(mesh.nodes[mesh.surface[pad]])
+
+
+def _smallest(pieces: _Squares | _Triangles, body: ContactBody) -> tuple[float, float]:
+    """Return bounds of the smallest gap [m], below and above: to within a half, or `CLOSE`."""
+    assert isinstance(body.surface, Surface)
+    while True:
+        sizes, gaps = pieces.sizes, body.surface.query((pieces.middles - body.translation) @ body.rotation).gap
+        most, least = float(gaps.min()), gaps - sizes
+        some = np.flatnonzero(least <= most)
+        if len(some) > MOST_PIECES:
+            some = np.argpartition(least, MOST_PIECES)[:MOST_PIECES]
+        if sizes[some].max() <= max(0.5 * most, CLOSE):
+            return float(least[some].min()), most
+        pieces = pieces.split(some)

@@ -1,0 +1,77 @@
+"""SingleTouch: one surface that is pressed into a skin without a scene, by the same steps as in a bake."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..arrays import Array
+from ..errors import Finding
+from ..parameters.skin import CONTACT, SKIN_CONTACT
+from ..skin.model import SkinModel
+from ..skin.point_forces import PointForces
+from ..skin.surface_store import no_smooth_pad, smooth_pad
+from .coarse_touches import CoarseTouches
+from .compliant_bone import CompliantBone
+from .first_touch import CLOSE, first_touch
+from .solver.between import lowered
+from .solver.bodies import ContactBody
+from .solver.path import PathStep
+from .solver.point_path import PointSolver
+
+STEP = 0.1e-3  # from pose to pose: friction remembers the way, and a bake of 24 mm/s at 240 Hz takes the same steps [m]
+
+
+class SingleTouch:
+    """A body that touches a finger's undeformed skin from below, and is moved from there.
+
+    Args:
+        skin: of the finger. body: in the finger's axes; where it stands along Z does not matter. name: for findings.
+        contact: at the 'nodes' of the skin's mesh, or on 'points' of the smooth skin, where it has one.
+
+    Attributes:
+        place: of the body now [m], shape (3,). step: the contact there. pad: the smooth pad; None at nodes.
+
+    Raises:
+        DermisError: an unknown contact, or a body that does not meet the pad.
+    """
+
+    def __init__(self, skin: SkinModel, body: ContactBody, name: str, contact: str = CONTACT) -> None:
+        SKIN_CONTACT["contact"].check(contact, name)
+        self.skin, self.name, self._body = skin, name, body
+        self.pad = smooth_pad(skin) if contact == "points" else None
+        self._told = (no_smooth_pad(skin, name),) if contact == "points" and self.pad is None else ()
+        self._bone = CompliantBone.of(skin, {}, name, surface=self.pad)
+        self._coarse = None if self.pad is not None else CoarseTouches(skin.mesh, name)
+        self.place = np.array([*body.translation[:2], first_touch(skin, body)])
+        start = replace(body, translation=self.place)
+        self.step = self._bone.step([start], 0.0, lambda: [lowered(start, CLOSE)]).step
+
+    def move(self, way: Sequence[float] | Array) -> PathStep:
+        """Move the body along a straight line [m], shape (3,), in steps; return the contact at its end."""
+        way, start = np.asarray(way, np.float64), self.place
+        parts = int(np.ceil(np.linalg.norm(way) / STEP * (1.0 - 1e-9)))
+        for part in range(1, parts + 1):
+            self.place = start + part / parts * way
+            self.step = self._bone.step([replace(self._body, translation=self.place)], 0.0).step
+            if self._coarse is not None:
+                self._coarse.take(self.step.solution, 0.0)
+        return self.step
+
+    @property
+    def points(self) -> PointForces | None:
+        """The forces where they act, on points of the smooth skin; None at nodes."""
+        solver, force = self._bone.solver, self.step.solution.force
+        if self.pad is None or not isinstance(solver, PointSolver):
+            return None
+        loaded = np.flatnonzero(force.any(axis=1))
+        return PointForces(self.pad, solver.cells[loaded], force[loaded], self.step.amounts)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What a bake would say of it, without frames, which are of scenes."""
+        coarse = () if self._coarse is None else self._coarse.findings
+        found = (*self._told, *self._bone.solver.findings, *self._bone.findings, *coarse)
+        return tuple(replace(finding, frame=None) for finding in found)

@@ -1,8 +1,8 @@
 """A receiver that judges how a stream ended: whether the last command is the safe state, and how fast it came there.
 
 `python exit_receiver.py PROTOCOL DEVICE BAUD` prints its port, reads at the line's real pace (datagrams as they come),
-and answers lines on its standard input with JSON: `mark` forgets what came before, `pose` says where it was told to
-be, `judge` also how far any step was ahead of the declared speed.
+and answers lines on its standard input with JSON: `mark` forgets what came before, `listen` forgets silences only,
+`pose` says where it was told to be, `judge` also how far any step was ahead of the declared speed.
 """
 
 from __future__ import annotations
@@ -123,6 +123,8 @@ def main(protocol: str, key: str, baud: str) -> None:
             continue
         if question == "end":
             return
+        if question == "listen":
+            judged.gap, judged.heard = 0.0, clock.now()
         if question == "mark":
             heard = -1
             while judged.commands > heard:  # what came before is still to be read

@@ -62,7 +62,7 @@ class Receiver:
         self.url = str(self._line()["url"])
 
     def ask(self, question: str) -> dict[str, Any]:
-        """Ask for `pose` or `judge`, or to `mark`."""
+        """Ask for `pose` or `judge`, or to `mark` or `listen`."""
         assert self.process.stdin is not None
         self.process.stdin.write(question + "\n")
         self.process.stdin.flush()

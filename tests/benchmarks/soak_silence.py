@@ -2,8 +2,9 @@
 
 `python -m tests.benchmarks.soak_silence --minutes 60 --json FILE` with the benchmarks' environment. Four devices are
 jogged to and fro, one a protocol that the sender leads, and a native one. A stream that ends because its sender was
-silent is armed again. It ended falsely where its receiver had no gap as long as the board's declared silence, less the
-time in which a message may be under way. Exit status 1 where one did.
+silent is armed again. It ended falsely where it says that nothing left for longer than the board's declared silence,
+and its receiver heard no such gap, less the time in which a message may be under way. Streams that end for other
+reasons, as this program's own stalls, are counted apart. Exit status 1 where one ended falsely.
 """
 
 from __future__ import annotations
@@ -56,18 +57,21 @@ def soak(minutes: float, loops: int) -> dict[str, Any]:
                         {"at": time.monotonic() - start, "gap": gap, "after": after[i], **why}
                     )
                 if not status["armed"] and status["state"] in ("ready", "stalled", "fault"):
+                    receiver.ask("listen")  # before it is armed: a silence may come at once
                     client.arm()
                 if status["armed"] and not was_armed[i]:
-                    receiver.ask("mark")
                     after[i] = float(status["silence"]["after_ms"]) / 1e3
                 was_armed[i] = bool(status["armed"])
             if k % 500 == 0:
                 loads.append(os.getloadavg()[0])
             time.sleep(0.02)
-    false = [e for list_ in ended.values() for e in list_ if e["gap"] < e["after"] - UNDER_WAY]
+    silent = [e for list_ in ended.values() for e in list_ if "no command has left" in e["message"]]
+    false = [e for e in silent if e["gap"] < e["after"] - UNDER_WAY]
     return {
         "minutes": (time.monotonic() - start) / 60,
         "suspend_false_trips": len(false),
+        "false": false,
+        "ended_for_silence": len(silent),
         "ended": {protocol: len(list_) for protocol, list_ in ended.items()},
         "each": ended,
         "load": [min(loads), sum(loads) / len(loads), max(loads)] if loads else [],

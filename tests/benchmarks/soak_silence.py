@@ -38,7 +38,7 @@ def soak(minutes: float, loops: int) -> dict[str, Any]:
         for client, receiver in zip(clients, receivers, strict=True):
             exits.connect(client, receiver, "" if receiver.protocol == "native" else "silence=keeps")
         start, k = time.monotonic(), 0
-        was_armed, after = [False] * len(clients), [math.inf] * len(clients)
+        was_armed, asked, after = [False] * len(clients), [False] * len(clients), [math.inf] * len(clients)
         while time.monotonic() - start < 60 * minutes:
             k += 1
             for i, (client, receiver) in enumerate(zip(clients, receivers, strict=True)):
@@ -57,10 +57,13 @@ def soak(minutes: float, loops: int) -> dict[str, Any]:
                         {"at": time.monotonic() - start, "gap": gap, "after": after[i], **why}
                     )
                 if not status["armed"] and status["state"] in ("ready", "stalled", "fault"):
-                    receiver.ask("listen")  # before it is armed: a silence may come at once
+                    if receiver.protocol != "native" or not asked[i]:  # a native sender speaks before it is armed too
+                        receiver.ask("listen")  # before that: a silence may come at once
+                    asked[i] = True
                     client.arm()
                 if status["armed"] and not was_armed[i]:
                     after[i] = float(status["silence"]["after_ms"]) / 1e3
+                    asked[i] = False
                 was_armed[i] = bool(status["armed"])
             if k % 500 == 0:
                 loads.append(os.getloadavg()[0])

@@ -191,7 +191,7 @@ class DERMIS_PT_findings(DermisPanel, bpy.types.Panel):
                 paragraph(text, context, "; ".join(parts), "BLANK1", inset=36.0)
             if finding.remedy:
                 paragraph(text, context, finding.remedy, "BLANK1", inset=36.0)
-            if finding.frame is not None or finding.where.startswith(("finger '", "object '", "screen '")):
+            if finding.frame is not None or finding.where.startswith(("finger '", "object '", "objects '", "screen '")):
                 row.operator("dermis.go_to_finding", text="", icon="VIEWZOOM", emboss=False).index = index
         if len(numbered) > MAX_FINDINGS:
             self.layout.label(text=f"and {len(numbered) - MAX_FINDINGS} more")

@@ -8,7 +8,10 @@ scene_header      names, parameters and flaws, before the first sample
 height_maps       relief of screens; mesh_heights casts it from a mesh, image_files knows the files behind images
 meshes            the vertices of an evaluated object
 instances         what instances show, read from the dependency graph; joined_pieces makes one surface of it,
-                  instance_samples records it, changes_seen says when it need not be read again
+                  instance_survey lists those of a range, instance_samples records it, changes_seen says when it need
+                  not be read again
+unfelt            points, curves and volumes that are shown beside a mesh
+edit_mode         what Edit Mode leaves out of shapes
 script_changes    what scripts change at changes of the frame: followed, or told
 single_precision  who moves in steps because it is far from the origin
 render_differences  what renders show otherwise: render_settings compares settings, render_causes finds whose shape

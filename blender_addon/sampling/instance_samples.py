@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from .._core import Array, Finding, core
 from . import participants
-from .instances import InstanceReader, Present, Shown
+from .instance_survey import Present
+from .instances import InstanceReader, Shown
 from .meshes import MeshReader, Topology
 from .participants import Entry
 

@@ -18,11 +18,12 @@ import bpy
 import numpy as np
 
 from .._core import Array
-from . import curved_surfaces, participants
+from . import participants
 from .changes_seen import ChangesSeen
 from .joined_pieces import Joined, Pieces, join, with_area
 from .meshes import EvaluatedMesh, Geometry, MeshReader
 from .participants import InstanceKey
+from .unfelt import Unfelt, is_unfelt
 
 _UNUSED = 2**31 - 1  # what Blender fills unused levels of a persistent id with
 
@@ -35,11 +36,13 @@ class Shown(NamedTuple):
             instances as its own surface; None where it shows nothing.
         places: of the instances that are bodies, to the world [scene units], shape (4, 4) each.
         materials: session uid of the object whose material an instance has.
+        unfelt: what has no faces.
     """
 
     surfaces: dict[Hashable, Geometry | None]
     places: dict[InstanceKey, Array]
     materials: dict[InstanceKey, int]
+    unfelt: frozenset[Unfelt]
 
 
 @dataclass
@@ -125,6 +128,7 @@ class InstanceReader:
         ordinals: dict[tuple[int, int], int] = {}
         matrices: list[Any] = []
         relevant: set[int] = set()
+        unfelt: set[Unfelt] = set()
         trail: list[_Body] = []
         maker: _Object | None = None
         for item in depsgraph.object_instances:
@@ -161,7 +165,9 @@ class InstanceReader:
             matrices.append(item.matrix_world.copy())
             instance = item.object
             if instance.type != "MESH":
-                continue  # the surface of a curve, a text or metaballs is an instance of a mesh of its own
+                if is_unfelt(instance, shown.evaluated):
+                    unfelt.add(Unfelt(shown.uid if body.shown is None else body.shown.uid, instance.type))
+                continue
             address = instance.data.as_pointer()
             if address not in geometries:
                 key: Hashable = shown.uid
@@ -175,7 +181,8 @@ class InstanceReader:
             numbers.append(number)
         self._relevant = relevant
         places = np.fromiter(chain.from_iterable(chain.from_iterable(matrices)), np.float32, 16 * len(matrices))
-        return self._put_together(own, objects, bodies, geometries, places.reshape(-1, 4, 4).astype(np.float64))
+        all_places = places.reshape(-1, 4, 4).astype(np.float64)
+        return self._put_together(own, objects, bodies, geometries, all_places, frozenset(unfelt))
 
     def _put_together(
         self,
@@ -184,6 +191,7 @@ class InstanceReader:
         bodies: dict[InstanceKey, _Body],
         geometries: dict[int, Geometry],
         places: Array,
+        unfelt: frozenset[Unfelt],
     ) -> Shown:
         surfaces: dict[Hashable, Geometry | None] = {}
         for key, body in bodies.items():
@@ -210,6 +218,7 @@ class InstanceReader:
             surfaces,
             {key: places[body.place] for key, body in bodies.items()},
             {key: body.material for key, body in bodies.items()},
+            unfelt,
         )
 
     def _joined_of(self, key: Hashable, pieces: list[Pieces], place: Array) -> Geometry | None:
@@ -267,106 +276,3 @@ def _plain(known: _Object, itself: bool, pieces: list[Pieces], place: Array) -> 
         and len(pieces[0].ids) == 1 == len(pieces[0].ids[0])
         and np.array_equal(pieces[0].places[0], place)
     )
-
-
-class Present(NamedTuple):
-    """An instance that is a body, over the range.
-
-    Attributes:
-        first: its matrix [scene units] where it first was; None where it is always there.
-        material: session uid of the object whose material it has.
-        changing: its surface is not always the same.
-        stretch: the most that its matrices stretch it by; of those alone whose surface is felt curved.
-    """
-
-    first: Array | None
-    material: int
-    changing: bool
-    stretch: float = 1.0
-
-
-class Instances(NamedTuple):
-    """The instances of the range.
-
-    Attributes:
-        bodies: those that are bodies, in the order of their keys.
-        objects: session uids of the objects that show instances as their own surface, and whether that changes, or
-            begins or ends.
-    """
-
-    bodies: dict[InstanceKey, Present]
-    objects: dict[int, bool]
-
-
-class Survey:
-    """Looks at frames for instances: the header must name those that appear later.
-
-    Args:
-        curved: session uids of the objects that are felt curved: how large their instances become must be known.
-    """
-
-    def __init__(self, reader: InstanceReader, curved: frozenset[int] = frozenset()) -> None:
-        self._reader, self._curved = reader, curved
-        self._stretches: dict[InstanceKey, float] = {}
-        self._frames = 0
-        self._last: Shown | None = None
-        self._since = 0
-        self._times: dict[Hashable, int] = {}
-        self._first: dict[InstanceKey, tuple[Array, int]] = {}
-        self._surfaces: dict[Hashable, Geometry | None] = {}
-        self._changing: set[Hashable] = set()
-
-    def look(self, depsgraph: bpy.types.Depsgraph) -> None:
-        """Look at the frame that is evaluated now."""
-        shown = self._reader.read(depsgraph)
-        if shown is not self._last:
-            self._count()
-            for key, surface in shown.surfaces.items():
-                if self._surfaces.setdefault(key, surface) is not surface:
-                    self._changing.add(key)
-            for key, place in shown.places.items():
-                if key not in self._first:
-                    self._first[key] = place, shown.materials[key]
-            if self._curved:
-                self._measure(shown)
-            self._last = shown
-        self._frames += 1
-
-    def found(self) -> Instances:
-        """Return what was seen at all frames."""
-        self._count()
-        bodies = {
-            key: Present(
-                None if self._times[key] == self._frames else place,
-                material,
-                key in self._changing,
-                self._stretches.get(key) or 1.0,
-            )
-            for key, (place, material) in sorted(self._first.items(), key=lambda item: item[0])
-        }
-        objects = {
-            key: key in self._changing or self._times[key] < self._frames
-            for key in self._surfaces
-            if isinstance(key, int)
-        }
-        return Instances(bodies, objects)
-
-    def _measure(self, shown: Shown) -> None:
-        keys = [key for key, material in shown.materials.items() if material in self._curved]
-        if keys:
-            now = curved_surfaces.stretches_of(np.stack([shown.places[key] for key in keys])).tolist()
-            for key, stretch in zip(keys, now, strict=True):
-                self._stretches[key] = max(self._stretches.get(key, 0.0), stretch)
-
-    def _count(self) -> None:
-        if self._last is not None:
-            for key in self._last.surfaces:
-                self._times[key] = self._times.get(key, 0) + self._frames - self._since
-        self._since = self._frames
-
-
-def only_now(reader: InstanceReader, depsgraph: bpy.types.Depsgraph, curved: frozenset[int] = frozenset()) -> Instances:
-    """Return the instances of the current frame; `curved` as in `Survey`."""
-    survey = Survey(reader, curved)
-    survey.look(depsgraph)
-    return survey.found()

@@ -5,6 +5,7 @@ They are listed at one frame, for the whole sweep; their order is the order in t
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -13,6 +14,8 @@ import bpy
 from .. import compat, identity
 from .._core import Finding, core
 from ..properties import object_properties
+
+_NAMED = 4  # objects that one finding names
 
 
 class InstanceKey(NamedTuple):
@@ -175,6 +178,26 @@ def hidden_instances(obj: bpy.types.Object, view_layer: bpy.types.ViewLayer) -> 
             "it is hidden, and Blender shows no instances of what is hidden: they are not felt",
             where=f"object '{obj.name_full}'",
             remedy="Show it with the eye in the Outliner, or realize its instances",
+        )
+    ]
+
+
+def hidden_with_eye(felt: Iterable[bpy.types.Object], view_layer: bpy.types.ViewLayer) -> list[Any]:
+    """Report, all in one finding, which of the objects that can be touched are hidden with the eye and felt."""
+    hidden = sorted(
+        obj.name_full for obj in felt if obj.hide_get(view_layer=view_layer) and not is_disabled(obj, view_layer)
+    )
+    if not hidden:
+        return []
+    names = ", ".join(f"'{name}'" for name in hidden[:_NAMED])
+    more = f" and {len(hidden) - _NAMED} more" if len(hidden) > _NAMED else ""
+    return [
+        Finding(
+            "info",
+            "hidden-and-felt",
+            "hidden with the eye in the Outliner, but felt",
+            where=f"object{'s' if len(hidden) > 1 else ''} {names}{more}",
+            remedy="Show it again, or turn on Disable in Viewports to leave it out",
         )
     ]
 

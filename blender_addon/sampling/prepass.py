@@ -10,7 +10,8 @@ import numpy as np
 
 from .. import scene_time
 from . import curved_surfaces, participants, script_changes
-from .instances import InstanceReader, Instances, Survey
+from .instance_survey import Instances, Survey
+from .instances import InstanceReader
 
 
 def depsgraph_of(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> bpy.types.Depsgraph:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import bpy
 
 from . import dependence, participants, render_settings, script_changes
 from .participants import Participants
+
+Words = dict[int, list[str]]  # by session uid, of those that have any
 
 
 class RenderCauses:
@@ -30,60 +32,65 @@ class RenderCauses:
         self._all_vary = script_changes.run_here() or render_settings.simplify_animated(scene)
         self.vary = self._all_vary or bool(self._varying)
         self._looked = False
-        self._settings: dict[int, list[str]] = {}  # what differs, by session uid
-        self._visibility: dict[int, list[str]] = {}  # of objects and collections
+        self._settings: Words = {}
+        self._instancer: Words = {}
+        self._visibility: Words = {}  # of objects and collections
+        self._rendering: set[int] = set()  # objects in collections that renders show
         self._reached: dict[tuple[int, bool], frozenset[int]] = {}  # who gets its shape from one
 
     def look(self, objects: Mapping[int, bpy.types.Object]) -> None:
         """Compare the settings of now; all of them the first time, then those that may have changed."""
         every = self._all_vary or not self._looked
         for uid in objects if every else self._varying & objects.keys():
-            self._settings[uid] = render_settings.settings(objects[uid], self._scene)
-            self._visibility[uid] = render_settings.visibility(objects[uid])
-        for collection in bpy.data.collections if every else ():
-            self._visibility[collection.session_uid] = render_settings.visibility(collection)
+            obj = objects[uid]
+            _keep(self._settings, uid, render_settings.settings(obj, self._scene))
+            _keep(self._instancer, uid, render_settings.instancer(obj))
+            _keep(self._visibility, uid, render_settings.visibility(obj))
+        if every:
+            for collection in bpy.data.collections:
+                _keep(self._visibility, collection.session_uid, render_settings.visibility(collection))
+            layer = self._view_layer.layer_collection
+            self._rendering = {o.session_uid for c in render_settings.rendering(layer) for o in c.objects}
         if not self._looked:
             self._find_makers(objects)
         self._looked = True
 
-    def there(self, objects: Mapping[int, bpy.types.Object]) -> set[int]:
-        """Return the session uids of felt objects, and of the makers of felt instances, that are enabled now."""
-        return {uid for uid in self._felt | self._makers if uid in objects and not self._is_disabled(objects[uid])}
-
     def hidden(self, objects: Mapping[int, bpy.types.Object]) -> set[int]:
-        """Return the session uids of felt objects that renders do not show now."""
-        out = {u for u in (self._felt - self._instanced) & objects.keys() if self._is_hidden(objects[u])}
-        apart = {uid: objects[uid] for uid in self._instanced & objects.keys() if self._visibility.get(uid)}
-        return out | {uid for uid, users in self._reach(apart, shown=True).items() if users & self._makers}
+        """Return the session uids of felt objects that are enabled, and that renders do not show now."""
+        shown = (self._felt - self._instanced) & objects.keys()
+        out = {uid for uid in shown if uid not in self._rendering or objects[uid].hide_render}
+        instanced = {uid: objects[uid] for uid in self._instanced & self._visibility.keys() & objects.keys()}
+        out |= {uid for uid, users in self._reach(instanced, shown=True).items() if users & self._makers}
+        return self._enabled(out, objects)
 
-    def differing(self, objects: Mapping[int, bpy.types.Object]) -> dict[int, list[str]]:
-        """Return in words what differs now, by the session uids of felt objects and of makers of felt instances."""
-        out: dict[int, list[str]] = {}
-        for uid in (self._felt | self._makers) & objects.keys():
-            itself = render_settings.instancer(objects[uid]) if uid in self._felt else []
-            out[uid] = self._settings.get(uid, []) + itself
+    def differing(self, objects: Mapping[int, bpy.types.Object]) -> Words:
+        """Return in words what differs now of enabled felt objects and of makers of felt instances."""
+        out: Words = {}
+        concerned = self._felt | self._makers
+        for words, among in ((self._settings, concerned), (self._instancer, self._felt)):
+            for uid in words.keys() & among:
+                out.setdefault(uid, []).extend(words[uid])
         known = {**objects, **{c.session_uid: c for c in bpy.data.collections}}
         for words, shown, glue in ((self._settings, False, ": "), (self._visibility, True, " ")):
-            sources = {uid: known[uid] for uid, said in words.items() if said and uid in known}
+            sources = {uid: known[uid] for uid in words if uid in known}
             for uid, users in self._reach(sources, shown=shown).items():
-                for user in out.keys() & users:
+                for user in users & concerned:
                     if user in self._felt or uid not in self._felt:  # else it is told of what is felt
-                        out[user] += [f"{sources[uid].name_full}{glue}{said}" for said in words[uid]]
-        return {uid: said for uid, said in out.items() if said}
+                        said = [f"{sources[uid].name_full}{glue}{said}" for said in words[uid]]
+                        out.setdefault(user, []).extend(said)
+        there = self._enabled(out, objects)
+        return {uid: said for uid, said in out.items() if uid in there}
 
     def _find_makers(self, objects: Mapping[int, bpy.types.Object]) -> None:
         """Add those that would show instances of what is felt in renders only."""
-        others = {uid for uid, said in self._settings.items() if said and uid not in self._felt}
-        others = {uid for uid in others if objects[uid].is_instancer or len(objects[uid].particle_systems)}
+        others = {uid for uid in self._settings.keys() - self._felt if _instances(objects[uid])}
         if others:
             shapes = dependence.Shapes()
             self._makers |= others & {u for uid in self._felt & objects.keys() for u in shapes.of(objects[uid])}
 
-    def _is_disabled(self, obj: bpy.types.Object) -> bool:
-        return obj.session_uid in self._own and participants.is_disabled(obj, self._view_layer)
-
-    def _is_hidden(self, obj: bpy.types.Object) -> bool:
-        return render_settings.hidden_in_renders(obj, self._view_layer)
+    def _enabled(self, uids: Iterable[int], objects: Mapping[int, bpy.types.Object]) -> set[int]:
+        found = {uid for uid in uids if uid in objects}
+        return {u for u in found if u not in self._own or not participants.is_disabled(objects[u], self._view_layer)}
 
     def _reach(self, sources: Mapping[int, bpy.types.ID], *, shown: bool) -> dict[int, frozenset[int]]:
         unknown = [uid for uid in sources if (uid, shown) not in self._reached]
@@ -91,3 +98,14 @@ class RenderCauses:
             shapes = dependence.Shapes()
             self._reached |= {(uid, shown): shapes.of(sources[uid], shown=shown) for uid in unknown}
         return {uid: self._reached[uid, shown] for uid in sources}
+
+
+def _keep(words: Words, uid: int, said: list[str]) -> None:
+    if said:
+        words[uid] = said
+    else:
+        words.pop(uid, None)
+
+
+def _instances(obj: bpy.types.Object) -> bool:
+    return bool(obj.is_instancer) or len(obj.particle_systems) > 0

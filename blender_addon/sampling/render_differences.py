@@ -116,17 +116,17 @@ class RenderDifferences:
     def _judge(self, depsgraph: bpy.types.Depsgraph, frame: float, first: bool) -> None:
         objects = {o.session_uid: o for o in bpy.data.objects}
         self._causes.look(objects)
-        there, hidden = self._causes.there(objects), self._causes.hidden(objects)
-        for uid in sorted(there & hidden):
+        hidden = self._causes.hidden(objects)
+        for uid in sorted(hidden):
             self._hidden.setdefault(uid, frame)
         differing = self._causes.differing(objects)
-        due = {objects[u]: differing[u] for u in sorted(there - hidden & differing.keys())}
+        due = {objects[uid]: differing[uid] for uid in sorted(differing.keys() - hidden)}
         due = {obj: said for obj, said in due.items() if self._is_due(obj, said)}
         if not first and not due:
             return
         pieces = render_surfaces.Pieces(self._hosts, self._instanced, depsgraph, self._scene)
         if first:
-            for uid in self._bodies & there - hidden:
+            for uid in self._bodies - hidden:
                 shown = (objects[uid], *pieces.shown_by(objects[uid]))
                 self._displaced[uid] = list(dict.fromkeys(n for o in shown for n in render_settings.displacing(o)))
         self._measure(due, pieces, frame)

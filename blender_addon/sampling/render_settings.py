@@ -19,14 +19,19 @@ _FINENESS = {
 _CURVE = (("resolution_u", "render_resolution_u"), ("resolution_v", "render_resolution_v"))
 _META = ("resolution", "render_resolution")
 _SHOWN = ("show_viewport", "show_render")
-_HIDDEN = ("hide_viewport", "hide_render")
 _INSTANCER = ("show_instancer_for_viewport", "show_instancer_for_render")
-_PARTICLES = ("display_method", "render_type", "display_percentage", "child_type", "child_percent")
-_CHILDREN = "rendered_child_count"
-
-_ANIMATED = frozenset(
-    {*_META, *_SHOWN, *_HIDDEN, *_INSTANCER, *_PARTICLES, _CHILDREN}.union(*_FINENESS.values(), *_CURVE)
+_PARTICLES = (
+    "display_method",
+    "render_type",
+    "display_percentage",
+    "child_type",
+    "child_percent",
+    "rendered_child_count",
 )
+
+_VISIBILITY = ("hide_viewport", "hide_render")
+
+_ANIMATED = frozenset({*_META, *_SHOWN, *_VISIBILITY, *_INSTANCER, *_PARTICLES}.union(*_FINENESS.values(), *_CURVE))
 _SIMPLIFY = ("simplify_subdivision", "simplify_subdivision_render")
 _SIMPLIFY_CHILDREN = ("simplify_child_particles", "simplify_child_particles_render")
 _SIMPLIFIED = frozenset({"use_simplify", *_SIMPLIFY, *_SIMPLIFY_CHILDREN})
@@ -46,14 +51,16 @@ def settings(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[str]:
 
 def instancer(obj: bpy.types.Object) -> list[str]:
     """Return in words whether an instancer itself is shown by only one of the viewport and renders."""
+    if not obj.is_instancer:
+        return []
     shown, rendered = (getattr(obj, name) for name in _INSTANCER)
-    return [f"the instancer {_OFF_IN[shown]}"] if obj.is_instancer and shown != rendered else []
+    return [f"the instancer {_OFF_IN[shown]}"] if shown != rendered else []
 
 
 def visibility(shown: bpy.types.Object | bpy.types.Collection) -> list[str]:
     """Return in words whether only one of the viewport and renders shows an object or a collection."""
-    hidden, in_renders = (getattr(shown, name) for name in _HIDDEN)
-    if hidden == in_renders:
+    hidden = shown.hide_viewport
+    if hidden == shown.hide_render:
         return []
     return ["is shown in renders only" if hidden else "is hidden in renders"]
 
@@ -71,9 +78,13 @@ def displacing(obj: bpy.types.Object) -> list[str]:
     return found
 
 
-def hidden_in_renders(obj: bpy.types.Object, view_layer: bpy.types.ViewLayer) -> bool:
-    """Return whether renders do not show an object: itself, or every collection that it is in."""
-    return bool(obj.hide_render) or not any(_rendering(view_layer.layer_collection, set(obj.users_collection)))
+def rendering(layer: bpy.types.LayerCollection) -> Iterator[bpy.types.Collection]:
+    """Yield the collections of a view layer that renders show."""
+    if layer.exclude or layer.collection.hide_render:
+        return
+    yield layer.collection
+    for child in layer.children:
+        yield from rendering(child)
 
 
 def animated(obj: bpy.types.Object) -> bool:
@@ -99,15 +110,6 @@ def finer(obj: bpy.types.Object, scene: bpy.types.Scene) -> float:
 
 def _attributes(owner: bpy.types.ID) -> set[str]:
     return {path.rpartition(".")[2] for path in compat.animated_paths(owner)}
-
-
-def _rendering(layer: bpy.types.LayerCollection, among: set[bpy.types.Collection]) -> Iterator[bool]:
-    if layer.exclude or layer.collection.hide_render:
-        return
-    if layer.collection in among:
-        yield True
-    for child in layer.children:
-        yield from _rendering(child, among)
 
 
 def _modifier(modifier: Any, scene: bpy.types.Scene) -> str:

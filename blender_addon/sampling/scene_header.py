@@ -13,8 +13,9 @@ from .._core import Array, DermisError, Finding, core
 from ..devices import platform_devices, thimble_devices
 from ..properties import object_properties, scene_properties, skin_properties
 from ..quantities import metres_per_unit
-from . import curved_surfaces, height_maps, participants, script_changes
-from .instances import InstanceReader, Instances, Present
+from . import curved_surfaces, height_maps, participants, script_changes, unfelt
+from .instance_survey import Instances, Present
+from .instances import InstanceReader
 from .meshes import SURFACE_TYPES, MeshReader, zero_area_finding
 from .participants import Entry, InstanceKey, Participants
 from .simulated_motion import Simulations
@@ -159,6 +160,7 @@ def list_participants(
             bodies.append(replace(entry, deforming=own, shows_instances=shows, stretch=stretch, curved=curved))
             out.findings += participants.hidden_instances(obj, view_layer)
     out.findings[:] = [f for f in out.findings if f.code != "disabled" or f.where not in felt]
+    out.findings += unfelt.findings(instances.unfelt.items())
     if instances.bodies or participants.instancers(scene):
         out.findings += _in_instances(depsgraph)
     out.findings += [
@@ -256,6 +258,8 @@ def header(
     names = {x.name for x in bodies}
     bodies = [_with_content(b, e, objects, names, findings) for b, e in zip(bodies, body_entries, strict=True)]
     kept = replace(swept, bodies=tuple(body_entries), screens=tuple(screen_entries))
+    themselves = (objects[e.uid] for e in (*body_entries, *screen_entries) if e.instance is None)
+    findings += participants.hidden_with_eye(themselves, depsgraph.view_layer)
     return Header(kept, tuple(fingers), tuple(bodies), tuple(screens))
 
 

@@ -20,6 +20,7 @@ from .._core import Array, DermisError, core
 from ..quantities import metres_per_unit
 from . import (
     curved_surfaces,
+    edit_mode,
     height_maps,
     participants,
     prepass,
@@ -33,7 +34,8 @@ from . import (
 from .changes_seen import ChangesSeen
 from .frames import frame_range, sweep_frames
 from .instance_samples import InstanceSamples
-from .instances import InstanceReader, Instances, Present, only_now
+from .instance_survey import Instances, Present, only_now
+from .instances import InstanceReader
 from .meshes import MeshReader
 from .participants import Entry, InstanceKey, Participants
 from .recorder import Recorder
@@ -156,6 +158,7 @@ def sample(
             header = scene_header.header(depsgraph, swept, reader, shown)
         swept = header.participants
         gravity = scene_header.gravity(scene, findings)
+        findings += edit_mode.findings(swept, scene)
         may_deform = None if script_changes.run_here() else timely.deforming
         screens = list(participants.look_up({entry.uid for entry in swept.screens}).values())
         lookers = [
@@ -263,7 +266,7 @@ def _read_live(
     view_layer = scene.view_layers[depsgraph.view_layer.name]
     findings = scene_header.scene_findings(scene)
     has = participants.instancers(scene)
-    instances = only_now(_live_shown, depsgraph, prepass.curved_ones()) if has else Instances({}, {})
+    instances = only_now(_live_shown, depsgraph, prepass.curved_ones()) if has else Instances({}, {}, {})
     none = simulated_motion.Simulations(frozenset(), span[0], ())
     swept = scene_header.list_participants(scene, depsgraph, view_layer, none, None, instances, _live_shown)
     header = scene_header.header(depsgraph, swept, _live_reader, _live_shown, live=True)

@@ -93,7 +93,12 @@ def _rate(fps: int, base: float) -> Fraction:
 
 def clock(scene: bpy.types.Scene, first: float) -> Clock:
     """Return the clock of a scene that begins at a scene frame."""
-    return Clock(rate(scene), float(first))
+    return _clock(scene.render.fps, scene.render.fps_base, float(first))
+
+
+@functools.lru_cache
+def _clock(fps: int, base: float, first: float) -> Clock:
+    return Clock(_rate(fps, base), first)
 
 
 def shown(scene: bpy.types.Scene) -> float:

@@ -32,8 +32,16 @@ _CONSTANT = {"preset", "enabled", "screen", "source", "image", "filepath", "mesh
 _WORLD = ("gravity", "use_gravity", "unit_settings.scale_length")
 
 
+_looked_at: dict[str, tuple[list[Any], list[Any]]] = {}  # a list of handlers as it was, and which of them are not ours
+
+
 def _foreign(name: str) -> list[Any]:
-    return [f for f in getattr(bpy.app.handlers, name) if not str(getattr(f, "__module__", "")).startswith(_OURS)]
+    """Return the functions in a list of handlers that are not ours; this is asked at every frame that is shown."""
+    there, known = getattr(bpy.app.handlers, name), _looked_at.get(name)
+    if known is None or known[0] != there:
+        found = [f for f in there if not str(getattr(f, "__module__", "")).startswith(_OURS)]
+        known = _looked_at[name] = (list(there), found)
+    return known[1]
 
 
 def run_here() -> bool:

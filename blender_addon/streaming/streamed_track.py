@@ -257,7 +257,7 @@ def doubts(scene: bpy.types.Scene) -> str:
     if scene.dermis_stream.track_file:
         track = loaded()
     else:
-        output = chosen_output(scene)
+        output = chosen_output(scene) if store.current(scene) is not None else None
         track = output.track if output is not None else None
     if track is not _judged[0]:
         found = core.track.check.preset_findings(track, library()) if track is not None else ()

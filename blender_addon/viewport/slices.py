@@ -75,7 +75,7 @@ class Slices:
     def start(self, scene: bpy.types.Scene) -> None:
         """Work on the scene as it is now, as long as a view may wait; go on in a timer."""
         frame = scene_time.shown(scene)
-        step = scene_time.clock(scene, self._frame).seconds(frame)
+        step = scene_time.clock(scene, 0.0).duration(frame - self._frame)
         goes = step == 0.0 or goes_on(step)
         passing = not followed(scene) and (plays() or time.perf_counter() - self._came < rest())
         if step != 0.0 or self._of != (scene.session_uid, changes.edits()):

@@ -24,6 +24,9 @@ from .meshes import MeshReader
 from .participants import Entry, Participants
 
 _LISTS = ("frame_change_pre", "frame_change_post")
+_HANDLERS = tuple(
+    getattr(bpy.app.handlers, name) for name in _LISTS
+)  # Blender has one of each, and changes it in place
 _OURS = __name__.rpartition(".sampling.")[0]
 
 _BRANCHES = {"FINGER": "finger", "SCREEN": "screen", "TOUCHABLE": "material"}
@@ -32,16 +35,24 @@ _CONSTANT = {"preset", "enabled", "screen", "source", "image", "filepath", "mesh
 _WORLD = ("gravity", "use_gravity", "unit_settings.scale_length")
 
 
-_looked_at: dict[str, tuple[list[Any], list[Any]]] = {}  # a list of handlers as it was, and which of them are not ours
+# Both lists as they were, and which of their functions are not ours.
+_looked_at: tuple[list[Any], list[Any], tuple[Any, ...]] = ([], [], ())
 
 
-def _foreign(name: str) -> list[Any]:
-    """Return the functions in a list of handlers that are not ours; this is asked at every frame that is shown."""
-    there, known = getattr(bpy.app.handlers, name), _looked_at.get(name)
-    if known is None or known[0] != there:
-        found = [f for f in there if not str(getattr(f, "__module__", "")).startswith(_OURS)]
-        known = _looked_at[name] = (list(there), found)
-    return known[1]
+def _foreign(functions: list[Any]) -> list[Any]:
+    return [f for f in functions if not str(getattr(f, "__module__", "")).startswith(_OURS)]
+
+
+def functions() -> tuple[Any, ...]:
+    """Return the functions that are not ours and run at changes of the frame, in their order.
+
+    This is asked several times at every frame that is shown.
+    """
+    global _looked_at
+    pre, post = _HANDLERS
+    if _looked_at[0] != pre or _looked_at[1] != post:
+        _looked_at = list(pre), list(post), (*_foreign(pre), *_foreign(post))
+    return _looked_at[2]
 
 
 def run_here() -> bool:
@@ -49,17 +60,12 @@ def run_here() -> bool:
     return bool(functions())
 
 
-def functions() -> tuple[Any, ...]:
-    """Return the functions that are not ours and run at changes of the frame, in their order."""
-    return tuple(f for name in _LISTS for f in _foreign(name))
-
-
 @contextmanager
 def held_back() -> Iterator[None]:
     """Let no function of others run at changes of the frame."""
     before = {name: list(getattr(bpy.app.handlers, name)) for name in _LISTS}
     for name in _LISTS:
-        foreign = _foreign(name)
+        foreign = _foreign(before[name])
         getattr(bpy.app.handlers, name)[:] = [f for f in before[name] if f not in foreign]
     try:
         yield

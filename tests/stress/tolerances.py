@@ -33,6 +33,24 @@ SAME = {kind: 3.0 * goal for kind, goal in GOAL.items()}
 RATE = 2e-3  # sampled twice as often, at the samples that both have
 DRIFT = {"frictionless": SAME, "friction": {"nodes": 2e-2, "points": 2e-2}}  # a cycle against one long before
 
+# -- invariances: what must not matter -----------------------------------------------------------------------------
+# The largest change of force, torque, force on a node, stress at a probe, force of a pin or angle of a servo, over the
+# largest of its kind along the path. Where a scene says the same touch in other words, nothing may change but rounding
+# and what a frame is solved to. Shifts are below all that can be seen or built. Rates, and ways that lead to one place,
+# are held to what a smooth model with cells of .1 mm was shown to reach.
+SAID_OTHERWISE = 1e-3
+INVARIANCE = {
+    **dict.fromkeys(("untouched", "broad_phase", "order", "names", "chunks", "strides"), SAID_OTHERWISE),
+    **dict.fromkeys(("caches", "processes", "triangles", "welded", "mirrored", "turned"), SAID_OTHERWISE),
+    **dict.fromkeys(("start", "shifted", "cracked"), 0.01),  # start of the iteration; by 1e-9 to 1e-6 m
+    "rate": 0.03,  # 240 against 480 samples a second
+    "rates": 0.12,  # 60, 120 and 240 against 960
+    **dict.fromkeys(("back", "slid"), 0.04),  # without friction: there and back; slid against pressed
+    "press": 0.01,  # `press` against a bake in the same place
+    "work": 0.01,  # without friction, over a closed path, of the largest energy
+    "gradient": 0.01,  # force against -dU/d(pose), of the largest force
+}
+
 # -- parts -------------------------------------------------------------------------------------------------------------
 DISTANCE = 1e-9  # of a surface's extent: a gap against the closest of all triangles, one by one
 UNIT = 1e-9  # by which a normal's length may be off

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import fnmatch
 import json
 import sys
 from contextlib import nullcontext
@@ -14,15 +15,18 @@ from core.work.processes import ProcessExecutor
 
 from .case import Value, Values
 from .families import FAMILIES
+from .invariances import GROUP, MEASURED
 from .job import LINE, TABLE, on_worker
 from .known import KNOWN
 from .run import Failure, Tally, run
+
+WIDE = max(len(family.name) for family in FAMILIES)
 
 
 def table(tallies: dict[str, Tally]) -> str:
     """Return what became of the cases, in columns."""
     words = (f"{word:>7}" for word in ("tried", "passed", "flagged", "known", "failed", "s/case"))
-    head = f"{'family':10} {' '.join(words)}  nearest to its limit, of what passed"
+    head = f"{'family':{WIDE}} {' '.join(words)}  nearest to its limit, of what passed"
     lines, total = [head], Tally()
     for name, tally in tallies.items():
         total.counts.update(tally.counts)
@@ -38,7 +42,28 @@ def table(tallies: dict[str, Tally]) -> str:
 def _row(name: str, tally: Tally, told: str) -> str:
     count = tally.counts
     numbers = f"{count['tried']:7} {count['passed']:7} {count['flagged']:7} {count['known']:7} {count['failed']:7}"
-    return f"{name:10} {numbers} {tally.seconds / max(count['tried'], 1):7.3f}  {told}".rstrip()
+    return f"{name:{WIDE}} {numbers} {tally.seconds / max(count['tried'], 1):7.3f}  {told}".rstrip()
+
+
+def invariances(tallies: dict[str, Tally], changed: Values) -> list[str]:
+    """Return a line for each invariance: the worst that was measured, and where."""
+    families = {family.name: family for family in FAMILIES}
+    lines = []
+    for name, tally in tallies.items():
+        found = [(check, *tally.most[check]) for check in MEASURED if check in tally.most]
+        if families[name].group != GROUP or not found:
+            continue
+        count = tally.counts["tried"]
+        worst = [max(found, key=lambda row: row[1])]
+        worst += [row for row in found if row[0] == "force" and row != worst[0]]
+        told = []
+        for check, value, _, seed in worst:
+            drawn = {**families[name].values(seed), **changed}
+            touch = f"{drawn['shape']} on {drawn['contact']}, friction {drawn['friction']:g}, seed {seed}"
+            told.append(f"{value:.2g} {check}, {touch}")
+        beyond = f"{count - tally.counts['passed']} of {count} beyond {found[0][2]:g}"
+        lines.append(f"{name}: {'; '.join(told)} ({beyond})")
+    return lines
 
 
 def value_of(text: str) -> tuple[str, Value]:
@@ -55,7 +80,7 @@ def value_of(text: str) -> tuple[str, Value]:
 def as_json(tallies: dict[str, Tally], failures: list[Failure]) -> str:
     """Return the same for programs."""
     found = {
-        name: {**dict(t.counts), "seconds": t.seconds, "slowest": t.slowest, "worst": t.worst}
+        name: {**dict(t.counts), "seconds": t.seconds, "slowest": t.slowest, "worst": t.worst, "most": t.most}
         for name, t in tallies.items()
     }
     told = [{"family": f.family, "seed": f.seed, "measured": f.measured, "command": f.command} for f in failures]
@@ -75,7 +100,10 @@ def main(arguments: list[str] | None = None) -> int:
     """Run what is asked for; status 1 where something failed, or where a known failure passes."""
     parser = argparse.ArgumentParser(prog="build_addon.py stress", description=__doc__)
     parser.add_argument(
-        "names", nargs="*", metavar="NAME", help="families (all): " + ", ".join(f.name for f in FAMILIES)
+        "names",
+        nargs="*",
+        metavar="NAME",
+        help=f"families (all), such as 'invariance_*': {', '.join(f.name for f in FAMILIES)}",
     )
     how = parser.add_mutually_exclusive_group()
     how.add_argument("--seconds", type=float, help="for so long, each family as long as any other")
@@ -87,16 +115,18 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--scheduler", metavar="URL", help="a dask scheduler's workers judge them, with --runs")
     parser.add_argument("--as-drawn", action="store_true", help="do not make failing cases simpler")
     options = parser.parse_args(arguments)
-    unknown = set(options.names) - {f.name for f in FAMILIES}
+    names = [family.name for family in FAMILIES]
+    unknown = [name for name in options.names if not fnmatch.filter(names, name)]
     if unknown:
-        parser.error(f"no such family: {', '.join(sorted(unknown))}; there are {', '.join(f.name for f in FAMILIES)}")
+        parser.error(f"no such family: {', '.join(sorted(unknown))}; there are {', '.join(names)}")
     if options.workers is not None and options.workers < 1:
         parser.error("--workers: at least 1")
     if options.workers and options.scheduler:
         parser.error("a scheduler has workers of its own: leave --workers or --scheduler out")
     if (options.workers or options.scheduler) and options.seconds is not None:
         parser.error("what is judged side by side is counted: give --runs, not --seconds")
-    chosen = [family for family in FAMILIES if not options.names or family.name in options.names]
+    asked = options.names or names
+    chosen = [family for family in FAMILIES if any(fnmatch.fnmatchcase(family.name, name) for name in asked)]
     changed: Values = dict(map(value_of, options.set))
 
     def tell(text: str) -> None:
@@ -119,6 +149,8 @@ def main(arguments: list[str] | None = None) -> int:
     for row in KNOWN:
         if row.family in tallies:
             print(f"known: {row.family}, {row.check}: {tallies[row.family].known[row]} cases. {row.reason}")
+    for text in invariances(tallies, changed):
+        print(text)
     for text in passing:
         print(f"KNOWN TO FAIL, BUT PASSES: {text}: take its row out of tests/stress/known.py")
     if options.json:

@@ -18,6 +18,7 @@ class Dice:
     """Draws plain values, the same ones for the same family and seed."""
 
     def __init__(self, family: str, seed: int) -> None:
+        self.seed = seed
         self.rng = np.random.default_rng([zlib.crc32(family.encode()), seed])
 
     def between(self, low: float, high: float) -> float:
@@ -35,6 +36,10 @@ class Dice:
     def one_of(self, *choices: Any) -> Any:
         """Return one of some; one that is named more than once is drawn more often."""
         return choices[int(self.rng.integers(len(choices)))]
+
+    def in_turn(self, *choices: Any) -> Any:
+        """Return one of some: the next one for the next seed, so that as many seeds as choices draw each of them."""
+        return choices[self.seed % len(choices)]
 
     def some(self, share: float, value: Value, otherwise: Value = 0.0) -> Value:
         """Return a value in a share of the cases, and another one otherwise."""
@@ -88,6 +93,7 @@ class Family:
         name: for the command line. what: is tried, in a line.
         draw: values of a case. judge: what is measured of them.
         plain: the simplest value of those that a failing case may be made simpler in, in the order they are tried.
+        group: of families that draw the same cases from the same seeds; the name itself where empty.
     """
 
     name: str
@@ -95,10 +101,11 @@ class Family:
     draw: Callable[[Dice], Values]
     judge: Callable[[Values], Verdict]
     plain: Mapping[str, Value] = field(default_factory=dict)
+    group: str = ""
 
     def values(self, seed: int) -> Values:
         """Return the values of a case."""
-        return self.draw(Dice(self.name, seed))
+        return self.draw(Dice(self.group or self.name, seed))
 
 
 def bits_of(arrays: Iterable[Any]) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from . import mechanisms, pins, presses, scenes, surfaces, touches
+from . import invariances, mechanisms, pins, presses, scenes, surfaces, touches
 from .case import Family
 
 FAMILIES: tuple[Family, ...] = (
@@ -12,4 +12,5 @@ FAMILIES: tuple[Family, ...] = (
     *surfaces.FAMILIES,
     *pins.FAMILIES,
     *mechanisms.FAMILIES,
+    *invariances.FAMILIES,
 )

@@ -30,6 +30,7 @@ class Tally:
         counts: 'tried', 'passed', 'flagged', 'known', 'failed'. seconds: they took.
         worst: check -> (value over its limit, value, limit, seed) of the case that came nearest to its limit, of those
             that passed.
+        most: check -> (value, limit, seed) of the case with the largest value, passed or not.
         known: rows -> how many cases failed so.
     """
 
@@ -37,6 +38,7 @@ class Tally:
     seconds: float = 0.0
     slowest: tuple[float, int] = (0.0, 0)
     worst: dict[str, tuple[float, float, float, int]] = field(default_factory=dict)
+    most: dict[str, tuple[float, float, int]] = field(default_factory=dict)
     known: Counter[Known] = field(default_factory=Counter)
 
 
@@ -206,6 +208,8 @@ def count(
     tally.known.update({row for row in rows.values() if row is not None})
     for check, (value, limit) in verdict.measured.items():
         share = value / limit if limit else float(value > 0)
+        if check not in tally.most or (value, -seed) > (tally.most[check][0], -tally.most[check][2]):
+            tally.most[check] = value, limit, seed
         # of equals the first seed: workers return their cases in any order
         if check not in verdict.missed and (
             check not in tally.worst or (share, -seed) > (tally.worst[check][0], -tally.worst[check][3])

@@ -32,10 +32,10 @@ EXACT = 1e-8  # to which first contact is found [m]
 
 def draw(dice: Dice) -> Values:
     """Draw a touch: shapes and friction in turn, seed after seed, the rest at random."""
-    rounds = dice.seed // len(SHAPES)
+    rounds, number = divmod(dice.seed, len(SHAPES))
     return {
         "shape": dice.in_turn(*SHAPES),
-        "friction": (0.0, 0.3, 0.6)[(dice.seed + rounds) % 3],
+        "friction": (0.0, 0.3, 0.6)[(number + rounds) % 3],
         "contact": dice.one_of("points", "points", "points", "nodes"),
         "level": "draft",
         "path": dice.one_of("slide", "slide", "zigzag", "press"),
@@ -77,7 +77,7 @@ class Touch:
 
     @cached_property
     def place(self) -> Array:
-        """Where the solid's origin is when it first meets the smooth skin [m], shape (3,)."""
+        """Where the solid's origin is when it first meets the smooth skin, to .1 um [m], shape (3,)."""
         names = ("shape", "tilt", "roll", "yaw", "x", "y")
         return np.array([*self.at, _first_contact(*(self.values[name] for name in names))])
 
@@ -137,7 +137,7 @@ class Touch:
 
 @lru_cache(maxsize=256)
 def _first_contact(shape: str, tilt: float, roll: float, yaw: float, x: float, y: float) -> float:
-    return first_contact(parts_of(shape), turned(tilt, roll, yaw), np.array([x, y]))
+    return round(first_contact(parts_of(shape), turned(tilt, roll, yaw), np.array([x, y])), 7)
 
 
 def first_contact(parts: list[Mesh], turn: Array, at: Array) -> float:
@@ -152,12 +152,13 @@ def first_contact(parts: list[Mesh], turn: Array, at: Array) -> float:
     pad = smooth_pad(skin_of())
     assert pad is not None
     surfaces, starts = [Surface.build(part.vertices, part.triangles) for part in parts], pad.chart.starts
-    places = pad.chart.places[starts[-2] : starts[-1]]
-    half = float(np.abs(np.diff(np.unique(np.round(places[:, 0], 9)))).min())
     top = max(float((part.vertices @ turn.T)[:, 2].max()) for part in parts)
-    points = pad.cells.positions[starts[1] : starts[2]]
+    cells = np.arange(starts[1], starts[2])
+    points = pad.cells.positions[cells]
     height = _risen(surfaces, points, turn, at, float(points[:, 2].min()) - top - EXACT, 0.1)
-    some = places[_gaps(surfaces, pad.cells.positions[starts[-2] : starts[-1]], turn, at, height) < COARSE]
+    near = cells[_gaps(surfaces, points, turn, at, height) < 2.0 * COARSE]
+    fine = pad.chart.descendants(near, len(starts) - 2)[0]
+    some, half = pad.chart.places[fine], 2.0 * float(pad.chart.halves[fine].max())
     reach = COARSE
     for _ in range(6):
         points = pad.chart.surface(some).positions

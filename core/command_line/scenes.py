@@ -1,4 +1,4 @@
-"""`python -m core render | curve | compare`: what verbs make of sampled scenes."""
+"""`python -m core render | curve | compare | trust`: what verbs make of sampled scenes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..comparison import device_comparison, report
+from ..comparison import device_comparison, report, trust_band
 from ..errors import DermisError
 from ..matching import pin_report
 from ..pipeline import shot, shots
@@ -90,6 +90,17 @@ def compare(options: argparse.Namespace) -> int:
         print(name)
         print(pin_report.table(reports))
     return tell(compared.findings, sys.stderr)
+
+
+def trust(options: argparse.Namespace) -> int:
+    """Say by how much forces and commands of a sampled scene change with what must not matter."""
+    scene, library = scene_file.load(options.scene), Library(options.presets)
+    _, bands = drain_shown(trust_band.trust_bands(scene, library), quiet=options.quiet)
+    print(trust_band.table(bands))
+    if options.out is not None:
+        for path in trust_band.write(bands, options.out, plots=options.plots):
+            print(path)
+    return tell([band.finding for band in bands if band.finding is not None], sys.stderr)
 
 
 def _devices(options: argparse.Namespace, scene: TactileScene, library: Library) -> int:

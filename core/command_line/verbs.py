@@ -137,6 +137,20 @@ def parser(program: str) -> argparse.ArgumentParser:
         run="command_line.scenes.compare",
         writes={"out": True},
     )
+    add_verb(
+        verbs,
+        "trust",
+        SCENE,
+        argument("--out", type=Path, metavar="DIR", help="folder for values and changes of every channel (CSV)"),
+        switch("--plots", "for --out: also write a picture of each track with its band"),
+        PRESETS,
+        QUIET,
+        help="by how much forces and commands change with what must not matter",
+        description="Render a sampled scene again, shifted by 0.1 um, with half the step, and mirrored; say how much "
+        "its forces and commands change. A finding warns where that is more than 5 % of a channel's peak.",
+        run="command_line.scenes.trust",
+        writes={"out": True},
+    )
     add_studies(verbs)
     add_verb(
         verbs,

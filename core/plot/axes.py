@@ -86,6 +86,19 @@ class Axes:
             y = float(self.y(value))
             self.canvas.line(self.left, y, self.right, y, LIMIT, 1.0, 4.0)
 
+    def between(self, x: Array, low: Array, high: Array, colour: str) -> None:
+        """Fill between two curves over rising x, a strip a point wide each; before the curve that lies in it."""
+        if len(x) < 2:
+            return
+        every = np.unique(np.concatenate([x, np.linspace(x[0], x[-1], max(int(np.ptp(self.x(x[[0, -1]]))), 2))]))
+        low, high, across = np.interp(every, x, low), np.interp(every, x, high), self.x(every)
+        ends = [*np.flatnonzero(np.diff(np.floor(across))) + 1, len(every) - 1]
+        for a, b in zip([0, *ends], ends, strict=False):
+            top, bottom = float(self.y(high[a : b + 1].max())), float(self.y(low[a : b + 1].min()))
+            top, bottom = max(top, self.top), min(bottom, self.bottom)
+            if bottom > top and b > a:
+                self.canvas.rectangle(float(across[a]), top, float(across[b] - across[a]), bottom - top, colour)
+
     def curve(self, x: Array, y: Array, colour: str, width: float = 1.3) -> None:
         """Draw y over rising x, with a gap where it is not finite and a mark for a sample between gaps."""
         for part in runs(np.isfinite(y)):

@@ -17,6 +17,7 @@ from .canvas import Canvas, PngCanvas, SvgCanvas
 
 WIDTH, LEFT, RIGHT = 920.0, 76.0, 24.0  # [points]
 TOP, PANEL, GAP = 74.0, 92.0, 52.0
+DOUBTED = "#f0b9a8"  # what may as well be
 LINES = ("#1f6fb2", "#12876f", "#8a4fb0", "#b0661a", "#4c5fc4", "#a33a6a")
 
 # Which steps of thousand a unit may be shown in; others are shown as they are.
@@ -58,11 +59,20 @@ def write_png(
 
 
 def png(
-    track: CommandTrack, *, contact: Array | None = None, alike: Sequence[CommandTrack] = (), scale: float = 2.0
+    track: CommandTrack,
+    *,
+    contact: Array | None = None,
+    alike: Sequence[CommandTrack] = (),
+    scale: float = 2.0,
+    spread: Array | None = None,
 ) -> bytes:
-    """Return a track's plot as the bytes of a PNG file; arguments as in `write_png`."""
+    """Return a track's plot as the bytes of a PNG file; arguments as in `write_png`.
+
+    Args:
+        spread: half the width of a band about each curve, shape (n, channels); maps of pins have none.
+    """
     canvas = PngCanvas(WIDTH, _height(track), scale)
-    _picture(track, contact, canvas, alike)
+    _picture(track, contact, canvas, alike, spread)
     return canvas.to_bytes()
 
 
@@ -74,16 +84,25 @@ def _is_pins(track: CommandTrack) -> bool:
     return track.spec.kind == "pin_array"  # too many channels for a panel each
 
 
-def _picture(track: CommandTrack, contact: Array | None, canvas: Canvas, alike: Sequence[CommandTrack]) -> None:
+def _picture(
+    track: CommandTrack,
+    contact: Array | None,
+    canvas: Canvas,
+    alike: Sequence[CommandTrack],
+    spread: Array | None = None,
+) -> None:
     canvas.rectangle(0, 0, WIDTH, _height(track), PAPER)
-    _heading(track, contact is not None, canvas)
+    _heading(track, contact is not None, spread is not None, canvas)
     first, last = (float(track.times[0]), float(track.times[-1])) if len(track.times) else (0.0, 1.0)
     span, width = (first, last if last > first else first + 1.0), WIDTH - LEFT - RIGHT
     if _is_pins(track):
         pins.draw(track, contact, canvas, (LEFT, TOP, width), span)
         return
     ranges: dict[tuple[str, str], tuple[float, float]] = {}
-    for channel, values in ((c, v) for t in (track, *alike) for c, v in zip(t.channels, t.values.T, strict=True)):
+    shown = [(c, v) for t in (track, *alike) for c, v in zip(t.channels, t.values.T, strict=True)]
+    if spread is not None:
+        shown += [(c, v) for s in (spread, -spread) for c, v in zip(track.channels, (track.values + s).T, strict=True)]
+    for channel, values in shown:
         low, high = _range(channel, values[np.isfinite(values)])
         before = ranges.get(_likeness(channel), (low, high))
         ranges[_likeness(channel)] = min(low, before[0]), max(high, before[1])
@@ -98,10 +117,13 @@ def _picture(track: CommandTrack, contact: Array | None, canvas: Canvas, alike: 
         for limit in (channel.low, channel.high):
             if limit is not None:
                 axes.level(limit)
+        if spread is not None:
+            values, far = track.values[:, i], spread[:, i]
+            axes.between(track.times, values - far, values + far, DOUBTED)
         axes.curve(track.times, track.values[:, i], colour)
 
 
-def _heading(track: CommandTrack, shaded: bool, canvas: Canvas) -> None:
+def _heading(track: CommandTrack, shaded: bool, doubted: bool, canvas: Canvas) -> None:
     title = track.spec.name if "finger" not in track.meta else f"{track.meta['finger']} · {track.spec.name}"
     canvas.text(LEFT, 25, _short(title, 60), 11.5, INK)
     words = [track.meta[name] for name in ("scene", "method") if track.meta.get(name)]
@@ -111,7 +133,7 @@ def _heading(track: CommandTrack, shaded: bool, canvas: Canvas) -> None:
         words.append(f"{changed} values limited")
     canvas.text(LEFT, 43, _short(" · ".join(words), 90), SMALL, FAINT)
     limited = any(c.low is not None or c.high is not None for c in track.channels)
-    entries = [("contact", TOUCH)] * shaded + [("limit", LIMIT)] * limited
+    entries = [("spread", DOUBTED)] * doubted + [("contact", TOUCH)] * shaded + [("limit", LIMIT)] * limited
     legend(canvas, WIDTH - RIGHT - 64.0 * len(entries), 43, entries)
 
 

@@ -122,7 +122,7 @@ def test_every_option_that_is_written_to_is_judged_before_the_work() -> None:
 def test_every_verb_names_a_function_that_is_there() -> None:
     named = [one.get_default("run") for one in every_parser(parser("core"))]
     functions = [name.rpartition(".") for name in named if name]
-    assert len(functions) == 24
+    assert len(functions) == 25
     for module, _, function in functions:
         assert callable(getattr(import_module(f"core.{module}"), function))
 

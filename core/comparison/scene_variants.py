@@ -1,0 +1,176 @@
+"""A scene with something changed that must not matter: shifted a little, sampled twice as often, or mirrored."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..arrays import Array
+from ..motion.rotation import matrices, quaternions, rotations, singular
+from ..scene.tactile_scene import Body, Chunk, Mesh, TactileScene
+
+SHIFT = 0.1e-6  # far below what any device or eye resolves [m]
+_MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class _Chunks:
+    """Chunks that are made of others when they are iterated, each time anew."""
+
+    source: Iterable[Chunk]
+    make: Callable[[Iterable[Chunk]], Iterator[Chunk]]
+
+    def __iter__(self) -> Iterator[Chunk]:
+        return self.make(self.source)
+
+
+def shifted(scene: TactileScene, far: float = SHIFT) -> TactileScene:
+    """Return a scene whose fingers stand beside where they stood, along no axis of the world.
+
+    Args:
+        far: how far [m].
+    """
+    by = far * np.array([2.0, 3.0, 6.0]) / 7.0
+
+    def make(chunks: Iterable[Chunk]) -> Iterator[Chunk]:
+        for chunk in chunks:
+            fingers = chunk.fingers.copy()
+            fingers[:, :, :3, 3] += by
+            yield replace(chunk, fingers=fingers)
+
+    return replace(scene, chunks=_Chunks(scene.chunks, make))
+
+
+def denser(scene: TactileScene) -> TactileScene:
+    """Return a scene with a sample half way between any two: straight, turned and scaled half.
+
+    What cannot be halved (a surface of other faces, a setting that is a choice) stays as it was before it.
+    """
+    count = replace(scene, rate=2.0 * scene.rate).sample_count
+
+    def make(chunks: Iterable[Chunk]) -> Iterator[Chunk]:
+        last, done = None, 0
+        for chunk in chunks:
+            whole = chunk if last is None else _joined(last, chunk)
+            yield _halved(whole, skip=last is not None)
+            done += 2 * len(chunk.times) - (last is None)
+            last = _sample(chunk, len(chunk.times) - 1)
+        if last is not None and done < count:  # the range ends half a step after its last sample
+            half = 0.5 / scene.rate
+            yield replace(last, times=last.times + half, frames=last.frames + half * float(scene.fps))
+
+    return replace(scene, rate=2.0 * scene.rate, chunks=_Chunks(scene.chunks, make))
+
+
+def mirrored(scene: TactileScene) -> TactileScene:
+    """Return the scene in a mirror, left for right; of screens there is no mirror image: they are left out.
+
+    Fingertips are their own mirror images.
+    """
+
+    def turned(poses: Array) -> Array:
+        return _MIRROR @ poses @ _MIRROR
+
+    def make(chunks: Iterable[Chunk]) -> Iterator[Chunk]:
+        for chunk in chunks:
+            surfaces = {index: tuple(map(_mirrored_mesh, meshes)) for index, meshes in chunk.surfaces.items()}
+            fingers, bodies = turned(chunk.fingers), turned(chunk.bodies)
+            yield replace(chunk, fingers=fingers, bodies=bodies, screens=chunk.screens[:0], surfaces=surfaces)
+
+    bodies = tuple(_mirrored_body(body) for body in scene.bodies)
+    x, y, z = scene.gravity
+    chunks = _Chunks(scene.chunks, make)
+    return replace(scene, bodies=bodies, screens=(), gravity=(-x, y, z), chunks=chunks)
+
+
+def _mirrored_body(body: Body) -> Body:
+    return body if body.mesh is None else replace(body, mesh=_mirrored_mesh(body.mesh))
+
+
+def _mirrored_mesh(mesh: Mesh) -> Mesh:
+    return Mesh(mesh.vertices * _MIRROR.diagonal()[:3], np.ascontiguousarray(mesh.triangles[:, ::-1]))
+
+
+def _sample(chunk: Chunk, i: int) -> Chunk:
+    """Return a chunk of one sample of another."""
+    some = slice(i, i + 1)
+    poses = {name: getattr(chunk, name)[:, some] for name in ("fingers", "bodies", "screens")}
+    surfaces = {index: meshes[some] for index, meshes in chunk.surfaces.items()}
+    animated = {name: values[some] for name, values in chunk.animated.items()}
+    return Chunk(chunk.frames[some], chunk.times[some], **poses, surfaces=surfaces, animated=animated)
+
+
+def _joined(before: Chunk, chunk: Chunk) -> Chunk:
+    """Return a chunk with one sample of the chunk before in front; what only one of both brings is that one's."""
+    poses = {
+        n: np.concatenate([getattr(before, n), getattr(chunk, n)], axis=1) for n in ("fingers", "bodies", "screens")
+    }
+    surfaces = {i: (*before.surfaces.get(i, meshes[:1]), *meshes) for i, meshes in chunk.surfaces.items()}
+    animated = {n: np.concatenate([before.animated.get(n, v[:1]), v]) for n, v in chunk.animated.items()}
+    times, frames = (np.concatenate([getattr(before, n), getattr(chunk, n)]) for n in ("times", "frames"))
+    return Chunk(frames, times, **poses, surfaces=surfaces, animated=animated)
+
+
+def _halved(chunk: Chunk, *, skip: bool) -> Chunk:
+    """Return a chunk with samples half way between its own; `skip` leaves its first one out."""
+    first = int(skip)
+
+    def between(values: Array, middle: Array, axis: int) -> Array:
+        """Return values and middles in turn along an axis."""
+        shape = list(values.shape)
+        shape[axis] = 2 * shape[axis] - 1
+        out = np.empty(shape, values.dtype)
+        even, odd, rest = ([slice(None)] * values.ndim for _ in range(3))
+        even[axis], odd[axis], rest[axis] = slice(0, None, 2), slice(1, None, 2), slice(first, None)
+        out[tuple(even)], out[tuple(odd)] = values, middle
+        return out[tuple(rest)]
+
+    def series(values: Array) -> Array:
+        return between(values, 0.5 * (values[1:] + values[:-1]), 0)
+
+    def setting(values: Array) -> Array:
+        fixed = values.dtype.kind != "f" or bool((values == np.rint(values)).all())
+        return between(values, values[:-1], 0) if fixed else series(values)
+
+    def poses(values: Array) -> Array:
+        return between(values, _half_way(values[:, :-1], values[:, 1:]), 1)
+
+    surfaces = {}
+    for index, meshes in chunk.surfaces.items():
+        both = [mesh for pair in zip(meshes, _half_meshes(meshes), strict=False) for mesh in pair]
+        surfaces[index] = (*both, meshes[-1])[first:]
+    return Chunk(
+        series(chunk.frames),
+        series(chunk.times),
+        poses(chunk.fingers),
+        poses(chunk.bodies),
+        poses(chunk.screens),
+        surfaces,
+        {name: setting(values) for name, values in chunk.animated.items()},
+    )
+
+
+def _half_meshes(meshes: tuple[Mesh, ...]) -> list[Mesh]:
+    def half(a: Mesh, b: Mesh) -> Mesh:
+        alike = a.triangles is b.triangles and a.vertices.shape == b.vertices.shape
+        return a if a is b or not alike else Mesh(0.5 * (a.vertices + b.vertices), a.triangles)
+
+    return [half(a, b) for a, b in zip(meshes, meshes[1:], strict=False)]
+
+
+def _half_way(before: Array, after: Array) -> Array:
+    """Return the poses half way between two, shape (count, n, 4, 4): the turn halved, scale and place averaged."""
+    shape = before.shape
+    a, b = before.reshape(-1, 4, 4), after.reshape(-1, 4, 4)
+    middle = 0.5 * (a + b)
+    some = np.flatnonzero(~(singular(a[:, :3, :3]) | singular(b[:, :3, :3])))
+    if len(some):
+        linear = [x[some][:, :3, :3] for x in (a, b)]
+        turns = [rotations(x) for x in linear]
+        stretch = 0.5 * sum(t.transpose(0, 2, 1) @ x for t, x in zip(turns, linear, strict=True))
+        pairs = np.stack([quaternions(t) for t in turns], axis=1)
+        sign = np.where(np.einsum("ij,ij->i", pairs[:, 0], pairs[:, 1]) < 0.0, -1.0, 1.0)
+        middle[some, :3, :3] = matrices(pairs[:, 0] + sign[:, None] * pairs[:, 1]) @ stretch
+    return middle.reshape(shape)

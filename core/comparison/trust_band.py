@@ -1,0 +1,210 @@
+"""Trust band: by how much forces and commands change, sample by sample, with what must not matter.
+
+The scene is rendered again, shifted by 0.1 um, with half the step between samples, and in a mirror. A difference is no
+property of the scene: it shows where a sharp edge or a slip makes a track arbitrary.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..arrays import Array
+from ..cache import Cache
+from ..devices.spec import Channel
+from ..errors import Finding
+from ..files import write_bytes
+from ..pipeline.bake import Bake, Progress
+from ..pipeline.outputs import file_names
+from ..pipeline.render import render
+from ..presets import Library
+from ..scene.tactile_scene import TactileScene
+from ..track.command_track import CommandTrack
+from ..track.file_names import safe
+from .scene_variants import denser, mirrored, shifted
+
+DOUBT = 0.05  # of the largest departure from rest: beyond it a finding says so
+FELT = 1e-3  # of a channel's range: a device that departs less from rest is not felt, and has no peak
+SKIN = "skin"
+FORCES = (Channel("normal_force", "N"), Channel("tangential_force", "N"))
+# what is changed, in words, and whether it leaves commands comparable: in a mirror only forces are
+VARIANTS: Mapping[str, tuple[Callable[[TactileScene], TactileScene], str, bool]] = {
+    "shifted": (shifted, "shifted by 0.1 um", True),
+    "denser": (denser, "sampled twice as often", True),
+    "mirrored": (mirrored, "mirrored", False),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """By how much the channels of one device, or the forces on one skin, change.
+
+    Attributes:
+        finger: its name. device: key of the preset, 'skin' for the forces on it.
+        name: of its files. channels: with their units. times: [s], shape (n,).
+        values: of the scene itself, shape (n, c). spread: the largest change by any variant, shape (n, c).
+        worst: the variant of the largest change, by channel.
+        track: of the device; None of a skin.
+    """
+
+    finger: str
+    device: str
+    name: str
+    channels: tuple[Channel, ...]
+    times: Array
+    values: Array
+    spread: Array
+    worst: tuple[str, ...]
+    track: CommandTrack | None = None
+
+    @property
+    def peak(self) -> Array:
+        """The largest departure from rest of any channel with the same unit, by channel, shape (c,)."""
+        far = np.abs(self.values - [c.rest for c in self.channels]).max(axis=0, initial=0.0)
+        units = np.array([c.unit for c in self.channels])
+        return np.array([far[units == unit].max() for unit in units])
+
+    @property
+    def share(self) -> Array:
+        """The largest change of each channel over its peak [1], shape (c,)."""
+        spans = [c.high - c.low if c.high is not None and c.low is not None else 0.0 for c in self.channels]
+        least = np.maximum(FELT * np.array(spans), 1e-12)
+        return self.spread.max(axis=0, initial=0.0) / np.maximum(self.peak, least)
+
+    @property
+    def finding(self) -> Finding | None:
+        """What there is to say of its worst channel; None where all of it can be trusted."""
+        if not len(self.share) or not self.share.max() > DOUBT:
+            return None
+        c = int(self.share.argmax())
+        return Finding(
+            "warning",
+            "not-reproduced",
+            f"{self.channels[c].name} changes where the scene is {VARIANTS[self.worst[c]][1]}",
+            f"finger '{self.finger}', {self.device}",
+            f"{self.share[c]:.0%} of its peak, at {self.times[self.spread[:, c].argmax()]:.3f} s",
+            f"<= {DOUBT:.0%}",
+            "Do not trust this part of the track: round what is sharp, or give it more friction",
+        )
+
+    def csv(self) -> str:
+        """Return values and changes as a table."""
+        heads = ["t_s"]
+        for channel in self.channels:
+            heads += [f"{channel.name}[{channel.unit}]", f"{channel.name}_spread[{channel.unit}]"]
+        rows = np.concatenate(
+            [self.times[:, None], np.stack([self.values, self.spread], axis=2).reshape(len(self.times), -1)], axis=1
+        )
+        head = ["# dermis-trust-band 1", f"# finger: {self.finger}", f"# device: {self.device}", ",".join(heads)]
+        return "\n".join([*head, *(",".join(format(v, ".9g") for v in row) for row in rows.tolist())]) + "\n"
+
+
+def trust_bands(
+    scene: TactileScene, library: Library, *, cache: Cache | None = None
+) -> Generator[Progress, None, tuple[Bake, tuple[Band, ...]]]:
+    """Render a scene and its variants; yield progress, return the scene's own bake and a band for each device and skin.
+
+    Args:
+        scene: its chunks are read once for each variant.
+
+    Raises:
+        DermisError: the scene cannot be rendered.
+    """
+    own = yield from _rendered(scene, library, cache, "as it is")
+    found = {}
+    for name, (make, words, _) in VARIANTS.items():
+        if name != "mirrored" or own.skins:
+            found[name] = yield from _rendered(make(scene), library, cache, words)
+    bands = [
+        _band_of_track(own, k, {name: bake for name, bake in found.items() if VARIANTS[name][2]}, file)
+        for k, file in enumerate(file_names(own))
+    ]
+    times = next(iter(own.skins.values())).times if own.skins else np.zeros(0)
+    return own, (*bands, *(_band_of_skin(own, finger, found, times) for finger in own.skins))
+
+
+def _rendered(
+    scene: TactileScene, library: Library, cache: Cache | None, words: str
+) -> Generator[Progress, None, Bake]:
+    steps = render(scene, library, cache=cache)
+    while True:
+        try:
+            step = next(steps)
+        except StopIteration as done:
+            return done.value
+        yield Progress(f"{words}, {step.stage}", step.done, step.total)
+
+
+def _band_of_track(own: Bake, k: int, found: Mapping[str, Bake], file: str) -> Band:
+    output = own.outputs[k]
+    others = {}
+    for name, bake in found.items():
+        same = [o for o in bake.outputs if (o.finger, o.device) == (output.finger, output.device)]
+        alike = sum((o.finger, o.device) == (output.finger, output.device) for o in own.outputs[:k])
+        if alike < len(same):
+            others[name] = same[alike].track.values
+    track = output.track
+    values = np.asarray(track.values, np.float64)
+    rest = np.array([c.rest for c in track.channels])
+    spread, worst = _spread(values, {name: others.get(name, np.tile(rest, (len(values), 1))) for name in found})
+    return Band(output.finger, output.device, file, track.channels, track.times, values, spread, worst, track)
+
+
+def _band_of_skin(own: Bake, finger: str, found: Mapping[str, Bake], times: Array) -> Band:
+    def forces(bake: Bake, step: int) -> Array:
+        skin = bake.skins[finger]
+        return np.stack([skin.normal_force[::step], skin.tangential_force[::step]], axis=1)
+
+    values = forces(own, 1)
+    others = {name: forces(bake, 2 if name == "denser" else 1) for name, bake in found.items() if finger in bake.skins}
+    spread, worst = _spread(values, others)
+    return Band(finger, SKIN, f"{safe(finger)}.{SKIN}", FORCES, times, values, spread, worst)
+
+
+def _spread(values: Array, others: Mapping[str, Array]) -> tuple[Array, tuple[str, ...]]:
+    """Return the largest change of each value, and the variant of each channel's largest."""
+    changes = []
+    for other in others.values():
+        count = min(len(other), len(values))
+        change = np.zeros_like(values)
+        change[:count] = np.abs(other[:count] - values[:count])
+        changes.append(change)
+    all_of = np.array(changes).reshape(len(others), *values.shape)
+    which = all_of.max(axis=1, initial=0.0).argmax(axis=0)
+    names = list(others)
+    return all_of.max(axis=0, initial=0.0), tuple(names[w] for w in which.tolist())
+
+
+def table(bands: tuple[Band, ...]) -> str:
+    """Return the worst channel of each band, as lines for people."""
+    rows = [("finger", "device", "channel", "peak", "change", "of peak", "worst where")]
+    for band in bands:
+        c = int(band.share.argmax())
+        channel, spread = band.channels[c], float(band.spread[:, c].max(initial=0.0))
+        sizes = f"{band.peak[c]:.3g} {channel.unit}", f"{spread:.2g} {channel.unit}", f"{band.share[c]:.1%}"
+        rows.append((band.finger, band.device, channel.name, *sizes, VARIANTS[band.worst[c]][1]))
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return "\n".join(
+        "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip() for row in rows
+    )
+
+
+def write(bands: tuple[Band, ...], folder: Path, *, plots: bool = False) -> tuple[Path, ...]:
+    """Write each band as a CSV, and on request the plots of tracks with their bands; return their paths.
+
+    Raises:
+        DermisError: the folder cannot be written.
+    """
+    written = []
+    for band in bands:
+        written.append(folder / f"{band.name}_trust.csv")
+        write_bytes(written[-1], band.csv().encode())
+        if plots and band.track is not None:
+            from ..plot.track import png
+
+            written.append(folder / f"{band.name}_trust.png")
+            write_bytes(written[-1], png(band.track, spread=band.spread))
+    return tuple(written)

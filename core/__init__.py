@@ -8,7 +8,7 @@ One touch, without a scene: a fingertip of soft tissue, pressed by a ball, and t
 >>> skin = dermis.fingertip(level="draft")
 >>> touch = dermis.press(skin, dermis.Surface.sphere(5e-3), depth=1e-3, friction=0.5)
 >>> print(f"{touch.normal_force:.2f} N, up to {abs(touch.probe_stress).max() / 1e3:.0f} kPa at the receptors")
-0.41 N, up to 45 kPa at the receptors
+0.40 N, up to 45 kPa at the receptors
 >>> pins = dermis.match(touch, device="pin_array_128", method="DM2")
 >>> print(f"{1e6 * pins.error:.0f} um off, the strongest pin at {max(pins.commands.values()):.2f} N")
 37 um off, the strongest pin at 0.12 N

@@ -58,7 +58,7 @@ class RenderCauses:
     def hidden(self, objects: Mapping[int, bpy.types.Object]) -> set[int]:
         """Return the session uids of felt objects that are enabled, and that renders do not show now."""
         shown = (self._felt - self._instanced) & objects.keys()
-        out = {uid for uid in shown if uid not in self._rendering or objects[uid].hide_render}
+        out = {uid for uid in shown if not (uid in self._rendering and render_settings.seen_by_camera(objects[uid]))}
         instanced = {uid: objects[uid] for uid in self._instanced & self._visibility.keys() & objects.keys()}
         out |= {uid for uid, users in self._reach(instanced, shown=True).items() if users & self._makers}
         return self._enabled(out, objects)

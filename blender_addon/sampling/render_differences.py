@@ -122,14 +122,14 @@ class RenderDifferences:
         differing = self._causes.differing(objects)
         due = {objects[uid]: differing[uid] for uid in sorted(differing.keys() - hidden)}
         due = {obj: said for obj, said in due.items() if self._is_due(obj, said)}
-        if not first and not due:
-            return
-        pieces = render_surfaces.Pieces(self._hosts, self._instanced, depsgraph, self._scene)
-        if first:
-            for uid in self._bodies - hidden:
+        displacing = {m for m in bpy.data.materials if render_settings.displaces(m)} if first else set()
+        if due or displacing:  # instances can be many
+            pieces = render_surfaces.Pieces(self._hosts, self._instanced, depsgraph, self._scene)
+            for uid in self._bodies - hidden if displacing else ():
                 shown = (objects[uid], *pieces.shown_by(objects[uid]))
-                self._displaced[uid] = list(dict.fromkeys(n for o in shown for n in render_settings.displacing(o)))
-        self._measure(due, pieces, frame)
+                slots = [slot.material for obj in shown for slot in obj.material_slots]
+                self._displaced[uid] = sorted({m.name_full for m in slots if m in displacing})
+            self._measure(due, pieces, frame)
 
     def _is_due(self, obj: bpy.types.Object, said: list[str]) -> bool:
         uid = obj.session_uid

@@ -29,7 +29,7 @@ _PARTICLES = (
     "rendered_child_count",
 )
 
-_VISIBILITY = ("hide_viewport", "hide_render")
+_VISIBILITY = ("hide_viewport", "hide_render", "visible_camera")
 
 _ANIMATED = frozenset({*_META, *_SHOWN, *_VISIBILITY, *_INSTANCER, *_PARTICLES}.union(*_FINENESS.values(), *_CURVE))
 _SIMPLIFY = ("simplify_subdivision", "simplify_subdivision_render")
@@ -65,22 +65,22 @@ def visibility(shown: bpy.types.Object | bpy.types.Collection) -> list[str]:
     return ["is shown in renders only" if hidden else "is hidden in renders"]
 
 
-def displacing(obj: bpy.types.Object) -> list[str]:
-    """Return the names of the materials that move an object's surface in a render."""
-    found = []
-    for slot in obj.material_slots:
-        material = slot.material
-        if material is None or material.displacement_method == "BUMP" or material.node_tree is None:
-            continue
-        output = material.node_tree.get_output_node("ALL")
-        if output is not None and output.inputs["Displacement"].is_linked:
-            found.append(material.name)
-    return found
+def displaces(material: bpy.types.Material | None) -> bool:
+    """Return whether a material moves surfaces in a render."""
+    if material is None or material.displacement_method == "BUMP" or material.node_tree is None:
+        return False
+    output = material.node_tree.get_output_node("ALL")
+    return output is not None and bool(output.inputs["Displacement"].is_linked)
+
+
+def seen_by_camera(obj: bpy.types.Object) -> bool:
+    """Return whether cameras see an object where its collections are rendered."""
+    return bool(obj.visible_camera) and not obj.hide_render
 
 
 def rendering(layer: bpy.types.LayerCollection) -> Iterator[bpy.types.Collection]:
     """Yield the collections of a view layer that renders show."""
-    if layer.exclude or layer.collection.hide_render:
+    if layer.exclude or layer.indirect_only or layer.collection.hide_render:
         return
     yield layer.collection
     for child in layer.children:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import Array, DermisError, core
-from . import render_settings
+from . import participants, render_settings
 
 _MILLIMETRE = 1e-3  # exported files have six decimals, which are nanometres then
 _MODES = {"viewport": "DAG_EVAL_VIEWPORT", "render": "DAG_EVAL_RENDER"}
@@ -44,6 +44,7 @@ class Pieces:
         self._shown: dict[int, dict[int, bpy.types.Object]] = {}  # by host, by session uid
         self._triangles: dict[int, float] = {}  # of hosts
         self._enlarged: dict[int, float] = {}
+        places: dict[int, list[Any]] = {}
         for item in depsgraph.object_instances if hosts or instanced else ():
             if not item.is_instance:
                 continue
@@ -52,9 +53,10 @@ class Pieces:
                 self._shown.setdefault(host, {})[shown.session_uid] = shown
                 self._triangles[host] = self._triangles.get(host, 0.0) + self._finest(shown, item.object)
             if shown.session_uid in instanced:
-                moved = np.array(item.matrix_world) @ np.linalg.pinv(np.array(shown.matrix_world))
-                known = self._enlarged.get(shown.session_uid, 0.0)
-                self._enlarged[shown.session_uid] = max(known, core.surface.curved.stretch_of(moved))
+                places.setdefault(shown.session_uid, []).append(item.matrix_world.copy())
+        for shown in participants.look_up(set(places)).values():
+            moved = np.array(places[shown.session_uid]) @ np.linalg.pinv(np.array(shown.matrix_world))
+            self._enlarged[shown.session_uid] = float(np.linalg.norm(moved[:, :3, :3], ord=2, axis=(1, 2)).max())
 
     def shown_by(self, host: bpy.types.Object) -> Iterable[bpy.types.Object]:
         """Return the objects that a host shows as instances."""

@@ -145,17 +145,16 @@ def test_a_host_that_only_renders_show_has_no_distance() -> None:
     assert apart(found["object 'A'"]) > 0.1
 
 
-@pytest.mark.parametrize("by_collection", [False, True])
-def test_what_renders_hide(by_collection: bool) -> None:
+@pytest.mark.parametrize("by", ["object", "camera", "collection", "indirect"])
+def test_what_renders_hide(by: str) -> None:
     cube = build.cube()
-    if by_collection:
-        part = bpy.data.collections.new("Part")
-        bpy.context.scene.collection.children.link(part)
-        part.objects.link(cube)
-        bpy.context.scene.collection.objects.unlink(cube)
-        part.hide_render = True
-    else:
-        cube.hide_render = True
+    part = bpy.data.collections.new("Part")
+    bpy.context.scene.collection.children.link(part)
+    part.objects.link(cube)
+    bpy.context.scene.collection.objects.unlink(cube)
+    assert not told()
+    cube.hide_render, cube.visible_camera, part.hide_render = by == "object", by != "camera", by == "collection"
+    bpy.context.view_layer.layer_collection.children["Part"].indirect_only = by == "indirect"
     (found,) = told()
     assert (found.severity, found.where) == ("info", "object 'Cube'") and "renders do not show it" in found.what
 

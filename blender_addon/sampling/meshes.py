@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -55,7 +55,7 @@ def positions(mesh: bpy.types.Mesh) -> NDArray[np.float32]:
 
 def triangles(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
     """Return Blender's triangulation by vertices, shape (T, 3)."""
-    return np.frombuffer(_corners(mesh), np.int32)[triangle_loops(mesh)]
+    return _corners(mesh, np.empty(len(mesh.loops), np.int32))[triangle_loops(mesh)]
 
 
 def normals(mesh: bpy.types.Mesh) -> NDArray[np.float32]:
@@ -104,9 +104,10 @@ class Geometry:
 
 @dataclass
 class _Last:
-    """What was read last of a key: while its form stays, see `_form`, so do its faces."""
+    """What was read last of a key: while counts of vertices and faces and its form stay, so do its faces."""
 
-    form: tuple[int, int, bytes, bytes]
+    counts: tuple[int, int]
+    form: tuple[NDArray[np.int32], ...]
     cuts: FaceCuts
     topology: Topology
     geometry: Geometry | None = None
@@ -121,6 +122,7 @@ class MeshReader:
     def clear(self) -> None:
         """Forget every surface."""
         self._last: dict[Hashable, _Last] = {}
+        self._buffers: dict[int, NDArray[np.int32]] = {}  # new memory would take longer than all of the comparison
 
     def read(
         self, evaluated: bpy.types.Object, unit: float, mirrored: bool = False, tolerance: float | None = None
@@ -143,11 +145,12 @@ class MeshReader:
     def geometry(self, key: Hashable, mesh: bpy.types.Mesh, shaded: bool) -> Geometry:
         """Return what an evaluated mesh holds: the same object as the last one of this key, where it is the same."""
         raw = positions(mesh)
-        form = _form(mesh, len(raw))
+        counts, form = (len(raw), len(mesh.polygons)), self._form(mesh)
         last = self._last.get(key)
-        if last is None or last.form != form:
-            cuts = FaceCuts(mesh, np.frombuffer(form[2], np.int32), raw)
-            last = self._last[key] = _Last(form, cuts, Topology(cuts.vertices))
+        if last is None or last.counts != counts or not _alike(last.form, form):
+            form = [part.copy() for part in form]
+            cuts = FaceCuts(mesh, form[0], raw)
+            last = self._last[key] = _Last(counts, tuple(form), cuts, Topology(cuts.vertices))
         known, shown = last.geometry, None
         stays = known is not None and bool((known.positions == raw).all())
         if known is not None and not stays and last.cuts.follow(mesh, raw):
@@ -162,6 +165,32 @@ class MeshReader:
             return known
         made = last.geometry = Geometry(raw, last.topology, shown, shaded and mesh.normals_domain != "FACE")
         return made
+
+    def _form(self, mesh: bpy.types.Mesh) -> list[NDArray[np.int32]]:
+        """Return what decides of which faces a mesh is made, to be compared: no other faces have the same.
+
+        Face corners in a row may be faces of 3 and 5 or of 5 and 3 corners. The edge of each face's last corner leads
+        back to its first one, so the edges tell where faces end. Blender hands these out in microseconds, and the
+        faces' sizes 300 times as slowly. The arrays hold until the next mesh is read.
+        """
+        corners = [_corners(mesh, self._buffer(0, len(mesh.loops)))]
+        if len(mesh.loops) == 3 * len(mesh.polygons):
+            return corners
+        own, edges = mesh.attributes.get(".corner_edge"), mesh.attributes.get(".edge_verts")
+        if own is None or edges is None:
+            sizes = self._buffer(1, len(mesh.polygons))
+            mesh.polygons.foreach_get("loop_total", sizes)
+            return [*corners, sizes]
+        each, ends = self._buffer(1, len(own.data)), self._buffer(2, 2 * len(edges.data))
+        own.data.foreach_get("value", each)
+        edges.data.foreach_get("value", ends)
+        return [*corners, each, ends]
+
+    def _buffer(self, number: int, size: int) -> NDArray[np.int32]:
+        kept = self._buffers.get(number)
+        if kept is None or len(kept) < size:
+            kept = self._buffers[number] = np.empty(size, np.int32)
+        return kept[:size]
 
     def surface(
         self, geometry: Geometry | None, unit: float, mirrored: bool = False, tolerance: float | None = None
@@ -243,36 +272,15 @@ def zero_area_finding(mesh: Any, name: str) -> Any | None:
     )
 
 
-def _form(mesh: bpy.types.Mesh, vertices: int) -> tuple[int, int, bytes, bytes]:
-    """Return what decides of which faces a mesh is made, to be compared: no other faces have the same.
-
-    Face corners in a row may be faces of 3 and 5 or of 5 and 3 corners. The edge of each face's last corner leads back
-    to its first one, so the edges tell where faces end. Blender hands these out in microseconds, and the faces' sizes
-    300 times as slowly.
-    """
-    corners, faces = _corners(mesh), len(mesh.polygons)
-    triangular = len(corners) == 3 * faces * np.int32().itemsize
-    return vertices, faces, corners, b"" if triangular else _face_ends(mesh)
+def _alike(one: Sequence[NDArray[np.int32]], other: Sequence[NDArray[np.int32]]) -> bool:
+    return len(one) == len(other) and all(map(np.array_equal, one, other))
 
 
-def _face_ends(mesh: bpy.types.Mesh) -> bytes:
-    corners, edges = mesh.attributes.get(".corner_edge"), mesh.attributes.get(".edge_verts")
-    if corners is None or edges is None:
-        sizes = np.empty(len(mesh.polygons), np.int32)
-        mesh.polygons.foreach_get("loop_total", sizes)
-        return sizes.tobytes()
-    own, ends = np.empty(len(corners.data), np.int32), np.empty(2 * len(edges.data), np.int32)
-    corners.data.foreach_get("value", own)
-    edges.data.foreach_get("value", ends)
-    return own.tobytes() + ends.tobytes()
-
-
-def _corners(mesh: bpy.types.Mesh) -> bytes:
-    """Return the vertices of all face corners, to be compared."""
-    out = np.empty(len(mesh.loops), np.int32)
+def _corners(mesh: bpy.types.Mesh, out: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Read the vertices of all face corners, shape (loops,)."""
     layer = mesh.attributes.get(".corner_vert")
     if layer is not None:
         layer.data.foreach_get("value", out)
     else:
         mesh.loops.foreach_get("vertex_index", out)
-    return out.tobytes()
+    return out

@@ -161,7 +161,10 @@ def judge_work(values: Values) -> Verdict:
     touch, verdict = Touch(values), Verdict()
     depth, slide = touch.depth, touch.slide
     way = np.array([[0, 0, -CLEAR], [0, 0, depth], [*slide, depth], [*slide, -CLEAR]])
-    felt, moved = along(touch, way, FINE)
+    record, moved = followed(touch, way, FINE)
+    felt = record.channels["force"].values
+    if felt[[0, -1]].any():  # it is closed in the air
+        raise ValueError("the way is not closed: the solid still touches at its end")
     work = np.concatenate([[0.0], np.cumsum(0.5 * np.einsum("ij,ij->i", felt[1:] + felt[:-1], np.diff(moved, axis=0)))])
     verdict.hold("work", abs(float(work[-1])) / max(float(work.max()), 1e-300), tolerances.INVARIANCE["work"])
     return verdict
@@ -182,12 +185,6 @@ def judge_gradient(values: Values) -> Verdict:
     peak = float(np.linalg.norm(felt, axis=1).max())
     verdict.hold("gradient", float(off.max()) / max(peak, 1e-300), tolerances.INVARIANCE["gradient"])
     return verdict
-
-
-def along(touch: Touch, way: Array, step: float) -> tuple[Array, Array]:
-    """Return the force along a way [N], and where the solid is [m], shapes (n, 3)."""
-    record, moved = followed(touch, way, step)
-    return record.channels["force"].values, moved
 
 
 def followed(touch: Touch, way: Array, step: float) -> tuple[Record, Array]:

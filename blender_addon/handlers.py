@@ -11,6 +11,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from . import baking, changes, identity, reporting
+from .comparison import trusted
 from .devices import skin_models
 from .preview import skin_preview
 from .properties import skin_properties
@@ -51,6 +52,7 @@ def _on_load(*_: Any) -> None:
     changes.note_file()
     store.forget()
     baking.forget()
+    trusted.forget()
     exported.forget()
     recall.request()
     shown.forget()

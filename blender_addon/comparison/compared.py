@@ -98,7 +98,7 @@ def asked(job_name: str, stage: str, scene: bpy.types.Scene, finger: str, **opti
 
     yield core.pipeline.bake.Progress("preparing", 0, 1)
     with film_objects.paused(scene):
-        tactile = yield from _sampled(scene)
+        tactile = yield from sampled(scene)
     yield from skin_models.make_tables(tactile, library(), (finger,))
     with tempfile.TemporaryDirectory(prefix="dermis-compare-", ignore_cleanup_errors=True) as folder:
         path = Path(folder) / "scene.npz"
@@ -118,7 +118,7 @@ def asked(job_name: str, stage: str, scene: bpy.types.Scene, finger: str, **opti
             return {name: array.tobytes() for name, array in job.result().items()}
 
 
-def _sampled(scene: bpy.types.Scene) -> Steps:
+def sampled(scene: bpy.types.Scene) -> Steps:
     """Return a scene with all its chunks."""
     tactile = scene_sweep.sample(scene)
     sweep = tactile.chunks

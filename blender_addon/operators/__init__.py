@@ -29,6 +29,7 @@ from . import (
     thimble,
     told,
     tracks,
+    trust,
 )
 
 CLASSES: tuple[type, ...] = (
@@ -53,6 +54,7 @@ CLASSES: tuple[type, ...] = (
     *stream.CLASSES,
     *calibration.CLASSES,
     *tracks.CLASSES,
+    *trust.CLASSES,
     *thimble.CLASSES,
     *design.CLASSES,
     *strip.CLASSES,

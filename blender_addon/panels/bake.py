@@ -6,6 +6,7 @@ import bpy
 
 from .. import changes, choices, reporting
 from .._core import core
+from ..comparison import trusted
 from ..hands import bone_names
 from ..layouts import paragraph, properties
 from ..polls import needs
@@ -126,6 +127,12 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
         row = column.row(align=True)
         row.prop(context.scene.dermis, "show_strip", text="Strip", toggle=True, icon="TIME")
         row.operator("dermis.show_plots", icon="IMAGE_DATA")
+        column.operator("dermis.trust_band", icon="MOD_NOISE")
+        told = trusted.current(context.scene)
+        if told is not None and not told.findings:
+            paragraph(column, context, "Forces and commands can be trusted to 5 % of their peaks.", "CHECKMARK")
+        for finding in told.findings if told is not None else ():
+            paragraph(column, context, f"{finding.where}: {finding.what}, {finding.value}.", "ERROR")
         row = column.row(align=True)
         row.operator("dermis.commands_as_curves", icon="FCURVE")
         if command_curves.present(context.scene):

@@ -14,7 +14,7 @@ from .._core import Array, core
 from ..hands import bone_names
 from . import stored_skins
 
-Kind = Literal["force", "touch", "mismatch", "limited"]
+Kind = Literal["force", "touch", "mismatch", "limited", "doubt"]
 
 AT_LIMIT = ("at_limit", "clipped")  # signals that tell of limits: of a pin array how many pins, of a platform whether
 CLOSE = 1e-6  # of a limit: a value as near as this lies on it
@@ -33,7 +33,8 @@ class Lane:
 
     Attributes:
         finger: the object's name.
-        series: by kind: force [N], touch (0 or 1), mismatch (relative), limited (0 or 1); one a device or skin.
+        series: by kind: force [N], touch (0 or 1), mismatch (relative), limited (0 or 1), doubt (0 or 1);
+            one a device or skin.
     """
 
     finger: str

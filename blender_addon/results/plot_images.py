@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import bpy
 
-from .._core import core
+from .._core import Array, core
 
 SCALE = 1.5  # pixels a point: a window shows it pixel by pixel, and letters stay letters
 MARK = "dermis_plot"  # on an image, whose plot it is
 
 
-def make(result: Any) -> dict[str, bpy.types.Image]:
-    """Make an image of every track's plot, in place of its device's earlier one; return them by finger and device."""
+def make(result: Any, spreads: Mapping[int, Array]) -> dict[str, bpy.types.Image]:
+    """Make an image of every track's plot, in place of its device's earlier one; return them by finger and device.
+
+    Args:
+        spreads: bands about the curves, by the place among the bake's outputs.
+    """
     outputs, bake = core.pipeline.outputs, result.bake
     before = {str(image[MARK]): image for image in bpy.data.images if MARK in image}
     made = {}
-    for name, device, output in zip(outputs.file_names(bake), result.whose, bake.outputs, strict=True):
-        data = outputs.plot_of(bake, output, scale=SCALE)
+    every = zip(outputs.file_names(bake), result.whose, bake.outputs, strict=True)
+    for k, (name, device, output) in enumerate(every):
+        data = outputs.plot_of(bake, output, scale=SCALE, spread=spreads.get(k))
         image = bpy.data.images.new(f"Plot {name}", 1, 1)
         image.pack(data=data, data_len=len(data))
         image.source = "FILE"

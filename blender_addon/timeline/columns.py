@@ -14,6 +14,7 @@ from ..results.lanes import Kind, Lane, Mark, Series
 from ..viewport.paint import BLUE, FAINT, INK, ORANGE, PANEL, Colour
 
 RED: Colour = (0.95, 0.33, 0.27, 1.0)
+YELLOW: Colour = (0.98, 0.85, 0.25, 1.0)
 SEVERITIES = {"error": RED, "warning": ORANGE, "info": INK}
 LANE, GAP, SCRUB, LABELLED = 18.0, 1.0, 26.0, 11.0  # heights at scale 1 [px]: a lane, between two, the frames' numbers
 SHARE = 0.5  # of an editor's height at most: keys are to be seen too
@@ -143,6 +144,10 @@ def _lane(boxes: _Boxes, lane: Lane, view: View, bottom: float, high: float, str
     for first, last in _runs(at):
         if at[first]:
             boxes.add(first, bottom + high - thick, last, bottom + high, (*RED[:3], strength))
+    doubtful = (np.nan_to_num(_merged(lane, "doubt", view)) > 0.0).astype(int)
+    for first, last in _runs(doubtful):
+        if doubtful[first]:
+            boxes.add(first, bottom, last, bottom + thick, (*YELLOW[:3], strength))
 
 
 def _between(one: Colour, other: Colour, share: float, alpha: float) -> Colour:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import bpy
 
 from .._core import core
+from ..comparison import trusted
 from ..layouts import ui_scale
 from ..preview import live_lanes
 from ..results import store
@@ -51,7 +52,10 @@ def of(scene: bpy.types.Scene) -> Strip | None:
     kept = _baked.get(scene.session_uid)
     if kept is None or kept[0] is not result:
         kept = _baked[scene.session_uid] = (result, lanes_of(result), marks_of(result.bake.all_findings))
-    return Strip(kept[1], live, kept[2], state) if kept[1] or live else None
+    told, (_, own, marks) = trusted.current(scene), kept
+    if told is not None:
+        own, marks = (*own, *told.lanes), (*marks, *told.marks)
+    return Strip(own, live, marks, state) if own or live else None
 
 
 def view_of(region: bpy.types.Region) -> View:

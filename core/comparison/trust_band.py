@@ -68,11 +68,15 @@ class Band:
         return np.array([far[units == unit].max() for unit in units])
 
     @property
+    def felt(self) -> Array:
+        """What changes are held against: the peak, or the least departure that is felt, shape (c,)."""
+        spans = [c.high - c.low if c.high is not None and c.low is not None else 0.0 for c in self.channels]
+        return np.maximum(self.peak, np.maximum(FELT * np.array(spans), 1e-12))
+
+    @property
     def share(self) -> Array:
         """The largest change of each channel over its peak [1], shape (c,)."""
-        spans = [c.high - c.low if c.high is not None and c.low is not None else 0.0 for c in self.channels]
-        least = np.maximum(FELT * np.array(spans), 1e-12)
-        return self.spread.max(axis=0, initial=0.0) / np.maximum(self.peak, least)
+        return self.spread.max(axis=0, initial=0.0) / self.felt
 
     @property
     def finding(self) -> Finding | None:

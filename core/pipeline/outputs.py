@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ..arrays import Array
 from ..errors import DermisError, Finding
 from ..parameters.device import DEVICE
 from ..presets import Library
@@ -54,16 +55,16 @@ def write_plots(bake: Bake, folder: Path | str) -> tuple[Path, ...]:
     return tuple(written)
 
 
-def plot_of(bake: Bake, output: Output, *, scale: float = 2.0) -> bytes:
+def plot_of(bake: Bake, output: Output, *, scale: float = 2.0, spread: Array | None = None) -> bytes:
     """Return the plot of one of a bake's tracks as PNG, in the units and scales of all tracks of the same device.
 
     Args:
-        scale: pixels a point.
+        scale: pixels a point. spread: half the width of a band about each curve, shape (n, channels).
     """
     from ..plot.track import png
 
     alike = [o.track for o in bake.outputs if o.track.spec.key == output.track.spec.key]
-    return png(output.track, contact=output.signals.get("contact"), alike=alike, scale=scale)
+    return png(output.track, contact=output.signals.get("contact"), alike=alike, scale=scale, spread=spread)
 
 
 def export_screen_maps(scene: TactileScene, library: Library, folder: Path) -> tuple[Path, ...]:

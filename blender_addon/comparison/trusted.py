@@ -1,0 +1,109 @@
+"""The trust band of a scene: by how much its forces and commands change with what must not matter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .. import changes, scene_time
+from .._core import Array, core
+from ..devices import skin_models
+from ..film import film_objects
+from ..jobs import Steps
+from ..preferences import library
+from ..results import store
+from ..results.lanes import Lane, Mark, Series, marks_of
+from . import compared
+
+
+@dataclass(frozen=True, eq=False)
+class Trusted:
+    """One scene's bands.
+
+    Attributes:
+        bands: of devices, in the order of a bake's outputs, and then of skins. edits: of `changes` when it was sampled.
+        clock: of the bands' times. lanes, marks: of the strip.
+    """
+
+    bands: tuple[Any, ...]
+    edits: int
+    clock: scene_time.Clock
+    lanes: tuple[Lane, ...]
+    marks: tuple[Mark, ...]
+
+    @property
+    def findings(self) -> tuple[Any, ...]:
+        """What is not to be trusted, with its frame."""
+        found = []
+        for band in self.bands:
+            if band.finding is not None:
+                c = int(band.share.argmax())
+                at = float(self.clock.frames(float(band.times[band.spread[:, c].argmax()])))
+                found.append(replace(band.finding, frame=at))
+        return tuple(found)
+
+
+_trusted: dict[int, Trusted] = {}
+
+
+def forget() -> None:
+    """Forget all bands: another file was opened."""
+    _trusted.clear()
+
+
+def current(scene: bpy.types.Scene) -> Trusted | None:
+    """Return the scene's bands; None where there are none, or the scene has changed since."""
+    made = _trusted.get(scene.session_uid)
+    return made if made is not None and made.edits == changes.edits() else None
+
+
+def spreads(scene: bpy.types.Scene, bake: Any) -> Mapping[int, Array]:
+    """Return the changes of a bake's tracks, by their place among its outputs, where they are known."""
+    made = current(scene)
+    bands = [] if made is None else [band for band in made.bands if band.track is not None]
+    return {
+        k: band.spread
+        for k, (band, output) in enumerate(zip(bands, bake.outputs, strict=False))
+        if band.device == output.device and band.spread.shape == output.track.values.shape
+    }
+
+
+def find(scene: bpy.types.Scene) -> Steps:
+    """Sample a scene, and render it and its variants; yield progress, return and keep what was found.
+
+    Raises:
+        DermisError: the scene cannot be sampled or rendered.
+    """
+    yield core.pipeline.bake.Progress("preparing", 0, 1)
+    clock = store.Taken.of(scene).clock
+    with film_objects.paused(scene):
+        tactile = yield from compared.sampled(scene)
+    edits = changes.edits()
+    yield from skin_models.make_tables(tactile, library())
+    steps = core.comparison.trust_band.trust_bands(tactile, library(), cache=skin_models.cache())
+    while True:
+        try:
+            with skin_models.one_thread():
+                step = next(steps)
+        except StopIteration as done:
+            bands = done.value[1]
+            break
+        yield step
+    made = Trusted(bands, edits, clock, _lanes(bands, clock), ())
+    made = _trusted[scene.session_uid] = replace(made, marks=marks_of(made.findings))
+    return made
+
+
+def _lanes(bands: tuple[Any, ...], clock: scene_time.Clock) -> tuple[Lane, ...]:
+    """Return a lane for each finger that says where any of its channels changes by more than a band may."""
+    found: dict[str, list[Series]] = {}
+    for band in bands:
+        doubtful = (band.spread > core.comparison.trust_band.DOUBT * band.felt).any(axis=1)
+        found.setdefault(band.finger, []).append(
+            Series(np.asarray(clock.frames(band.times)), doubtful.astype(np.float64))
+        )
+    return tuple(Lane(finger, {"doubt": tuple(series)}) for finger, series in found.items())

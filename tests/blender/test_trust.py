@@ -1,0 +1,67 @@
+"""Trust Band in Blender: found for the scene, marked in the strip, drawn in plots, and gone after an edit."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon.comparison import trusted
+from blender_addon.results import store
+from blender_addon.timeline import strip
+from core.comparison import trust_band
+from core.comparison.scene_variants import shifted
+
+from .build import cube, finger, keys, span
+
+
+@pytest.fixture
+def baked() -> bpy.types.Scene:
+    """Return a baked scene with a finger that presses a plate and slides on it."""
+    scene = span(1, 9)
+    hand = finger()
+    hand.dermis.finger.skin.level = "draft"
+    cube("Plate", 0.04, (0.0, 0.0, 0.0))
+    z = [0.04, 0.022, *[0.0193] * 7]
+    keys(hand, "location", list(range(1, 10)), np.column_stack([np.zeros(9), np.linspace(0, 2e-3, 9), z]))
+    hand.dermis.finger.skin.shown = True
+    hand.dermis.finger.devices.add().preset = "pin_array_128"
+    scene.dermis.sample_rate = 48.0
+    bpy.context.view_layer.objects.active = hand
+    assert bpy.ops.dermis.bake() == {"FINISHED"}
+    return scene
+
+
+def test_it_needs_a_bake() -> None:
+    span(1, 9)
+    assert not bpy.ops.dermis.trust_band.poll()
+
+
+def test_a_plate_is_trusted_and_an_edit_forgets_it(baked: bpy.types.Scene) -> None:
+    before = store.current(baked)
+    assert bpy.ops.dermis.trust_band() == {"FINISHED"}
+    made: Any = trusted.current(baked)
+    result: Any = store.current(baked)
+    assert result.bake is before.bake and store.state(baked) == "fresh", "the bake stays as it was"
+    assert [band.device for band in made.bands if band.track is not None] == [o.device for o in result.bake.outputs]
+    assert all(band.share.max() < 0.05 for band in made.bands) and made.findings == ()
+    spreads = trusted.spreads(baked, result.bake)
+    assert sorted(spreads) == list(range(len(result.bake.outputs)))
+    assert bpy.ops.dermis.show_plots() == {"FINISHED"}
+    baked.objects["Plate"].location.z += 1e-3
+    bpy.context.view_layer.update()
+    assert trusted.current(baked) is None and not trusted.spreads(baked, result.bake)
+
+
+def test_what_cannot_be_trusted_is_marked_at_its_frame(baked: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trust_band, "VARIANTS", {"shifted": (lambda s: shifted(s, 5e-4), "shifted far", True)})
+    assert bpy.ops.dermis.trust_band() == {"FINISHED"}
+    made: Any = trusted.current(baked)
+    assert made.findings and all(f.code == "not-reproduced" and 1.0 <= f.frame <= 9.0 for f in made.findings)
+    shown: Any = strip.of(baked)
+    assert {mark.text for mark in shown.marks} >= {str(f) for f in made.findings}
+    doubts = [series for lane in shown.lanes for series in lane.series.get("doubt", ())]
+    assert doubts and any(series.values.any() for series in doubts)
+    assert all(1.0 <= series.frames.min() and series.frames.max() <= 10.0 for series in doubts)

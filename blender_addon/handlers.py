@@ -11,12 +11,11 @@ import bpy
 from bpy.app.handlers import persistent
 
 from . import baking, changes, identity, reporting
-from .comparison import trusted
 from .devices import skin_models
 from .preview import skin_preview
 from .properties import skin_properties
 from .properties.scene_properties import stamp
-from .results import exported, recall, store
+from .results import exported, recall, store, trusted
 from .streaming import streamed_track
 from .viewport import shown
 

@@ -6,9 +6,8 @@ from typing import Any, cast
 
 import bpy
 
-from ..comparison import trusted
 from ..polls import needs
-from ..results import plot_images, store
+from ..results import plot_images, store, trusted
 from .work import Work, counted
 
 SHOW_AFTER = 0.2  # [s]: a new window has no size before

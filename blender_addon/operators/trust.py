@@ -5,7 +5,7 @@ from typing import Any
 import bpy
 
 from .. import jobs, redraw, reporting
-from ..comparison import trusted
+from ..comparison import trust_steps
 from ..polls import needs
 from ..results import store
 
@@ -24,7 +24,7 @@ class DERMIS_OT_trust_band(jobs.Job, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context) -> Any:
         """Return the work."""
-        return trusted.find(context.scene)
+        return trust_steps.find(context.scene)
 
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Say what is not to be trusted."""

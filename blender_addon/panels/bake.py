@@ -6,11 +6,10 @@ import bpy
 
 from .. import changes, choices, reporting
 from .._core import core
-from ..comparison import trusted
 from ..hands import bone_names
 from ..layouts import paragraph, properties
 from ..polls import needs
-from ..results import command_curves, store
+from ..results import command_curves, store, trusted
 from . import exported, summary
 from .main import DermisPanel, working
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import bpy
@@ -13,7 +14,7 @@ SCALE = 1.5  # pixels a point: a window shows it pixel by pixel, and letters sta
 MARK = "dermis_plot"  # on an image, whose plot it is
 
 
-def make(result: Any, spreads: Mapping[int, Array]) -> dict[str, bpy.types.Image]:
+def make(result: Any, spreads: Mapping[int, Array] = MappingProxyType({})) -> dict[str, bpy.types.Image]:
     """Make an image of every track's plot, in place of its device's earlier one; return them by finger and device.
 
     Args:

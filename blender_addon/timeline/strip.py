@@ -10,10 +10,9 @@ from typing import Any, NamedTuple
 import bpy
 
 from .._core import core
-from ..comparison import trusted
 from ..layouts import ui_scale
 from ..preview import live_lanes
-from ..results import store
+from ..results import store, trusted
 from ..results.lanes import Lane, Mark, lanes_of, marks_of
 from ..viewport import paint
 from .columns import MARK, SCRUB, Layout, View, laid_out

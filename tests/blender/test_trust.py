@@ -8,8 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.comparison import trusted
-from blender_addon.results import store
+from blender_addon.results import store, trusted
 from blender_addon.timeline import strip
 from core.comparison import trust_band
 from core.comparison.scene_variants import shifted

@@ -11,13 +11,7 @@ import numpy as np
 
 from .. import changes, scene_time
 from .._core import Array, core
-from ..devices import skin_models
-from ..film import film_objects
-from ..jobs import Steps
-from ..preferences import library
-from ..results import store
-from ..results.lanes import Lane, Mark, Series, marks_of
-from . import compared
+from .lanes import Lane, Mark, Series, marks_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,27 +66,12 @@ def spreads(scene: bpy.types.Scene, bake: Any) -> Mapping[int, Array]:
     }
 
 
-def find(scene: bpy.types.Scene) -> Steps:
-    """Sample a scene, and render it and its variants; yield progress, return and keep what was found.
+def keep(scene: bpy.types.Scene, bands: tuple[Any, ...], edits: int, clock: scene_time.Clock) -> Trusted:
+    """Keep a scene's bands for the session.
 
-    Raises:
-        DermisError: the scene cannot be sampled or rendered.
+    Args:
+        edits: of `changes` when the scene was sampled. clock: of the bands' times.
     """
-    yield core.pipeline.bake.Progress("preparing", 0, 1)
-    clock = store.Taken.of(scene).clock
-    with film_objects.paused(scene):
-        tactile = yield from compared.sampled(scene)
-    edits = changes.edits()
-    yield from skin_models.make_tables(tactile, library())
-    steps = core.comparison.trust_band.trust_bands(tactile, library(), cache=skin_models.cache())
-    while True:
-        try:
-            with skin_models.one_thread():
-                step = next(steps)
-        except StopIteration as done:
-            bands = done.value[1]
-            break
-        yield step
     made = Trusted(bands, edits, clock, _lanes(bands, clock), ())
     made = _trusted[scene.session_uid] = replace(made, marks=marks_of(made.findings))
     return made

@@ -1,0 +1,38 @@
+"""The work of a trust band: a scene is sampled once, and rendered with its variants."""
+
+from __future__ import annotations
+
+import bpy
+
+from .. import changes
+from .._core import core
+from ..devices import skin_models
+from ..film import film_objects
+from ..jobs import Steps
+from ..preferences import library
+from ..results import store, trusted
+from . import compared
+
+
+def find(scene: bpy.types.Scene) -> Steps:
+    """Sample a scene, and render it and its variants; yield progress, return and keep what was found.
+
+    Raises:
+        DermisError: the scene cannot be sampled or rendered.
+    """
+    yield core.pipeline.bake.Progress("preparing", 0, 1)
+    clock = store.Taken.of(scene).clock
+    with film_objects.paused(scene):
+        tactile = yield from compared.sampled(scene)
+    edits = changes.edits()
+    yield from skin_models.make_tables(tactile, library())
+    steps = core.comparison.trust_band.trust_bands(tactile, library(), cache=skin_models.cache())
+    while True:
+        try:
+            with skin_models.one_thread():
+                step = next(steps)
+        except StopIteration as done:
+            bands = done.value[1]
+            break
+        yield step
+    return trusted.keep(scene, bands, edits, clock)

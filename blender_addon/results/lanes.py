@@ -56,6 +56,8 @@ class Lane:
             parts.append(f"· mismatch, up to {100.0 * self.most('mismatch'):.0f} %")
         if self.most("limited"):
             parts.append("· at a limit")
+        if self.most("doubt"):
+            parts.append("· not to be trusted where yellow")
         return " ".join(parts)
 
 

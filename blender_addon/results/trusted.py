@@ -20,14 +20,13 @@ class Trusted:
 
     Attributes:
         bands: of devices, in the order of a bake's outputs, and then of skins. edits: of `changes` when it was sampled.
-        clock: of the bands' times. lanes, marks: of the strip.
+        clock: of the bands' times. marks: of the strip.
     """
 
     bands: tuple[Any, ...]
     edits: int
     clock: scene_time.Clock
-    lanes: tuple[Lane, ...]
-    marks: tuple[Mark, ...]
+    marks: tuple[Mark, ...] = ()
 
     @property
     def findings(self) -> tuple[Any, ...]:
@@ -39,6 +38,15 @@ class Trusted:
                 at = float(self.clock.frames(float(band.times[band.spread[:, c].argmax()])))
                 found.append(replace(band.finding, frame=at))
         return tuple(found)
+
+    def into(self, lanes: tuple[Lane, ...]) -> tuple[Lane, ...]:
+        """Return lanes with where any of their fingers' channels changes by more than a band may."""
+        found: dict[str, list[Series]] = {}
+        for band in self.bands:
+            doubtful = (band.spread > core.comparison.trust_band.DOUBT * band.felt).any(axis=1)
+            frames = np.asarray(self.clock.frames(band.times))
+            found.setdefault(band.finger, []).append(Series(frames, doubtful.astype(np.float64)))
+        return tuple(Lane(x.finger, {**x.series, "doubt": tuple(found.get(x.finger, ()))}) for x in lanes)
 
 
 _trusted: dict[int, Trusted] = {}
@@ -72,17 +80,6 @@ def keep(scene: bpy.types.Scene, bands: tuple[Any, ...], edits: int, clock: scen
     Args:
         edits: of `changes` when the scene was sampled. clock: of the bands' times.
     """
-    made = Trusted(bands, edits, clock, _lanes(bands, clock), ())
+    made = Trusted(bands, edits, clock)
     made = _trusted[scene.session_uid] = replace(made, marks=marks_of(made.findings))
     return made
-
-
-def _lanes(bands: tuple[Any, ...], clock: scene_time.Clock) -> tuple[Lane, ...]:
-    """Return a lane for each finger that says where any of its channels changes by more than a band may."""
-    found: dict[str, list[Series]] = {}
-    for band in bands:
-        doubtful = (band.spread > core.comparison.trust_band.DOUBT * band.felt).any(axis=1)
-        found.setdefault(band.finger, []).append(
-            Series(np.asarray(clock.frames(band.times)), doubtful.astype(np.float64))
-        )
-    return tuple(Lane(finger, {"doubt": tuple(series)}) for finger, series in found.items())

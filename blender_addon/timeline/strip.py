@@ -35,7 +35,7 @@ class Strip(NamedTuple):
     state: str
 
 
-_baked: dict[int, tuple[Any, tuple[Lane, ...], tuple[Mark, ...]]] = {}  # by the scene's session uid, with the result
+_baked: dict[int, tuple[Any, Any, tuple[Lane, ...], tuple[Mark, ...]]] = {}  # by the scene's uid, with what it is of
 _layouts: core.recent.Recent[tuple[Any, ...], tuple[Layout, Any]] = core.recent.Recent(8)
 _handles: list[tuple[Any, Any]] = []
 _keys: list[tuple[Any, Any]] = []
@@ -48,13 +48,13 @@ def of(scene: bpy.types.Scene) -> Strip | None:
     if result is None:
         _baked.pop(scene.session_uid, None)
         return Strip((), live, (), "live") if live else None
-    kept = _baked.get(scene.session_uid)
-    if kept is None or kept[0] is not result:
-        kept = _baked[scene.session_uid] = (result, lanes_of(result), marks_of(result.bake.all_findings))
-    told, (_, own, marks) = trusted.current(scene), kept
-    if told is not None:
-        own, marks = (*own, *told.lanes), (*marks, *told.marks)
-    return Strip(own, live, marks, state) if own or live else None
+    kept, told = _baked.get(scene.session_uid), trusted.current(scene)
+    if kept is None or kept[0] is not result or kept[1] is not told:
+        lanes, marks = lanes_of(result), marks_of(result.bake.all_findings)
+        if told is not None:
+            lanes, marks = told.into(lanes), (*marks, *told.marks)
+        kept = _baked[scene.session_uid] = (result, told, lanes, marks)
+    return Strip(kept[2], live, kept[3], state) if kept[2] or live else None
 
 
 def view_of(region: bpy.types.Region) -> View:

@@ -62,5 +62,7 @@ def test_what_cannot_be_trusted_is_marked_at_its_frame(baked: bpy.types.Scene, m
     shown: Any = strip.of(baked)
     assert {mark.text for mark in shown.marks} >= {str(f) for f in made.findings}
     doubts = [series for lane in shown.lanes for series in lane.series.get("doubt", ())]
+    assert "no touch" not in shown.lanes[0].says and "not to be trusted" in shown.lanes[0].says
+    assert strip.of(baked).lanes is shown.lanes, "made once"
     assert doubts and any(series.values.any() for series in doubts)
     assert all(1.0 <= series.frames.min() and series.frames.max() <= 10.0 for series in doubts)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -53,8 +54,13 @@ def denser(scene: TactileScene) -> TactileScene:
     def make(chunks: Iterable[Chunk]) -> Iterator[Chunk]:
         last, done = None, 0
         for chunk in chunks:
-            whole = chunk if last is None else _joined(last, chunk)
-            yield _halved(whole, skip=last is not None)
+            if last is None:
+                yield _halved(chunk, skip=False)
+            elif _brings(last) == _brings(chunk):
+                yield _halved(_joined(last, chunk), skip=True)
+            else:
+                yield _half_before(last, chunk)
+                yield _halved(chunk, skip=False)
             done += 2 * len(chunk.times) - (last is None)
             last = _sample(chunk, len(chunk.times) - 1)
         if last is not None and done < count:  # the range ends half a step after its last sample
@@ -102,13 +108,32 @@ def _sample(chunk: Chunk, i: int) -> Chunk:
     return Chunk(chunk.frames[some], chunk.times[some], **poses, surfaces=surfaces, animated=animated)
 
 
+def _brings(chunk: Chunk) -> tuple[set[int], set[str]]:
+    return set(chunk.surfaces), set(chunk.animated)
+
+
+def _half_before(before: Chunk, chunk: Chunk) -> Chunk:
+    """Return the sample half way from one to a chunk's first; what only one of both brings is as it was before."""
+    first = _sample(chunk, 0)
+
+    def both(one: Mapping[Any, Any], other: Mapping[Any, Any]) -> dict[Any, Any]:
+        return {name: one[name] for name in one.keys() & other.keys()}
+
+    def common(a: Chunk, b: Chunk) -> Chunk:
+        return replace(a, surfaces=both(a.surfaces, b.surfaces), animated=both(a.animated, b.animated))
+
+    middle = _sample(_halved(_joined(common(before, first), common(first, before)), skip=True), 0)
+    surfaces, animated = {**before.surfaces, **middle.surfaces}, {**before.animated, **middle.animated}
+    return replace(middle, surfaces=surfaces, animated=animated)
+
+
 def _joined(before: Chunk, chunk: Chunk) -> Chunk:
-    """Return a chunk with one sample of the chunk before in front; what only one of both brings is that one's."""
+    """Return a chunk with one sample of the chunk before in front, which brings the same."""
     poses = {
         n: np.concatenate([getattr(before, n), getattr(chunk, n)], axis=1) for n in ("fingers", "bodies", "screens")
     }
-    surfaces = {i: (*before.surfaces.get(i, meshes[:1]), *meshes) for i, meshes in chunk.surfaces.items()}
-    animated = {n: np.concatenate([before.animated.get(n, v[:1]), v]) for n, v in chunk.animated.items()}
+    surfaces = {i: (*before.surfaces[i], *meshes) for i, meshes in chunk.surfaces.items()}
+    animated = {n: np.concatenate([before.animated[n], v]) for n, v in chunk.animated.items()}
     times, frames = (np.concatenate([getattr(before, n), getattr(chunk, n)]) for n in ("times", "frames"))
     return Chunk(frames, times, **poses, surfaces=surfaces, animated=animated)
 

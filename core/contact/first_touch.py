@@ -15,7 +15,7 @@ from ..errors import DermisError
 from ..skin.model import SkinModel
 from ..skin.pad_chart import PadChart
 from ..surface.gap import Surface
-from .solver.bodies import ContactBody
+from .solver.bodies import BONE, ContactBody
 
 CLOSE = 1e-6  # to which the gap at first touch is found: 0.3 % of the force half a millimetre deep [m]
 FAR = 0.1  # a body that has risen this far above the pad has passed beside it, or slid off it [m]
@@ -97,8 +97,10 @@ def first_touch(skin: SkinModel, body: ContactBody) -> float:
     middles = pieces.middles
     top = float((body.surface.vertices @ body.rotation.T)[:, 2].max())
     height, highest = float(middles[:, 2].min()) - top - 2e-3, float(middles[:, 2].max()) - top + FAR
+    start = replace(body, translation=np.array([*body.translation[:2], height]))
+    side = 1 if body.surface.closed else body.surface.side_of(*start.local(BONE))
     while height <= highest:
-        low, gap = _smallest(pieces, replace(body, translation=np.array([*body.translation[:2], height])))
+        low, gap = _smallest(pieces, replace(body, translation=np.array([*body.translation[:2], height])), side)
         if gap <= 2.0 * CLOSE:
             return height + 0.5 * gap
         height += low
@@ -119,11 +121,16 @@ def _pieces(skin: SkinModel) -> _Squares | _Triangles:
     return _Triangles(mesh.nodes[mesh.surface[pad]])
 
 
-def _smallest(pieces: _Squares | _Triangles, body: ContactBody) -> tuple[float, float]:
-    """Return bounds of the smallest gap [m], below and above: to within a half, or `CLOSE`."""
+def _smallest(pieces: _Squares | _Triangles, body: ContactBody, side: int) -> tuple[float, float]:
+    """Return bounds of the smallest gap [m], below and above: to within a half, or `CLOSE`.
+
+    Args:
+        side: -1 where an open surface is touched from behind, else 1.
+    """
     assert isinstance(body.surface, Surface)
     while True:
         sizes, gaps = pieces.sizes, body.surface.query((pieces.middles - body.translation) @ body.rotation).gap
+        gaps = side * gaps
         most, least = float(gaps.min()), gaps - sizes
         some = np.flatnonzero(least <= most)
         if len(some) > MOST_PIECES:

@@ -119,13 +119,10 @@ class PosedBody:
         kept = self._kept if self._kept is not None and self._kept.mesh is mesh else None
         if kept is not None and (np.array_equal if anew else alike)(stretch, kept.stretch):
             return kept
-        if anew:
-            self._kept = _Kept(mesh, stretch, carried(mesh, stretch), None)
-            return self._kept
-        plain = alike(stretch, np.eye(3))
+        plain = not anew and bool(alike(stretch, np.eye(3)))
         stretch = np.eye(3) if plain else stretch
         # kept with the mesh only once: an animated scale has another surface at every sample
-        surface = surface_of(mesh) if plain else carried(mesh, stretch) if kept else surface_of(mesh, stretch)
+        surface = surface_of(mesh) if plain else carried(mesh, stretch) if kept or anew else surface_of(mesh, stretch)
         # the material is told by its place at the first stretch, so that it is the same before and after
         carry = None if self._first is None else stretch @ np.linalg.inv(self._first)
         if self._first is None:

@@ -218,27 +218,30 @@ def node_gaps(
 def to_material(bodies: Sequence[ContactBody], owner: Indices, triangle: Indices, positions: Array) -> Array:
     """Return the material coordinates of positions [m], shape (n, 3), on the bodies and triangles they are near.
 
-    On a rigid body they are its local coordinates; where its scale changed, those at its first scale; on one that
-    deforms, two affine weights in the plane of a triangle and the height above it. Without a triangle, -1, they are
-    local coordinates on either.
+    On a rigid body they are `unplaced`; on one that deforms, two affine weights in the plane of a triangle and the
+    height above it, and `unplaced` without a triangle, -1.
     """
     out = np.empty_like(positions)
     for index, which in owned(owner):
         body = bodies[index]
-        local = (positions[which] - body.translation) @ body.rotation
+        local = unplaced(body, positions[which])
         if body.deforms and isinstance(body.surface, Surface):
             known = triangle[which] >= 0
             a, ab, ac, normal = _plane_of(body.surface, triangle[which][known])
-            v = local[known] - a
+            v = body.local(positions[which][known])[0] - a
             g11, g12, g22 = along(ab, ab), along(ab, ac), along(ac, ac)
             d1, d2 = along(v, ab), along(v, ac)
             det = g11 * g22 - g12 * g12
             weights = (g22 * d1 - g12 * d2) / det, (g11 * d2 - g12 * d1) / det, along(v, normal)
             local[known] = np.stack(weights, axis=1)
-        elif body.carry is not None:
-            local = local @ np.linalg.inv(body.carry).T
         out[which] = local
     return out
+
+
+def unplaced(body: ContactBody, positions: Array) -> Array:
+    """Return the local coordinates of positions [m], shape (n, 3); where a body's scale changed, at its first one."""
+    local = body.local(positions)[0]
+    return local if body.carry is None else local @ np.linalg.inv(body.carry).T
 
 
 def from_material(

@@ -11,7 +11,7 @@ from ...arrays import Array, Indices
 from ...surface.gap import Surface
 from ...surface.plane import Plane
 from ...surface.topology import cut_otherwise
-from .bodies import ContactBody, Expected, NodeGaps, corners_of, from_material, owned, to_material
+from .bodies import ContactBody, Expected, NodeGaps, corners_of, from_material, owned, to_material, unplaced
 
 _ARRAYS = ("body", "_material", "_triangle", "_corners", "_local", "_normal", "gap", "sticking", "slip", "swept")
 
@@ -36,7 +36,7 @@ class ContactHistory:
         self._material = np.zeros((count, 3))
         self._triangle: Indices = np.full(count, -1)
         self._corners: Indices = np.full((count, 3), -1)  # of the triangle, when the anchor was put there
-        self._local = np.zeros((count, 3))  # where it was in the body's own space, when it was looked at last
+        self._local = np.zeros((count, 3))  # where it was on the body at its first scale, when it was looked at last
         self._faces: dict[int, NDArray[np.integer]] = {}  # triangles of bodies that deform, then
         self._normal = np.zeros((count, 3))  # out of the body, in its axes
         self.gap = np.zeros(count)
@@ -108,7 +108,7 @@ class ContactHistory:
                 self._meet(index, own, bodies[index].surface)
             places = from_material(bodies, self.body, self._material, self._triangle, self._corners)
             for index, own in shaped:
-                self._local[own] = (places[own] - bodies[index].translation) @ bodies[index].rotation
+                self._local[own] = unplaced(bodies[index], places[own])
             self._seen = bodies, places
         return self._seen[1]
 
@@ -193,5 +193,5 @@ class ContactHistory:
         for index, own in owned(body):
             posed = bodies[index]
             if posed.deforms and isinstance(posed.surface, Surface):
-                self._local[nodes[own]] = (positions[own] - posed.translation) @ posed.rotation
+                self._local[nodes[own]] = unplaced(posed, positions[own])
                 self._faces[index] = posed.surface.triangles

@@ -84,6 +84,19 @@ def test_chunks_do_not_matter(cut: int) -> None:
         np.testing.assert_array_equal(a, b)
 
 
+def test_what_comes_in_some_chunks_only_is_half_way_as_it_was_before() -> None:
+    of = scene(9, (1, 9), 3)
+    chunks = [c if k == 1 else replace(c, surfaces={}, animated={}) for k, c in enumerate(of.chunks)]
+    made = list(denser(replace(of, chunks=chunks)).chunks)
+    assert sum(len(c.times) for c in made) == 17
+    meshes = [m for c in made for m in c.surfaces.get(0, [None] * len(c.times))]
+    values = [v for c in made for v in c.animated.get("body/0/friction", [None] * len(c.times))]
+    assert meshes[:6] == [None] * 6 and values[:6] == [None] * 6  # the header's, up to the sample that brings others
+    assert meshes[6] is chunks[1].surfaces[0][0] and values[6] == chunks[1].animated["body/0/friction"][0]
+    assert meshes[10] is meshes[11] is chunks[1].surfaces[0][2] and values[10] == values[11] is not None
+    assert meshes[12:] == [None] * 5 and values[12:] == [None] * 5
+
+
 def test_a_range_that_ends_half_a_step_after_its_last_sample_is_covered() -> None:
     of = replace(scene(3, (1, 6), 2), fps=Fraction(48))  # 5/48 s at 24 Hz: samples at 0, 2/48 and 4/48 s
     assert of.sample_count == 3 and denser(of).sample_count == 6

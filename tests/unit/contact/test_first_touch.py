@@ -12,7 +12,7 @@ from core.arrays import Array
 from core.contact.first_touch import CLOSE, first_touch
 from core.contact.solver.bodies import ContactBody
 from core.errors import DermisError
-from core.experiment import fingertip
+from core.experiment import fingertip, press
 from core.skin.model import SkinModel
 from core.skin.pad_chart import PadChart
 from core.surface import shapes
@@ -82,6 +82,16 @@ def test_it_touches_where_its_envelope_does(name: str, at: tuple[float, float], 
     surface, envelope = BODIES[name]
     body = ContactBody(surface, translation=np.array([*at, 0.01]))  # where it stands along Z does not matter
     assert first_touch(skin, body) == pytest.approx(height_over_smooth_skin(skin, envelope, at), abs=2 * CLOSE)
+
+
+@pytest.mark.parametrize("contact", ["points", "nodes"])
+def test_a_sheet_is_touched_from_either_side(contact: str, skin: SkinModel) -> None:
+    corners = 0.05 * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+    triangles = np.array([[0, 1, 2], [0, 2, 3]])
+    front, behind = (press(skin, Surface.build(corners, t), contact=contact) for t in (triangles, triangles[:, ::-1]))
+    assert behind.place[2] == pytest.approx(front.place[2], abs=2 * CLOSE)
+    assert behind.normal_force == pytest.approx(front.normal_force, rel=0.01) and front.normal_force > 0.5
+    assert not [f for f in behind.findings if f.code == "smaller-than-mesh"]
 
 
 @pytest.mark.parametrize("name", sorted(BODIES))

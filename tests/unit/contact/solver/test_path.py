@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 import core.contact.solver.path as path_module
+from core.contact.posed_body import PosedBody
 from core.contact.solver.between import matter_moved
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.candidates import CandidateInverse
 from core.contact.solver.cone import SLIP, STICK
 from core.contact.solver.path import PathSolver
 from core.contact.solver.solve import solve
+from core.scene.tactile_scene import Body, Chunk, Mesh
 from core.surface.gap import Surface
 from core.surface.plane import Plane
 from core.surface.topology import cut_otherwise
@@ -322,6 +324,31 @@ def test_what_begins_or_ends_to_deform_keeps_its_friction(skin, late):
         two = b.step([ContactBody(surface, rotation, place, MU, deforms=(i >= 6) == late)]).solution
         np.testing.assert_allclose(two.force, one.force, atol=1e-5 * np.abs(one.force).max(), err_msg=f"frame {i}")
     assert (one.status == STICK).any()
+
+
+SCALED = {"begins": (False, True), "ends": (True, False), "others": (True, True)}
+
+
+@pytest.mark.parametrize("cells", [8, 11])
+@pytest.mark.parametrize("kind", SCALED)
+def test_where_its_scale_changes_friction_goes_on_too(skin, kind, cells):
+    """Anchors stretch with a body whether it deforms or not, and whatever faces it gets."""
+    first, then = Mesh(*block(0.01, 8)), Mesh(*block(0.01, cells if all(SCALED[kind]) else 8))
+    posed = [PosedBody(Body("Block", first, {})) for _ in range(2)]
+    solvers = [PathSolver(skin.compliance, skin.positions, tolerance=1e-8) for _ in range(2)]
+    lowest, none = skin.positions[:, 2].min(), np.zeros((0, 1, 4, 4))
+    for i in range(12):
+        pose = np.diag([1.0 + 0.01 * i, 1.0 + 0.01 * i, 1.0, 1.0])
+        pose[:3, 3] = 3e-5 * i, 2e-5 * i, lowest + 8e-4
+        found = []
+        for own, solver, deforms in zip(posed, solvers, (False, SCALED[kind][i >= 6]), strict=True):
+            surfaces = {0: (first if i < 6 else then,)} if deforms else {}
+            own.take(0, Chunk(np.array([i]), np.array([i / 240]), none, pose[None, None], none, surfaces))
+            at = own.at(0)
+            body = ContactBody(at.surface, at.turn, at.origin, MU, deforms=at.deforms, carry=at.carry)
+            found.append(solver.step([body]).solution.force)
+        np.testing.assert_allclose(*found, atol=1e-5 * np.abs(found[0]).max(), err_msg=f"frame {i}")
+    assert np.abs(found[0][:, :2]).max() > 0.05 * found[0][:, 2].max()
 
 
 def test_turning_on_the_spot_drags_the_skin_round(skin, solver):

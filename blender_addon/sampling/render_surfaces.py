@@ -144,11 +144,22 @@ def _flush() -> None:
         ctypes.CDLL("ucrtbase" if sys.platform == "win32" else None).fflush(None)
 
 
+@contextmanager
+def _nothing_active(view_layer: bpy.types.ViewLayer) -> Iterator[None]:
+    """Let no object be active: an export puts the active one in Object Mode, where its shape may be another."""
+    active = view_layer.objects.active
+    view_layer.objects.active = None
+    try:
+        yield
+    finally:
+        view_layer.objects.active = active
+
+
 def _export(
     path: Path, evaluation: str, collection: str, scene: bpy.types.Scene, view_layer: Any, scale: float
 ) -> None:
     window = bpy.context.window or next(iter(bpy.context.window_manager.windows), None)
-    with bpy.context.temp_override(window=window, scene=scene, view_layer=view_layer):
+    with bpy.context.temp_override(window=window, scene=scene, view_layer=view_layer), _nothing_active(view_layer):
         bpy.ops.wm.obj_export(
             filepath=str(path),
             check_existing=False,

@@ -159,3 +159,19 @@ def test_what_is_edited_is_felt_before_edit_mode_is_left() -> None:
     assert top() == pytest.approx(2.0) and not told()
     bpy.ops.object.mode_set(mode="OBJECT")
     assert top() == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("mode", ["EDIT", "SCULPT"])
+def test_the_mode_stays_where_a_difference_to_renders_is_measured(mode: str) -> None:
+    """An export puts the active object in Object Mode: the samples after it would have another shape."""
+    cube = build.cube()
+    lift(cube)
+    finer = cube.modifiers.new("Finer", "SUBSURF")
+    finer.levels, finer.render_levels = 1, 2
+    enter(cube, mode)
+    tactile = scene_sweep.sample()
+    made = build.joined(tactile)
+    assert cube.mode == mode and bpy.context.view_layer.objects.active == cube
+    assert [f.where for f in tactile.chunks.findings if f.code == "render-differs"] == ["object 'Cube'"]
+    tops = {float(mesh.vertices[:, 2].max()) for mesh in made["surfaces"].get(0, [tactile.bodies[0].mesh])}
+    assert len(tops) == 1

@@ -18,7 +18,6 @@ from ..surface.gap import Surface
 from .solver.bodies import BONE, ContactBody
 
 CLOSE = 1e-6  # to which the gap at first touch is found: 0.3 % of the force half a millimetre deep [m]
-FAR = 0.1  # a body that has risen this far above the pad has passed beside it, or slid off it [m]
 STRETCH = 1.2  # skin of a piece is at most this much farther from its middle than the chart says in its middle [1]
 MOST_PIECES = 500  # that are split at once: where a body is almost parallel to skin, any of them is near enough
 
@@ -95,8 +94,10 @@ def first_touch(skin: SkinModel, body: ContactBody) -> float:
     assert isinstance(body.surface, Surface)
     pieces = _pieces(skin)
     middles = pieces.middles
-    top = float((body.surface.vertices @ body.rotation.T)[:, 2].max())
-    height, highest = float(middles[:, 2].min()) - top - 2e-3, float(middles[:, 2].max()) - top + FAR
+    heights = (body.surface.vertices @ body.rotation.T)[:, 2]
+    bottom, top = float(heights.min()), float(heights.max())
+    # when all of it is above the pad, it has passed beside
+    height, highest = float(middles[:, 2].min()) - top - 2e-3, float(middles[:, 2].max()) - bottom
     start = replace(body, translation=np.array([*body.translation[:2], height]))
     side = 1 if body.surface.closed else body.surface.side_of(*start.local(BONE))
     while height <= highest:

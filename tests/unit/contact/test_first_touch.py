@@ -104,6 +104,14 @@ def test_on_a_mesh_it_touches_between_nodes_too(name: str, skin: SkinModel) -> N
     assert -2 * CLOSE - sampled <= found - height_over_mesh(skin, envelope, at) <= 2 * CLOSE
 
 
+def test_a_floor_far_below_something_beside_it_is_met(skin: SkinModel) -> None:
+    floor, high = Surface.block(0.04, 0.01), Surface.block(0.01, 0.4)
+    vertices = np.concatenate([floor.vertices, high.vertices + [0.024, 0.0, 0.3]])
+    triangles = np.concatenate([floor.triangles, high.triangles + len(floor.vertices)])
+    alone, beside = (ContactBody(s) for s in (floor, Surface.build(vertices, triangles)))
+    assert first_touch(skin, beside) == pytest.approx(first_touch(skin, alone), abs=2 * CLOSE)
+
+
 def test_a_surface_beside_the_pad_is_refused(skin: SkinModel) -> None:
     body = ContactBody(Surface.block(2e-3, 2e-3), translation=np.array([0.05, 0.0, 0.0]))
     with pytest.raises(DermisError, match="does not meet the pad"):

@@ -5,17 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from core.contact.single_touch import STEP
 from core.errors import DermisError
 from core.matching.deformation import METHODS, Matcher, PinSolver
 from core.matching.press_test import DEPTHS, press_loads, stiffness_factor
 from core.parameters.material import FRICTION
-from core.pipeline.render import render
-from core.presets import Library
-from core.scene.from_poses import scene_from_poses
-from core.scene.tactile_scene import Body, Finger
 from core.skin.model import fingertip_skin
-from core.steps import drain
 from core.surface.gap import Surface
+from tests.presses import baked
 
 
 def problem(seed=0, nodes=30, loaded=12, pins=6):
@@ -194,12 +191,8 @@ def test_press_loads_scale_with_alpha_and_rise():
 @pytest.mark.parametrize("contact", ["points", "nodes"])
 def test_a_finger_identical_to_the_model_has_factor_one(contact):
     """Its loads are those of a bake, which is how its touches are solved."""
-    own = {"skin_level": "draft", "skin_shown": True, "contact": contact}
-    heights = np.arange(1, -22, -1) * 0.1e-3
-    plate = Body("Scale", Surface.block(0.1, 0.1).mesh, {"friction": FRICTION})
-    fingers = [(Finger("Index", (), parameters=own), [(0.0, 0.0, float(z)) for z in heights])]
-    felt = drain(render(scene_from_poses(240.0, fingers, [(plate, (0.0, 0.0, 0.0))]), Library())).skins["Index"]
-    read = [felt.force_at(int(np.argmin(np.abs(heights + depth))))[:, 2].sum() for depth in DEPTHS]
+    felt = baked(Surface.block(0.1, 0.1), np.array([0.0, 0.0, max(DEPTHS)]), max(DEPTHS), FRICTION, contact)
+    read = [felt[round(depth / STEP)][:, 2].sum() for depth in DEPTHS]
     found = stiffness_factor(DEPTHS, read, press_loads(fingertip_skin(level="draft"), contact=contact))
     assert found.alpha == pytest.approx(1.0, abs=2e-3)
 

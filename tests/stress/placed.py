@@ -31,9 +31,10 @@ EXACT = 1e-8  # to which first contact is found [m]
 
 
 def draw(dice: Dice) -> Values:
-    """Draw a touch: shapes and friction in turn, seed after seed, the rest at random."""
+    """Draw a touch: shapes and friction in turn, seed after seed, the rest at random; one in four in line with the
+    finger's axes, as scenes are modelled."""
     rounds, number = divmod(dice.seed, len(SHAPES))
-    return {
+    drawn = {
         "shape": dice.in_turn(*SHAPES),
         "friction": (0.0, 0.3, 0.6)[(number + rounds) % 3],
         "contact": dice.one_of("points", "points", "points", "nodes"),
@@ -51,6 +52,8 @@ def draw(dice: Dice) -> Values:
         "devices": dice.one_of(0, 0, 1),
         "random": dice.whole(0, 10**6),
     }
+    in_line = dict.fromkeys(("x", "y", "tilt", "roll", "yaw"), 0.0)
+    return drawn | dice.one_of({}, {}, {}, in_line)
 
 
 def draw_without_friction(dice: Dice) -> Values:

@@ -10,9 +10,15 @@ import numpy as np
 
 from ..arrays import Array
 from ..motion.rotation import matrices, quaternions, rotations, singular
+from ..parameters.device import DEVICE
+from ..parameters.finger import FINGER
+from ..parameters.material import BODY
+from ..parameters.parameter import NAMES, SWITCH, TEXT
+from ..parameters.screen import SCREEN
 from ..scene.tactile_scene import Body, Chunk, Mesh, TactileScene
 
 SHIFT = 0.1e-6  # far below what any device or eye resolves [m]
+_TABLES = {"finger": FINGER, "device": DEVICE, "body": BODY, "screen": SCREEN}
 _MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])
 
 
@@ -155,9 +161,8 @@ def _halved(chunk: Chunk, *, skip: bool) -> Chunk:
     def series(values: Array) -> Array:
         return between(values, 0.5 * (values[1:] + values[:-1]), 0)
 
-    def setting(values: Array) -> Array:
-        fixed = values.dtype.kind != "f" or bool((values == np.rint(values)).all())
-        return between(values, values[:-1], 0) if fixed else series(values)
+    def setting(name: str, values: Array) -> Array:
+        return series(values) if _is_quantity(name) else between(values, values[:-1], 0)
 
     def poses(values: Array) -> Array:
         return between(values, _half_way(values[:, :-1], values[:, 1:]), 1)
@@ -173,8 +178,15 @@ def _halved(chunk: Chunk, *, skip: bool) -> Chunk:
         poses(chunk.bodies),
         poses(chunk.screens),
         surfaces,
-        {name: setting(values) for name, values in chunk.animated.items()},
+        {name: setting(name, values) for name, values in chunk.animated.items()},
     )
+
+
+def _is_quantity(name: str) -> bool:
+    """Return whether an animated parameter, such as 'body/3/friction', has values between two others."""
+    kind, _, rest = name.partition("/")
+    row = _TABLES[kind].get(rest.rpartition("/")[2])
+    return row is not None and row.unit not in (SWITCH, TEXT, NAMES) and not row.whole and not row.choices
 
 
 def _half_meshes(meshes: tuple[Mesh, ...]) -> list[Mesh]:

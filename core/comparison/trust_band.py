@@ -174,7 +174,7 @@ def _spread(values: Array, others: Mapping[str, Array]) -> tuple[Array, tuple[st
     for other in others.values():
         count = min(len(other), len(values))
         change = np.zeros_like(values)
-        change[:count] = np.abs(other[:count] - values[:count])
+        change[:count] = np.nan_to_num(np.abs(other[:count] - values[:count]), nan=np.inf)
         changes.append(change)
     all_of = np.array(changes).reshape(len(others), *values.shape)
     which = all_of.max(axis=1, initial=0.0).argmax(axis=0)

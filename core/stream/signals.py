@@ -30,7 +30,7 @@ class Signals:
 
     @contextmanager
     def caught(self) -> Iterator[None]:
-        """Remember signals instead of dying of them."""
+        """Remember signals instead of dying of them; once one came, others are ignored until the program has ended."""
         numbers = [getattr(signal, name) for name in self.NAMES if hasattr(signal, name)]
         numbers = [n for n in numbers if n == signal.SIGINT or signal.getsignal(n) != signal.SIG_IGN]  # nohup
         before = [(number, signal.signal(number, self._note)) for number in numbers]
@@ -38,7 +38,7 @@ class Signals:
             yield
         finally:
             for number, handler in before:
-                signal.signal(number, handler)
+                signal.signal(number, signal.SIG_IGN if self.number else handler)
 
     def line(self) -> str:
         """Wait for a line of standard input; '' at its end.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import pytest
@@ -59,3 +60,15 @@ def test_stream_play_ends_orderly_on_a_signal(name: str, protocol: str, tmp_path
         if protocol == "maestro":
             assert "going to the safe state, 0." in said
             assert "does not say where it is" in said and "finger out" in said
+
+
+@pytest.mark.parametrize("name", ["Ctrl-Z", "TERM"])
+def test_signals_that_go_on_until_it_has_ended_change_nothing(name: str, tmp_path: Path) -> None:
+    """A second Ctrl-Z stopped a program that was about to end, for good."""
+    with Receiver("maestro") as receiver, exits.player(receiver, tmp_path) as process:
+        end = time.monotonic() + 20.0
+        while process.poll() is None and time.monotonic() < end:
+            process.send_signal(exits.SIGNALS[name])
+            time.sleep(0.001)
+        assert process.returncode == 128 + exits.SIGNALS[name]
+        is_safe(receiver)

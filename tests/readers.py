@@ -517,8 +517,6 @@ OWN = {
     "core.stream.outbox:Outbox._may_leave": "asks whether a bucket is open",
     "core.stream.log.udp_tee:UdpTee._may_leave": "asks whether a bucket is open",
     "blender_addon.sampling.image_files:_tiff": "asks the readers of TIFF, which are in the table",
-    "blender_addon.sampling.meshes:MeshReader.geometry": "Blender's own mesh",
-    "blender_addon.sampling.meshes:triangles": "Blender's own mesh",
     "blender_addon.sampling.render_surfaces:_quiet": "opens the null device",
     "blender_addon.sampling.render_surfaces:_read": "a file that Blender has just written for it",
     "core.stream.links.record:_opened": "writes a record",

@@ -1,4 +1,4 @@
-"""Trust Band: where forces and commands hang on what must not matter."""
+"""Trust Band: where forces and commands change though the scene hardly does."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The trust band of a scene: by how much its forces and commands change with what must not matter."""
+"""The trust band of a scene: how much its forces and commands change where the scene hardly changes."""
 
 from __future__ import annotations
 
@@ -20,24 +20,14 @@ class Trusted:
 
     Attributes:
         bands: of devices, in the order of a bake's outputs, and then of skins. edits: of `changes` when it was sampled.
-        clock: of the bands' times. marks: of the strip.
+        clock: of the bands' times. findings: warnings about them, with their frames. marks: of the strip.
     """
 
     bands: tuple[Any, ...]
     edits: int
     clock: scene_time.Clock
-    marks: tuple[Mark, ...] = ()
-
-    @property
-    def findings(self) -> tuple[Any, ...]:
-        """What is not to be trusted, with its frame."""
-        found = []
-        for band in self.bands:
-            if band.finding is not None:
-                c = int(band.share.argmax())
-                at = float(self.clock.frames(float(band.times[band.spread[:, c].argmax()])))
-                found.append(replace(band.finding, frame=at))
-        return tuple(found)
+    findings: tuple[Any, ...]
+    marks: tuple[Mark, ...]
 
     def into(self, lanes: tuple[Lane, ...]) -> tuple[Lane, ...]:
         """Return lanes with where any of their fingers' channels changes by more than a band may."""
@@ -80,6 +70,7 @@ def keep(scene: bpy.types.Scene, bands: tuple[Any, ...], edits: int, clock: scen
     Args:
         edits: of `changes` when the scene was sampled. clock: of the bands' times.
     """
-    made = Trusted(bands, edits, clock)
-    made = _trusted[scene.session_uid] = replace(made, marks=marks_of(made.findings))
+    told = ((band, band.finding) for band in bands)
+    found = tuple(replace(f, frame=float(clock.frames(band.worst_time))) for band, f in told if f is not None)
+    made = _trusted[scene.session_uid] = Trusted(bands, edits, clock, found, marks_of(found))
     return made

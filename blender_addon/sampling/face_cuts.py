@@ -6,8 +6,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-ROUNDING = 16 * 2.0**-24
-"""Of the products below, in which single-precision numbers are subtracted, multiplied and added at most 16 times."""
+ROUNDING = 32 * 2.0**-24
+"""Of the products below: single-precision numbers are multiplied and added at most 16 times here, and in Blender."""
 
 
 def triangle_loops(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
@@ -89,8 +89,9 @@ class FaceCuts:
 def _quads(points: NDArray[np.float32]) -> NDArray[np.int8]:
     """Return 1 for quads whose halves face the same way, -1 for the others; points have shape (3, 4, n)."""
     a, b, c = (points[:, k] - points[:, 0] for k in (1, 2, 3))
-    same = _dot(_cross(a, b), _cross(b, c))
-    sure = np.abs(same) > ROUNDING * np.sqrt(_dot(a, a) * _dot(c, c)) * _dot(b, b)
+    bb = _dot(b, b)
+    same = _dot(a, b) * _dot(b, c) - _dot(a, c) * bb  # (a x b) . (b x c), by Binet and Cauchy
+    sure = np.abs(same) > ROUNDING * np.sqrt(_dot(a, a) * _dot(c, c)) * bb
     return np.where(sure, np.sign(same), 0).astype(np.int8)
 
 

@@ -93,7 +93,7 @@ def compare(options: argparse.Namespace) -> int:
 
 
 def trust(options: argparse.Namespace) -> int:
-    """Say by how much forces and commands of a sampled scene change with what must not matter."""
+    """Say how much the forces and commands of a sampled scene change where the scene hardly does."""
     scene, library = scene_file.load(options.scene), Library(options.presets)
     _, bands = drain_shown(trust_band.trust_bands(scene, library), quiet=options.quiet)
     print(trust_band.table(bands))

@@ -145,7 +145,7 @@ def parser(program: str) -> argparse.ArgumentParser:
         switch("--plots", "for --out: also write a picture of each track with its band"),
         PRESETS,
         QUIET,
-        help="by how much forces and commands change with what must not matter",
+        help="how much forces and commands change where the scene hardly does",
         description="Render a sampled scene again, shifted by 0.1 um, with half the step, and mirrored; say how much "
         "its forces and commands change. A finding warns where that is more than 5 % of a channel's peak.",
         run="command_line.scenes.trust",

@@ -12,6 +12,7 @@ from ..matching.felt_errors import MEASURES
 from ..matching.thimble_use import LOOKUP
 from ..track.file_names import FileNames, safe
 from ..version import version
+from .aligned import aligned
 from .device_comparison import Comparison, Row
 from .measures import Measure, rms
 from .picture import shown_unit, svg
@@ -81,9 +82,7 @@ def _floor_by(row: Row) -> str:
 
 def text(found: Comparison) -> str:
     """Return the table for a terminal, what was skipped and what is to be known of the touch."""
-    rows = [columns(found), *lines(found)]
-    wide = [max(len(r[i]) for r in rows) for i in range(len(rows[0]))]
-    made = ["  ".join(cell.ljust(w) for cell, w in zip(row, wide, strict=True)).rstrip() for row in rows]
+    made = aligned([columns(found), *lines(found)])
     return "\n".join([*made, *(f"skipped: {s.title}: {s.why}" for s in found.skipped), *map(str, found.findings)])
 
 

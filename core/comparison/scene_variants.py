@@ -1,4 +1,4 @@
-"""A scene with something changed that must not matter: shifted a little, sampled twice as often, or mirrored."""
+"""A scene that hardly changes: shifted a little, sampled twice as often, or mirrored."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def shifted(scene: TactileScene, far: float = SHIFT) -> TactileScene:
 def denser(scene: TactileScene) -> TactileScene:
     """Return a scene with a sample half way between any two: straight, turned and scaled half.
 
-    What cannot be halved (a surface of other faces, a setting that is a choice) stays as it was before it.
+    A surface that gets other faces, and a parameter that is a choice, stay as in the sample before.
     """
     count = replace(scene, rate=2.0 * scene.rate).sample_count
 

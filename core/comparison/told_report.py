@@ -8,6 +8,7 @@ from typing import Any
 from ..files import write_bytes
 from ..track.file_names import FileNames, safe
 from ..version import version
+from .aligned import aligned
 from .ideal_observer import Answer
 from .told_apart import Told
 
@@ -28,13 +29,11 @@ def lines(found: Told) -> list[tuple[str, ...]]:
 
 def text(found: Told) -> str:
     """Return the touches, the table and what was skipped for a terminal."""
-    rows = lines(found)
-    wide = [max(len(r[i]) for r in rows) for i in range(len(rows[0]))]
     out = [
         f"touch {k}: {touch.start:.2f} to {touch.end:.2f} s, from frame {touch.frame:g}"
         for k, touch in enumerate(found.touches, 1)
     ]
-    out += ["", *("  ".join(cell.ljust(w) for cell, w in zip(row, wide, strict=True)).rstrip() for row in rows), ""]
+    out += ["", *aligned(lines(found)), ""]
     return "\n".join([*out, *(f"skipped: {s.title}: {s.why}" for s in found.skipped), NOTE])
 
 

@@ -1,4 +1,4 @@
-"""Trust band: by how much forces and commands change, sample by sample, with what must not matter.
+"""Trust band: how much forces and commands change, sample by sample, where the scene hardly changes.
 
 The scene is rendered again, shifted by 0.1 um, with half the step between samples, and in a mirror. A difference is no
 property of the scene: it shows where a sharp edge or a slip makes a track arbitrary.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -24,13 +25,14 @@ from ..presets import Library
 from ..scene.tactile_scene import TactileScene
 from ..track.command_track import CommandTrack
 from ..track.file_names import safe
+from .aligned import aligned
 from .scene_variants import denser, mirrored, shifted
 
 DOUBT = 0.05  # of the largest departure from rest: beyond it a finding says so
 FELT = 1e-3  # of a channel's range: a device that departs less from rest is not felt, and has no peak
 SKIN = "skin"
 FORCES = (Channel("normal_force", "N"), Channel("tangential_force", "N"))
-# what is changed, in words, and whether it leaves commands comparable: in a mirror only forces are
+# each with its words, and whether commands can be compared: in a mirror only forces can
 VARIANTS: Mapping[str, tuple[Callable[[TactileScene], TactileScene], str, bool]] = {
     "shifted": (shifted, "shifted by 0.1 um", True),
     "denser": (denser, "sampled twice as often", True),
@@ -40,7 +42,7 @@ VARIANTS: Mapping[str, tuple[Callable[[TactileScene], TactileScene], str, bool]]
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """By how much the channels of one device, or the forces on one skin, change.
+    """Changes of the channels of one device, or of the forces on one skin.
 
     Attributes:
         finger: its name. device: key of the preset, 'skin' for the forces on it.
@@ -60,36 +62,45 @@ class Band:
     worst: tuple[str, ...]
     track: CommandTrack | None = None
 
-    @property
-    def peak(self) -> Array:
-        """The largest departure from rest of any channel with the same unit, by channel, shape (c,)."""
+    @cached_property
+    def felt(self) -> Array:
+        """The size that changes are compared with, shape (c,).
+
+        It is the largest departure from rest of any channel with the same unit, or the least that is felt.
+        """
         far = np.abs(self.values - [c.rest for c in self.channels]).max(axis=0, initial=0.0)
         units = np.array([c.unit for c in self.channels])
-        return np.array([far[units == unit].max() for unit in units])
-
-    @property
-    def felt(self) -> Array:
-        """What changes are held against: the peak, or the least departure that is felt, shape (c,)."""
+        peaks = np.array([far[units == unit].max() for unit in units])
         spans = [c.high - c.low if c.high is not None and c.low is not None else 0.0 for c in self.channels]
-        return np.maximum(self.peak, np.maximum(FELT * np.array(spans), 1e-12))
+        return np.maximum(peaks, np.maximum(FELT * np.array(spans), 1e-12))
 
-    @property
+    @cached_property
     def share(self) -> Array:
-        """The largest change of each channel over its peak [1], shape (c,)."""
+        """The largest change of each channel, compared with `felt` [1], shape (c,)."""
         return self.spread.max(axis=0, initial=0.0) / self.felt
 
     @property
+    def worst_channel(self) -> int:
+        """The channel that changes most."""
+        return int(self.share.argmax())
+
+    @property
+    def worst_time(self) -> float:
+        """The time of its largest change [s]."""
+        return float(self.times[self.spread[:, self.worst_channel].argmax()])
+
+    @property
     def finding(self) -> Finding | None:
-        """What there is to say of its worst channel; None where all of it can be trusted."""
-        if not len(self.share) or not self.share.max() > DOUBT:
+        """The warning about its worst channel; None where all of it can be trusted."""
+        c = self.worst_channel
+        if not self.share[c] > DOUBT:
             return None
-        c = int(self.share.argmax())
         return Finding(
             "warning",
             "not-reproduced",
             f"{self.channels[c].name} changes where the scene is {VARIANTS[self.worst[c]][1]}",
             f"finger '{self.finger}', {self.device}",
-            f"{self.share[c]:.0%} of its peak, at {self.times[self.spread[:, c].argmax()]:.3f} s",
+            f"{self.share[c]:.0%} of its peak, at {self.worst_time:.3f} s",
             f"<= {DOUBT:.0%}",
             "Do not trust this part of the track: round what is sharp, or give it more friction",
         )
@@ -186,14 +197,11 @@ def table(bands: tuple[Band, ...]) -> str:
     """Return the worst channel of each band, as lines for people."""
     rows = [("finger", "device", "channel", "peak", "change", "of peak", "worst where")]
     for band in bands:
-        c = int(band.share.argmax())
-        channel, spread = band.channels[c], float(band.spread[:, c].max(initial=0.0))
-        sizes = f"{band.peak[c]:.3g} {channel.unit}", f"{spread:.2g} {channel.unit}", f"{band.share[c]:.1%}"
-        rows.append((band.finger, band.device, channel.name, *sizes, VARIANTS[band.worst[c]][1]))
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return "\n".join(
-        "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip() for row in rows
-    )
+        c = band.worst_channel
+        unit, change = band.channels[c].unit, float(band.spread[:, c].max(initial=0.0))
+        sizes = f"{band.felt[c]:.3g} {unit}", f"{change:.2g} {unit}", f"{band.share[c]:.1%}"
+        rows.append((band.finger, band.device, band.channels[c].name, *sizes, VARIANTS[band.worst[c]][1]))
+    return "\n".join(aligned(rows))
 
 
 def write(bands: tuple[Band, ...], folder: Path, *, plots: bool = False) -> tuple[Path, ...]:

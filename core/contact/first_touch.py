@@ -1,4 +1,4 @@
-"""First touch: the height at which a body that rises meets a finger's undeformed skin, wherever between points it does.
+"""First touch: the height at which a body that rises meets a finger's undeformed skin.
 
 The skin is cut into pieces. A gap changes by no more than the way between two points, so a piece's gap is known to half
 its size; the pieces that may hold the smallest gap are split until it is known well enough.
@@ -13,7 +13,7 @@ import numpy as np
 from ..arrays import Array, Indices
 from ..errors import DermisError
 from ..skin.model import SkinModel
-from ..skin.pad_chart import PadChart
+from ..skin.pad_chart import PadChart, quarters
 from ..surface.gap import Surface
 from .solver.bodies import BONE, ContactBody
 
@@ -40,11 +40,9 @@ class _Squares:
     def of(cls, chart: PadChart) -> _Squares:
         """Return the coarsest cells."""
         cells = chart.cells.take(chart.base)
-        corners = (
-            np.linalg.norm(cells.sides.sum(axis=1), axis=1),
-            np.linalg.norm(np.diff(cells.sides, axis=1)[:, 0], axis=1),
-        )
-        return cls(chart, chart.places[chart.base], chart.halves[chart.base], 0.5 * STRETCH * np.maximum(*corners))
+        a, b = cells.sides[:, 0], cells.sides[:, 1]
+        diagonals = np.maximum(np.linalg.norm(a + b, axis=1), np.linalg.norm(a - b, axis=1))
+        return cls(chart, chart.places[chart.base], chart.halves[chart.base], 0.5 * STRETCH * diagonals)
 
     @property
     def middles(self) -> Array:
@@ -53,10 +51,8 @@ class _Squares:
 
     def split(self, some: Indices) -> _Squares:
         """Return the four quarters of some pieces."""
-        signs = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
-        halves = 0.5 * self.halves[some]
-        places = (self.places[some][:, None] + signs * halves[:, None]).reshape(-1, 2)
-        return _Squares(self.chart, places, np.repeat(halves, 4, axis=0), np.repeat(0.5 * self.sizes[some], 4))
+        places, halves = quarters(self.places[some], self.halves[some])
+        return _Squares(self.chart, places, halves, np.repeat(0.5 * self.sizes[some], 4))
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,8 +126,8 @@ def _smallest(pieces: _Squares | _Triangles, body: ContactBody, side: int) -> tu
     """
     assert isinstance(body.surface, Surface)
     while True:
-        sizes, gaps = pieces.sizes, body.surface.query((pieces.middles - body.translation) @ body.rotation).gap
-        gaps = side * gaps
+        local = (pieces.middles - body.translation) @ body.rotation
+        sizes, gaps = pieces.sizes, side * body.surface.query(local).gap
         most, least = float(gaps.min()), gaps - sizes
         some = np.flatnonzero(least <= most)
         if len(some) > MOST_PIECES:

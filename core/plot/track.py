@@ -17,7 +17,7 @@ from .canvas import Canvas, PngCanvas, SvgCanvas
 
 WIDTH, LEFT, RIGHT = 920.0, 76.0, 24.0  # [points]
 TOP, PANEL, GAP = 74.0, 92.0, 52.0
-DOUBTED = "#f0b9a8"  # what may as well be
+DOUBTED = "#f0b9a8"  # the band of a spread
 LINES = ("#1f6fb2", "#12876f", "#8a4fb0", "#b0661a", "#4c5fc4", "#a33a6a")
 
 # Which steps of thousand a unit may be shown in; others are shown as they are.

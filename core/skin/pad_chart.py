@@ -103,14 +103,14 @@ class PadChart:
             size = np.sqrt(_patches(shape, places, halves).areas)
             small = size <= LARGEST * side
             done.append((places[small], halves[small]))
-            places, halves = _split(places[~small], halves[~small])
+            places, halves = quarters(places[~small], halves[~small])
         places, halves = (np.concatenate(parts) for parts in zip(*done, strict=True))
         found = _patches(shape, places, halves)
         pad = (found.normals[:, 2] < PAD_TILT) & (found.positions[:, 1] > shape.tip - shape.length + CUT_MARGIN)
         order = np.lexsort((places[pad, 1], -places[pad, 0]))
         tree = [(places[pad][order], halves[pad][order])]
         for _ in range(levels - 1):
-            tree.append(_split(*tree[-1]))
+            tree.append(quarters(*tree[-1]))
         starts = np.cumsum([0] + [len(level[0]) for level in tree])
         places, halves = (np.concatenate(parts) for parts in zip(*tree, strict=True))
         return cls(shape, *_with_bars(places, halves, starts.tolist()), tuple(starts.tolist()))
@@ -273,7 +273,8 @@ def _with_bars(places: Array, halves: Array, starts: Sequence[int]) -> tuple[Arr
     return np.concatenate([places, middle]), np.concatenate([halves, own])
 
 
-def _split(places: Array, halves: Array) -> tuple[Array, Array]:
+def quarters(places: Array, halves: Array) -> tuple[Array, Array]:
+    """Return the middles and half the sides of the four quarters of squares of the chart, (n, 2) to (4 n, 2) each."""
     signs = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
     children = places[:, None] + 0.5 * signs * halves[:, None]
     return children.reshape(-1, 2), np.repeat(0.5 * halves, 4, axis=0)

@@ -53,6 +53,18 @@ def finger(name: str = "Finger", location: Sequence[float] = (0.0, 0.0, 5.0)) ->
     return obj
 
 
+def pressing() -> tuple[bpy.types.Scene, bpy.types.Object]:
+    """Return a scene of nine frames and its active finger, which presses a plate and slides 2 mm on it."""
+    scene, hand = span(1, 9), finger()
+    hand.dermis.finger.skin.level = "draft"
+    cube("Plate", 0.04, (0.0, 0.0, 0.0))
+    z = [0.04, 0.022, *[0.0193] * 7]
+    keys(hand, "location", list(range(1, 10)), np.column_stack([np.zeros(9), np.linspace(0, 2e-3, 9), z]))
+    scene.dermis.sample_rate = 48.0
+    bpy.context.view_layer.objects.active = hand
+    return scene, hand
+
+
 def screen(name: str = "Screen", width: float = 0.2, height: float = 0.1) -> bpy.types.Object:
     """Add a touch screen of a size, in the XY plane."""
     w, h = width / 2, height / 2

@@ -12,20 +12,13 @@ import pytest
 from blender_addon.comparison import compared
 from blender_addon.results import store
 
-from .build import cube, finger, keys, span
+from .build import keys, pressing
 
 
 @pytest.fixture
 def touching() -> bpy.types.Scene:
     """Return a scene with a finger that presses and slides, and nothing baked."""
-    scene = span(1, 9)
-    hand = finger()
-    hand.dermis.finger.skin.level = "draft"
-    cube("Plate", 0.04, (0.0, 0.0, 0.0))
-    z = [0.04, 0.022, *[0.0193] * 7]
-    keys(hand, "location", list(range(1, 10)), np.column_stack([np.zeros(9), np.linspace(0, 2e-3, 9), z]))
-    scene.dermis.sample_rate = 48.0
-    bpy.context.view_layer.objects.active = hand
+    scene, _ = pressing()
     return scene
 
 

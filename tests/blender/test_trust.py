@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
-import numpy as np
 import pytest
 
 from blender_addon.results import store, trusted
@@ -13,22 +12,15 @@ from blender_addon.timeline import strip
 from core.comparison import trust_band
 from core.comparison.scene_variants import shifted
 
-from .build import cube, finger, keys, span
+from .build import pressing, span
 
 
 @pytest.fixture
 def baked() -> bpy.types.Scene:
     """Return a baked scene with a finger that presses a plate and slides on it."""
-    scene = span(1, 9)
-    hand = finger()
-    hand.dermis.finger.skin.level = "draft"
-    cube("Plate", 0.04, (0.0, 0.0, 0.0))
-    z = [0.04, 0.022, *[0.0193] * 7]
-    keys(hand, "location", list(range(1, 10)), np.column_stack([np.zeros(9), np.linspace(0, 2e-3, 9), z]))
+    scene, hand = pressing()
     hand.dermis.finger.skin.shown = True
     hand.dermis.finger.devices.add().preset = "pin_array_128"
-    scene.dermis.sample_rate = 48.0
-    bpy.context.view_layer.objects.active = hand
     assert bpy.ops.dermis.bake() == {"FINISHED"}
     return scene
 

@@ -42,7 +42,7 @@ def test_a_plate_can_be_trusted(bands: tuple[Band, ...]) -> None:
     assert [(b.finger, b.device) for b in bands] == [("Index", "pin_array_128"), ("Index", "haptip"), ("Index", SKIN)]
     for band in bands:
         assert band.share.max() < 0.02 and band.finding is None, (band.device, band.share.max())
-    assert bands[2].peak.min() > 0.1, "something is felt [N]"
+    assert bands[2].felt.min() > 0.1, "something is felt [N]"
 
 
 def test_a_change_is_the_difference_of_two_bakes(scene: TactileScene, monkeypatch: pytest.MonkeyPatch) -> None:

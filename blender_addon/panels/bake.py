@@ -127,15 +127,15 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
         row.prop(context.scene.dermis, "show_strip", text="Strip", toggle=True, icon="TIME")
         row.operator("dermis.show_plots", icon="IMAGE_DATA")
         column.operator("dermis.trust_band", icon="MOD_NOISE")
+        row = column.row(align=True)
+        row.operator("dermis.commands_as_curves", icon="FCURVE")
+        if command_curves.present(context.scene):
+            row.operator("dermis.remove_curves", text="", icon="X")
         told = trusted.current(context.scene)
         if told is not None and not told.findings:
             paragraph(column, context, "Forces and commands can be trusted to 5 % of their peaks.", "CHECKMARK")
         for finding in told.findings if told is not None else ():
             paragraph(column, context, f"{finding.where}: {finding.what}, {finding.value}.", "ERROR")
-        row = column.row(align=True)
-        row.operator("dermis.commands_as_curves", icon="FCURVE")
-        if command_curves.present(context.scene):
-            row.operator("dermis.remove_curves", text="", icon="X")
 
 
 @needs(lambda context: store.current(context.scene) is not None)

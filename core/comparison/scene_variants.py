@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Array
-from ..motion.rotation import matrices, quaternions, rotations, singular
+from ..motion.rotation import rotations, singular
 from ..parameters.device import DEVICE
 from ..parameters.finger import FINGER
 from ..parameters.material import BODY
@@ -20,6 +21,7 @@ from ..scene.tactile_scene import Body, Chunk, Mesh, TactileScene
 SHIFT = 0.1e-6  # far below what any device or eye resolves [m]
 _TABLES = {"finger": FINGER, "device": DEVICE, "body": BODY, "screen": SCREEN}
 _MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])
+_POSES = ("fingers", "bodies", "screens")
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,23 +53,28 @@ def shifted(scene: TactileScene, far: float = SHIFT) -> TactileScene:
 
 
 def denser(scene: TactileScene) -> TactileScene:
-    """Return a scene with a sample half way between any two: straight, turned and scaled half.
+    """Return a scene with a sample half way between any two, on the curve that the samples lie on.
 
-    A surface that gets other faces, and a parameter that is a choice, stay as in the sample before.
+    Places, turns and scales curve as at both neighbours, so that smooth motion keeps its acceleration, but not where
+    only one of these is curved, so that motion that stops at once does not overshoot. Surfaces and animated quantities
+    are half way on a straight line. A surface that gets other faces, and a parameter that is a choice, stay as in the
+    sample before.
     """
     count = replace(scene, rate=2.0 * scene.rate).sample_count
 
     def make(chunks: Iterable[Chunk]) -> Iterator[Chunk]:
-        last, done = None, 0
+        middles = _middles(chunks)
+        last, first, done = None, 0, 0
         for chunk in chunks:
             if last is None:
-                yield _halved(chunk, skip=False)
+                yield _halved(chunk, middles, first, skip=False)
             elif _brings(last) == _brings(chunk):
-                yield _halved(_joined(last, chunk), skip=True)
+                yield _halved(_joined(last, chunk), middles, first - 1, skip=True)
             else:
-                yield _half_before(last, chunk)
-                yield _halved(chunk, skip=False)
+                yield _half_before(last, chunk, middles, first - 1)
+                yield _halved(chunk, middles, first, skip=False)
             done += 2 * len(chunk.times) - (last is None)
+            first += len(chunk.times)
             last = _sample(chunk, len(chunk.times) - 1)
         if last is not None and done < count:  # the range ends half a step after its last sample
             half = 0.5 / scene.rate
@@ -108,7 +115,7 @@ def _mirrored_mesh(mesh: Mesh) -> Mesh:
 def _sample(chunk: Chunk, i: int) -> Chunk:
     """Return a chunk of one sample of another."""
     some = slice(i, i + 1)
-    poses = {name: getattr(chunk, name)[:, some] for name in ("fingers", "bodies", "screens")}
+    poses = {name: getattr(chunk, name)[:, some] for name in _POSES}
     surfaces = {index: meshes[some] for index, meshes in chunk.surfaces.items()}
     animated = {name: values[some] for name, values in chunk.animated.items()}
     return Chunk(chunk.frames[some], chunk.times[some], **poses, surfaces=surfaces, animated=animated)
@@ -118,7 +125,7 @@ def _brings(chunk: Chunk) -> tuple[set[int], set[str]]:
     return set(chunk.surfaces), set(chunk.animated)
 
 
-def _half_before(before: Chunk, chunk: Chunk) -> Chunk:
+def _half_before(before: Chunk, chunk: Chunk, middles: Mapping[str, Array], start: int) -> Chunk:
     """Return the sample half way from one to a chunk's first; what only one of both brings is as it was before."""
     first = _sample(chunk, 0)
 
@@ -128,24 +135,27 @@ def _half_before(before: Chunk, chunk: Chunk) -> Chunk:
     def common(a: Chunk, b: Chunk) -> Chunk:
         return replace(a, surfaces=both(a.surfaces, b.surfaces), animated=both(a.animated, b.animated))
 
-    middle = _sample(_halved(_joined(common(before, first), common(first, before)), skip=True), 0)
+    both_bring = _joined(common(before, first), common(first, before))
+    middle = _sample(_halved(both_bring, middles, start, skip=True), 0)
     surfaces, animated = {**before.surfaces, **middle.surfaces}, {**before.animated, **middle.animated}
     return replace(middle, surfaces=surfaces, animated=animated)
 
 
 def _joined(before: Chunk, chunk: Chunk) -> Chunk:
     """Return a chunk with one sample of the chunk before in front, which brings the same."""
-    poses = {
-        n: np.concatenate([getattr(before, n), getattr(chunk, n)], axis=1) for n in ("fingers", "bodies", "screens")
-    }
+    poses = {n: np.concatenate([getattr(before, n), getattr(chunk, n)], axis=1) for n in _POSES}
     surfaces = {i: (*before.surfaces[i], *meshes) for i, meshes in chunk.surfaces.items()}
     animated = {n: np.concatenate([before.animated[n], v]) for n, v in chunk.animated.items()}
     times, frames = (np.concatenate([getattr(before, n), getattr(chunk, n)]) for n in ("times", "frames"))
     return Chunk(frames, times, **poses, surfaces=surfaces, animated=animated)
 
 
-def _halved(chunk: Chunk, *, skip: bool) -> Chunk:
-    """Return a chunk with samples half way between its own; `skip` leaves its first one out."""
+def _halved(chunk: Chunk, middles: Mapping[str, Array], start: int, *, skip: bool) -> Chunk:
+    """Return a chunk with samples half way between its own; `skip` leaves its first one out.
+
+    Args:
+        middles: see `_middles`. start: the number of the chunk's first sample in the scene.
+    """
     first = int(skip)
 
     def between(values: Array, middle: Array, axis: int) -> Array:
@@ -164,8 +174,9 @@ def _halved(chunk: Chunk, *, skip: bool) -> Chunk:
     def setting(name: str, values: Array) -> Array:
         return series(values) if _is_quantity(name) else between(values, values[:-1], 0)
 
-    def poses(values: Array) -> Array:
-        return between(values, _half_way(values[:, :-1], values[:, 1:]), 1)
+    def poses(name: str) -> Array:
+        values: Array = getattr(chunk, name)
+        return between(values, middles[name][:, start : start + len(chunk.times) - 1], 1)
 
     surfaces = {}
     for index, meshes in chunk.surfaces.items():
@@ -174,9 +185,9 @@ def _halved(chunk: Chunk, *, skip: bool) -> Chunk:
     return Chunk(
         series(chunk.frames),
         series(chunk.times),
-        poses(chunk.fingers),
-        poses(chunk.bodies),
-        poses(chunk.screens),
+        poses("fingers"),
+        poses("bodies"),
+        poses("screens"),
         surfaces,
         {name: setting(name, values) for name, values in chunk.animated.items()},
     )
@@ -197,17 +208,60 @@ def _half_meshes(meshes: tuple[Mesh, ...]) -> list[Mesh]:
     return [half(a, b) for a, b in zip(meshes, meshes[1:], strict=False)]
 
 
-def _half_way(before: Array, after: Array) -> Array:
-    """Return the poses half way between two, shape (count, n, 4, 4): the turn halved, scale and place averaged."""
-    shape = before.shape
-    a, b = before.reshape(-1, 4, 4), after.reshape(-1, 4, 4)
-    middle = 0.5 * (a + b)
-    some = np.flatnonzero(~(singular(a[:, :3, :3]) | singular(b[:, :3, :3])))
-    if len(some):
-        linear = [x[some][:, :3, :3] for x in (a, b)]
-        turns = [rotations(x) for x in linear]
-        stretch = 0.5 * sum(t.transpose(0, 2, 1) @ x for t, x in zip(turns, linear, strict=True))
-        pairs = np.stack([quaternions(t) for t in turns], axis=1)
-        sign = np.where(np.einsum("ij,ij->i", pairs[:, 0], pairs[:, 1]) < 0.0, -1.0, 1.0)
-        middle[some, :3, :3] = matrices(pairs[:, 0] + sign[:, None] * pairs[:, 1]) @ stretch
-    return middle.reshape(shape)
+def _middles(chunks: Iterable[Chunk]) -> dict[str, Array]:
+    """Return the poses half way between any two samples that follow each other, each shape (count, n - 1, 4, 4)."""
+    parts = [[getattr(chunk, name) for name in _POSES] for chunk in chunks]
+    return {name: _half_way(np.concatenate([part[k] for part in parts], axis=1)) for k, name in enumerate(_POSES)}
+
+
+def _half_way(poses: Array) -> Array:
+    """Return the poses half way between neighbours, shape (count, n - 1, 4, 4), of those of shape (count, n, 4, 4).
+
+    Turn, scale and place are halved each by itself; of a pose of scale 0, which has no turn, the matrix is.
+    """
+    from scipy.spatial.transform import Rotation
+
+    shape = count, n = poses.shape[:2]
+    linear = poses[:, :, :3, :3].reshape(-1, 3, 3)
+    known = ~singular(linear)
+    turns, stretch = np.tile(np.eye(3), (len(linear), 1, 1)), linear.copy()
+    turns[known] = rotations(linear[known])
+    stretch[known] = turns[known].transpose(0, 2, 1) @ linear[known]
+    known, turns = known.reshape(shape), turns.reshape(*shape, 3, 3)
+    first, second = (Rotation.from_matrix(t.reshape(-1, 3, 3)) for t in (turns[:, :-1], turns[:, 1:]))
+    steps = (first.inv() * second).as_rotvec().reshape(count, n - 1, 3)
+    half = Rotation.from_rotvec((0.5 * steps - _bent(np.diff(steps, axis=1), known)).reshape(-1, 3))
+    scaled = _middle(stretch.reshape(*shape, 9), known).reshape(count, n - 1, 3, 3)
+    middle = 0.5 * (poses[:, :-1] + poses[:, 1:])
+    middle[:, :, :3, 3] = _middle(poses[:, :, :3, 3], np.ones(shape, bool))
+    both = known[:, :-1] & known[:, 1:]
+    middle[both, :3, :3] = ((first * half).as_matrix().reshape(count, n - 1, 3, 3) @ scaled)[both]
+    return middle
+
+
+def _middle(values: Array, known: NDArray[np.bool_]) -> Array:
+    """Return the vectors half way between neighbours, shape (count, n - 1, k), of those of shape (count, n, k)."""
+    return 0.5 * (values[:, :-1] + values[:, 1:]) - _bent(np.diff(values, 2, axis=1), known)
+
+
+def _bent(bends: Array, known: NDArray[np.bool_]) -> Array:
+    """Return by how much the middle of two neighbours lies beside the straight line, shape (count, n - 1, k).
+
+    It lies on a parabola whose second difference is the mean of both neighbours' where these agree, less where they
+    differ, and 0 where one of them is 0 or not known, or they point apart. At its ends a series goes on as its first
+    and last parabola.
+
+    Args:
+        bends: second differences, shape (count, n - 2, k). known: which values are, shape (count, n).
+
+    Source: the limiter of van Albada, van Leer and Roberts 1982, of second differences
+    """
+    if not bends.shape[1]:
+        return np.zeros((len(bends), known.shape[1] - 1, bends.shape[2]))
+    bends = np.where((known[:, :-2] & known[:, 1:-1] & known[:, 2:])[..., None], bends, 0.0)
+    before = np.concatenate([bends[:, :1], bends], axis=1)
+    after = np.concatenate([bends, bends[:, -1:]], axis=1)
+    along = np.maximum(np.einsum("ijk,ijk->ij", before, after), 0.0)
+    size = (before**2).sum(axis=2) + (after**2).sum(axis=2)
+    share = np.divide(along, size, out=np.zeros_like(size), where=size > 0.0)
+    return np.asarray(0.125 * share[..., None] * (before + after))

@@ -95,6 +95,7 @@ class Band:
         c = self.worst_channel
         if not self.share[c] > DOUBT:
             return None
+        oftener = "sample the scene more often, " if self.worst[c] == "denser" else ""
         return Finding(
             "warning",
             "not-reproduced",
@@ -102,7 +103,7 @@ class Band:
             f"finger '{self.finger}', {self.device}",
             f"{self.share[c]:.0%} of its peak, at {self.worst_time:.3f} s",
             f"<= {DOUBT:.0%}",
-            "Do not trust this part of the track: round what is sharp, or give it more friction",
+            f"Do not trust this part of the track: {oftener}round what is sharp, or give it more friction",
         )
 
     def csv(self) -> str:

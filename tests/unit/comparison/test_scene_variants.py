@@ -68,11 +68,55 @@ def test_half_the_step_keeps_every_sample_and_halves_between() -> None:
     np.testing.assert_allclose(
         made["body/0/friction"][3], 0.5 * (own["body/0/friction"][1] + own["body/0/friction"][2])
     )
-    before, middle, after = (made["bodies"][0, k, :3, :3] for k in (4, 5, 6))
-    scales = [np.cbrt(np.linalg.det(m)) for m in (before, middle, after)]
-    assert scales[1] == pytest.approx(0.5 * (scales[0] + scales[2]), rel=1e-12)
-    a, m, b = (matrix / scale for matrix, scale in zip((before, middle, after), scales, strict=True))
-    np.testing.assert_allclose(m @ a.T, b @ m.T, atol=1e-12)  # the same turn twice
+
+
+def posed(places: np.ndarray, angles: np.ndarray, scales: np.ndarray, cut: int = 4) -> TactileScene:
+    """Return a scene whose body is somewhere, turned about an axis [rad] and scaled, sample by sample."""
+    of = scene(len(places), (1, len(places)), cut)
+    axis = np.array([1.0, 2.0, 2.0]) / 3.0
+    quaternion = np.concatenate([np.cos(angles / 2)[:, None], np.sin(angles / 2)[:, None] * axis], axis=1)
+    poses = np.tile(np.eye(4), (1, len(places), 1, 1))
+    poses[0, :, :3, :3], poses[0, :, :3, 3] = matrices(quaternion) * scales[:, None, None], places
+    starts = np.cumsum([0, *(len(c.times) for c in of.chunks)])
+    parts = zip(of.chunks, starts[:-1], strict=True)
+    return replace(of, chunks=[replace(c, bodies=poses[:, i : i + len(c.times)]) for c, i in parts])
+
+
+def motion(times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return a smooth motion: places [m], angles [rad] and scales."""
+    places = np.stack([np.sin(3.0 * times), np.cos(2.0 * times), times], axis=1)
+    return places, 2.0 * np.sin(2.0 * times), 1.0 + 0.3 * np.sin(times)
+
+
+def test_smooth_motion_goes_on_between_samples_and_keeps_its_acceleration() -> None:
+    times, fine = np.arange(25) / RATE, np.arange(49) / (2 * RATE)
+    (truth,) = (whole(posed(*motion(fine)))[0]["bodies"],)
+    made, _ = whole(denser(posed(*motion(times))))
+    straight = np.abs(truth[:, :-2:2] - 2.0 * truth[:, 1::2] + truth[:, 2::2]).max() / 2.0
+    assert straight > 1.5e-3 and np.abs(made["bodies"] - truth).max() < straight / 10.0
+    speeding, truly = (np.diff(b[0, 3:-3, :3, 3], 2, axis=0) * (2 * RATE) ** 2 for b in (made["bodies"], truth))
+    assert np.abs(truly).max() > 8.0 and np.abs(speeding - truly).max() < 0.6  # [m/s^2]; straight: all or nothing
+    finer = np.abs(whole(denser(posed(*motion(times / 2))))[0]["bodies"] - whole(posed(*motion(fine / 2)))[0]["bodies"])
+    assert finer[0, 3:-3].max() < np.abs(made["bodies"] - truth)[0, 3:-3].max() / 7.0  # the third order of the step
+
+
+def test_motion_that_stops_at_once_does_not_overshoot_and_steady_motion_is_straight() -> None:
+    times = np.arange(13) / RATE
+    stops = np.minimum(times, times[6])
+    made, _ = whole(denser(posed(stops[:, None] * [1.0, -2.0, 0.5], stops, 1.0 + stops)))
+    fine = np.minimum(np.arange(25) / (2 * RATE), times[6])
+    truth, _ = whole(posed(fine[:, None] * [1.0, -2.0, 0.5], fine, 1.0 + fine))
+    np.testing.assert_allclose(made["bodies"], truth["bodies"], rtol=0.0, atol=1e-14)
+
+
+def test_a_pose_of_scale_nothing_has_neighbours_all_the_same() -> None:
+    times = np.arange(9) / RATE
+    scales = np.where(np.arange(9) == 4, 0.0, 1.0)
+    made, _ = whole(denser(posed(np.zeros((9, 3)), times, scales)))
+    assert np.isfinite(made["bodies"]).all()
+    np.testing.assert_array_equal(made["bodies"][0, 7, :3, :3], 0.5 * made["bodies"][0, 6, :3, :3])
+    fine, _ = whole(posed(np.zeros((17, 3)), np.arange(17) / (2 * RATE), np.ones(17)))
+    np.testing.assert_allclose(made["bodies"][0, :6], fine["bodies"][0, :6], atol=1e-14)
 
 
 @pytest.mark.parametrize("cut", [1, 2, 5, 9])

@@ -6,6 +6,7 @@ import argparse
 import fnmatch
 import json
 import sys
+import time
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -14,13 +15,14 @@ from core.work.executor import JobExecutor
 from core.work.processes import ProcessExecutor
 
 from .case import Value, Values
-from .families import FAMILIES
+from .families import FAMILIES, TOUCHES, chosen
 from .invariances import GROUP, MEASURED
 from .job import LINE, TABLE, on_worker
 from .known import KNOWN
 from .run import Failure, Tally, run
 
 WIDE = max(len(family.name) for family in FAMILIES)
+FATES = ("failed", "known", "flagged")
 
 
 def table(tallies: dict[str, Tally]) -> str:
@@ -36,13 +38,46 @@ def table(tallies: dict[str, Tally]) -> str:
             f"{worst[0]} {worst[1][1]:.2g} of {worst[1][2]:.2g} (seed {worst[1][3]})" if worst and worst[1][0] else ""
         )
         lines.append(_row(name, tally, told))
-    return "\n".join([*lines, _row("all", total, "")])
+    lines.append(_row("all", total, ""))
+    if anew := sum(tally.anew["tried"] for tally in tallies.values()):
+        lines.append(f"tried anew, and counted nowhere: {anew} cases that failed once")
+    return "\n".join(lines)
 
 
 def _row(name: str, tally: Tally, told: str) -> str:
     count = tally.counts
     numbers = f"{count['tried']:7} {count['passed']:7} {count['flagged']:7} {count['known']:7} {count['failed']:7}"
     return f"{name:{WIDE}} {numbers} {tally.seconds / max(count['tried'], 1):7.3f}  {told}".rstrip()
+
+
+def costly(tallies: dict[str, Tally], seed: str) -> str:
+    """Return what became of costly touches, per 1,000 of them, by family and in all; and of what is no touch by cases.
+
+    Args:
+        seed: that cases were drawn from, in words.
+    """
+    told = {family.name: tallies[family.name] for family in TOUCHES if family.name in tallies}
+    lines, total = [], Tally()
+    if told:
+        lines.append(f"per 1,000 costly touches\n{'family':{WIDE}} " + " ".join(f"{w:>7}" for w in ("costly", *FATES)))
+    for name, tally in told.items():
+        total.costly.update(tally.costly)
+        numbers = " ".join(f"{per_thousand(tally, fate):>7}" for fate in FATES)
+        lines.append(f"{name:{WIDE}} {tally.costly['tried']:7} {numbers}")
+    parts = {name: tally.counts for name, tally in tallies.items() if name not in told}
+    if parts:
+        shares = (f"{name} {count['failed']} of {count['tried']} failed" for name, count in parts.items())
+        lines.append(f"no touches: {', '.join(shares)}")
+    if told:
+        numbers = ", ".join(f"{per_thousand(total, fate)} {fate}" for fate in FATES)
+        lines.append(f"per 1,000 costly touches: {numbers}; of {total.costly['tried']}, on {seed}")
+    return "\n".join(lines)
+
+
+def per_thousand(tally: Tally, fate: str) -> str:
+    """Return how many of 1,000 costly touches came to something, in words."""
+    tried = tally.costly["tried"]
+    return f"{1000.0 * tally.costly[fate] / tried:.0f}" if tried else "-"
 
 
 def invariances(tallies: dict[str, Tally], changed: Values) -> list[str]:
@@ -80,7 +115,18 @@ def value_of(text: str) -> tuple[str, Value]:
 def as_json(tallies: dict[str, Tally], failures: list[Failure]) -> str:
     """Return the same for programs."""
     found = {
-        name: {**dict(t.counts), "seconds": t.seconds, "slowest": t.slowest, "worst": t.worst, "most": t.most}
+        name: {
+            **dict(t.counts),
+            "costly": dict(t.costly),
+            "anew": dict(t.anew),
+            "seconds": t.seconds,
+            "slowest": t.slowest,
+            "worst": t.worst,
+            "most": t.most,
+            "facts": {
+                seed: {n: float(f"{v:.3g}") for n, v in facts.items()} for seed, facts in sorted(t.facts.items())
+            },
+        }
         for name, t in tallies.items()
     }
     told = [{"family": f.family, "seed": f.seed, "measured": f.measured, "command": f.command} for f in failures]
@@ -96,24 +142,38 @@ def executor_of(options: argparse.Namespace) -> JobExecutor | None:
     return ProcessExecutor(options.workers, table=TABLE, line=LINE) if options.workers else None
 
 
+def unseen() -> int:
+    """Return a seed that nobody has drawn from: milliseconds since 2026, which pass faster than cases are judged."""
+    return time.time_ns() // 1_000_000 - 1_767_225_600_000
+
+
+def repeated(options: argparse.Namespace, seed: int) -> str:
+    """Return the command that tries the same cases: with --seconds as many of them as there is time for."""
+    words = [*options.names, "--seed", seed]
+    words += ["--runs", options.runs] if options.runs is not None else []
+    words += ["--seconds", f"{options.seconds:g}"] if options.seconds is not None else []
+    words += [word for text in options.set for word in ("--set", text)]
+    return " ".join(map(str, ["python3 build_addon.py stress", *words]))
+
+
 def main(arguments: list[str] | None = None) -> int:
-    """Run what is asked for; status 1 where something failed, or where a known failure passes."""
+    """Run what is asked for; status 1 where something failed, or a row of `known.py` is wrong."""
     parser = argparse.ArgumentParser(prog="build_addon.py stress", description=__doc__)
     parser.add_argument(
         "names",
         nargs="*",
         metavar="NAME",
-        help=f"families (all), such as 'invariance_*': {', '.join(f.name for f in FAMILIES)}",
+        help=f"families (all but 'invariance_*'): {', '.join(f.name for f in FAMILIES)}",
     )
     how = parser.add_mutually_exclusive_group()
     how.add_argument("--seconds", type=float, help="for so long, each family as long as any other")
     how.add_argument("--runs", type=int, help="cases of each family (20)")
-    parser.add_argument("--seed", type=int, default=0, help="of the first case of each family (0)")
+    parser.add_argument("--seed", type=int, help="of the first case of each family (one that nobody has seen)")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="in place of what is drawn")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the results to this file")
     parser.add_argument("--workers", type=int, metavar="N", help="processes that judge cases, with --runs")
     parser.add_argument("--scheduler", metavar="URL", help="a dask scheduler's workers judge them, with --runs")
-    parser.add_argument("--as-drawn", action="store_true", help="do not make failing cases simpler")
+    parser.add_argument("--as-drawn", action="store_true", help="make no failing case simpler")
     options = parser.parse_args(arguments)
     names = [family.name for family in FAMILIES]
     unknown = [name for name in options.names if not fnmatch.filter(names, name)]
@@ -125,17 +185,21 @@ def main(arguments: list[str] | None = None) -> int:
         parser.error("a scheduler has workers of its own: leave --workers or --scheduler out")
     if (options.workers or options.scheduler) and options.seconds is not None:
         parser.error("what is judged side by side is counted: give --runs, not --seconds")
-    asked = options.names or names
-    chosen = [family for family in FAMILIES if any(fnmatch.fnmatchcase(family.name, name) for name in asked)]
+    families = chosen(options.names)
+    seed, told = options.seed, f"seed {options.seed}, which was given"
+    if seed is None:
+        seed = unseen()
+        told = f"seed {seed}, which nobody has seen"
     changed: Values = dict(map(value_of, options.set))
 
     def tell(text: str) -> None:
         print(text, flush=True)
 
+    tell(f"cases from {told}; the same again: {repeated(options, seed)}")
     with executor_of(options) or nullcontext() as executor:
-        tallies, failures, passing = run(
-            chosen,
-            options.seed,
+        tallies, failures, wrong = run(
+            families,
+            seed,
             runs=options.runs,
             seconds=options.seconds,
             changed=changed,
@@ -148,14 +212,17 @@ def main(arguments: list[str] | None = None) -> int:
     print(table(tallies))
     for row in KNOWN:
         if row.family in tallies:
-            print(f"known: {row.family}, {row.check}: {tallies[row.family].known[row]} cases. {row.reason}")
+            tally = tallies[row.family]
+            counts = f"{tally.known[row]} cases, quota {row.quota:g} in 1,000, {tally.covered(row)} meet its condition"
+            print(f"known: {row.family}, {row.check}: {counts}. {row.reason}")
     for text in invariances(tallies, changed):
         print(text)
-    for text in passing:
-        print(f"KNOWN TO FAIL, BUT PASSES: {text}: take its row out of tests/stress/known.py")
+    for text in wrong:
+        print(f"WRONG IN tests/stress/known.py: {text}")
+    print(costly(tallies, told))
     if options.json:
         options.json.write_text(as_json(tallies, failures), encoding="utf-8")
-    return 1 if failures or passing else 0
+    return 1 if failures or wrong else 0
 
 
 if __name__ == "__main__":

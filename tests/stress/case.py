@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from .facts import together
+
 Value = float | int | str
 Values = dict[str, Value]
 
@@ -54,11 +56,13 @@ class Verdict:
         measured: check -> (value, limit): the check is passed where the value is not above the limit.
         told: codes of the findings that were given, warnings and errors alone.
         excuses: check -> the codes of findings that name what the check would say: it is flagged, not failed.
+        facts: what was measured of the touch as it was solved, see `facts.REDUCED`; empty where nothing was touched.
     """
 
     measured: dict[str, tuple[float, float]] = field(default_factory=dict)
     told: frozenset[str] = frozenset()
     excuses: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    facts: Mapping[str, float] = field(default_factory=dict)
 
     def hold(self, check: str, value: float, limit: float) -> None:
         """Hold a value against a limit; of several of the same name the worst stays."""
@@ -83,6 +87,7 @@ class Verdict:
             self.hold(check, value, limit)
         self.told |= other.told
         self.excuses = {**other.excuses, **self.excuses}
+        self.facts = together(self.facts, other.facts)
 
 
 @dataclass(frozen=True)

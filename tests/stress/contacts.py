@@ -24,6 +24,7 @@ from tests.contact_laws import cone_residual
 
 from . import tolerances
 from .case import Verdict, bits_of
+from .facts import Watch, together
 
 Array = NDArray[np.float64]
 CHUNK = 16
@@ -58,7 +59,7 @@ class Felt:
         force: on the nodes of the pad, frame by frame [N], shape (n, m, 3). resultant: shape (n, 3).
         solutions: of the frames that were solved. reused: of those that the last forces served again, which is allowed
             where they meet the residual, its cones within it.
-        unsolved: frames that missed their residual. findings: of the finger.
+        unsolved: frames that missed their residual. findings: of the finger. facts: see `facts.REDUCED`.
     """
 
     force: Array
@@ -67,6 +68,7 @@ class Felt:
     reused: Sequence[Solution]
     unsolved: int
     findings: tuple[Finding, ...]
+    facts: Mapping[str, float]
 
     @property
     def told(self) -> frozenset[str]:
@@ -134,7 +136,7 @@ def feel(
     stepper = SkinStepper(skin, 0, Finger("f", (), parameters), scene)
     numbers = np.arange(1.0, count + 1.0) if frames is None else frames
     poses = np.array([thing.poses for thing in things]).reshape(len(things), count, 4, 4)
-    forces, solutions, reused, unsolved = [], [], [], 0
+    forces, solutions, reused, unsolved, watch = [], [], [], 0, Watch()
     with one_thread():
         for i in range(0, count, CHUNK):
             part = slice(i, min(i + CHUNK, count))
@@ -147,11 +149,18 @@ def feel(
                 felt = stepper.step(approach, k) if approach.near else stepper.idle()
                 forces.append(felt.force)
                 unsolved += not felt.converged
+                watch.take(stepper)
                 last = stepper.bone.solver._step
                 if last is not None and last.work != "idle":
                     (solutions if last.work == "solved" else reused).append(last.solution)
     force = np.array(forces)
-    return Felt(force, force.sum(axis=1), solutions, reused, unsolved, stepper.findings)
+    return Felt(force, force.sum(axis=1), solutions, reused, unsolved, stepper.findings, watch.facts)
+
+
+def said(*felts: Felt) -> Verdict:
+    """Return a verdict on paths of one case, of which nothing is measured yet."""
+    told = frozenset[str]().union(*(felt.told for felt in felts))
+    return Verdict(told=told, excuses=EXCUSES, facts=together(*(felt.facts for felt in felts)))
 
 
 def lawful(felt: Felt, most: float) -> Verdict:
@@ -160,7 +169,7 @@ def lawful(felt: Felt, most: float) -> Verdict:
     Args:
         most: force that no frame should come near [N], see `most_force`.
     """
-    verdict = Verdict(told=felt.told, excuses=EXCUSES)
+    verdict = said(felt)
     arrays = [felt.force, *(a for s in (*felt.solutions, *felt.reused) for a in (s.force, s.displacement))]
     verdict.hold("finite", sum(int((~np.isfinite(a)).sum()) for a in arrays), tolerances.FINITE)
     if verdict.missed:

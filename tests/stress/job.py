@@ -40,7 +40,9 @@ def judge(
         started = time.perf_counter()
         found = judged(family, {**family.values(seed), **parameters["changed"]})
         excuses = {check: sorted(codes) for check, codes in found.excuses.items()}
-        told.append([seed, time.perf_counter() - started, found.measured, sorted(found.told), excuses])
+        told.append(
+            [seed, time.perf_counter() - started, found.measured, sorted(found.told), excuses, dict(found.facts)]
+        )
     return {"verdicts": np.frombuffer(json.dumps(told).encode(), np.uint8)}
 
 
@@ -54,7 +56,8 @@ def verdicts_of(made: Mapping[str, NDArray[Any]]) -> list[tuple[int, float, Verd
                 {check: (float(value), float(limit)) for check, (value, limit) in measured.items()},
                 frozenset(told),
                 {check: frozenset(codes) for check, codes in excuses.items()},
+                facts,
             ),
         )
-        for seed, took, measured, told, excuses in json.loads(bytes(made["verdicts"]))
+        for seed, took, measured, told, excuses, facts in json.loads(bytes(made["verdicts"]))
     ]

@@ -142,3 +142,21 @@ def wander(depth: float, slide: float, way: float, length: float, start: float, 
     at = np.where(at > whole, 2.0 * whole - at, at)
     along, rise = (np.interp(at, ends, corners[:, k]) for k in (0, 1))
     return np.stack([along * np.cos(way), along * np.sin(way), rise], axis=1)
+
+
+def dragged(depth: float, slide: float, length: float, count: int) -> Array:
+    """Return offsets of a press to a depth that is then dragged to and fro [m], shape (count, 3).
+
+    It turns at samples with even numbers, so that half of the samples know the same way.
+
+    Args:
+        slide: to either side, along X [m]. length: of a sample's step, at most [m].
+    """
+    before = 0.3e-3
+    corners = [np.array([0.0, 0.0, -before]), np.array([0.0, 0.0, depth])]
+    out = [corners[0]]
+    while len(out) < count:
+        legs = 2 * int(np.ceil(np.linalg.norm(corners[-1] - corners[-2]) / (2.0 * length) - 1e-9))
+        out += [corners[-2] + (corners[-1] - corners[-2]) * k / legs for k in range(1, legs + 1)]
+        corners.append(np.array([slide if len(corners) % 2 == 0 else -slide, 0.0, depth]))
+    return np.array(out[:count])

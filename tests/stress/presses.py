@@ -10,7 +10,7 @@ from core.surface import shapes
 from . import tolerances
 from .bodies import CONVEX, WIDE, split
 from .case import Dice, Family, Values, Verdict, apart
-from .contacts import EXCUSES, lawful
+from .contacts import lawful, said
 from .paths import PLAIN, Press, draw_touch, pressing, wander
 
 FRAMES = 14
@@ -48,7 +48,7 @@ def judge_inside(values: Values) -> Verdict:
     if values["from"] == "nowhere":
         there[0, 2] = -0.2
     sudden = press.feel([press.thing(there)])
-    verdict = Verdict(told=felt.told | sudden.told, excuses=EXCUSES)
+    verdict = said(felt, sudden)
     verdict.merge(lawful(sudden, press.most(depth + 1e-3)))
     both = np.stack([felt.resultant[-1], sudden.resultant[-1]])
     verdict.hold("inside", apart(both[:1], both[1:]), tolerances.INSIDE)
@@ -86,7 +86,7 @@ def judge_card(values: Values) -> Verdict:
         answers.append(press.feel([thing]))
     thick, thin = answers
     verdict = lawful(thin, press.most(depth + 1e-3, float(values["friction"])))
-    verdict.told |= thick.told
+    verdict.merge(said(thick))
     verdict.hold("same", apart(thick.resultant, thin.resultant), tolerances.SAME[str(values["contact"])])
     return verdict
 
@@ -106,7 +106,7 @@ def judge_meshed(values: Values) -> Verdict:
     triangles = np.roll(place[triangles], 1, axis=1)[rng.permutation(len(triangles))]
     press.mesh = Mesh(vertices[order], triangles.astype(np.int32))
     bad = press.feel([press.thing(offsets, float(values["friction"]))])
-    verdict = Verdict(told=good.told | bad.told, excuses=EXCUSES)
+    verdict = said(good, bad)
     verdict.hold("same", apart(good.resultant, bad.resultant), tolerances.SAME[str(values["contact"])])
     return verdict
 

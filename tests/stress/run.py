@@ -6,7 +6,7 @@ import time
 import traceback
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,31 +15,40 @@ from core.work.executor import JobExecutor
 from core.work.spread import Asked, spread
 
 from .case import Family, Value, Values, Verdict
-from .known import KNOWN, MENDED, Known, known_failure
+from .facts import costly
+from .known import KNOWN, MENDED, Known, beyond, known_failure, too_wide
 
 PART = 5  # cases of a job: those of contact take seconds
-SHRINKING = 30.0  # [s] that a failing case is made simpler for
+SHRINKING = 30.0  # [s] that the first case to fail a check is made simpler for
 ROOT = Path(__file__).resolve().parents[2]
 
 
 @dataclass
 class Tally:
-    """What became of a family's cases.
+    """What became of a family's cases that were drawn; seeds of rows and mended ones are counted in `anew` alone.
 
     Attributes:
-        counts: 'tried', 'passed', 'flagged', 'known', 'failed'. seconds: they took.
+        counts: 'tried', 'passed', 'flagged', 'known', 'failed'. costly: the same of costly touches, see `facts.costly`.
+        anew: the same of cases that are tried in every run. seconds: that those drawn took.
         worst: check -> (value over its limit, value, limit, seed) of the case that came nearest to its limit, of those
             that passed.
         most: check -> (value, limit, seed) of the case with the largest value, passed or not.
-        known: rows -> how many cases failed so.
+        known: rows -> how many cases failed so. facts: seeds -> what was measured of the touch, where there was one.
     """
 
     counts: Counter[str] = field(default_factory=Counter)
+    costly: Counter[str] = field(default_factory=Counter)
+    anew: Counter[str] = field(default_factory=Counter)
     seconds: float = 0.0
     slowest: tuple[float, int] = (0.0, 0)
     worst: dict[str, tuple[float, float, float, int]] = field(default_factory=dict)
     most: dict[str, tuple[float, float, int]] = field(default_factory=dict)
     known: Counter[Known] = field(default_factory=Counter)
+    facts: dict[int, Mapping[str, float]] = field(default_factory=dict)
+
+    def covered(self, row: Known) -> int:
+        """Return how many cases meet a row's condition."""
+        return sum(row.meets(facts) for facts in self.facts.values())
 
 
 @dataclass(frozen=True)
@@ -101,35 +110,58 @@ def run(
 
     Args:
         seed: of the first case of each. runs: cases of each family. seconds: in all, in place of `runs`.
-        changed: values in place of those drawn. tell: is told of every failure. simplify: make what fails simpler.
-        again: begin with what failed before, unless it is one case alone that is asked for.
+        changed: values in place of those drawn. tell: is told of every failure.
+        simplify: make the first case that fails a check simpler.
+        again: begin with what failed before, and hold rows to their quotas, unless one case alone is asked for.
         executor: who judges cases, in place of this process; it knows the job 'judge'. Not with `seconds`.
 
     Returns:
-        What became of each family's cases, what failed, and which known failures pass.
+        What became of each family's cases, what failed, and what is wrong with rows of `known.py`.
     """
     tallies = {family.name: Tally() for family in families}
     failures: list[Failure] = []
-    passing: list[str] = []
-    for family in families if again and not changed and runs != 1 else ():
-        rows = [(row, seed) for row in KNOWN if row.family == family.name for seed in row.seeds]
-        for first in MENDED.get(family.name, ()):
-            judge_one(family, first, family.values(first), tallies[family.name], failures, tell, simplify)
-        for row, first in rows:
-            verdict = judge_one(family, first, family.values(first), tallies[family.name], failures, tell, simplify)
-            if not any(check.startswith(row.check) for check in verdict.failed):
-                passing.append(f"{family.name} --seed {first}: {row.check}")
+    wrong: list[str] = []
+    whole = again and not changed and runs != 1
+    for family in families if whole else ():
+        wrong += try_anew(family, tallies[family.name], failures, tell, simplify)
     if executor is not None:
         for family, number, took, verdict in _elsewhere(families, seed, runs, changed or {}, executor):
             values = {**family.values(number), **(changed or {})}
             count(family, number, values, verdict, took, tallies[family.name], failures, tell, simplify)
         order = {family.name: i for i, family in enumerate(families)}
         failures.sort(key=lambda failure: (order[failure.family], failure.seed))  # whoever was done first
-        return tallies, failures, passing
-    for family, number in _turns(families, seed, runs, seconds, tallies):
-        values = {**family.values(number), **(changed or {})}
-        judge_one(family, number, values, tallies[family.name], failures, tell, simplify)
-    return tallies, failures, passing
+    else:
+        for family, number in _turns(families, seed, runs, seconds, tallies):
+            values = {**family.values(number), **(changed or {})}
+            judge_one(family, number, values, tallies[family.name], failures, tell, simplify)
+    for row in KNOWN if whole else ():
+        if row.family in tallies:
+            tally = tallies[row.family]
+            wrong += beyond(row, tally.counts["tried"], tally.known[row], tally.covered(row))
+    return tallies, failures, wrong
+
+
+def try_anew(
+    family: Family,
+    tally: Tally,
+    failures: list[Failure],
+    tell: Callable[[str], None] = lambda text: None,
+    simplify: bool = True,
+) -> list[str]:
+    """Judge the seeds of a family that are known or mended; return what is wrong with its rows."""
+    wrong = []
+    for seed in MENDED.get(family.name, ()):
+        judge_one(family, seed, family.values(seed), tally, failures, tell, simplify, drawn=False)
+    for row in (row for row in KNOWN if row.family == family.name):
+        shown = 0.0
+        for seed in row.seeds:
+            verdict = judge_one(family, seed, family.values(seed), tally, failures, tell, simplify, drawn=False)
+            found = [verdict.measured[check][0] for check in verdict.failed if check.startswith(row.check)]
+            if not found:
+                wrong.append(f"{row.name}: its seed {seed} passes: take it out of tests/stress/known.py")
+            shown = max([shown, *found])
+        wrong += too_wide(row, shown)
+    return wrong
 
 
 def _turns(
@@ -177,11 +209,12 @@ def judge_one(
     failures: list[Failure],
     tell: Callable[[str], None] = lambda text: None,
     simplify: bool = True,
+    drawn: bool = True,
 ) -> Verdict:
     """Judge a case, count it, tell of what failed, and return what was measured."""
     started = time.perf_counter()
     verdict = judged(family, values)
-    count(family, seed, values, verdict, time.perf_counter() - started, tally, failures, tell, simplify)
+    count(family, seed, values, verdict, time.perf_counter() - started, tally, failures, tell, simplify, drawn)
     return verdict
 
 
@@ -195,17 +228,39 @@ def count(
     failures: list[Failure],
     tell: Callable[[str], None],
     simplify: bool,
+    drawn: bool = True,
 ) -> None:
-    """Count a case that was judged in so many seconds, and tell of what failed."""
-    tally.seconds += took
-    tally.slowest = max(tally.slowest, (took, seed))
-    tally.counts["tried"] += 1
+    """Count a case that was judged in so many seconds, and tell of what failed.
+
+    Args:
+        drawn: it was drawn, not tried because its seed is known.
+    """
     failed = verdict.failed
-    rows = {check: known_failure(family.name, check, verdict.measured[check][0], values) for check in failed}
+    rows = {check: known_failure(family.name, check, verdict.measured[check][0], verdict.facts) for check in failed}
     new = [check for check in failed if rows[check] is None]
     fate = "failed" if new else "known" if failed else "flagged" if verdict.missed else "passed"
-    tally.counts[fate] += 1
-    tally.known.update({row for row in rows.values() if row is not None})
+    for counter in (tally.counts, *([tally.costly] if costly(verdict.facts) else ())) if drawn else (tally.anew,):
+        counter.update(("tried", fate))
+    if drawn:
+        tally.seconds += took
+        tally.slowest = max(tally.slowest, (took, seed))
+        tally.known.update({row for row in rows.values() if row is not None})
+        tally.facts.update({seed: verdict.facts} if verdict.facts else {})
+        _note_values(verdict, seed, tally)
+    if not new:
+        return
+    first = not any(failure.family == family.name and new[0] in failure.measured for failure in failures)
+    simpler = simple(family, values, new[0], SHRINKING if simplify and first else 0.0)
+    drawn = family.values(seed)
+    differ = {name: value for name, value in simpler.items() if drawn.get(name) != value}
+    found = {check: "{:.3g}, allowed {:.3g}".format(*verdict.measured[check]) for check in new}
+    failure = Failure(family.name, seed, found, differ)
+    failures.append(failure)
+    tell(f"FAILED {family.name} {seed}: " + "; ".join(f"{c}: {m}" for c, m in found.items()) + f"\n  {failure.command}")
+
+
+def _note_values(verdict: Verdict, seed: int, tally: Tally) -> None:
+    """Note the values of a case that are nearest to their limits, or the largest."""
     for check, (value, limit) in verdict.measured.items():
         share = value / limit if limit else float(value > 0)
         if check not in tally.most or (value, -seed) > (tally.most[check][0], -tally.most[check][2]):
@@ -215,15 +270,6 @@ def count(
             check not in tally.worst or (share, -seed) > (tally.worst[check][0], -tally.worst[check][3])
         ):
             tally.worst[check] = share, value, limit, seed
-    if not new:
-        return
-    simpler = simple(family, values, new[0], SHRINKING if simplify else 0.0)
-    drawn = family.values(seed)
-    differ = {name: value for name, value in simpler.items() if drawn.get(name) != value}
-    found = {check: "{:.3g}, allowed {:.3g}".format(*verdict.measured[check]) for check in new}
-    failure = Failure(family.name, seed, found, differ)
-    failures.append(failure)
-    tell(f"FAILED {family.name} {seed}: " + "; ".join(f"{c}: {m}" for c, m in found.items()) + f"\n  {failure.command}")
 
 
 def simple(family: Family, values: Values, check: str, seconds: float) -> Values:

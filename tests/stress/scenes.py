@@ -15,7 +15,7 @@ from core.scene.tactile_scene import Body, DeviceUse, Finger, Mesh
 from . import tolerances
 from .bodies import CONVEX
 from .case import Dice, Family, Values, Verdict, apart, bits_of
-from .contacts import EXCUSES, Thing, lawful
+from .contacts import Thing, lawful, said
 from .paths import PLAIN, Press, draw_touch, poses, turned
 from .touches import draw_calm, draw_wander, wanderer
 
@@ -99,7 +99,7 @@ def judge_stretched(values: Values) -> Verdict:
     scaled = things[0].poses.copy()
     scaled[:, :3, :3] = scaled[:, :3, :3] @ linear
     plain, carried = press.feel(things), press.feel([replace(things[0], mesh=inner, poses=scaled)])
-    verdict = Verdict(told=plain.told | carried.told, excuses=EXCUSES)
+    verdict = said(plain, carried)
     verdict.hold("same", apart(plain.resultant, carried.resultant), tolerances.SAME[str(values["contact"])])
     return verdict
 
@@ -190,5 +190,5 @@ FAMILIES = (
         judge_stretched,
         PLAIN,
     ),
-    Family("bake", "tracks of devices, of any material", draw_bake, judge_bake, PLAIN),
 )
+BAKES = (Family("bake", "tracks of devices, of any material", draw_bake, judge_bake, PLAIN),)

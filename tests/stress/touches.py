@@ -9,10 +9,10 @@ import numpy as np
 from core.scene.tactile_scene import Mesh
 
 from . import tolerances
-from .bodies import ANY, mesh_of
+from .bodies import ANY, CONVEX, mesh_of
 from .case import Dice, Family, Values, Verdict, apart
-from .contacts import EXCUSES, Felt, Thing, lawful
-from .paths import PLAIN, Press, draw_touch, poses, turned, wander
+from .contacts import Felt, Thing, lawful, said
+from .paths import PLAIN, Press, dragged, draw_touch, poses, turned, wander
 
 FAR = 5.0  # [m] from the world's origin
 
@@ -89,7 +89,7 @@ def judge_touch(values: Values) -> Verdict:
 
 def compared(press: Press, some: Felt, others: Felt, check: str, limit: float) -> Verdict:
     """Return how far two answers to the same touch are apart."""
-    verdict = Verdict(told=some.told | others.told, excuses=EXCUSES)
+    verdict = said(some, others)
     verdict.hold(check, apart(some.resultant, others.resultant), limit)
     return verdict
 
@@ -164,8 +164,38 @@ def judge_rate(values: Values) -> Verdict:
     ]
     fine = press.feel(whole, step=float(values["step"]) / 2)
     coarse = press.feel([replace(t, poses=t.poses[::2]) for t in whole], step=float(values["step"]))
-    verdict = Verdict(told=fine.told | coarse.told, excuses=EXCUSES)
+    verdict = said(fine, coarse)
     verdict.hold("rate", apart(coarse.resultant, fine.resultant[::2]), tolerances.RATE)
+    return verdict
+
+
+def draw_dragged(dice: Dice) -> Values:
+    """Draw a body that is dragged to and fro with friction, at speeds and frame rates that people animate."""
+    return {
+        **draw_touch(dice, CONVEX, 2e-3),
+        "friction": dice.between(0.1, 1.5),
+        "samples": dice.whole(40, 100),
+        "rate": dice.one_of(60, 120, 240, 240),
+        "speed": dice.decades(20e-3, 200e-3),
+        "slide": dice.between(1e-3, 6e-3),
+        "way": dice.between(-np.pi, np.pi),
+    }
+
+
+def judge_dragged(values: Values) -> Verdict:
+    """Hold a long drag to the laws of every frame, and sample it twice as often."""
+    press = Press(values)
+    if not press.meets:
+        return Verdict()
+    rate, friction, depth = int(values["rate"]), float(values["friction"]), float(values["depth"])
+    offsets = dragged(depth, float(values["slide"]), float(values["speed"]) / (2 * rate), 2 * int(values["samples"]))
+    turn = turned(0.0, 0.0, float(np.degrees(float(values["way"]))))
+    fine = press.feel([press.thing(offsets @ turn.T, friction)], step=0.5 / rate)
+    coarse = press.feel([press.thing(offsets[::2] @ turn.T, friction)], step=1.0 / rate)
+    verdict = lawful(coarse, press.most(depth + 2.0 * float(values["slide"]) + 1e-3, friction))
+    verdict.merge(said(fine))
+    limit = tolerances.INVARIANCE["rate" if rate >= 240 else "rates"]
+    verdict.hold("rate", apart(coarse.resultant, fine.resultant[::2]), limit)
     return verdict
 
 
@@ -187,4 +217,5 @@ FAMILIES = (
     Family("scaled", "a touch, and the same with all so many times as stiff", draw_scaled, judge_scaled, PLAIN),
     Family("named", "bodies of other names, and in another order", draw_named, judge_named, PLAIN),
     Family("rate", "a touch, sampled twice as often", draw_calm, judge_rate, PLAIN),
+    Family("dragged", "a long drag with friction, sampled twice as often", draw_dragged, judge_dragged, PLAIN),
 )

@@ -46,6 +46,12 @@ INVARIANCE = {
     "rate": 0.03,  # 240 against 480 samples a second
     "rates": 0.12,  # 60, 120 and 240 against 960
     **dict.fromkeys(("back", "slid"), 0.04),  # without friction: there and back; slid against pressed
+    # The laws of contact know ways and not times; a touch knows nothing of what comes after it, nor of air before it.
+    **dict.fromkeys(("pace", "span"), SAID_OTHERWISE),
+    "stranger": SAID_OTHERWISE,  # nothing may be read from a body that is not touched
+    # A matrix times vertices is rounded to 1e-18 m; corners without faces and faces without area bound no solid.
+    **dict.fromkeys(("scaled", "litter"), SAID_OTHERWISE),
+    "seam": 0.01,  # two solids that meet flush: walls meet skin at one line; curved faces are cut within their triangles
     "press": 0.01,  # `press` against a bake in the same place
     "work": 0.01,  # without friction, over a closed path, of the largest energy
     "gradient": 0.01,  # force against -dU/d(pose), of the largest force

@@ -13,7 +13,7 @@ from core.experiment import press
 from core.skin.stimulus import Stimulus
 from core.surface.gap import Surface
 
-from . import retellings, tolerances
+from . import remade, retellings, retimed, tolerances
 from .bodies import together
 from .case import Family, Values, Verdict
 from .contacts import skin_of
@@ -69,13 +69,14 @@ class Retelling:
 
     Attributes:
         name: of its limit. tell: yields the other words. base: what they are told of, where it is not the touch alone.
-        back: brings channels to where the first told them.
+        back: brings channels to where the first told them. channels: that are compared.
     """
 
     name: str
     tell: Callable[[Touch, Setup], retellings.Retold]
     base: Callable[[Setup], Setup] | None = None
     back: Callable[[Touch, dict[str, Series]], dict[str, Series]] | None = None
+    channels: Collection[str] = CHANNELS
 
     def __call__(self, values: Values) -> Verdict:
         """Return what changes."""
@@ -90,8 +91,18 @@ class Retelling:
             found = computed(other)
             if self.back is not None:
                 found = replace(found, channels=self.back(touch, dict(found.channels)))
-            compare(verdict, tolerances.INVARIANCE[self.name], first, found)
+            compare(verdict, tolerances.INVARIANCE[self.name], first, found, channels=self.channels)
         return verdict
+
+
+def judge_times(values: Values, name: str, tell: Callable[[Setup], retimed.Retimed]) -> Verdict:
+    """Judge the contact of samples that are told at other times; commands follow times, and rightly."""
+    verdict, first = Verdict(), usual(values)
+    for other, rows in tell(replace(Touch(values).setup(), devices=())):
+        same = (rows >= 0).nonzero()[0]
+        when = rows[same] / RATE, same / other.rate
+        compare(verdict, tolerances.INVARIANCE[name], first, computed(other), when, CONTACT)
+    return verdict
 
 
 def judge_rates(values: Values, name: str, rates: Collection[float], best: float) -> Verdict:
@@ -233,7 +244,19 @@ FAMILIES = (
     retold("welded", "triangles that share no corners", retellings.welded),
     retold("cracked", "the same, a nanometre apart", retellings.cracked),
     retold("shifted", "the solid shifted by 1e-9 to 1e-6 m", retellings.shifted),
-    retold("mirrored", "the scene mirrored in the finger's middle plane", retellings.mirrored, back=unmirrored),
+    retold("stranger", "another material of a body that is not touched", retellings.stranger, base=retellings.beside),
+    retold("scaled", "scales in the object's matrix, their inverses in the mesh", remade.scaled),
+    retold("litter", "loose corners, faces without area, faces and bodies twice", remade.litter),
+    retold("seam", "the solid in two that meet where it is touched", remade.seam),
+    family("pace", "slower, faster, with stops", partial(judge_times, name="pace", tell=retimed.pace)),
+    family("span", "a scene that begins earlier or ends sooner", partial(judge_times, name="span", tell=retimed.span)),
+    retold(
+        "mirrored",
+        "the scene mirrored in the finger's middle plane",
+        retellings.mirrored,
+        back=unmirrored,
+        channels=CONTACT,
+    ),
     retold("turned", "the scene turned, carried away, or moved in place of the finger", retellings.turned_about),
     family("rate", "240 against 480 samples a second", partial(judge_rates, name="rate", rates=(240.0,), best=480.0)),
     family(

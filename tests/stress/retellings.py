@@ -33,6 +33,8 @@ CUTS = (1, 7, 16)  # samples of a chunk
 SHIFTS = (1e-9, 1e-8, 1e-7, 1e-6)  # [m]
 CRACK = 1e-9  # between triangles that are not welded [m]
 STARTS = ("zero", "last", "random")
+STRANGERS = ({"friction": 0.05}, {"friction": 2.0, "surface_stiffness": 1e6, "mass": 0.3, "held_mode": "keyed"})
+APART = np.array([3e-3, 2e-3, -0.3e-3])  # of a finger that touches the same body elsewhere [m]
 FAR = 100.0  # [m] from the world's origin
 
 
@@ -53,6 +55,13 @@ def beside(setup: Setup) -> Setup:
     return with_body(setup, shapes.block(12e-3, 12e-3, 8e-3), still_at(setup, (15e-3, 0.0, 2e-3)))
 
 
+def stranger(touch: Touch, setup: Setup) -> Retold:
+    """Give a body that is not touched another friction, a soft surface, and a weight that could be held."""
+    body, way = setup.bodies[-1]
+    for material in STRANGERS:
+        yield replace(setup, bodies=(*setup.bodies[:-1], (replace(body, parameters=material), way)))
+
+
 def still_at(setup: Setup, place: tuple[float, float, float]) -> Array:
     """Return poses of something that keeps still in the finger's frame [m], shape (n, 4, 4)."""
     return poses(np.tile(place, (setup.count, 1)))
@@ -65,9 +74,9 @@ def with_body(setup: Setup, shape: shapes.Shape, way: Array) -> Setup:
 
 
 def order(touch: Touch, setup: Setup) -> Retold:
-    """Put bodies in another order, and a finger before the finger."""
+    """Put bodies in another order, and a finger before the finger that touches the same bodies elsewhere."""
     yield replace(setup, bodies=setup.bodies[::-1])
-    yield replace(setup, before=("another",))
+    yield replace(setup, before=("another",), apart=APART)
 
 
 def names(touch: Touch, setup: Setup) -> Retold:
@@ -200,12 +209,26 @@ def strides(touch: Touch, setup: Setup) -> Retold:
 
 
 def caches(touch: Touch, setup: Setup) -> Retold:
-    """Bake it again; with an empty cache and from a full one; and from shares that were kept."""
+    """Bake it again; with an empty cache and from a full one; from shares that were kept; and after other touches."""
     yield setup
     with tempfile.TemporaryDirectory(prefix="dermis-invariance-") as folder:
         cached = replace(setup, cache=Cache(Path(folder), 10**9), kept=KeptShares())
         yield cached
         yield cached
+        after = replace(cached, kept=KeptShares())
+        for other in unlike(touch, after):
+            other.bake()
+        yield after
+
+
+def unlike(touch: Touch, setup: Setup) -> Retold:
+    """Yield touches that feel otherwise: by friction, by place, by shape, and by where contact is solved."""
+    friction = 0.9 - float(touch.values["friction"])
+    yield replace(setup, bodies=tuple((replace(b, parameters={"friction": friction}), way) for b, way in setup.bodies))
+    yield carried(setup, np.array([0.0, 0.0, 0.1e-3]))
+    yield meshes(touch, setup, lambda mesh, _: Mesh(mesh.vertices * [0.9, 1.1, 1.0], mesh.triangles))
+    where = {"points": "nodes", "nodes": "points"}[str(touch.values["contact"])]
+    yield replace(setup, parameters={**setup.parameters, "contact": where})
 
 
 def processes(touch: Touch, setup: Setup) -> Retold:

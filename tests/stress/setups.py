@@ -44,7 +44,8 @@ class Setup:
         parameters: of the finger. devices: presets that follow it.
         probes: points in the tissue at which stress is compared [m], shape (k, 3). looked: times of it [s].
         world: the pose of the finger in the world, one or one a sample, shape (4, 4) or (n, 4, 4).
-        name: of the finger. before, after: names of fingers alike that feel the same, in the scene's order.
+        name: of the finger. before, after: names of fingers alike, in the scene's order. apart: how far they are from
+            the finger, in its frame [m], shape (3,).
         chunk: samples of a chunk; all of them where None.
         engine: changes how the engine works while the touch is baked.
         cache, kept: what earlier bakes left. workers: processes that fingers may be spread over.
@@ -60,6 +61,7 @@ class Setup:
     name: str = "finger"
     before: tuple[str, ...] = ()
     after: tuple[str, ...] = ()
+    apart: Array = field(default_factory=lambda: np.zeros(3))
     chunk: int | None = None
     engine: Callable[[], AbstractContextManager[None]] = nullcontext
     cache: Cache | None = None
@@ -76,7 +78,10 @@ class Setup:
         uses = tuple(DeviceUse(device) for device in self.devices)
         told = {"skin_shown": True, **self.parameters}
         world = np.broadcast_to(self.world, (self.count, 4, 4))
-        fingers = [(Finger(name, uses, told), world) for name in (*self.before, self.name, *self.after)]
+        aside = np.eye(4)
+        aside[:3, 3] = self.apart
+        names = (*self.before, self.name, *self.after)
+        fingers = [(Finger(name, uses, told), world if name == self.name else world @ aside) for name in names]
         scene = scene_from_poses(self.rate, fingers, [(body, world @ poses) for body, poses in self.bodies])
         return scene if self.chunk is None else replace(scene, chunks=tuple(cut(scene.chunks, self.chunk)))
 
@@ -190,15 +195,20 @@ def compare(
 
     Args:
         when: times of the first and of the second that are compared [s]; those that both have where None.
-        channels: that are compared, where both have them.
+        channels: that are compared. What only one of both has, or both have at no time alike, is infinitely far off.
     """
     verdict.told |= base.told | other.told
     for name in channels:
+        if name not in base.channels and name not in other.channels:
+            continue
         if name not in base.channels or name not in other.channels:
+            verdict.hold(name, np.inf, limit)
             continue
         one, two = base.channels[name], other.channels[name]
         here, there = (one.times, one.times) if when is None else when
         both = one.knows(here) & two.knows(there)
-        if both.any():
+        if not both.any():
+            verdict.hold(name, np.inf, limit)
+        else:
             peak = max(float(np.linalg.norm(each.values, axis=-1).max()) for each in (one, two))
             verdict.hold(name, apart(one.at(here[both]), two.at(there[both]), peak), limit)

@@ -51,7 +51,7 @@ INVARIANCE = {
     "stranger": SAID_OTHERWISE,  # nothing may be read from a body that is not touched
     # A matrix times vertices is rounded to 1e-18 m; corners without faces and faces without area bound no solid.
     **dict.fromkeys(("scaled", "litter"), SAID_OTHERWISE),
-    "seam": 0.01,  # two solids that meet flush: walls meet skin at one line; curved faces are cut within their triangles
+    "seam": 0.01,  # two solids that meet flush: their walls meet the skin at one line
     "press": 0.01,  # `press` against a bake in the same place
     "work": 0.01,  # without friction, over a closed path, of the largest energy
     "gradient": 0.01,  # force against -dU/d(pose), of the largest force

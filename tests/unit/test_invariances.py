@@ -12,18 +12,15 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from core.contact.solver.point_path import PointSolver
-from core.scene.tactile_scene import Mesh
 from core.skin.surface_store import smooth_pad
 from core.surface.gap import Surface
-from tests.stress import retellings
 from tests.stress.__main__ import main
 from tests.stress.case import Dice, Values, Verdict
 from tests.stress.contacts import skin_of
 from tests.stress.invariances import FAMILIES, FINER, energies, followed, unmirrored, usual
 from tests.stress.paths import turned
 from tests.stress.placed import RATE, Touch, draw, draw_without_friction, first_contact
-from tests.stress.setups import CHANNELS, CONTACT, Series, compare
+from tests.stress.setups import CHANNELS, CONTACT, Record, Series, compare
 from tests.stress.solids import SHAPES, parts_of
 
 # An edge that is dragged fast; and a plane, by which the judge's own error is known.
@@ -64,6 +61,9 @@ TODAY: dict[str, dict[str, float]] = {
         "thimble": 0.000705,
     },
     "shifted": {"force": 0.298, "torque": 0.386, "nodal": 0.49, "stress": 0.349, "pins": 0.898, "thimble": 0.0902},
+    "pace": {"force": 0.149, "torque": 0.215, "nodal": 0.334, "stress": 0.688},
+    "span": {"force": 0.383, "torque": 0.431, "nodal": 0.735, "stress": 1.01},
+    "seam": {"force": 0.592, "torque": 0.609, "nodal": 0.826, "stress": 0.84, "pins": 0.889, "thimble": 0.227},
     "mirrored": {"force": 0.377, "torque": 0.344, "nodal": 0.702, "stress": 0.567},
     "rate": {"force": 0.606, "torque": 0.646, "nodal": 0.873, "stress": 0.643, "pins": 0.724, "thimble": 0.282},
     "rates": {"force": 0.439, "torque": 0.346, "nodal": 0.778, "stress": 1.05, "pins": 0.612, "thimble": 0.194},
@@ -72,6 +72,12 @@ TODAY: dict[str, dict[str, float]] = {
     "press": {"force": 0.3, "torque": 0.509, "nodal": 0.451, "stress": 0.39},
     "work": {"work": 0.681},
     "gradient": {"gradient": 1.01},
+}
+# The same on the plane, where bounds are tight enough to notice a mistake in what is judged.
+ON_PLANE: dict[str, dict[str, float]] = {
+    "mirrored": {"force": 0.000104, "torque": 0.000178, "nodal": 0.00105, "stress": 0.00311},
+    "pace": {"force": 0.000375, "torque": 0.000866, "nodal": 0.00333, "stress": 0.00275},
+    "seam": {"force": 0.00155, "torque": 0.00163, "nodal": 0.0174, "stress": 0.0699},
 }
 BY_NAME = {family.name.partition("_")[2]: family for family in FAMILIES}
 WAYS = ("back", "slid", "work", "gradient")  # that are gone without friction
@@ -92,15 +98,18 @@ def test_what_must_not_matter_does_not(name: str) -> None:
     assert not judged(name).missed, judged(name).measured
 
 
-@pytest.mark.parametrize("name", TODAY)
-def test_what_matters_yet_does_not_matter_more(name: str) -> None:
-    measured = judged(name).measured
-    assert measured.keys() == TODAY[name].keys()
-    worse = {check: (value, TODAY[name][check]) for check, (value, _) in measured.items()}
-    assert all(value <= WORSE * today for value, today in worse.values()), worse
+@pytest.mark.parametrize(("name", "on_plane"), [*((n, False) for n in TODAY), *((n, True) for n in ON_PLANE)])
+def test_what_matters_yet_does_not_matter_more(name: str, on_plane: bool) -> None:
+    measured, today = judged(name, on_plane).measured, (ON_PLANE if on_plane else TODAY)[name]
+    assert measured.keys() == today.keys()
+    worse = {check: (value, today[check]) for check, (value, _) in measured.items()}
+    assert all(value <= WORSE * bound for value, bound in worse.values()), worse
 
 
-@pytest.mark.parametrize("name", [*WAYS, "start", "broad_phase"])
+# Strides are taken on the ball alone: the plane is gone over too fast.
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[MISSED] * (name in ON_PLANE)) for name in TODAY if name != "strides"]
+)
 def test_a_plane_keeps_what_an_edge_does_not(name: str) -> None:
     assert not judged(name, on_plane=True).missed, judged(name, on_plane=True).measured
 
@@ -146,7 +155,7 @@ def test_first_contact_with_a_tilted_plane_is_where_the_smooth_skin_is_lowest_al
 
 
 def test_a_comparison_sees_one_value_at_one_time_and_none_that_is_not_asked_for() -> None:
-    record = usual({**PLANE, "friction": 0.0})
+    record = judged_record()
     force = record.channels["force"]
     values = force.values.copy()
     values[0] += 0.25 * np.linalg.norm(force.values, axis=1).max() * np.array([0.0, 0.6, 0.8])
@@ -157,6 +166,25 @@ def test_a_comparison_sees_one_value_at_one_time_and_none_that_is_not_asked_for(
     verdict = Verdict()
     compare(verdict, 0.1, record, other, (force.times[1:], force.times[1:]))
     assert not verdict.missed and set(verdict.measured) == set(CONTACT)
+
+
+def test_a_comparison_refuses_a_channel_that_only_one_has_and_one_without_a_time_alike() -> None:
+    record = judged_record()
+    less = replace(record, channels={name: record.channels[name] for name in CONTACT if name != "torque"})
+    for one, other in ((record, less), (less, record)):
+        verdict = Verdict()
+        compare(verdict, 0.1, one, other)
+        assert verdict.missed == ["torque"]
+    force = record.channels["force"]
+    later = replace(record, channels={**record.channels, "force": Series(force.times + 1e-3, force.values)})
+    verdict = Verdict()
+    compare(verdict, 0.1, record, later)
+    assert verdict.missed == ["force"]
+
+
+def judged_record() -> Record:
+    """Return what is felt on the plane without friction."""
+    return usual({**PLANE, "friction": 0.0})
 
 
 def test_a_path_that_is_mirrored_twice_is_itself() -> None:
@@ -173,49 +201,6 @@ def test_a_path_that_is_mirrored_twice_is_itself() -> None:
 def touch_positions() -> np.ndarray:
     """Return the nodes of the pad [m]."""
     return usual({**PLANE, "friction": 0.0}).contact.model.positions
-
-
-def test_other_triangles_are_the_same_surface() -> None:
-    (mesh,) = parts_of("block")
-    points = np.random.default_rng(3).uniform(-30e-3, 30e-3, (200, 3))
-    gaps = Surface.build(mesh.vertices, mesh.triangles).query(points).gap
-    changes = retellings.flipped, retellings.quartered, retellings.shuffled, retellings.unwelded
-    for change in changes:
-        other = change(mesh, np.random.default_rng(0))
-        assert faces(other) != faces(mesh) or change is not retellings.flipped
-        assert np.abs(Surface.build(other.vertices, other.triangles).query(points).gap - gaps).max() < 1e-15
-    assert len(retellings.quartered(mesh, np.random.default_rng(0)).triangles) == 4 * len(mesh.triangles)
-    assert len(retellings.unwelded(mesh, np.random.default_rng(0)).vertices) == 3 * len(mesh.triangles)
-
-
-def faces(mesh: Mesh) -> set[frozenset[int]]:
-    """Return the corners of each triangle."""
-    return {frozenset(face) for face in mesh.triangles.tolist()}
-
-
-def test_with_the_broad_phase_off_every_body_comes_to_the_solver(monkeypatch: pytest.MonkeyPatch) -> None:
-    setup, seen, looked = retellings.beside(Touch(PLANE).setup()), [], PointSolver.look
-
-    def look(self: PointSolver, bodies: object) -> object:
-        seen.append(sum(not body.away for body in bodies))  # type: ignore[attr-defined]
-        return looked(self, bodies)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(PointSolver, "look", look)
-    setup.bake()
-    usually, seen[:] = list(seen), []
-    next(retellings.broad_phase(Touch(PLANE), setup)).bake()
-    assert max(usually) == 1 and set(seen) == {2} and len(seen) >= setup.count
-
-
-def test_starts_are_others_and_leave_the_engine_as_it_was() -> None:
-    usually, begun = PointSolver._extrapolated, []
-    touch = Touch(PLANE)
-    for setup in retellings.start(touch, touch.setup()):
-        with setup.engine():
-            assert PointSolver._extrapolated is not usually
-        begun.append(setup.bake().skins["finger"].force)
-    assert PointSolver._extrapolated is usually
-    assert not np.array_equal(begun[0], begun[1]) and not np.array_equal(begun[0], begun[2])
 
 
 def test_on_a_plane_energy_is_the_work_of_the_press() -> None:

@@ -3,13 +3,16 @@
 
 Environments live in .venv/: `cp311` or `cp313` has Blender as a module (bpy) and the test tools, `cp311-wheels` has
 what the extension brings (.ci/wheels.txt). They are apart: a scipy beside bpy would hide the one in the extension.
+The kernels' compiler is in `zig` (.ci/kernels.txt); this machine's library lies beside its sources, in core/kernels/.
 """
 
 from __future__ import annotations
 
 import argparse
+import base64
 import ctypes
 import hashlib
+import importlib.util
 import json
 import os
 import platform
@@ -52,6 +55,8 @@ NEEDED_LIBRARIES = {  # what `import bpy` needs: Debian's package of each
     "libEGL.so.1": "libegl1",
     "libEGL_mesa.so.0": "libegl-mesa0 libgl1-mesa-dri",
 }
+KERNELS = LOCKS / "kernels.txt"
+LIBRARIES = (".so", ".dll", ".dylib")  # compiled ones, which the zip has in a wheel
 INSTALL_PYTHON = "python.org, your system's packages, `pyenv install 3.13`, or `uv python install 3.13`"
 LEVELS = ("unit", "blender", "extension")
 LEVEL_LIMIT = 70 * 60  # [s] a level that takes longer hangs
@@ -62,6 +67,18 @@ UNDO_TRIES = 3
 
 class Stop(Exception):
     """A sentence for the person at the keyboard; the work ends with status 1."""
+
+
+def recipe() -> Any:
+    """Return core/kernels/building.py as a module: the engine around it needs numpy."""
+    spec = importlib.util.spec_from_file_location("dermis_building", ROOT / "core" / "kernels" / "building.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+building = recipe()
 
 
 # -- the machine ------------------------------------------------------------------------------------------------------
@@ -134,12 +151,10 @@ def runs(python: str) -> bool:
 
 def this_platform() -> str:
     """Return Blender's name of this platform."""
-    machine = platform.machine().lower()
-    cpu = {"x86_64": "x64", "amd64": "x64", "arm64": "arm64", "aarch64": "arm64"}.get(machine, machine)
-    name = {"Linux": "linux", "Windows": "windows", "Darwin": "macos"}.get(platform.system(), platform.system().lower())
-    if f"{name}-{cpu}" not in PLATFORMS:
-        raise Stop(f"There are no wheels for {name}-{cpu}: Dermis runs on {', '.join(PLATFORMS)}.")
-    return f"{name}-{cpu}"
+    name: str = building.this_platform()
+    if name not in PLATFORMS:
+        raise Stop(f"There are no wheels for {name}: Dermis runs on {', '.join(PLATFORMS)}.")
+    return name
 
 
 def this_python() -> str:
@@ -227,6 +242,7 @@ def environment() -> Environment:
     if not fresh(wheels, WHEELS):
         source = wheel_folder(python, this_platform(), version)
         install_into(wheels, WHEELS, python, "--no-index", "--find-links", str(source))
+    library(this_platform(), python)
     return Environment(python, wheels)
 
 
@@ -306,6 +322,78 @@ def wheel_folder(python: Path, target: str, version: str) -> Path:
     return folder
 
 
+# -- the kernels ------------------------------------------------------------------------------------------------------
+
+
+def library(target: str, python: Path) -> Path:
+    """Return a platform's compiled library: this machine's where the engine finds it, others in .venv/kernels.
+
+    It is compiled where it is not there yet.
+
+    Args:
+        python: one that has pip, to bring the compiler with.
+    """
+    folder = building.FOLDER if target == building.this_platform() else VENV / "kernels" / building.digest()
+    path: Path | None = building.found(target, folder)
+    if path is None or not building.whole(path):
+        zig = compiler(python)
+        say(f"compiling the kernels for {target}")
+        try:
+            path = building.build(target, folder, [str(zig)], VENV / "zig-cache")
+        except building.NotBuilt as problem:
+            raise Stop(str(problem)) from problem
+    assert path is not None
+    return path
+
+
+def compiler(python: Path) -> Path:
+    """Return the pinned compiler; two lines of tests may bring it at once, and the first one stays."""
+    folder = VENV / "zig"
+    if not fresh(folder, KERNELS):
+        say("downloading the compiler of the kernels (100 MB)")
+        VENV.mkdir(exist_ok=True)
+        part = Path(tempfile.mkdtemp(prefix="zig-part-", dir=VENV))
+        try:
+            install_into(part, KERNELS, python)
+            if not fresh(folder, KERNELS):
+                shutil.rmtree(folder, ignore_errors=True)
+                os.replace(part, folder)
+        except OSError:
+            if not fresh(folder, KERNELS):
+                raise
+        finally:
+            shutil.rmtree(part, ignore_errors=True)
+    return folder / "ziglang" / ("zig.exe" if os.name == "nt" else "zig")
+
+
+def kernels_wheel(target: str, python: Path) -> Path:
+    """Return the wheel that brings a platform's library to Blender, made where it is not there yet.
+
+    It is the same for every Python. The extension's own folder is no place for it: Blender's rules take compiled code
+    in wheels alone. Its version ends with the digest of the sources: Blender keeps an installed wheel of the same name.
+    """
+    path = library(target, python)
+    version = f"{manifest_value('version')}.{int(building.digest(), 16)}"
+    about = f"dermis_kernels-{version}.dist-info"
+    tag = f"py3-none-{building.TARGETS[target].tag}"
+    wheel: Path = VENV / "wheels" / "kernels" / f"dermis_kernels-{version}-{tag}.whl"
+    summary = "Summary: The compiled part of Dermis\nLicense-Expression: GPL-3.0-or-later\n"
+    entries: dict[str, bytes] = {
+        "dermis_kernels/__init__.py": b'"""The compiled part of Dermis, which loads it by its file name."""\n',
+        f"dermis_kernels/{path.name}": path.read_bytes(),
+        f"{about}/METADATA": f"Metadata-Version: 2.4\nName: dermis-kernels\nVersion: {version}\n{summary}".encode(),
+        f"{about}/WHEEL": f"Wheel-Version: 1.0\nGenerator: dermis\nRoot-Is-Purelib: false\nTag: {tag}\n".encode(),
+        f"{about}/licenses/LICENSE": (ROOT / "LICENSE").read_bytes(),
+    }
+    rows = []
+    for name, content in entries.items():
+        sha = base64.urlsafe_b64encode(hashlib.sha256(content).digest()).rstrip(b"=").decode()
+        rows.append(f"{name},sha256={sha},{len(content)}\n")
+    entries[f"{about}/RECORD"] = "".join([*rows, f"{about}/RECORD,,\n"]).encode()
+    write_archive(wheel, entries)
+    return wheel
+
+
 # -- the zip ----------------------------------------------------------------------------------------------------------
 
 
@@ -337,19 +425,29 @@ def sources() -> dict[str, Path]:
         for path in folder.rglob("*"):
             parts = path.relative_to(folder).parts
             hidden = any(part.startswith(".") or part == "__pycache__" for part in parts)
-            if path.is_file() and not hidden and path.suffix not in (".pyc", ".blend1") and path != TEMPLATE:
+            if (
+                path.is_file()
+                and not hidden
+                and path.suffix not in (".pyc", ".blend1", *LIBRARIES)
+                and path != TEMPLATE
+            ):
                 files[prefix + "/".join(parts)] = path
     return files
 
 
 def write_zip(path: Path, target: str | None, wheels: dict[str, Path]) -> None:
-    """Write a zip that is the same bytes every time: sorted, dated 1980, stored.
-
-    Stored, because wheels are compressed already and the bytes of a compressor differ between zlib's versions.
-    """
+    """Write the zip of the extension."""
     entries: dict[str, Any] = dict(sources())
     entries["blender_manifest.toml"] = manifest(target, list(wheels)).encode()
     entries.update({f"wheels/{name}": wheel for name, wheel in wheels.items()})
+    write_archive(path, entries)
+
+
+def write_archive(path: Path, entries: dict[str, Any]) -> None:
+    """Write a zip that is the same bytes every time, of bytes or files: sorted, dated 1980, stored.
+
+    Stored, because wheels are compressed already and the bytes of a compressor differ between zlib's versions.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f"{path.name}.{os.getpid()}.part")
     with zipfile.ZipFile(part, "w", zipfile.ZIP_STORED) as archive:
@@ -371,6 +469,9 @@ def build_zip(python: Path, folder: Path, target: str | None, pythons: tuple[str
         for version in (pythons if target else ())
         for wheel in wheel_folder(python, target or "", version).glob("*.whl")
     }
+    if target:
+        own = kernels_wheel(target, python)
+        wheels[own.name] = own
     stem = f"{manifest_value('id')}-{manifest_value('version')}"
     path = folder / (f"{stem}-{target}.zip" if target else f"{stem}.zip")
     write_zip(path, target, wheels)
@@ -428,6 +529,15 @@ def build(options: argparse.Namespace) -> int:
     notes = options.out / "RELEASE_NOTES.md"
     notes.write_text(release_notes(zips), encoding="utf-8")
     say(f"{notes}")
+    return 0
+
+
+def kernels(options: argparse.Namespace) -> int:
+    """Compile core/kernels for this machine, where the engine finds it, or for the platforms that are named."""
+    python = tool_python()
+    for target in options.platform or [this_platform()]:
+        path = library(target, python)
+        say(f"{path}  {path.stat().st_size / 1e3:.0f} kB  sha256 {digest(path)}")
     return 0
 
 
@@ -606,8 +716,9 @@ def dev(options: argparse.Namespace) -> int:
     """Link the sources into a Blender profile, so that an edit is live after Reload Scripts."""
     profile = options.profile or (own_profile(options.blender) if options.blender else VENV / "dev-profile")
     wheels: dict[str, Path] = {}
+    python = tool_python()
+    library(this_platform(), python)  # beside its sources, which are linked
     if not options.no_wheels:
-        python = tool_python()
         for version in sorted({*DEFAULT_PYTHONS, *options.python}):
             wheels.update({p.name: p for p in wheel_folder(python, this_platform(), version).glob("*.whl")})
     package = profile.resolve() / "extensions" / "user_default" / manifest_value("id")
@@ -712,6 +823,8 @@ def parser() -> argparse.ArgumentParser:
     }
     new.add_argument("--python", **more_pythons)
     new.add_argument("--no-wheels", action="store_true", help="one zip without wheels, for tests")
+    new = verb(kernels)
+    new.add_argument("--platform", action="append", choices=list(PLATFORMS), help="this platform (repeatable)")
     new = verb(dev)
     where = new.add_mutually_exclusive_group()
     where.add_argument("--blender", metavar="VERSION", help="your own profile of this Blender, such as 5.2")
@@ -747,7 +860,7 @@ def main(arguments: list[str]) -> int:
         parser().error(f"unknown arguments: {' '.join(rest)}")
     options.pytest = rest
     try:
-        status: int | None = None if options.function in (build, dev) else with_python(arguments)
+        status: int | None = None if options.function in (build, dev, kernels) else with_python(arguments)
         return options.function(options) if status is None else status
     except Stop as refusal:
         print(f"build_addon.py: {refusal}", file=sys.stderr)

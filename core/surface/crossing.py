@@ -6,11 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array, Indices
-from .nearest import PAIRS_AT_ONCE
 from .triangles import TriangleTable
 
 # Ways that pass beside a triangle by less than this share of its size meet it: none slips through between two.
 OVERLAP = 1e-9
+# So many pairs of a way and a triangle are looked at at once.
+PAIRS_AT_ONCE = 1_500_000
 # A margin about triangles' balls, relative to their size and in all [m]: what is nearer to a way is looked at.
 NEAR = 1e-6
 

@@ -23,21 +23,22 @@ from numpy.typing import NDArray
 
 from ..arrays import Array, Indices
 from ..errors import DermisError, Finding
+from ..kernels.library import have_kernels
 from ..scene.tactile_scene import Mesh
 from . import shapes
 from .gap_query import GapQuery
-from .nearest import Nearest, TriangleSpheres, nearest
+from .nearest import PlainTriangles
 from .normals import SurfaceNormals
 from .pieces import pieces
 from .planes import Planes
 from .topology import BOUNDARY, IRREGULAR, REGULAR, Topology, topology_of
-from .tree import TriangleTree
+from .tree import Nearest, TriangleTree
 from .triangles import TriangleTable
 from .winding import winding
 
 __all__ = ["GapQuery", "Surface"]
 
-# Closest points nearer to an edge or corner than this fraction of the triangle count as on it.
+# A corner whose weight is above this is of the feature that a closest point lies on.
 ON_FEATURE = 1e-9
 # A point is straight above a rim if it is off by less than this fraction of its distance.
 STRAIGHT = 1e-6
@@ -234,12 +235,11 @@ class Surface:
 
         For open surfaces this decides from which side a finger touches: ask for its bone.
         """
-        found = nearest(self.table, self._finder(1), np.atleast_2d(point), np.inf)
-        if found.which.size == 0:
+        found = self._search(np.ascontiguousarray(point, dtype=np.float64).reshape(1, 3), np.inf)
+        if found.triangle[0] < 0:
             return 1
-        _, _, normal = self._features(found.triangle, found.u, found.w)
-        offset = np.asarray(point) - self.table.point(found.triangle, found.u, found.w)[0]
-        return -1 if float(offset @ normal[0]) < 0.0 else 1
+        _, normal = self._features(found)
+        return -1 if float((np.asarray(point) - found.point[0]) @ normal[0]) < 0.0 else 1
 
     def winding(self, points: Array) -> Array:
         """Return how often the surface encloses each point (1 inside a closed one), shape (n,)."""
@@ -266,13 +266,14 @@ class Surface:
     # -- distance ------------------------------------------------------------------------------------------------
 
     @cached_property
-    def _tree(self) -> TriangleTree | None:
-        return TriangleTree(self.table, self.topology) if self.table.usable.any() else None
+    def _tree(self) -> TriangleTree:
+        return TriangleTree(self.table, self.topology)
 
-    def _finder(self, count: int) -> TriangleTree | TriangleSpheres | None:
+    def _finder(self, count: int) -> TriangleTree | PlainTriangles:
         """Return what finds the closest triangles of so many points: a tree is not worth growing for a few."""
-        few = count <= FEW and "_tree" not in self.__dict__ and self.table.usable.any()
-        return TriangleSpheres(self.table) if few else self._tree
+        if not have_kernels():
+            return PlainTriangles(self.table)
+        return TriangleTree(self.table, None) if count <= FEW and "_tree" not in self.__dict__ else self._tree
 
     @cached_property
     def _slabs(self) -> tuple[Array, Array]:
@@ -281,58 +282,37 @@ class Surface:
         return along.min(axis=1, keepdims=True), along.max(axis=1, keepdims=True)
 
     def _search(self, points: Array, search_radius: float) -> Nearest:
-        if not np.isfinite(search_radius):
-            return nearest(self.table, self._finder(len(points)), points, search_radius)
-        along = DIRECTIONS @ points.T
-        low, high = self._slabs
-        outside = np.maximum((along - high).max(axis=0), (low - along).max(axis=0))
-        close = (outside <= search_radius).nonzero()[0]
-        found = nearest(self.table, self._finder(close.size), points.take(close, axis=0), search_radius)
-        found = found._replace(which=close.take(found.which))
-        if not self.closed or found.which.size == close.size:
+        if len(points) == 0 or not self.table.usable.any():
+            return Nearest.nothing(len(points))
+        found = self._finder(len(points)).nearest(points, search_radius)
+        if not self.closed or not np.isfinite(search_radius):
             return found
-        # where the way out of the slabs is shorter than the one to the surface, it leads outside
-        lost = outside <= -search_radius
-        lost[found.which] = False
-        if not lost.any():
-            return found
-        lost = lost.nonzero()[0]
-        deep = nearest(self.table, self._finder(lost.size), points[lost], np.inf)
-        inside = (self._signed(points[lost], deep).gap < 0.0).nonzero()[0]
-        which = np.concatenate([found.which, lost[inside]])
-        order = which.argsort()
-        rest = (np.concatenate([a, b[inside]])[order] for a, b in zip(found[1:], deep[1:], strict=True))
-        return Nearest(which[order], *rest)
+        lost = (found.triangle < 0).nonzero()[0]
+        if lost.size:  # where the way out of the slabs is shorter than the one to the surface, it leads outside
+            along = DIRECTIONS @ points[lost].T
+            low, high = self._slabs
+            lost = lost[np.maximum((along - high).max(axis=0), (low - along).max(axis=0)) <= -search_radius]
+        if lost.size:
+            deep = self._finder(lost.size).nearest(points[lost], np.inf)
+            inside = (self._signed(points[lost], deep).gap < 0.0).nonzero()[0]
+            found.put(lost[inside], deep.take(inside))
+        return found
 
     # -- sign and normal -----------------------------------------------------------------------------------------
 
-    def _features(self, triangle: Indices, u: Array, w: Array) -> tuple[NDArray[np.int8], Array, Array]:
-        """Kind, barycentric weights and pseudonormal (not normalised) of the closest features."""
-        columns = np.empty((3, triangle.size))
-        np.subtract(1.0, u, out=columns[0])
-        columns[0] -= w
-        columns[1], columns[2] = u, w
-        np.maximum(columns, 0.0, out=columns)
-        weights = columns.T
+    def _features(self, found: Nearest) -> tuple[NDArray[np.int8], Array]:
+        """Return kind and pseudonormal (not normalised) of the closest features."""
+        triangle, feature = found.triangle, found.feature
         kind = np.zeros(triangle.size, dtype=np.int8)
         normal = self.table.bounds[3:6].take(triangle, axis=1).T
-        least = np.minimum(columns[1], columns[2])
-        np.minimum(least, columns[0], out=least)
-        on = (least <= ON_FEATURE).nonzero()[0]
-        if on.size == 0:
-            return kind, weights, normal
-        at_zero = weights.take(on, axis=0) <= ON_FEATURE
-        # the corner with the largest weight, where two weights vanish; else the edge opposite the vanishing one
-        is_vertex = at_zero.sum(axis=1) == 2
-        v = on[is_vertex]
+        v = (feature >= 4).nonzero()[0]
         if v.size:
-            vertex = self.topology.corners[triangle[v], np.argmax(weights[v], axis=1)]
+            vertex = self.topology.corners[triangle[v], feature[v] - 4]
             normal[v] = self._normals.of_vertices[vertex]
             kind[v] = self.topology.vertex_kind[vertex]
-        e = on[~is_vertex]
+        e = ((feature > 0) & (feature < 4)).nonzero()[0]
         if e.size:
-            edge = (np.argmax(at_zero[~is_vertex], axis=1) + 1) % 3
-            on_triangle = triangle.take(e)
+            on_triangle, edge = triangle.take(e), feature[e] - 1
             other = self.topology.across[on_triangle, edge]
             beyond = self.table.bounds[3:6].take(other, axis=1)
             beyond *= other >= 0
@@ -340,33 +320,22 @@ class Surface:
             of_edge = self.topology.edge_kind[on_triangle, edge]
             of_edge[(of_edge == REGULAR) & (other >= 0) & ~self.table.usable.take(other)] = IRREGULAR
             kind[e] = of_edge
-        return kind, weights, normal
+        return kind, normal
 
     def _signed(self, points: Array, found: Nearest) -> GapQuery:
-        n, near = len(points), found.which
+        n, near = len(points), (found.triangle >= 0).nonzero()[0]
         if near.size == n:
-            return GapQuery(*self._sides(points, found.triangle, found.u, found.w))
-        answer = GapQuery(
-            np.full(n, np.inf),
-            np.zeros((n, 3)),
-            np.full((n, 3), np.nan),
-            np.full(n, -1),
-            np.zeros((n, 3)),
-            np.zeros(n, dtype=bool),
-        )
+            gap, normal, beside = self._sides(points, found)
+            return GapQuery(gap, normal, found.point, found.triangle, found.weights, beside)
+        gap, normal, beside = np.full(n, np.inf), np.zeros((n, 3)), np.zeros(n, dtype=bool)
         if near.size:
-            sides = self._sides(points.take(near, axis=0), found.triangle, found.u, found.w)
-            for name, values in zip(("gap", "normal", "point", "triangle", "weights", "beside"), sides, strict=True):
-                getattr(answer, name)[near] = values
-        return answer
+            gap[near], normal[near], beside[near] = self._sides(points[near], found.take(near))
+        return GapQuery(gap, normal, found.point, found.triangle, found.weights, beside)
 
-    def _sides(
-        self, points: Array, triangle: Indices, u: Array, w: Array
-    ) -> tuple[Array, Array, Array, Indices, Array, NDArray[np.bool_]]:
-        """Return the fields of a `GapQuery` for points whose closest triangles are known."""
-        kind, weights, pseudo = self._features(triangle, u, w)
-        closest = self.table.point(triangle, u, w)
-        offset = points - closest
+    def _sides(self, points: Array, found: Nearest) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Return gap, normal and `beside` of a `GapQuery` for points whose closest triangles are known."""
+        kind, pseudo = self._features(found)
+        offset = points - found.point
         distance = np.sqrt(_dot(offset, offset))
         along = _dot(offset, pseudo)
         sign = np.where(along < 0.0, -1.0, 1.0)
@@ -374,9 +343,8 @@ class Surface:
         if kind.any():
             beside[self._special_sides(points, np.flatnonzero(kind), kind, distance, along, pseudo, sign)] = True
         if self.closed:
-            self._unfold(points, sign, distance, triangle, weights)
-        normal = self._directions(offset, distance, sign, pseudo, triangle)
-        return sign * distance, normal, closest, triangle, weights, beside
+            self._unfold(points, sign, distance, found.triangle, found.weights)
+        return sign * distance, self._directions(offset, distance, sign, pseudo, found.triangle), beside
 
     def _special_sides(
         self,

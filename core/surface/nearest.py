@@ -1,112 +1,77 @@
-"""Which triangle is closest to each point: an exact search without any state.
+"""What is closest to a point by numpy, triangle by triangle: for devices without a skin where no kernels can be loaded.
 
-A triangle is left out only where a lower bound of its distance exceeds an upper bound of the closest one, so the
-answer is the same as trying all of them.
+It is exact and slow. `TriangleTree` has the way that everything else takes; both agree but for rounding.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
 from ..arrays import Array, Indices
-from .tree import TriangleTree
+from .tree import Nearest
 from .triangles import TriangleTable
 
-# Triangles within this relative squared distance of the best are equally close; the lowest index wins.
-TIE = 1e-12
-PAIRS_AT_ONCE = 1_500_000
-# So many points are looked for at once, about: what is worked out then stays in a processor's cache.
-POINTS_AT_ONCE = 700
+# As in core/kernels/closest.c: triangles as close as this, relative to the square, are told apart by their number, and
+# weights below the other count as on an edge or a corner.
+TIE, ON_FEATURE = 1e-12, 1e-9
 # A margin for rounding, relative to lengths.
 SLACK = 1e-9
 
 
-class Nearest(NamedTuple):
-    """The closest triangles of points.
-
-    Attributes:
-        which: the points that have one within the limit, rising, shape (k,).
-        triangle: the closest of each, shape (k,). u, w: weights of its second and third corner, shape (k,) each.
-    """
-
-    which: Indices
-    triangle: Indices
-    u: Array
-    w: Array
-
-
-class TriangleSpheres:
-    """All triangles of a surface as balls: a search that needs no preparation, for a few points.
-
-    Args:
-        table: the triangles; one must be usable at least.
-    """
+class PlainTriangles:
+    """The usable triangles of one surface; there must be one at least."""
 
     def __init__(self, table: TriangleTable) -> None:
-        self._usable = np.flatnonzero(table.usable)
-        self._bounds = table.bounds if self._usable.size == table.usable.size else table.bounds[:, self._usable]
+        self._table, self._usable = table, np.flatnonzero(table.usable)
 
-    def candidates(self, points: Array, limit: float, most: int) -> tuple[Indices, Indices]:
-        """Return pairs as `TriangleTree.candidates` does, however many."""
-        radius, found = self._bounds[6], []
-        for x in points:
-            away = self._bounds[0:3] - x[:, None]
-            distance = np.sqrt(np.einsum("in,in->n", away, away))
-            upper = min(float((distance + radius).min()), limit)
-            found.append(self._usable[distance - radius <= upper * (1.0 + SLACK) + SLACK * float(np.abs(x).max())])
-        return np.repeat(np.arange(len(points)), [some.size for some in found]), np.concatenate(found)
+    def nearest(self, points: Array, limit: float, hints: Indices | None = None) -> Nearest:
+        """Return what is closest to each point, as `TriangleTree.nearest` does; hints are of no use here."""
+        found = Nearest.nothing(len(points))
+        centres, radius = self._table.bounds[0:3].take(self._usable, axis=1), self._table.bounds[6].take(self._usable)
+        for i, x in enumerate(points):
+            away = centres - x[:, None]
+            distance = np.sqrt((away * away).sum(axis=0))
+            reach = min(float((distance + radius).min()), limit) * (1.0 + SLACK) + SLACK * float(np.abs(x).max())
+            close = self._usable[distance - radius <= reach]
+            if not close.size:
+                continue
+            square, weights = self._measured(x, close)
+            least = float(square.min())
+            if least > limit * limit:
+                continue
+            k = int((square <= least * (1.0 + TIE)).argmax())  # the lowest number
+            found.triangle[i], found.weights[i], found.square[i] = close[k], weights[:, k], square[k]
+            a, ab, ac = self._table.rows[:9, close[k]].reshape(3, 3)
+            found.point[i] = a + weights[1, k] * ab + weights[2, k] * ac
+            zero = found.weights[i] <= ON_FEATURE
+            if zero.sum() == 2:
+                found.feature[i] = 4 + found.weights[i].argmax()
+            elif zero.any():
+                found.feature[i] = 1 + (zero.argmax() + 1) % 3
+        return found
 
-
-def nearest(table: TriangleTable, tree: TriangleTree | TriangleSpheres | None, points: Array, limit: float) -> Nearest:
-    """Return the closest triangle to each point.
-
-    Args:
-        tree: of the triangles; None where none of them is usable.
-        points: [m], shape (n, 3).
-        limit: largest distance of interest [m], may be inf.
-    """
-    n = len(points)
-    if tree is None or n == 0:
-        return Nearest(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0))
-    if n <= POINTS_AT_ONCE:
-        pairs = tree.candidates(points, limit, PAIRS_AT_ONCE if n > 1 else np.iinfo(np.int64).max)
-        if pairs is not None:
-            return _closest(table, np.ascontiguousarray(points.T), *pairs, limit)
-        # too many of them are equally near, as about the middle of a ball
-    one, other = (nearest(table, tree, half, limit) for half in (points[: n // 2], points[n // 2 :]))
-    joined = [np.concatenate(columns) for columns in zip(one, other, strict=True)]
-    joined[0][one.which.size :] += n // 2
-    return Nearest(*joined)
-
-
-def _closest(table: TriangleTable, x: Array, owner: Indices, triangle: Indices, limit: float) -> Nearest:
-    """Measure candidate pairs exactly and return the closest of each point.
-
-    Args:
-        owner: the point of each pair, non-decreasing. triangle: its candidate.
-    """
-    if owner.size == 0:
-        return Nearest(owner, triangle, np.zeros(0), np.zeros(0))
-    square, u, w = table.closest(x.take(owner, axis=1), triangle)
-    begins = _begins(owner)
-    least = np.minimum.reduceat(square, begins.nonzero()[0])
-    least[least > limit * limit] = -1.0
-    least *= 1.0 + TIE
-    best = (square <= least.take(begins.cumsum() - 1)).nonzero()[0]
-    which = owner.take(best)
-    begins = _begins(which)
-    if not begins.all():
-        best = best[np.lexsort((triangle.take(best), which))][begins]
-        which = owner.take(best)
-    return Nearest(which, triangle.take(best), u.take(best), w.take(best))
-
-
-def _begins(owner: Indices) -> NDArray[np.bool_]:
-    """Return whether each is the first of a run of equal values."""
-    new = np.empty(owner.size, dtype=bool)
-    new[:1] = True
-    np.not_equal(owner[1:], owner[:-1], out=new[1:])
-    return new
+    def _measured(self, x: Array, triangle: Indices) -> tuple[Array, Array]:
+        """Return squared distances of a point to triangles [m^2], (k,), and the closest points' weights, (3, k)."""
+        rows = self._table.rows.take(triangle, axis=1)
+        edges = np.stack([rows[3:6], rows[6:9], rows[6:9] - rows[3:6]])
+        v = x[:, None] - rows[0:3]
+        starts = np.stack([v, v, v - rows[3:6]])
+        share = np.clip((starts * edges).sum(axis=1) / np.maximum(rows[9:12], 1e-300), 0.0, 1.0)
+        u, w = np.zeros((2, triangle.size))
+        for _ in range(3):  # what a guess leaves along the face tells by how much it is off
+            left = v - u * edges[0] - w * edges[1]
+            along = (left * edges[0]).sum(axis=0), (left * edges[1]).sum(axis=0)
+            u = u + (rows[10] * along[0] - rows[12] * along[1]) * rows[13]
+            w = w + (rows[9] * along[1] - rows[12] * along[0]) * rows[13]
+        left = v - u * edges[0] - w * edges[1]
+        within = (np.minimum(u, w) > 0.0) & (u + w < 1.0)
+        of_edges = starts - share[:, None] * edges
+        squares = np.concatenate(
+            [(of_edges * of_edges).sum(axis=1), np.where(within, (left * left).sum(axis=0), np.inf)[None]]
+        )
+        none = np.zeros(triangle.size)
+        of_b = np.stack([share[0], none, 1.0 - share[2], u])
+        of_c = np.stack([none, share[1], share[2], w])
+        best = squares.argmin(axis=0)[None]
+        square, b, c = (np.take_along_axis(part, best, axis=0)[0] for part in (squares, of_b, of_c))
+        return square, np.stack([np.maximum(1.0 - b - c, 0.0), b, c])

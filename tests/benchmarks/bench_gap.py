@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from tests.closest_points import closest, nearest
+
 from . import Result, benchmark, one_blas_thread, timing
 
 RADIUS, REACH, FRAMES = 0.02, 2.5e-3, 240
@@ -56,14 +58,60 @@ def gap_error() -> Result:
         found = surface.query(points, REACH)
         near = np.flatnonzero(np.isfinite(found.gap))
         for i in near[::5]:
-            square, u, w = surface.table.closest(np.tile(points[i][:, None], len(triangles)), everything)
+            square, u, w = closest(surface.table, np.tile(points[i][:, None], len(triangles)), everything)
             best = int(np.argmin(square))
-            foot = surface.table.point(everything[best : best + 1], u[best : best + 1], w[best : best + 1])[0]
+            a, ab, ac = surface.table.rows[:9, best].reshape(3, 3)
+            foot = a + u[best] * ab + w[best] * ac
             worst = max(worst, abs(abs(found.gap[i]) - np.sqrt(square[best])))
             if abs(found.gap[i]) > 1e-6:
                 away = (points[i] - foot) / found.gap[i]
                 turned = max(turned, float(np.degrees(np.arccos(np.clip(away @ found.normal[i], -1.0, 1.0)))))
     return Result("gap_error_um", worst * 1e6, "um", None, {"normals, degrees": turned})
+
+
+@benchmark("closest_point_us", limit=1.0, quick=True)
+def closest_point() -> Result:
+    """What is closest to a point, in batches of 250: of the search alone, without sign and normal.
+
+    Peers: with the triangles of the frame before as hints; single points; Blender's own tree, point by point in single
+    precision, which has no batches; and the largest difference of both from trying every triangle [um].
+    """
+    import bpy  # noqa: F401  # which brings mathutils
+    from mathutils.bvhtree import BVHTree
+
+    from core.surface.gap import Surface
+
+    vertices, triangles = even_sphere(22, RADIUS)
+    surface = Surface.build(vertices, triangles)
+    tree, other = surface._tree, BVHTree.FromPolygons(vertices.tolist(), triangles.tolist())
+    times: dict[str, list[float]] = {name: [] for name in ("ours", "hints", "single", "Blender")}
+    worst, off, hints = 0.0, 0.0, None
+    with one_blas_thread():
+        for frame, points in enumerate(_paths()):
+            marks = [time.perf_counter()]
+            found = tree.nearest(points, REACH)
+            marks.append(time.perf_counter())
+            tree.nearest(points, REACH, hints)
+            marks.append(time.perf_counter())
+            for point in points[:50]:
+                tree.nearest(point[None], REACH)
+            marks.append(time.perf_counter())
+            told = [other.find_nearest(point, REACH)[3] for point in points.tolist()]
+            marks.append(time.perf_counter())
+            counts = len(points), len(points), 50, len(points)
+            for own, begin, end, count in zip(times.values(), marks[:-1], marks[1:], counts, strict=True):
+                own.append((end - begin) * 1e6 / count)
+            hints = found.triangle
+            if frame % 48 == 0:
+                _, square, _, _ = nearest(surface.table, points[::5], REACH)
+                near = np.flatnonzero(np.isfinite(square))
+                exact = np.sqrt(square[near])
+                worst = max(worst, float(np.abs(np.sqrt(found.square[::5][near]) - exact).max()) * 1e6)
+                off = max(off, max(abs(float(told[5 * i] or 0.0) - d) for i, d in zip(near, exact, strict=True)) * 1e6)
+    ours, hinted, single, blender = (timing(own[1:]) for own in times.values())
+    peers = {"with hints": hinted.median, "single points": single.median, "Blender's BVHTree": blender.median}
+    peers |= {"our error, um": worst, "Blender's error, um": off}
+    return Result("closest_point_us", ours.median, "us", ours.p95, peers)
 
 
 @functools.cache

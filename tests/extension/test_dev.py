@@ -21,8 +21,10 @@ def test_linked_sources_enable_and_are_the_sources(fresh_blender: Any, tmp_path:
         "core = walkthrough.part('_core').core\n"
         "answer = [os.path.realpath(walkthrough.part('_core').__file__), os.path.realpath(core.__file__)]\n"
         "answer.append(walkthrough.policy_warnings())\n"
+        "answer.append(os.path.realpath(walkthrough.part('core.kernels.library').kernels().path.parent))\n"
     )
-    assert found == [str(ROOT / "blender_addon" / "_core.py"), str(ROOT / "core" / "__init__.py"), {}]
+    kernels = str(ROOT / "core" / "kernels")
+    assert found == [str(ROOT / "blender_addon" / "_core.py"), str(ROOT / "core" / "__init__.py"), {}, kernels]
     assert (ROOT / "core" / "__init__.py").is_file()
 
 

@@ -118,6 +118,23 @@ def test_the_wheels_of_the_zip_are_the_ones_that_load(fresh_blender: Any, zip_pa
     assert found["solved"] == pytest.approx([0.8, 1.4], abs=1e-15)
 
 
+def test_the_kernels_of_the_zip_are_loaded_from_their_wheel(fresh_blender: Any, zip_path: Any) -> None:
+    """Installed as Blender installs wheels, loaded when a skin first needs them, and they answer."""
+    found = fresh_blender(
+        f"import walkthrough\nwalkthrough.install({str(zip_path)!r})\n"
+        "library = walkthrough.part('core.kernels.library')\n"
+        "surface = walkthrough.part('core.surface.gap').Surface.block()\n"
+        "early = library._loaded.cache_info().currsize\n"
+        "import numpy\n"
+        "gap = surface.query(numpy.array([[0.0, 0.0, 0.003]] * 9)).gap.tolist()\n"
+        "own = library.kernels()\n"
+        "answer = [early, gap, str(own.path), own.path.name, library.building.digest()]\n"
+    )
+    early, gap, path, name, digest = found
+    assert early == 0 and gap == [0.003] * 9
+    assert "extensions" in path and "dermis_kernels" in path and digest in name
+
+
 def test_uninstalling_leaves_nothing(fresh_blender: Any, zip_path: Any) -> None:
     left = fresh_blender(
         f"import walkthrough\nwalkthrough.install({str(zip_path)!r})\n"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import base64
 import ctypes
 import hashlib
 import os
@@ -64,8 +65,45 @@ def test_zip_holds_addon_engine_presets_and_licence(tmp_path: Path, wheels: dict
     assert names == sorted(names) and len(set(names)) == len(names)
     assert {i.date_time for i in infos} == {(1980, 1, 1, 0, 0, 0)}
     assert not [n for n in names if "__pycache__" in n or n.endswith(".pyc") or "/." in n or "numpy" in n]
+    assert {"core/kernels/kernels.h", "core/kernels/closest.c"} <= set(names), "what was compiled can be read"
+    assert not [n for n in names if n.endswith(build_addon.LIBRARIES)], "compiled code comes in a wheel"
     assert {f"./{n}" for n in names if n.startswith("wheels/")} == set(manifest["wheels"])
     assert manifest["platforms"] == ["windows-x64"]
+
+
+def test_the_kernels_come_in_a_wheel_for_every_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same bytes twice, every file in its record, named by the sources: Blender keeps a wheel of the same name."""
+    folder = tmp_path / "kernels" / build_addon.building.digest()
+    for target, of in build_addon.building.TARGETS.items():
+        folder.mkdir(parents=True, exist_ok=True)
+        stem, content = build_addon.building.stem(target), build_addon.building.of_content(target.encode())
+        (folder / f"{stem}{content}{of.suffix}").write_bytes(target.encode())
+    monkeypatch.setattr(build_addon, "VENV", tmp_path)
+    monkeypatch.setattr(build_addon.building, "this_platform", lambda: "none of them")
+    monkeypatch.setattr(build_addon, "compiler", lambda python: pytest.fail("it is there"))
+    for target, of in build_addon.building.TARGETS.items():
+        wheel = build_addon.kernels_wheel(target, Path("python"))
+        before = wheel.read_bytes()
+        assert build_addon.kernels_wheel(target, Path("python")).read_bytes() == before
+        name, version, *tags = wheel.stem.split("-")
+        assert (name, tags) == ("dermis_kernels", ["py3", "none", of.tag]) and of.tag in build_addon.PLATFORMS[target]
+        assert version == f"{build_addon.manifest_value('version')}.{int(build_addon.building.digest(), 16)}"
+        with zipfile.ZipFile(wheel) as archive:
+            names = archive.namelist()
+            rows = archive.read(f"dermis_kernels-{version}.dist-info/RECORD").decode().splitlines()
+            for row in rows[:-1]:
+                path, sha, size = row.split(",")
+                content = archive.read(path)
+                told = base64.urlsafe_b64encode(hashlib.sha256(content).digest()).decode().rstrip("=")
+                assert (sha, size) == (f"sha256={told}", str(len(content)))
+            assert sorted(row.split(",")[0] for row in rows) == names
+            assert archive.read(next(n for n in names if n.endswith(of.suffix))) == target.encode()
+
+
+def test_the_compiler_of_pip_is_that_of_the_zip() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    pinned = re.findall(r"^(ziglang==\S+)", build_addon.KERNELS.read_text(encoding="utf-8"), re.M)
+    assert len(pinned) == 1 and pinned[0] in project["build-system"]["requires"]
 
 
 def test_manifest_differs_from_the_template_by_platform_and_wheels_only() -> None:
@@ -123,7 +161,7 @@ def test_build_addon_needs_the_standard_library_only() -> None:
     assert roots <= sys.stdlib_module_names | {"__future__"}
 
 
-@pytest.mark.parametrize("verb", ["", "demo", "test", "build", "dev", "bench", "stress", "docs"])
+@pytest.mark.parametrize("verb", ["", "demo", "test", "build", "kernels", "dev", "bench", "stress", "docs"])
 def test_help_everywhere(verb: str) -> None:
     done = run(*verb.split(), "--help")
     assert done.returncode == 0 and "usage:" in done.stdout

@@ -15,7 +15,7 @@ ADDON = ROOT / "blender_addon"
 
 GROUND = set(
     "arrays errors units version foreign files npz column_names number_rows cache interpolate recent following steps "
-    "parameters shipped memory clock".split()
+    "parameters shipped memory clock kernels".split()
 )
 # Files of devices/ that need no more than a device's description: presets are judged by them.
 MECHANISMS = {kind.mechanism.partition(".")[0] for kind in KINDS.values()} | set(
@@ -45,6 +45,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "foreign": {"errors"},
     "files": {"errors", "foreign"},
     "npz": {"errors", "foreign", "files"},
+    "kernels": {"errors", "files"},
     "column_names": {"errors"},
     "number_rows": {"arrays", "column_names", "errors", "files"},
     "interpolate": {"arrays", "errors", "units"},

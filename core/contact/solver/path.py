@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
 from ...errors import DermisError, Finding
+from ...kernels.library import kernels
 from .admm import State, iterate
 from .bodies import BONE, ContactBody, Expected, NodeGaps, node_gaps, same_places
 from .candidates import CandidateInverse
@@ -74,7 +75,7 @@ class PathSolver:
         frames: how many there were.
 
     Raises:
-        DermisError: shapes that do not fit, or a compliance that is not positive definite.
+        DermisError: shapes that do not fit, a compliance that is not positive definite, or no compiled kernels.
     """
 
     def __init__(
@@ -116,6 +117,7 @@ class PathSolver:
         self.reset()
 
     def _begin(self, tolerance: float, bone: Array, name: str, depth_limit: float, law: LawSkin | None = None) -> None:
+        kernels()  # a skin does not work without them, and says so here
         self.tolerance = tolerance
         self.bone = np.asarray(bone, dtype=np.float64)
         self.name = name

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
+import shutil
+import subprocess
+import sys
 import tomllib
 import zipfile
 from pathlib import Path
@@ -12,7 +16,7 @@ import pytest
 
 import build_addon
 
-from .conftest import ROOT, Installed
+from .conftest import OFFLINE, ROOT, Installed
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 
@@ -48,9 +52,15 @@ def test_a_wheel_holds_the_engine_the_presets_and_the_licence(wheel: Path) -> No
     wanted = {f"dermis/{p.relative_to(core).as_posix()}" for p in core.rglob("*.py")} | {"dermis/py.typed"}
     wanted |= {f"dermis/built_in/{p.relative_to(presets).as_posix()}" for p in presets.glob("*/*.json")}
     wanted |= {f"dermis/built_in/{p.relative_to(presets).as_posix()}" for p in presets.glob("skins/*.npz")}
+    wanted |= {f"dermis/kernels/{p.name}" for p in (core / "kernels").iterdir() if p.suffix in (".c", ".h")}
+    library = build_addon.library(build_addon.this_platform(), Path(sys.executable))
+    wanted.add(f"dermis/kernels/{library.name}")
+    tag = build_addon.building.TARGETS[build_addon.this_platform()].tag
+    assert wheel.name.endswith(f"-py3-none-{tag}.whl"), "for every Python, and this platform"
     with zipfile.ZipFile(wheel) as archive:
         names = archive.namelist()
         about = archive.read(next(n for n in names if n.endswith(".dist-info/METADATA"))).decode()
+        assert archive.read(f"dermis/kernels/{library.name}") == library.read_bytes()
         assert archive.read("dermis/built_in/devices/haptip.json") == (presets / "devices/haptip.json").read_bytes()
     assert {n for n in names if n.startswith("dermis/")} == wanted
     assert any(n.endswith("/LICENSE") for n in names)
@@ -80,6 +90,20 @@ def test_it_touches_matches_and_works_in_children(installed: Installed) -> None:
     assert not broken and commands == 128 and optimality < 1e-9
     assert force[2] > 0.1 and back is True, "a child made the same skin"
     assert abs(np.array(force[:2])).max() < 0.1 * force[2], "a ball in the middle pushes straight up"
+
+
+def test_without_a_library_in_the_sources_it_is_compiled(sources: Path, tmp_path: Path) -> None:
+    """As pip does it for a person without a compiler: by the package that pyproject.toml asks for."""
+    folder = tmp_path / "sources"
+    shutil.copytree(sources, folder, ignore=shutil.ignore_patterns("build", "*.so", "*.dll", "*.dylib"))
+    zig = build_addon.compiler(Path(sys.executable)).parents[1]
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(zig), os.environ.get("PYTHONPATH", "")])}
+    command = [sys.executable, "-m", "pip", "wheel", *OFFLINE, "--wheel-dir", str(tmp_path), str(folder)]
+    done = subprocess.run(command, env=env, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    library = build_addon.library(build_addon.this_platform(), Path(sys.executable))
+    with zipfile.ZipFile(next(tmp_path.glob("*.whl"))) as archive:
+        assert archive.read(f"dermis/kernels/{library.name}") == library.read_bytes()
 
 
 def test_it_has_a_command_line(installed: Installed) -> None:

@@ -14,6 +14,7 @@ from core.skin.fingertip import fingertip_mesh
 from core.surface.crossing import first_crossing
 from core.surface.gap import Surface
 from core.surface.triangles import TriangleTable
+from tests.closest_points import closest
 
 MOVED = 4e-3  # how far a pad moves and turns in a way, about [m]
 SEEDS = range(3)
@@ -139,5 +140,5 @@ def nearest(table, start, end):
     """How near a way comes to triangles [m]."""
     at = start + np.linspace(0.0, 1.0, 2001)[:, None] * (end - start)
     count = table.usable.size
-    squared, _, _ = table.closest(np.repeat(at.T, count, axis=1), np.tile(np.arange(count), len(at)))
+    squared, _, _ = closest(table, np.repeat(at.T, count, axis=1), np.tile(np.arange(count), len(at)))
     return float(np.sqrt(squared.min()))

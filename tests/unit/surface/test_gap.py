@@ -14,8 +14,8 @@ from core.errors import DermisError
 from core.scene.tactile_scene import Mesh
 from core.surface import shapes
 from core.surface.gap import Surface
-from core.surface.nearest import TIE
 from core.surface.triangles import TriangleTable
+from tests.closest_points import TIE, closest
 from tests.stress.surfaces import distance
 
 CUBE_VERTICES = np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * 0.01
@@ -340,7 +340,7 @@ def test_the_closest_is_that_of_all_triangles_bit_for_bit(kind, search_radius):
     found = surface.query(points, search_radius)
     everything = np.arange(len(triangles))
     for point, triangle, weights, gap in zip(points, found.triangle, found.weights, found.gap, strict=True):
-        square, u, w = surface.table.closest(np.tile(point[:, None], len(triangles)), everything)
+        square, u, w = closest(surface.table, np.tile(point[:, None], len(triangles)), everything)
         best = int(np.flatnonzero(square <= square.min() * (1.0 + TIE))[0])
         if square.min() > search_radius * search_radius and not (
             surface.closed and surface.winding(point[None])[0] > 0.5
@@ -457,5 +457,5 @@ def test_points_next_to_where_edges_meet_are_as_far_as_they_are():
         on = corners[k] + shares * (corners[(k + 1) % 3] - corners[k])
         points = on + rng.normal(size=on.shape) * 10.0 ** rng.uniform(-10.0, -7.5)
         table = TriangleTable.build(corners, np.array([[0, 1, 2]]))
-        square, _, _ = table.closest(np.ascontiguousarray(points.T), np.zeros(len(points), dtype=np.int64))
+        square, _, _ = closest(table, np.ascontiguousarray(points.T), np.zeros(len(points), dtype=np.int64))
         assert np.sqrt(square) == pytest.approx([distance(p, corners[None]) for p in points], rel=0.0, abs=1e-14)

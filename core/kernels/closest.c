@@ -1,0 +1,256 @@
+/* Which triangle is closest to each point: an exact search without any state.
+
+   A triangle is left out only where a lower bound of its distance exceeds an upper bound of the closest one, so the answer is
+   the same as trying all of them. Hints, other points and the tree only say where to look first. */
+#include "boxes.h"
+#include "float_environment.h"
+#include "kernels.h"
+#include "numbers.h"
+#include "triangle.h"
+
+/* Triangles within this relative squared distance of the best are equally close; the lowest number wins. */
+#define TIE 1e-12
+/* Lengths that bound others give way by this share for rounding. */
+#define SLACK 1e-9
+/* So many equally close triangles are remembered; where there are more, they are looked for a second time. */
+#define TIES 32
+/* Weights below this count as on an edge or a corner. */
+#define ON_FEATURE 1e-9
+
+typedef struct {
+    double square, u, w;
+    const double *row;
+} hit;
+
+typedef struct {
+    double bound; /* squared: nothing farther is closest, be it for the closest so far, a hint or the limit [m^2] */
+    double least; /* squared distance of the closest so far [m^2] */
+    int count;    /* of ties; more than TIES where some were not remembered */
+    hit ties[TIES];
+} search;
+
+static inline void consider(search *found, const double *row, const double *x) {
+    hit own = {0.0, 0.0, 0.0, row};
+    own.square = dermis_on_triangle(row, x, &own.u, &own.w);
+    if (!(own.square <= found->bound * (1.0 + TIE))) return;
+    if (own.square < found->least) {
+        if (own.square * (1.0 + TIE) < found->least) found->count = 0; /* all others were farther */
+        found->least = own.square;
+        found->bound = dermis_least(found->bound, own.square);
+    }
+    if (found->count < TIES)
+        found->ties[found->count++] = own;
+    else
+        found->count = TIES + 1;
+}
+
+/* Keep the lowest number of what is equally close as the best is. */
+static inline void consider_number(const search *found, const double *row, const double *x, hit *lowest) {
+    hit own = {0.0, 0.0, 0.0, row};
+    own.square = dermis_on_triangle(row, x, &own.u, &own.w);
+    if (own.square <= found->least * (1.0 + TIE) && (lowest->row == NULL || row[NUMBER] < lowest->row[NUMBER])) *lowest = own;
+}
+
+/* Look at all triangles that may be closest; `lowest` is null in the first search.
+
+   place: of the point, in the tree's units; see `dermis_placed`. */
+static void descend(const dermis_tree *tree, const double *x, const dermis_place *place, search *found, hit *lowest) {
+    int64_t inner = (((int64_t)1 << 2 * tree->depth) - 1) / 3, blocks = (tree->count + DERMIS_LANES - 1) / DERMIS_LANES;
+    int64_t nodes[64];
+    float squares[64], limit = dermis_limit(tree, found->bound);
+    int open = 1;
+    nodes[0] = 0, squares[0] = 0.0f;
+    while (open) {
+        int64_t node = nodes[--open];
+        float least[DERMIS_LANES];
+        if (squares[open] > limit) continue;
+        if (node < inner) {
+            int from = open;
+            dermis_away(tree->boxes + node * DERMIS_BOXES, place, least);
+            for (int k = 0; k < DERMIS_LANES; k++) {
+                if (!(least[k] <= limit)) continue;
+                int at = open++;
+                for (; at > from && squares[at - 1] < least[k]; at--) nodes[at] = nodes[at - 1], squares[at] = squares[at - 1];
+                nodes[at] = 4 * node + 1 + k, squares[at] = least[k]; /* the nearest last, which is looked at first */
+            }
+            continue;
+        }
+        int64_t j = node - inner, low = j * blocks >> 2 * tree->depth, high = (j + 1) * blocks >> 2 * tree->depth;
+        for (int64_t b = low; b < high; b++) {
+            dermis_away(tree->boxes + (inner + b) * DERMIS_BOXES, place, least);
+            for (int k = 0; k < DERMIS_LANES; k++) {
+                int64_t slot = b * DERMIS_LANES + k;
+                if (!(least[k] <= limit) || slot >= tree->count) continue;
+                const double *row = tree->packed + slot * DERMIS_ROW;
+                if (lowest == NULL) {
+                    consider(found, row, x);
+                    limit = dermis_limit(tree, found->bound);
+                } else {
+                    consider_number(found, row, x, lowest);
+                }
+            }
+        }
+    }
+}
+
+/* Return the lowest number of what is as close as the closest is, null without any. */
+static const hit *chosen(const search *found) {
+    const hit *best = NULL;
+    for (int i = 0; i < found->count; i++)
+        if (found->ties[i].square <= found->least * (1.0 + TIE))
+            if (best == NULL || found->ties[i].row[NUMBER] < best->row[NUMBER]) best = &found->ties[i];
+    return best;
+}
+
+static void answer(const dermis_query *query, int64_t i, const hit *found) {
+    double *weights = query->weights + 3 * i, *closest = query->closest + 3 * i;
+    if (found == NULL) {
+        query->triangle[i] = -1;
+        query->square[i] = __builtin_inf();
+        query->feature[i] = 0;
+        for (int k = 0; k < 3; k++) weights[k] = 0.0, closest[k] = __builtin_nan("");
+        return;
+    }
+    const double *row = found->row;
+    query->triangle[i] = (int64_t)row[NUMBER];
+    query->square[i] = found->square;
+    weights[0] = dermis_most(1.0 - found->u - found->w, 0.0), weights[1] = found->u, weights[2] = found->w;
+    for (int k = 0; k < 3; k++) {
+        closest[k] = row[k] + found->u * row[AB + k];
+        closest[k] += found->w * row[AC + k];
+    }
+    int zero = (weights[0] <= ON_FEATURE) + (weights[1] <= ON_FEATURE) + (weights[2] <= ON_FEATURE), k = 0;
+    if (zero == 2) { /* the corner of the largest weight */
+        for (int j = 1; j < 3; j++)
+            if (weights[j] > weights[k]) k = j;
+        query->feature[i] = (int8_t)(4 + k);
+    } else if (zero) { /* the edge opposite the corner without weight */
+        while (weights[k] > ON_FEATURE) k++;
+        query->feature[i] = (int8_t)(1 + (k + 1) % 3);
+    } else {
+        query->feature[i] = 0;
+    }
+}
+
+static inline int known(dermis_query *query, int64_t i) {
+    const double *x = query->points + 3 * i;
+    query->wrong = i;
+    return dermis_finite(x[0]) && dermis_finite(x[1]) && dermis_finite(x[2]);
+}
+
+/* Put the numbers of one triangle of the table into a row. */
+static inline void gather(const dermis_tree *tree, int64_t triangle, double *row) {
+    for (int k = 0; k < SLIVER; k++) row[k] = tree->rows[k * tree->total + triangle];
+    row[SLIVER] = tree->slivers != NULL && tree->slivers[triangle];
+    row[NUMBER] = (double)triangle;
+}
+
+/* Find what is closest to a point by looking at every triangle. */
+static void look_at_all(const dermis_query *query, int64_t i, double limit) {
+    const dermis_tree *tree = query->tree;
+    const double *bounds = tree->bounds, *x = query->points + 3 * i;
+    int64_t total = tree->total;
+    double reach = query->limit, rows[2][DERMIS_ROW], least = __builtin_inf();
+    for (int64_t j = 0; j < tree->count; j++) { /* a ball about each: where the closest ends at the latest */
+        int64_t triangle = tree->order[j];
+        double d[3];
+        for (int k = 0; k < 3; k++) d[k] = bounds[k * total + triangle] - x[k];
+        reach = dermis_least(reach, dermis_root(dermis_dot(d, d)) + bounds[6 * total + triangle]);
+    }
+    reach *= 1.0 + SLACK;
+    reach += SLACK * dermis_most(dermis_most(dermis_abs(x[0]), dermis_abs(x[1])), dermis_abs(x[2]));
+    hit lowest = {0.0, 0.0, 0.0, NULL};
+    for (int pass = 0; pass < 2; pass++)
+        for (int64_t j = 0; j < tree->count; j++) {
+            int64_t triangle = tree->order[j];
+            double d[3];
+            for (int k = 0; k < 3; k++) d[k] = bounds[k * total + triangle] - x[k];
+            if (dermis_root(dermis_dot(d, d)) - bounds[6 * total + triangle] > reach) continue;
+            double *row = rows[lowest.row == rows[0]];
+            hit own = {0.0, 0.0, 0.0, row};
+            gather(tree, triangle, row);
+            own.square = dermis_on_triangle(row, x, &own.u, &own.w);
+            if (pass == 0)
+                least = dermis_least(least, own.square);
+            else if (own.square <= least * (1.0 + TIE) && (lowest.row == NULL || row[NUMBER] < lowest.row[NUMBER]))
+                lowest = own;
+        }
+    answer(query, i, least <= limit && lowest.row != NULL ? &lowest : NULL);
+}
+
+/* Find what is closest to a point by the tree; return its row. */
+static const double *look_down(const dermis_query *query, int64_t i, double limit, const double *last) {
+    const dermis_tree *tree = query->tree;
+    const double *x = query->points + 3 * i;
+    double row[DERMIS_ROW], u, w;
+    dermis_place place;
+    if (!dermis_placed(tree, x, &place)) {
+        look_at_all(query, i, limit);
+        return last;
+    }
+    search found;
+    found.bound = limit, found.least = __builtin_inf(), found.count = 0;
+    if (query->hints != NULL && query->hints[i] >= 0 && query->hints[i] < tree->total) {
+        gather(tree, query->hints[i], row);
+        if (row[INVERSE] > 0.0) found.bound = dermis_least(found.bound, dermis_on_triangle(row, x, &u, &w));
+    } else if (last != NULL) {
+        found.bound = dermis_least(found.bound, dermis_on_triangle(last, x, &u, &w));
+    }
+    descend(tree, x, &place, &found, NULL);
+    const hit *best = NULL;
+    hit lowest = {0.0, 0.0, 0.0, NULL};
+    if (found.least <= limit && found.count > TIES) {
+        descend(tree, x, &place, &found, &lowest);
+        best = &lowest;
+    } else if (found.least <= limit) {
+        best = chosen(&found);
+    }
+    answer(query, i, best);
+    return best == NULL ? last : best->row;
+}
+
+DERMIS_NOINLINE static int32_t by_tree(dermis_query *query) {
+    double limit = query->limit * query->limit;
+    const double *last = NULL; /* what was closest to the point before: points in a row are neighbours as a rule */
+    for (int64_t i = 0; i < query->count; i++) {
+        if (!known(query, i)) return DERMIS_NOT_FINITE;
+        last = look_down(query, i, limit, last);
+    }
+    return DERMIS_DONE;
+}
+
+DERMIS_NOINLINE static int32_t by_all(dermis_query *query) {
+    const dermis_tree *tree = query->tree;
+    double limit = query->limit * query->limit;
+    for (int64_t j = 0; j < tree->count; j++) {
+        double inverse = tree->rows[INVERSE * tree->total + tree->order[j]];
+        query->wrong = -1 - tree->order[j];
+        if (!(inverse > 0.0 && dermis_finite(inverse))) return DERMIS_NOT_FINITE;
+    }
+    for (int64_t i = 0; i < query->count; i++) {
+        if (!known(query, i)) return DERMIS_NOT_FINITE;
+        look_at_all(query, i, limit);
+    }
+    return DERMIS_DONE;
+}
+
+static int sound(const dermis_query *query) {
+    const dermis_tree *tree = query->tree;
+    return tree != NULL && tree->count >= 1 && tree->depth >= 0 && tree->depth <= 15 && query->count >= 0 && query->limit >= 0.0;
+}
+
+DERMIS_API int32_t dermis_closest(dermis_query *query) {
+    if (!sound(query)) return DERMIS_BAD_RECORD;
+    dermis_environment outside = dermis_enter();
+    int32_t status = by_tree(query);
+    dermis_leave(outside);
+    return status;
+}
+
+DERMIS_API int32_t dermis_closest_of_all(dermis_query *query) {
+    if (!sound(query)) return DERMIS_BAD_RECORD;
+    dermis_environment outside = dermis_enter();
+    int32_t status = by_all(query);
+    dermis_leave(outside);
+    return status;
+}

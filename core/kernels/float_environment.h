@@ -1,0 +1,35 @@
+/* The floating-point environment of the kernels: results are rounded to nearest, denormal numbers are kept, nothing traps.
+
+   Other libraries of the same process change it: the last bits of the results would depend on them. */
+#ifndef DERMIS_FLOAT_ENVIRONMENT_H
+#define DERMIS_FLOAT_ENVIRONMENT_H
+
+#include <stdint.h>
+
+#if defined(__x86_64__)
+typedef uint32_t dermis_environment;
+#define DERMIS_OWN_ENVIRONMENT 0x1f80u /* all exceptions masked, round to nearest, denormals as they are */
+static inline dermis_environment dermis_control(void) { return __builtin_ia32_stmxcsr(); }
+static inline void dermis_set(dermis_environment control) { __builtin_ia32_ldmxcsr(control); }
+#elif defined(__aarch64__)
+typedef uint64_t dermis_environment;
+#define DERMIS_OWN_ENVIRONMENT 0u
+static inline dermis_environment dermis_control(void) {
+    dermis_environment control;
+    __asm__ volatile("mrs %0, fpcr" : "=r"(control));
+    return control;
+}
+static inline void dermis_set(dermis_environment control) { __asm__ volatile("msr fpcr, %0" : : "r"(control) : "memory"); }
+#else
+#error "the kernels know the floating-point environment of x86-64 and arm64 alone"
+#endif
+
+static inline dermis_environment dermis_enter(void) {
+    dermis_environment before = dermis_control();
+    dermis_set(DERMIS_OWN_ENVIRONMENT);
+    return before;
+}
+
+static inline void dermis_leave(dermis_environment before) { dermis_set(before); }
+
+#endif

@@ -1,0 +1,166 @@
+"""Find the compiled library, check it, and call its functions: one record of arrays each.
+
+It lies beside this file (a checkout, or what pip installed) or in the package `dermis_kernels` (the wheel that the
+extension brings to Blender). It is loaded where it is first needed. Skins need it; devices without a skin do not.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+from collections.abc import Callable
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from ..errors import DermisError
+from ..files import atomic
+from . import building, records
+
+CODE = "no-kernels"
+PACKAGE = "dermis_kernels"
+REMEDY = (
+    "Install Dermis anew, the zip for this platform or by pip; in a checkout run 'python3 build_addon.py kernels'. "
+    "Devices without a skin work without them"
+)
+
+
+class Kernels:
+    """The functions of a library that fits this engine.
+
+    Args:
+        path: the file.
+
+    Raises:
+        DermisError: it cannot be loaded, or is of other sources.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            library = ctypes.CDLL(str(path))
+            library.dermis_layout.restype = ctypes.POINTER(ctypes.c_uint64)
+            library.dermis_sources.restype = library.dermis_fields.restype = ctypes.c_char_p
+            self.split, self.fit = _function(library.dermis_tree_split), _function(library.dermis_tree_fit)
+            self.closest = _function(library.dermis_closest)
+            self.closest_of_all = _function(library.dermis_closest_of_all)
+            sources = bytes(library.dermis_sources()).decode("ascii", "replace")
+            fields = bytes(library.dermis_fields()).decode("ascii", "replace")
+            told = library.dermis_layout()
+        except (OSError, AttributeError) as error:
+            raise DermisError(
+                f"the compiled kernels for {building.this_platform()} cannot be loaded",
+                where=str(path),
+                value=str(error),
+                remedy=REMEDY,
+                code=CODE,
+            ) from error
+        wanted = list(records.layout())
+        found: list[int] = []
+        while len(found) < len(wanted) and found[-1:] != wanted[-1:]:
+            found.append(int(told[len(found)]))
+        if sources != building.digest() or found != wanted or fields != records.fields():
+            raise DermisError(
+                f"the compiled kernels for {building.this_platform()} are of another version of Dermis",
+                where=str(path),
+                value=f"sources {sources}, layout {found[:-1]} of {fields}",
+                limit=f"sources {building.digest()}, layout {wanted[:-1]} of {records.fields()}",
+                remedy=REMEDY,
+                code=CODE,
+            )
+
+
+def kernels() -> Kernels:
+    """Return the kernels of this platform, loaded when they are first asked for.
+
+    Raises:
+        DermisError: there are none, or they cannot be loaded; the sentence names platform, file and what to do.
+    """
+    found = _loaded()
+    if isinstance(found, DermisError):
+        raise found.changed()
+    return found
+
+
+def have_kernels() -> bool:
+    """Return whether there are kernels for this platform that can be loaded."""
+    return not isinstance(_loaded(), DermisError)
+
+
+@cache
+def _loaded() -> Kernels | DermisError:
+    try:
+        path = find(building.this_platform(), _folders())
+        return Kernels(copied(path, _own_folder()) if os.name == "nt" else path)
+    except DermisError as error:
+        return error
+
+
+def find(target: str, folders: list[Path]) -> Path:
+    """Return the library of a platform from the first of some folders that has it.
+
+    Raises:
+        DermisError: none has, or what is there is damaged.
+    """
+    if target not in building.TARGETS:
+        raise DermisError(
+            "there are no compiled kernels for this platform",
+            where=target,
+            limit=", ".join(building.TARGETS),
+            remedy="Devices without a skin work without them",
+            code=CODE,
+        )
+    for folder in folders:
+        path = building.found(target, folder)
+        if path is not None:
+            if not building.whole(path):
+                raise DermisError(
+                    f"the compiled kernels for {target} are damaged", where=str(path), remedy=REMEDY, code=CODE
+                )
+            return path
+    raise DermisError(
+        f"the compiled kernels for {target} are missing",
+        where=f"{building.stem(target)}*{building.TARGETS[target].suffix}",
+        limit=f"in {', '.join(map(str, folders))}",
+        remedy=REMEDY,
+        code=CODE,
+    )
+
+
+def copied(path: Path, folder: Path) -> Path:
+    """Return a copy of a library: Windows locks what is loaded, and an update removes the original.
+
+    Its name tells its content, as the original's does. Copies of other versions go where nobody has them loaded.
+
+    Raises:
+        DermisError: the folder cannot be written.
+    """
+    target = folder / path.name
+    if not target.is_file() or not building.whole(target):
+        with atomic(target) as part:
+            part.write_bytes(path.read_bytes())
+    for other in folder.glob(f"dermis-*{path.suffix}"):
+        if other != target:
+            with contextlib.suppress(OSError):
+                other.unlink()
+    return target
+
+
+def _function(function: Any) -> Callable[[Any], int]:
+    """Return a function that takes one record, by reference, and returns a status."""
+    function.restype, function.argtypes = ctypes.c_int32, (ctypes.c_void_p,)
+    called: Callable[[Any], int] = function
+    return called
+
+
+def _folders() -> list[Path]:
+    spec = find_spec(PACKAGE)
+    return [building.FOLDER, *(map(Path, spec.submodule_search_locations or ()) if spec else ())]
+
+
+def _own_folder() -> Path:
+    import tempfile
+
+    return Path(os.environ.get("LOCALAPPDATA") or tempfile.gettempdir()) / "dermis" / "kernels"

@@ -1,0 +1,66 @@
+"""The records that kernels take, field by field as `kernels.h` has them."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Iterator
+
+ABI = 1
+ROW, LANES, BOXES = (
+    16,
+    4,
+    64,
+)  # doubles of a triangle in a tree; boxes that are looked at at once, and floats of so many
+DONE, BAD_RECORD, NOT_FINITE = 0, 1, 2
+
+
+class TreeRecord(ctypes.Structure):
+    """`dermis_tree`."""
+
+    _fields_ = [
+        ("total", ctypes.c_int64),
+        ("count", ctypes.c_int64),
+        ("depth", ctypes.c_int64),
+        ("rows", ctypes.c_void_p),
+        ("bounds", ctypes.c_void_p),
+        ("slivers", ctypes.c_void_p),
+        ("order", ctypes.c_void_p),
+        ("packed", ctypes.c_void_p),
+        ("boxes", ctypes.c_void_p),
+        ("middle", ctypes.c_double * 3),
+        ("scale", ctypes.c_double),
+        ("wrong", ctypes.c_int64),
+    ]
+
+
+class QueryRecord(ctypes.Structure):
+    """`dermis_query`."""
+
+    _fields_ = [
+        ("tree", ctypes.c_void_p),
+        ("count", ctypes.c_int64),
+        ("limit", ctypes.c_double),
+        ("points", ctypes.c_void_p),
+        ("hints", ctypes.c_void_p),
+        ("triangle", ctypes.c_void_p),
+        ("weights", ctypes.c_void_p),
+        ("closest", ctypes.c_void_p),
+        ("square", ctypes.c_void_p),
+        ("feature", ctypes.c_void_p),
+        ("wrong", ctypes.c_int64),
+    ]
+
+
+def layout() -> Iterator[int]:
+    """Yield what `dermis_layout` returns of a library that fits."""
+    yield from (ABI, ROW, LANES, BOXES)
+    for record in (TreeRecord, QueryRecord):
+        yield ctypes.sizeof(record)
+        yield from (getattr(record, field[0]).offset for field in record._fields_)
+    yield 2**64 - 1
+
+
+def fields() -> str:
+    """Return what `dermis_fields` returns of a library that fits."""
+    records = (("tree", TreeRecord), ("query", QueryRecord))
+    return " ".join(word for kind, record in records for word in (kind, *(field[0] for field in record._fields_)))

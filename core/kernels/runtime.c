@@ -1,0 +1,59 @@
+/* What the loader compares, and what a library without any other one needs. */
+#include "kernels.h"
+
+#ifndef DERMIS_SOURCES
+#error "building.py gives the digest of the sources"
+#endif
+
+#define TREE(FIELD)                                                                                          \
+    FIELD(dermis_tree, total) FIELD(dermis_tree, count) FIELD(dermis_tree, depth) FIELD(dermis_tree, rows)   \
+    FIELD(dermis_tree, bounds) FIELD(dermis_tree, slivers) FIELD(dermis_tree, order)                         \
+    FIELD(dermis_tree, packed) FIELD(dermis_tree, boxes) FIELD(dermis_tree, middle) FIELD(dermis_tree, scale) \
+    FIELD(dermis_tree, wrong)
+#define QUERY(FIELD)                                                                                         \
+    FIELD(dermis_query, tree) FIELD(dermis_query, count) FIELD(dermis_query, limit)                          \
+    FIELD(dermis_query, points) FIELD(dermis_query, hints) FIELD(dermis_query, triangle)                     \
+    FIELD(dermis_query, weights) FIELD(dermis_query, closest) FIELD(dermis_query, square)                    \
+    FIELD(dermis_query, feature) FIELD(dermis_query, wrong)
+#define OFFSET(record, field) offsetof(record, field),
+#define NAME(record, field) " " #field
+
+DERMIS_API const uint64_t *dermis_layout(void) {
+    static const uint64_t layout[] = {
+        DERMIS_ABI,          DERMIS_ROW,    DERMIS_LANES,         DERMIS_BOXES,
+        sizeof(dermis_tree), TREE(OFFSET)   sizeof(dermis_query), QUERY(OFFSET) UINT64_MAX,
+    };
+    return layout;
+}
+
+DERMIS_API const char *dermis_fields(void) { return "tree" TREE(NAME) " query" QUERY(NAME); }
+
+DERMIS_API const char *dermis_sources(void) { return DERMIS_SOURCES; }
+
+#if defined(DERMIS_ALONE)
+/* Compilers may call these for copies of records; nothing else provides them. */
+void *memcpy(void *to, const void *from, size_t count);
+void *memset(void *to, int value, size_t count);
+
+void *memcpy(void *to, const void *from, size_t count) {
+    volatile unsigned char *target = to;
+    const unsigned char *source = from;
+    while (count--) *target++ = *source++;
+    return to;
+}
+
+void *memset(void *to, int value, size_t count) {
+    volatile unsigned char *target = to;
+    while (count--) *target++ = (unsigned char)value;
+    return to;
+}
+
+#if defined(_WIN32)
+int __stdcall DllMainCRTStartup(void *module, unsigned long reason, void *reserved);
+
+int __stdcall DllMainCRTStartup(void *module, unsigned long reason, void *reserved) {
+    (void)module, (void)reason, (void)reserved;
+    return 1;
+}
+#endif
+#endif

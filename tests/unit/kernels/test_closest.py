@@ -1,0 +1,171 @@
+"""Closest points by the kernels against an oracle that tries every triangle."""
+
+from __future__ import annotations
+
+from ctypes import byref
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.errors import DermisError
+from core.kernels import library, records
+from core.surface.gap import Surface
+from core.surface.nearest import PlainTriangles
+from core.surface.topology import topology_of
+from core.surface.tree import Nearest, TriangleTree
+from core.surface.triangles import TriangleTable
+from tests.closest_points import nearest
+from tests.kernel_arrays import Arrays, drawn, opened
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_they_are_those_of_the_oracle(seed: int) -> None:
+    """Slivers, duplicates, needles, points on corners and edges, all sizes: the same triangle, the same bytes."""
+    arrays = drawn(seed)
+    triangle, square, u, w = nearest(arrays.table, arrays.points, arrays.limit)
+    own = opened(library.kernels().path)
+    assert arrays.call(own) == [0, 0, 0, 0]
+    for again in range(2):  # by the tree, then without one
+        found = arrays.found
+        np.testing.assert_array_equal(found["triangle"], triangle)
+        np.testing.assert_array_equal(found["square"], square)
+        np.testing.assert_array_equal(found["weights"][:, 1:], np.stack([u, w], axis=1))
+        near = triangle >= 0
+        a, ab, ac = arrays.table.rows[:9].take(triangle[near], axis=1).reshape(3, 3, -1)
+        np.testing.assert_array_equal(found["closest"][near].T, a + u[near] * ab + w[near] * ac)
+        assert np.isnan(found["closest"][~near]).all()
+        if not again:
+            tree, query = arrays.records()
+            assert own.dermis_closest_of_all(byref(query)) == 0
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_features_are_read_off_the_weights(seed: int) -> None:
+    arrays = drawn(seed)
+    arrays.call(opened(library.kernels().path))
+    for feature, weights, triangle in zip(*(arrays.found[n] for n in ("feature", "weights", "triangle")), strict=True):
+        on = set(np.flatnonzero(weights > 1e-9).tolist()) if triangle >= 0 else {0, 1, 2}
+        edge = {int(feature) - 1, int(feature) % 3}
+        assert on == ({0, 1, 2} if feature == 0 else edge if feature < 4 else {int(feature) - 4})
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_numpy_way_agrees(seed: int) -> None:
+    """What devices without a skin use where no library loads: the same distances, within rounding."""
+    arrays = drawn(seed)
+    plain = PlainTriangles(arrays.table).nearest(arrays.points, arrays.limit)
+    triangle, square, _, _ = nearest(arrays.table, arrays.points, arrays.limit)
+    size = np.abs(arrays.table.rows[:9]).max()
+    sure = np.abs(np.sqrt(square) - arrays.limit) > 1e-12 * size
+    np.testing.assert_array_equal((plain.triangle >= 0)[sure], (triangle >= 0)[sure])
+    both = (plain.triangle >= 0) & (triangle >= 0)
+    np.testing.assert_allclose(np.sqrt(plain.square[both]), np.sqrt(square[both]), rtol=1e-9, atol=1e-12 * size)
+    off = np.linalg.norm(plain.point[both] - arrays.points[both], axis=1)
+    np.testing.assert_allclose(off, np.sqrt(square[both]), rtol=1e-9, atol=1e-12 * size)
+
+
+def fan(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return so many triangles about one corner: above it all of them are equally close."""
+    angle = np.arange(count) * 2 * np.pi / count
+    ring = np.stack([0.01 * np.cos(angle), 0.01 * np.sin(angle), np.full(count, -0.003)], axis=1)
+    k = np.arange(count)
+    return np.concatenate([[[0.0, 0.0, 0.0]], ring]), np.stack([0 * k, 1 + k, 1 + (k + 1) % count], axis=1)
+
+
+@pytest.mark.parametrize("count", [3, 31, 32, 33, 400])
+def test_of_many_that_are_equally_close_the_lowest_number_is_taken(count: int) -> None:
+    """More than are remembered, too, in whatever order they come."""
+    vertices, triangles = fan(count)
+    order = np.random.default_rng(count).permutation(count)
+    surface = Surface.build(vertices, triangles[order])
+    points = np.array([[0.0, 0.0, 1e-3], [1e-7, 0.0, 2e-3], [0.0, 0.0, 0.0]])
+    expected = nearest(surface.table, points)[0]
+    assert expected[0] == 0
+    np.testing.assert_array_equal(surface.query(np.tile(points, (4, 1))).triangle, np.tile(expected, 4))
+
+
+def test_neither_batches_nor_order_nor_hints_change_a_byte() -> None:
+    rng = np.random.default_rng(1)
+    surface = Surface.sphere(5e-3, 3000)
+    tree = TriangleTree(surface.table, surface.topology)
+    points = rng.normal(size=(400, 3)) * 5e-3 + [0.0, 0.0, -5e-3]
+    points[::7] = surface.vertices[rng.integers(0, len(surface.vertices), len(points[::7]))]
+    whole = tree.nearest(points, 2e-3)
+
+    def same(found: Nearest, which: np.ndarray) -> None:
+        for name, expected in vars(whole.take(which)).items():
+            np.testing.assert_array_equal(getattr(found, name), expected)
+
+    order = rng.permutation(len(points))
+    same(tree.nearest(points[order], 2e-3), order)
+    for size in (1, 3, 50):
+        for first in range(0, len(points), size):
+            part = np.arange(first, min(first + size, len(points)))
+            same(tree.nearest(points[part], 2e-3), part)
+    for hints in (whole.triangle, rng.integers(-1, len(surface.triangles), len(points)), np.full(len(points), 10**9)):
+        same(tree.nearest(points, 2e-3, hints), np.arange(len(points)))
+    again = TriangleTree(surface.table, topology_of(surface.vertices, surface.triangles.copy()))
+    same(again.nearest(points, 2e-3), np.arange(len(points)))
+
+
+def test_points_beyond_measure_and_tiny_and_huge_surfaces_are_answered() -> None:
+    """Single precision bounds nothing there: every triangle is looked at."""
+    vertices = Surface.sphere(5e-3, 500).vertices
+    triangles = Surface.sphere(5e-3, 500).triangles
+    points = np.random.default_rng(2).normal(size=(30, 3)) * 1e-2
+    for scale in (1.0, 1e-30, 1e30):
+        surface = Surface.build(vertices * scale, triangles)
+        for far in (1.0, 1e14, 1e17):
+            found = surface._tree.nearest(points * scale * far, np.inf)
+            np.testing.assert_array_equal(found.triangle, nearest(surface.table, points * scale * far)[0])
+
+
+def test_what_is_not_finite_is_refused() -> None:
+    surface = Surface.sphere(5e-3, 500)
+    points = np.zeros((5, 3))
+    points[3, 1] = np.nan
+    with pytest.raises(DermisError, match=r"not finite numbers \(found \[0\.0, nan, 0\.0\]\)"):
+        TriangleTree(surface.table, surface.topology).nearest(points, np.inf)
+    with pytest.raises(DermisError, match="damaged"):
+        TriangleTree(surface.table, surface.topology).nearest(points[:1], np.nan)
+
+
+@pytest.mark.parametrize("size", [1e90, 1e-79])
+@pytest.mark.parametrize("tree", [True, False])
+def test_triangles_beyond_measure_are_refused(size: float, tree: bool) -> None:
+    """The square of their area is no number: a corner would be taken for what is closest."""
+    corners, triangles = np.eye(3) * size, np.array([[0, 1, 2]])
+    with np.errstate(all="ignore"):
+        table = TriangleTable.build(corners, triangles)
+    assert table.usable.all()
+    with pytest.raises(DermisError, match=r"triangle 0: a triangle is too large or too small to measure"):
+        found = TriangleTree(table, topology_of(corners, triangles) if tree else None)
+        found.nearest(np.zeros((1, 3)), np.inf)
+
+
+@pytest.mark.parametrize("damage", ["count", "depth", "total", "order", "query", "limit"])
+def test_records_that_no_tree_has_are_refused(damage: str) -> None:
+    own, arrays = opened(library.kernels().path), drawn(0)
+    assert arrays.call(own) == [0, 0, 0, 0]
+    if damage in ("count", "total", "depth"):
+        for value in {"count": (0, -1, 2**40), "total": (0, arrays.count - 1), "depth": (-1, 16, 63)}[damage]:
+            tree, _ = arrays.records()
+            setattr(tree, damage, value)
+            assert own.dermis_tree_split(byref(tree)) == own.dermis_tree_fit(byref(tree)) == records.BAD_RECORD
+    elif damage == "order":
+        arrays.order[0] = len(arrays.table.usable)
+        tree, _ = arrays.records()
+        assert own.dermis_tree_split(byref(tree)) == own.dermis_tree_fit(byref(tree)) == records.BAD_RECORD
+    else:
+        tree, query = arrays.records()
+        setattr(query, "count" if damage == "query" else "limit", -1)
+        assert own.dermis_closest(byref(query)) == own.dermis_closest_of_all(byref(query)) == records.BAD_RECORD
+
+
+def test_calls_leave_what_they_are_given(tmp_path: Path) -> None:
+    arrays = drawn(2)
+    before = arrays.points.copy(), arrays.table.rows.copy(), arrays.table.bounds.copy()
+    assert isinstance(arrays, Arrays) and arrays.call(opened(library.kernels().path)) == [0, 0, 0, 0]
+    for one, other in zip(before, (arrays.points, arrays.table.rows, arrays.table.bounds), strict=True):
+        np.testing.assert_array_equal(one, other)

@@ -1,0 +1,229 @@
+"""The same bytes from every compiler, in every floating-point environment; nothing read or written beside arrays."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import platform
+import shutil
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import build_addon
+from core.kernels import building, library
+from core.surface.triangles import TriangleTable
+from tests.kernel_arrays import Arrays, drawn, gcc, opened
+
+ROOT = Path(__file__).resolve().parents[3]
+LINUX = sys.platform.startswith("linux") and platform.machine() == "x86_64"
+needs_gcc = pytest.mark.skipif(
+    not (LINUX and shutil.which("gcc")), reason="THE KERNELS ARE NOT TRIED BY GCC: apt-get install gcc"
+)
+WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Werror")
+WINE = shutil.which("wine64") or next((p for p in ("/usr/lib/wine/wine64",) if Path(p).exists()), None)
+SEEDS = range(0, 40, 3)
+CONTROL = """
+unsigned control(void) { return __builtin_ia32_stmxcsr(); }
+void set_control(unsigned bits) { __builtin_ia32_ldmxcsr(bits); }
+"""
+ROUND_UP, FLUSH, ZERO = 0x4000, 0x8000, 0x0040  # towards infinity, denormal results to zero, denormal operands are zero
+
+
+def answers(own: ctypes.CDLL) -> list[bytes]:
+    """Return what a library makes of arrays of all kinds."""
+    out = []
+    for seed in SEEDS:
+        arrays = drawn(seed)
+        assert arrays.call(own) == [0, 0, 0, 0]
+        out.append(arrays.answer())
+    return out
+
+
+@pytest.fixture(scope="module")
+def wanted() -> list[bytes]:
+    """The answers of the library that ships."""
+    return answers(opened(library.kernels().path))
+
+
+@pytest.fixture(scope="module")
+def control(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+    """Reads and sets the control bits of a thread, as a library that was built for speed does when it is loaded."""
+    folder = tmp_path_factory.mktemp("control")
+    (folder / "control.c").write_text(CONTROL)
+    subprocess.run(["gcc", "-shared", "-fPIC", "-o", str(folder / "a.so"), str(folder / "control.c")], check=True)
+    return ctypes.CDLL(str(folder / "a.so"))
+
+
+@needs_gcc
+@pytest.mark.parametrize("flags", ["-march=x86-64-v2", "-O0", "-O3 -march=x86-64-v3"])
+def test_another_compiler_gives_the_same_bytes(flags: str, wanted: list[bytes], tmp_path: Path) -> None:
+    if "v3" in flags and "avx2" not in Path("/proc/cpuinfo").read_text():
+        pytest.skip("this processor has no AVX2")
+    path = tmp_path / "gcc.so"
+    done = subprocess.run(gcc(path, *WARNINGS, *flags.split()), capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert answers(opened(path)) == wanted
+
+
+@needs_gcc
+@pytest.mark.parametrize(
+    "bits", [ROUND_UP, FLUSH | ZERO, ROUND_UP | FLUSH | ZERO], ids=["rounding", "flushing", "both"]
+)
+def test_a_changed_floating_point_environment_changes_no_byte_and_is_left_as_it_was(
+    bits: int, wanted: list[bytes], control: ctypes.CDLL
+) -> None:
+    own = opened(library.kernels().path)
+    before = control.control()
+    small, third = np.full(1, 1e-310), np.ones(1)
+    for seed, answer in zip(SEEDS, wanted, strict=True):
+        arrays = drawn(seed)
+        control.set_control(before | bits)
+        try:
+            changed = (third / 3.0)[0], (small * 1.0)[0]
+            statuses = arrays.call(own)
+            after = control.control()
+        finally:
+            control.set_control(before)
+        assert changed != ((third / 3.0)[0], (small * 1.0)[0]), "the environment was changed"
+        assert statuses == [0, 0, 0, 0] and arrays.answer() == answer
+        assert after & 0xFFC0 == (before | bits) & 0xFFC0
+
+
+@needs_gcc
+def test_denormal_numbers_are_kept(control: ctypes.CDLL) -> None:
+    """A distance of 2e-155 m has a square that is denormal: flushed, it would be 0."""
+    own = opened(library.kernels().path)
+    table = TriangleTable.build(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), np.array([[0, 1, 2]]))
+    arrays = Arrays(table, np.array([[0.25, 0.25, 2e-155], [0.0, 0.0, -2e-155]]))
+    before = control.control()
+    control.set_control(before | FLUSH | ZERO)
+    try:
+        assert arrays.call(own) == [0, 0, 0, 0]
+    finally:
+        control.set_control(before)
+    assert (arrays.found["square"] > 0.0).all() and (arrays.found["square"] < 1e-308).all()
+
+
+@needs_gcc
+def test_nothing_is_read_or_written_beside_the_arrays(tmp_path: Path) -> None:
+    """Random arrays, numbers that are none, hints that are no triangles: under the address and undefined sanitizers."""
+    path = tmp_path / "sanitized.so"
+    flags = ("-O1", "-g", "-march=x86-64-v2", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    subprocess.run(gcc(path, *flags), check=True)
+    told = subprocess.run(["gcc", "-print-file-name=libasan.so"], capture_output=True, text=True, check=True)
+    variables = {
+        **os.environ,
+        "LD_PRELOAD": told.stdout.strip(),
+        "ASAN_OPTIONS": "detect_leaks=0",
+        "PYTHONMALLOC": "malloc",
+    }
+    code = f"from tests.unit.kernels.test_compiled import sanitized\nsanitized({str(path)!r})"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=variables, capture_output=True, text=True)
+    assert done.returncode == 0 and "tried" in done.stdout, done.stdout + done.stderr[-4000:]
+    beyond = f"from tests.unit.kernels.test_compiled import sanitized\nsanitized({str(path)!r}, short=True)"
+    done = subprocess.run([sys.executable, "-c", beyond], cwd=ROOT, env=variables, capture_output=True, text=True)
+    assert done.returncode != 0 and "heap-buffer-overflow" in done.stderr, "an array that is too short is seen"
+
+
+def sanitized(path: str, short: bool = False) -> None:
+    """Call a library of which every access is checked; in a process of its own.
+
+    Args:
+        short: give it an array that is shorter than the records say.
+    """
+    own, refused = opened(Path(path)), 0
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        arrays = drawn(seed)
+        if short:
+            arrays.packed = arrays.packed[:-1].copy()
+        bad = (np.nan, np.inf, -np.inf, 1e308, -1e200, 1e-320)
+        for array in (arrays.table.rows, arrays.table.bounds, arrays.points):
+            if seed % 2 and rng.random() < 0.5:
+                array.flat[rng.integers(0, array.size, 3)] = rng.choice(bad, 3)
+        if seed % 5 == 0:
+            arrays.hints = rng.integers(-(2**62), 2**62, len(arrays.points))
+        if seed % 7 == 0:
+            arrays.limit = float(rng.choice([0.0, 1e-300, 1e300, np.inf, np.nan, -1.0]))
+        refused += any(arrays.call(own))
+    assert 0 < refused < 100
+    print("tried; refused", refused)
+
+
+@pytest.mark.skipif(not (LINUX and shutil.which("nm")), reason="needs nm")
+def test_the_library_needs_no_other_one() -> None:
+    """Whatever C library a system has, or none."""
+    command = ["nm", "--dynamic", str(library.kernels().path)]
+    told = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split("\n")
+    assert not [line for line in told if " U " in line]
+    names = {line.split()[-1] for line in told if " T " in line}
+    assert names and all(name.startswith("dermis_") for name in names)
+    assert not [line for line in told if line[17:18] in ("B", "D", "b", "d")], "no state is kept"
+
+
+# -- all platforms ----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def zig() -> list[str]:
+    """The pinned compiler."""
+    return [str(build_addon.compiler(Path(sys.executable)))]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("target", building.TARGETS)
+def test_a_platforms_library_is_the_same_bytes_twice(target: str, zig: list[str], tmp_path: Path) -> None:
+    one, other = (building.build(target, tmp_path / name, zig) for name in ("a", "b/longer"))
+    assert one.name == other.name and one.read_bytes() == other.read_bytes() and building.whole(one)
+    assert building.build(target, tmp_path / "a", ["nothing"]) == one, "it is kept"
+
+
+@pytest.mark.long
+def test_macos_would_load_its_library(zig: list[str], tmp_path: Path) -> None:
+    """For arm64, signed ad hoc, with the system's library alone; it cannot be run here."""
+    content = building.build("macos-arm64", tmp_path, zig).read_bytes()
+    magic, cpu, _, kind, count, _, _, _ = struct.unpack_from("<8I", content)
+    assert (magic, cpu, kind) == (0xFEEDFACF, 0x0100000C, 6)  # 64 bits, arm64, a dylib
+    at, commands, needed = 32, set(), []
+    for _ in range(count):
+        command, size = struct.unpack_from("<2I", content, at)
+        commands.add(command)
+        if command == 0xC:  # LC_LOAD_DYLIB
+            needed.append(content[at + 24 : at + size].split(b"\0")[0])
+        at += size
+    assert 0x1D in commands, "LC_CODE_SIGNATURE"
+    assert needed == [b"/usr/lib/libSystem.B.dylib"]
+
+
+@pytest.mark.long
+def test_windows_library_needs_no_other_one_and_runs(zig: list[str], tmp_path: Path, wanted: list[bytes]) -> None:
+    """Under wine it answers with the bytes of Linux's."""
+    path = building.build("windows-x64", tmp_path, zig)
+    content = path.read_bytes()
+    at = struct.unpack_from("<I", content, 0x3C)[0]
+    machine, flags = struct.unpack_from("<H", content, at + 4)[0], struct.unpack_from("<H", content, at + 22)[0]
+    imports = struct.unpack_from("<2I", content, at + 24 + 112 + 8)
+    assert machine == 0x8664 and flags & 0x2000 and imports == (0, 0)
+    if WINE is None:
+        pytest.skip("THE WINDOWS LIBRARY IS NOT RUN: apt-get install wine64")
+    program = tmp_path / "load_dll.exe"
+    source = Path(__file__).with_name("load_dll.c")
+    command = [*zig, "cc", "-target", "x86_64-windows-gnu", "-std=c11", "-O1", "-nostdlib", f"-I{building.FOLDER}"]
+    subprocess.run([*command, str(source), "-lkernel32", "-o", str(program)], check=True)
+    shutil.copyfile(path, tmp_path / "kernels.dll")
+    variables = {**os.environ, "WINEPREFIX": str(tmp_path / "wine"), "WINEDEBUG": "-all"}
+    for seed, answer in zip(SEEDS, wanted, strict=True):
+        arrays = drawn(seed)
+        if arrays.table.slivers is not None or arrays.hints is not None:
+            continue
+        sizes = np.array([arrays.table.usable.size, arrays.count, arrays.depth, len(arrays.boxes), len(arrays.points)])
+        parts = sizes, arrays.table.rows, arrays.table.bounds, arrays.order, np.array(arrays.limit), arrays.points
+        (tmp_path / "in.bin").write_bytes(b"".join(part.tobytes() for part in parts))
+        subprocess.run([WINE, str(program)], cwd=tmp_path, env=variables, check=True, timeout=300)
+        told = (tmp_path / "out.bin").read_bytes()
+        assert told == answer[-len(told) :] and len(told) > 1000

@@ -1,0 +1,200 @@
+"""The compiled library: found, checked before use, missed in one sentence; devices without a skin do without it."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.errors import DermisError
+from core.kernels import building, library, records
+from core.surface.gap import Surface
+
+HERE = building.this_platform()
+
+
+@pytest.fixture
+def sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a copy of the sources, from which the recipe builds."""
+    folder = tmp_path / "sources"
+    folder.mkdir()
+    for path in building.sources():
+        shutil.copyfile(path, folder / path.name)
+    monkeypatch.setattr(building, "FOLDER", folder)
+    return folder
+
+
+@pytest.fixture
+def nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let there be no library."""
+    missing = DermisError("the compiled kernels are missing", where="here", code=library.CODE)
+    monkeypatch.setattr(library, "_loaded", lambda: missing)
+
+
+def own_library() -> Path:
+    """Return the library that the tests run on."""
+    return library.kernels().path
+
+
+def test_the_one_that_the_tests_run_on_is_of_these_sources() -> None:
+    path = own_library()
+    assert path.name.startswith(f"dermis-{HERE}-{building.digest()}-") and building.whole(path)
+    assert library.kernels() is library.kernels()
+
+
+@pytest.mark.parametrize("change", ["kernels.h", "FLAGS", "new.c"])
+def test_the_name_changes_with_sources_and_flags(change: str, sources: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = building.stem("linux-x64")
+    if change == "FLAGS":
+        monkeypatch.setattr(building, "FLAGS", (*building.FLAGS, "-O3"))
+    else:
+        with (sources / change).open("a") as file:
+            file.write("\n/* changed */\n")
+    assert building.stem("linux-x64") != before
+
+
+def test_line_ends_do_not_change_the_name(sources: Path) -> None:
+    before = building.digest()
+    for path in building.sources():
+        path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
+    assert building.digest() == before
+
+
+def test_a_missing_one_is_told_with_platform_file_and_what_to_do(tmp_path: Path) -> None:
+    with pytest.raises(DermisError) as told:
+        library.find("linux-x64", [tmp_path])
+    said = str(told.value)
+    assert told.value.code == "no-kernels" and said.count("\n") == 0
+    for word in ("linux-x64", building.stem("linux-x64"), str(tmp_path), "build_addon.py kernels", "without a skin"):
+        assert word in said
+    with pytest.raises(
+        DermisError, match=r"sunos-sparc: there are no compiled kernels .*allowed: linux-x64, windows-x64"
+    ):
+        library.find("sunos-sparc", [tmp_path])
+
+
+def test_the_first_folder_that_has_it_is_taken(tmp_path: Path) -> None:
+    name = f"{building.stem('windows-x64')}{building.of_content(b'any')}.dll"
+    for folder in ("a", "b", "c"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / (name if folder != "a" else "dermis-windows-x64-other.dll")).write_bytes(b"any")
+    assert library.find("windows-x64", [tmp_path / "a", tmp_path / "b", tmp_path / "c"]) == tmp_path / "b" / name
+
+
+@pytest.mark.parametrize("content", [b"", b"half", b"whole\0"])
+def test_a_damaged_one_is_never_loaded(content: bytes, tmp_path: Path) -> None:
+    """Half a library ends the process that loads it, and takes unsaved work along."""
+    path = tmp_path / f"{building.stem('linux-x64')}{building.of_content(b'whole')}.so"
+    path.write_bytes(content)
+    with pytest.raises(DermisError, match="the compiled kernels for linux-x64 are damaged") as told:
+        library.find("linux-x64", [tmp_path])
+    assert str(path) in str(told.value) and told.value.code == "no-kernels"
+    path.write_bytes(b"whole")
+    assert library.find("linux-x64", [tmp_path]) == path
+
+
+@pytest.mark.parametrize("what", ["text", "another"])
+def test_one_that_cannot_be_loaded_is_told(what: str, tmp_path: Path) -> None:
+    """A text, and a library of something else: the same sentence, with the system's own reason."""
+    import _ctypes
+
+    path = tmp_path / own_library().name
+    path.write_bytes(b"not a library" if what == "text" else Path(_ctypes.__file__).read_bytes())
+    with pytest.raises(DermisError, match=f"the compiled kernels for {HERE} cannot be loaded") as told:
+        library.Kernels(path)
+    assert str(path) in str(told.value) and "Install" in told.value.remedy and told.value.code == "no-kernels"
+
+
+def test_one_of_other_sources_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(building, "digest", lambda: "0123456789abcdef")
+    with pytest.raises(DermisError, match=r"of another version of Dermis.*allowed: sources 0123456789abcdef"):
+        library.Kernels(own_library())
+
+
+@pytest.mark.parametrize("change", ["abi", "size", "order"])
+def test_one_whose_records_differ_is_refused(change: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A field more, two that changed places, or another ABI: writing through such a record would destroy memory."""
+    fields = list(records.QueryRecord._fields_)
+    if change == "abi":
+        monkeypatch.setattr(records, "ABI", records.ABI + 1)
+    else:
+        fields = [*fields, ("more", ctypes.c_int64)] if change == "size" else [fields[2], *fields[:2], *fields[3:]]
+        other = type("QueryRecord", (ctypes.Structure,), {"_fields_": fields})
+        if change == "order":
+            assert ctypes.sizeof(other) == ctypes.sizeof(records.QueryRecord)
+        monkeypatch.setattr(records, "QueryRecord", other)
+    with pytest.raises(DermisError, match="of another version of Dermis"):
+        library.Kernels(own_library())
+
+
+def test_on_windows_a_copy_is_loaded_and_others_go(tmp_path: Path) -> None:
+    """The original is never locked, so that an update can remove it; a damaged copy is made again."""
+
+    def made(content: bytes) -> Path:
+        path = tmp_path / f"dermis-windows-x64-{building.of_content(content)}.dll"
+        path.write_bytes(content)
+        return path
+
+    original, folder = made(b"one"), tmp_path / "own"
+    first = library.copied(original, folder)
+    assert first.parent == folder and first.read_bytes() == b"one" and library.copied(original, folder) == first
+    first.write_bytes(b"damaged")
+    assert library.copied(original, folder).read_bytes() == b"one"
+    second = library.copied(made(b"two"), folder)
+    assert second != first and second.read_bytes() == b"two"
+    assert list(folder.iterdir()) == [second]
+    own = library.Kernels(library.copied(own_library(), folder))
+    assert own.path.parent == folder
+
+
+def test_a_compiler_that_fails_is_told(tmp_path: Path) -> None:
+    with pytest.raises(building.NotBuilt, match="cannot be started: .*nowhere"):
+        building.build("linux-x64", tmp_path, [str(tmp_path / "nowhere")])
+    if HERE == "linux-x64":
+        with pytest.raises(building.NotBuilt, match="do not compile for linux-x64"):
+            building.build("linux-x64", tmp_path, ["/bin/false"])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_skins_refuse_without_it(nobody: None) -> None:
+    from core.contact.solver.path import PathSolver
+
+    with pytest.raises(DermisError, match="kernels are missing") as told:
+        PathSolver(np.eye(9), np.eye(3))
+    assert told.value.code == "no-kernels"
+
+
+def test_distances_are_measured_without_it(nobody: None) -> None:
+    """A device without a skin follows its pad's centre: the same distances, but for rounding."""
+    block = Surface.block(0.02, 0.02, 0.02)
+    points = np.random.default_rng(0).uniform(-0.02, 0.02, (200, 3))
+    gap = block.query(points).gap
+    q = np.abs(points + [0.0, 0.0, 0.01]) - 0.01
+    exact = np.linalg.norm(np.maximum(q, 0.0), axis=1) + np.minimum(q.max(axis=1), 0.0)
+    np.testing.assert_allclose(gap, exact, atol=1e-15)
+
+
+def test_a_haptip_is_rendered_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The whole way of a device without a skin: the same commands as with the library, but for rounding."""
+    from core.pipeline.render import run
+    from core.presets import Library
+    from core.scene.from_poses import scene_from_poses
+    from core.scene.tactile_scene import Body, DeviceUse, Finger
+
+    finger, ball = Finger("Index", (DeviceUse("haptip"),)), Surface.sphere(8e-3, 300).mesh
+    way = [(1e-4 * k, 0.0, 10e-3 - 0.2 * k / 240) for k in range(25)]  # down at 0.2 m/s
+    scene = scene_from_poses(
+        240.0, [(finger, way)], [(Body("Ball", ball, Library().material("wood")), (0.0, 0.0, 0.0))]
+    )
+    whole = run(scene).outputs[0].track.values
+    monkeypatch.setattr(library, "_loaded", lambda: DermisError("missing", code=library.CODE))
+    mesh = Surface.sphere(8e-3, 300).mesh  # another one: surfaces are kept with their meshes
+    scene = scene_from_poses(
+        240.0, [(finger, way)], [(Body("Ball", mesh, Library().material("wood")), (0.0, 0.0, 0.0))]
+    )
+    without = run(scene).outputs[0].track.values
+    assert np.ptp(whole, axis=0).max() > 0.0
+    np.testing.assert_allclose(whole, without, rtol=1e-9, atol=1e-9)

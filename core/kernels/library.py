@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import DermisError
-from ..files import atomic
 from . import building, records
 
 CODE = "no-kernels"
@@ -137,6 +136,8 @@ def copied(path: Path, folder: Path) -> Path:
     Raises:
         DermisError: the folder cannot be written.
     """
+    from ..files import atomic
+
     target = folder / path.name
     if not target.is_file() or not building.whole(target):
         with atomic(target) as part:

@@ -85,10 +85,8 @@ def bounds(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> tuple[NDArr
     Raises:
         DermisError: it has no width or no height.
     """
-    with meshes.EvaluatedMesh(obj.evaluated_get(depsgraph)) as mesh:
-        raw = np.zeros((0, 3)) if mesh is None else meshes.positions(mesh).astype(np.float64)
-    low, high = (raw.min(axis=0), raw.max(axis=0)) if len(raw) else (np.zeros(3), np.zeros(3))
-    size = high[:2] - low[:2]
+    low, high = extent(meshes.vertices_of(obj.evaluated_get(depsgraph)))
+    size = high - low
     if not (size > 0).all():
         raise DermisError(
             "the touch screen has no area",
@@ -97,7 +95,14 @@ def bounds(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> tuple[NDArr
             limit="a mesh with width and height in its own XY",
             remedy="Use a plane, or add a screen with Add > Dermis",
         )
-    return np.array([*(0.5 * (low[:2] + high[:2])), 0.0]), size
+    return np.array([*(0.5 * (low + high)), 0.0]), size
+
+
+def extent(places: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Return the lowest and the highest X and Y of vertices, shape (2, 2); zeros where there are none."""
+    if not len(places):
+        return np.zeros((2, 2))
+    return np.array([places.min(axis=0)[:2], places.max(axis=0)[:2]], np.float64)
 
 
 def build(

@@ -17,7 +17,7 @@ from .._core import Array, DermisError, Finding, core
 from . import curved_surfaces, participants, script_changes, simulated_motion
 from .instance_samples import InstanceSamples
 from .meshes import MeshReader
-from .participants import Entry, Participants
+from .participants import Entry, Participants, at_place, is_disabled
 
 SMALLEST_SCALE = 1e-6
 """What a scale of zero becomes: a matrix that cannot be inverted has no inside."""
@@ -40,6 +40,7 @@ class Recorder:
         total = len(bpy.data.objects)
         self._uids, self._now = np.empty(total, np.int32), np.empty(total, np.int32)
         bpy.data.objects.foreach_get("session_uid", self._uids)
+        self._first = self._uids.tobytes()
         self._scripted = script_changes.run_here()
         self._raw = np.empty((count, total * 16), np.float32)
         place = {int(uid): i for i, uid in enumerate(self._uids)}
@@ -61,7 +62,8 @@ class Recorder:
             for i, e in enumerate(swept.bodies)
             if (e.deforming or e.blinking) and e.shown_as is None and not _recorded(simulated, e)
         ]
-        self._surfaces: list[list[Any]] = [[None] * count for _ in self._surfaced]
+        self._looks: list[list[Any]] = [[] for _ in self._surfaced]  # since surfaces were made last
+        self._surfaces: list[list[Any]] = [[] for _ in self._surfaced]  # of the samples of a chunk
         self._absent = core.scene.tactile_scene.ABSENT
         self._bare = np.zeros((len(self._entries), count), bool)
         self._animated = self._animated_table()
@@ -83,14 +85,14 @@ class Recorder:
             if order is not None:
                 self._raw[k] = self._raw[k].reshape(-1, 16)[order].ravel()
         for i, place in self._blinking:
-            self._present[i, k] = not participants.is_disabled(self._object(place), depsgraph.view_layer)
+            self._present[i, k] = not is_disabled(self._object(place), depsgraph.view_layer)
         if self._shown.size:
             self._instances.record(k, depsgraph)
         if self._surfaced:
             self._record_surfaces(k, depsgraph)
         for key, place, path, factor in self._animated:
-            value = self._object(place).evaluated_get(depsgraph).dermis.path_resolve(path)
-            self._values[key][k] = value * factor
+            owner = self._object(place) if self._scripted else objects[place]
+            self._values[key][k] = owner.evaluated_get(depsgraph).dermis.path_resolve(path) * factor
 
     def chunk(self, frames: Array, times: Array, n: int, findings: list[Any], *, simulating: bool = False) -> Any:
         """Return samples 0 to n - 1 as a chunk, and note what had to be mended.
@@ -117,7 +119,11 @@ class Recorder:
                         self._particles[i].look(now[:, :3, 3], poses[i, :, :3, 3], self._present[i, :n], frames)
                     poses[i] = now
         f, b = len(self._participants.fingers), len(self._participants.bodies)
-        surfaces = {body: tuple(self._surfaces[s][:n]) for s, (_, body, _) in enumerate(self._surfaced)}
+        self._take_surfaces()
+        surfaces = {}
+        for s, (_, body, _) in enumerate(self._surfaced):
+            surfaces[body] = tuple(self._surfaces[s])
+            self._surfaces[s].clear()
         if self._shown.size:
             surfaces |= self._instances.surfaces(n)
         if self._simulated is not None:
@@ -145,7 +151,8 @@ class Recorder:
         return [found for between in watched if (found := between.finding()) is not None]
 
     def surfaces_of(self, k: int) -> Iterator[tuple[Entry, Any]]:
-        """Yield the surfaces of deforming bodies at sample k."""
+        """Yield the surfaces of deforming bodies at sample k, the last one."""
+        self._take_surfaces()
         for s, (_, _, entry) in enumerate(self._surfaced):
             if entry.deforming:
                 yield entry, self._surfaces[s][k]
@@ -178,7 +185,7 @@ class Recorder:
         A script that renames objects moves them there.
         """
         bpy.data.objects.foreach_get("session_uid", self._now)
-        if np.array_equal(self._now, self._uids):
+        if self._now.tobytes() == self._first:
             return None
         by_uid = np.argsort(self._now)
         order = by_uid[np.searchsorted(self._now, self._uids, sorter=by_uid).clip(max=len(by_uid) - 1)]
@@ -188,7 +195,7 @@ class Recorder:
 
     def _object(self, place: int) -> bpy.types.Object:
         """Return the object that was at a place in Blender's list at the start."""
-        return participants.at_place(place, int(self._uids[place]))
+        return at_place(place, int(self._uids[place]))
 
     def _check_source(self, depsgraph: bpy.types.Depsgraph) -> None:
         """See whether Blender copies evaluated matrices back to the objects; it does for the active graph only."""
@@ -213,16 +220,24 @@ class Recorder:
         self._bare[self._shown, :n] = made.bare[:, :n] & self._present[self._shown, :n]
 
     def _record_surfaces(self, k: int, depsgraph: bpy.types.Depsgraph) -> None:
-        unit = self._participants.unit
         for s, (i, _, entry) in enumerate(self._surfaced):
-            if not self._present[i, k]:
-                self._bare[i, k] = False
-                self._surfaces[s][k] = self._absent
-                continue
-            evaluated = self._object(int(self._place[i])).evaluated_get(depsgraph)
-            mesh = self._reader.read(evaluated, unit, entry.mirrored, entry.curved)
-            self._bare[i, k] = len(mesh.triangles) == 0
-            self._surfaces[s][k] = self._absent if self._bare[i, k] else mesh
+            look = None
+            if self._present[i, k]:
+                evaluated = self._object(int(self._place[i])).evaluated_get(depsgraph)
+                look = self._reader.look(evaluated, entry.curved is not None)
+            self._looks[s].append(look)
+
+    def _take_surfaces(self) -> None:
+        """Make surfaces of what was looked at since the last time; for many samples at once that is faster."""
+        for s, (i, _, entry) in enumerate(self._surfaced):
+            looks, self._looks[s], made = self._looks[s], [], self._surfaces[s]
+            geometries = iter(self._reader.geometries([look for look in looks if look is not None]))
+            for look in looks:
+                geometry = None if look is None else next(geometries)
+                bare = geometry is None or not len(geometry.topology.faces)
+                self._bare[i, len(made)] = bare and self._present[i, len(made)]
+                args = self._participants.unit, entry.mirrored, entry.curved
+                made.append(self._absent if bare else self._reader.surface(geometry, *args))
 
     def _poses(self, n: int) -> Array:
         """Return matrices of all entries in metres, reflections taken out, shape (entries, n, 4, 4)."""

@@ -8,6 +8,7 @@ import bpy
 
 from . import dependence, participants, render_settings, script_changes
 from .participants import Participants
+from .render_settings import has_settings, instancer, rendering, seen_by_camera, settings, visibility
 
 Words = dict[int, list[str]]  # by session uid, of those that have any
 
@@ -42,15 +43,18 @@ class RenderCauses:
         """Compare the settings of now; all of them the first time, then those that may have changed."""
         every = self._all_vary or not self._looked
         for uid in objects if every else self._varying & objects.keys():
-            obj = objects[uid]
-            _keep(self._settings, uid, render_settings.settings(obj, self._scene))
-            _keep(self._instancer, uid, render_settings.instancer(obj))
-            _keep(self._visibility, uid, render_settings.visibility(obj))
+            obj = objects[uid]  # where scripts run, this is asked of all objects at every frame: most have nothing
+            if has_settings(obj) or uid in self._settings:
+                _keep(self._settings, uid, settings(obj, self._scene))
+            if obj.is_instancer or uid in self._instancer:
+                _keep(self._instancer, uid, instancer(obj))
+            if obj.hide_viewport != obj.hide_render or uid in self._visibility:
+                _keep(self._visibility, uid, visibility(obj))
         if every:
             for collection in bpy.data.collections:
-                _keep(self._visibility, collection.session_uid, render_settings.visibility(collection))
+                _keep(self._visibility, collection.session_uid, visibility(collection))
             layer = self._view_layer.layer_collection
-            self._rendering = {o.session_uid for c in render_settings.rendering(layer) for o in c.objects}
+            self._rendering = {o.session_uid for c in rendering(layer) for o in c.objects}
         if not self._looked:
             self._find_makers(objects)
         self._looked = True
@@ -58,7 +62,7 @@ class RenderCauses:
     def hidden(self, objects: Mapping[int, bpy.types.Object]) -> set[int]:
         """Return the session uids of felt objects that are enabled, and that renders do not show now."""
         shown = (self._felt - self._instanced) & objects.keys()
-        out = {uid for uid in shown if not (uid in self._rendering and render_settings.seen_by_camera(objects[uid]))}
+        out = {uid for uid in shown if not (uid in self._rendering and seen_by_camera(objects[uid]))}
         instanced = {uid: objects[uid] for uid in self._instanced & self._visibility.keys() & objects.keys()}
         out |= {uid for uid, users in self._reach(instanced, shown=True).items() if users & self._makers}
         return self._enabled(out, objects)
@@ -66,6 +70,8 @@ class RenderCauses:
     def differing(self, objects: Mapping[int, bpy.types.Object]) -> Words:
         """Return in words what differs now of enabled felt objects and of makers of felt instances."""
         out: Words = {}
+        if not (self._settings or self._instancer or self._visibility):
+            return out
         concerned = self._felt | self._makers
         for words, among in ((self._settings, concerned), (self._instancer, self._felt)):
             for uid in words.keys() & among:

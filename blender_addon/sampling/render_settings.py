@@ -17,6 +17,7 @@ _FINENESS = {
 }
 """Settings of modifiers for the viewport and for renders, by type."""
 _CURVE = (("resolution_u", "render_resolution_u"), ("resolution_v", "render_resolution_v"))
+_RESOLVED = {"CURVE", "SURFACE", "FONT", "META"}
 _META = ("resolution", "render_resolution")
 _SHOWN = ("show_viewport", "show_render")
 _INSTANCER = ("show_instancer_for_viewport", "show_instancer_for_render")
@@ -47,6 +48,11 @@ def settings(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[str]:
     for system in obj.particle_systems:
         out += [f"{system.name}: {said}" for said in _particles(system.settings, scene)]
     return out
+
+
+def has_settings(obj: bpy.types.Object) -> bool:
+    """Return whether `settings` has anything to compare of an object."""
+    return len(obj.modifiers) > 0 or obj.type in _RESOLVED or len(obj.particle_systems) > 0
 
 
 def instancer(obj: bpy.types.Object) -> list[str]:

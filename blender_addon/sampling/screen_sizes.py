@@ -8,8 +8,9 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .._core import Array, DermisError, Finding
-from . import height_maps, participants
+from .._core import Finding
+from . import height_maps, meshes, participants
+from .participants import at_place
 
 TOLERANCE = 1e-5
 """Of the screen's longer side: what single precision and a change of the frame leave of a still edge."""
@@ -21,26 +22,32 @@ class FixedSize:
     def __init__(self, screen: bpy.types.Object, depsgraph: bpy.types.Depsgraph, unit: float) -> None:
         """Take a usable screen at the first frame; `unit` is metres in a scene unit."""
         self._name, self._uid, self._unit = screen.name_full, screen.session_uid, unit
-        self._first = _edges(screen, depsgraph)
+        self._place = bpy.data.objects.find(screen.name_full)
+        places = meshes.vertices_of(screen.evaluated_get(depsgraph))
+        self._now = places.tobytes()  # what was looked at last, and how far its edges were off
+        self._off, self._is_off = np.zeros((2, 2)), False
+        self._first = height_maps.extent(places)
         self._smallest = TOLERANCE * float(np.ptp(self._first, axis=0).max())
         self._since: float | None = None
         self._worst, self._worst_at = 0.0, 0.0
 
     def look(self, depsgraph: bpy.types.Depsgraph, frame: float) -> None:
         """Compare the current frame with the first."""
-        screen = participants.look_up({self._uid}).get(self._uid)
-        if screen is None or participants.is_disabled(screen, depsgraph.view_layer):
-            return  # the recorder says so
+        screen = at_place(self._place, self._uid)
         evaluated = screen.evaluated_get(depsgraph)
-        try:
-            off = np.abs(_edges(screen, depsgraph) - self._first)
-        except DermisError:  # nothing is left of it: as far as its middle
-            off = 0.5 * np.ptp(self._first, axis=0)[None]
-        if off.max() <= self._smallest:
-            return
+        places = meshes.vertices_of(evaluated)
+        now = places.tobytes()
+        if now != self._now:
+            edges = height_maps.extent(places)
+            # Where nothing is left of it, as far as its middle.
+            left = (edges[1] > edges[0]).all()
+            self._now, self._off = now, np.abs(edges - self._first) if left else 0.5 * np.ptp(self._first, axis=0)[None]
+            self._is_off = not self._off.max() <= self._smallest
+        if not self._is_off or participants.is_disabled(screen, depsgraph.view_layer):
+            return  # the recorder tells what is disabled
         self._since = frame if self._since is None else self._since
         stretch = np.linalg.norm(np.array(evaluated.matrix_world, np.float64)[:3, :2], axis=0)
-        distance = float((off * stretch).max()) * self._unit
+        distance = float((self._off * stretch).max()) * self._unit
         if distance > self._worst:
             self._worst, self._worst_at = distance, frame
 
@@ -74,9 +81,3 @@ def watched(
     """
     changing = (obj for obj in screens if deforming is None or obj.session_uid in deforming)
     return [FixedSize(obj, depsgraph, unit) for obj in changing]
-
-
-def _edges(screen: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Array:
-    """Return the lowest and the highest X and Y of a screen's mesh in its own space, shape (2, 2) [scene units]."""
-    centre, size = height_maps.bounds(screen, depsgraph)
-    return np.array([centre[:2] - 0.5 * size, centre[:2] + 0.5 * size])

@@ -21,7 +21,7 @@ from .._core import Array, Finding, core
 from ..properties import object_properties
 from . import participants, simulated_motion
 from .meshes import MeshReader
-from .participants import Entry, Participants
+from .participants import Entry, Participants, at_place, role_of
 
 _LISTS = ("frame_change_pre", "frame_change_post")
 _HANDLERS = tuple(
@@ -118,8 +118,8 @@ class Watch:
         taking_part = [
             ((place[o.session_uid], o.session_uid), o) for o in scene.objects if participants.role_of(o) != "NONE"
         ]
-        inside = _children()
-        self._settings = [(at, _settings(o, inside)) for at, o in taking_part]
+        self._inside = _children()
+        self._settings = [(at, _settings(o, compat.stored(o, "dermis"), self._inside)) for at, o in taking_part]
         # Fingers and screens are there all the time or not at all.
         self._disabled = [
             (at, participants.is_disabled(o, view_layer))
@@ -157,13 +157,12 @@ class Watch:
         if depsgraph is None:
             self._all = True
             return
-        timely = self._timely
-        for update in depsgraph.updates:
-            original = update.id.original
-            uid = original.session_uid
-            if uid not in timely:
-                self._edited.add(uid)
-                self._all |= isinstance(original, bpy.types.Scene | bpy.types.Collection)
+        edited = {update.id.original.session_uid for update in depsgraph.updates} - self._timely
+        if edited:
+            self._edited |= edited
+            changed = (update.id.original for update in depsgraph.updates)
+            wide = (o for o in changed if isinstance(o, bpy.types.Scene | bpy.types.Collection))
+            self._all |= any(o.session_uid in edited for o in wide)
 
     def look(self, depsgraph: bpy.types.Depsgraph, at_frame: float) -> None:
         """Compare the current frame; it is the next sample of the chunk."""
@@ -226,13 +225,16 @@ class Watch:
 
     def _look_at_settings(self, frame: float) -> None:
         inside = _children()
-        for at, first in self._settings:
-            obj = participants.at_place(*at)
-            same = compat.stored(obj, "dermis") == first.stored
-            if not same or (first.content is not None and _content(obj, inside) != first.content):
-                self._compare(obj, first, _settings(obj, inside), frame)
+        moved = inside != self._inside
+        for i, (at, first) in enumerate(self._settings):
+            obj = at_place(*at)
+            stored = compat.stored(obj, "dermis")
+            if moved or stored != first.stored:
+                now = _settings(obj, stored, inside)
+                if not self._compare(obj, first, now, frame):
+                    self._settings[i] = at, now  # groups that were empty are there once somebody has read them
         for obj in self._scene.objects:
-            if obj.session_uid not in self._known and participants.role_of(obj) != "NONE":
+            if obj.session_uid not in self._known and role_of(obj) != "NONE":
                 self._tell(f"object '{obj.name_full}'", "role", frame)
         for name, value in _world(self._scene).items():
             if value != self._world[name]:
@@ -241,11 +243,14 @@ class Watch:
             if on and (uid, name) in self._off:
                 self._tell(_owner(uid), name or "rigid body world", frame)
 
-    def _compare(self, obj: Any, first: _Settings, now: _Settings, frame: float) -> None:
-        animated, branch = compat.animated_paths(obj), _BRANCHES.get(participants.role_of(obj))
+    def _compare(self, obj: Any, first: _Settings, now: _Settings, frame: float) -> bool:
+        """Tell what is set otherwise than at first; return whether anything is."""
         changed = set(_differing(first.stored, now.stored))
         if first.content != now.content:
             changed.add("material.content_kind")
+        if not changed:
+            return False
+        animated, branch = compat.animated_paths(obj), _BRANCHES.get(participants.role_of(obj))
         for path in sorted(changed):
             if f"dermis.{path}" in animated:
                 continue
@@ -254,6 +259,7 @@ class Watch:
                 self._following.setdefault(key, [])
             elif path == "role" or (path.partition(".")[0] == branch and _matters(path)):
                 self._tell(f"object '{obj.name_full}'", path, frame)
+        return True
 
     def _value(self, key: str) -> float:
         """Return a parameter of the object itself: Blender evaluates nothing because a script sets one of ours."""
@@ -358,13 +364,9 @@ class _Settings(NamedTuple):
     content: tuple[str, ...] | None
 
 
-def _settings(obj: bpy.types.Object, inside: Mapping[int, list[str]]) -> _Settings:
+def _settings(obj: bpy.types.Object, stored: dict[str, Any], inside: Mapping[int, list[str]]) -> _Settings:
     listed = participants.role_of(obj) == "TOUCHABLE" and obj.dermis.material.content_kind == "child"
-    return _Settings(compat.stored(obj, "dermis"), _content(obj, inside) if listed else None)
-
-
-def _content(obj: bpy.types.Object, inside: Mapping[int, list[str]]) -> tuple[str, ...]:
-    return tuple(sorted(inside.get(obj.session_uid, ())))
+    return _Settings(stored, tuple(sorted(inside.get(obj.session_uid, ()))) if listed else None)
 
 
 def _children() -> dict[int, list[str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import bpy
@@ -146,10 +147,11 @@ def cuts_of(places: np.ndarray, faces: Any) -> tuple[bpy.types.Mesh, face_cuts.F
     return mesh, face_cuts.FaceCuts(mesh, corners, meshes.positions(mesh)), corners
 
 
+@pytest.mark.parametrize("at_once", [False, True], ids=["each", "at_once"])
 @pytest.mark.parametrize("size", [3, 4, 5, 8])
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
 def test_triangles_are_read_again_only_where_they_may_be_others(
-    size: int, scale: float, monkeypatch: pytest.MonkeyPatch
+    size: int, scale: float, at_once: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of many faces that all move, and of which few are not convex."""
     draw = np.random.default_rng(size)
@@ -158,7 +160,7 @@ def test_triangles_are_read_again_only_where_they_may_be_others(
     places = scale * (ring + draw.normal(scale=0.05, size=(200, size, 3)) + 3.0 * np.arange(200)[:, None, None])
     mesh, cuts, corners = cuts_of(places.reshape(-1, 3), np.arange(200 * size).reshape(-1, size))
     whole: list[int] = []
-    kept = cuts.loops
+    series, got, truths = [], [cuts.loops], [cuts.loops]
     monkeypatch.setattr(face_cuts, "triangle_loops", lambda _: whole.append(1))
     for step in range(5):
         places += scale * draw.normal(scale=0.02, size=places.shape)
@@ -168,12 +170,18 @@ def test_triangles_are_read_again_only_where_they_may_be_others(
                 places[k, k] = middle + 0.3 * (middle - places[k, k])
         mesh.vertices.foreach_set("co", places.astype(np.float32).ravel())
         mesh.update()
-        changed = cuts.follow(mesh, meshes.positions(mesh))
+        series.append(meshes.positions(mesh))
+        if not at_once:
+            got += cuts.follow(series[-1:], mesh)
         mesh.calc_loop_triangles()
-        truth = np.array([t.loops[:] for t in mesh.loop_triangles])
-        np.testing.assert_array_equal(cuts.loops, truth)
-        np.testing.assert_array_equal(cuts.vertices, corners[truth])
-        assert changed == (cuts.loops is not kept) == (not np.array_equal(cuts.loops, kept))
-        kept = cuts.loops
-    assert changed == (size > 3)
+        truths.append(np.array([t.loops[:] for t in mesh.loop_triangles]))
+    before = set(bpy.data.meshes)
+    if at_once:
+        got += cuts.follow(series)
+    assert set(bpy.data.meshes) == before
+    np.testing.assert_array_equal(got, truths)
+    np.testing.assert_array_equal(cuts.vertices(got[-1]), corners[truths[-1]])
+    same = [np.array_equal(*pair) for pair in pairwise(truths)]
+    assert [one is other for one, other in pairwise(got)] == same
+    assert same[-1] == (size == 3)
     assert not whole

@@ -90,7 +90,7 @@ class FaceCuts:
                 doubtful = (series[1:] != series[:-1]) | (series[1:] == 0)
                 for k, any_here in enumerate(doubtful.any(axis=1).tolist()):
                     if any_here and mesh is None:
-                        made = self._made() if made is None else made
+                        made = self._made(len(part[k])) if made is None else made
                         made.vertices.foreach_set("co", part[k].reshape(-1))
                         made.update()
                     if any_here:
@@ -101,10 +101,10 @@ class FaceCuts:
                 bpy.data.meshes.remove(made)
         return out
 
-    def _made(self) -> bpy.types.Mesh:
-        """Return a new mesh of these faces, which the caller removes."""
+    def _made(self, vertices: int) -> bpy.types.Mesh:
+        """Return a new mesh of these faces and so many vertices, which the caller removes."""
         mesh = bpy.data.meshes.new("Dermis")
-        mesh.vertices.add(int(self._corners.max()) + 1)
+        mesh.vertices.add(vertices)
         mesh.loops.add(len(self._corners))
         mesh.polygons.add(len(self._starts))
         mesh.loops.foreach_set("vertex_index", self._corners)

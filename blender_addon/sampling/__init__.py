@@ -2,7 +2,7 @@
 
 participants      which objects feel, are touched or are screens, instances among them
 prepass           what must be known of the range before: which surfaces change, which instances appear
-simulated_motion  what simulations move, swept at whole frames
+simulated_motion  what simulations move, swept at whole frames; motion_pieces has curves from one rest to the next
 frames            the range to bake, and the frames nearest to a steady rate
 scene_header      names, parameters and flaws, before the first sample
 height_maps       relief of screens; mesh_heights casts it from a mesh, image_files knows the files behind images

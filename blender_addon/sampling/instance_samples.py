@@ -107,8 +107,9 @@ class InstanceSamples:
         self._note_strange(shown, k)
 
     def _note_strange(self, shown: Shown, k: int) -> None:
-        for key in shown.surfaces.keys() - self._keys:
-            self._strange.setdefault(key, []).append(k)
+        for key, geometry in shown.surfaces.items():
+            if geometry is not None and key not in self._keys:
+                self._strange.setdefault(key, []).append(k)
 
     def surfaces(self, n: int) -> dict[int, tuple[Any, ...]]:
         """Return the surfaces of n samples by body; without those that keep the header's all the while."""

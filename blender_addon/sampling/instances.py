@@ -21,7 +21,7 @@ from .._core import Array
 from . import participants
 from .changes_seen import ChangesSeen
 from .joined_pieces import Joined, Pieces, join, with_area
-from .meshes import EvaluatedMesh, Geometry, MeshReader
+from .meshes import SURFACE_TYPES, EvaluatedMesh, Geometry, MeshReader
 from .participants import InstanceKey
 from .unfelt import Unfelt, is_unfelt
 
@@ -272,7 +272,8 @@ def _plain(known: _Object, itself: bool, pieces: list[Pieces], place: Array) -> 
     if not pieces:
         return True
     return (
-        len(pieces) == 1
+        known.evaluated.type in SURFACE_TYPES  # others have no mesh of their own beside what nodes make
+        and len(pieces) == 1
         and len(pieces[0].ids) == 1 == len(pieces[0].ids[0])
         and np.array_equal(pieces[0].places[0], place)
     )

@@ -349,6 +349,8 @@ def _steps(
             yield chunk if watch is None else watch.follow(chunk)
         findings += coarse.findings()
         findings += recorder.findings()
+        if simulated is not None:
+            findings += simulated.findings(clock)
         for looker in lookers:
             findings += looker.findings
         if watch is not None:
@@ -375,14 +377,25 @@ def _simulate(
 
     part = replace(swept, fingers=pick(swept.fingers), bodies=pick(swept.bodies), screens=pick(swept.screens))
     recorder = readers.recorder(part, len(whole))
-    recording = simulated_motion.Recording(clock.seconds(whole))
+    recording, absent = simulated_motion.Recording(clock.seconds(whole)), core.scene.tactile_scene.ABSENT
     for k, frame in enumerate(whole.tolist()):
-        recorder.record(k, _go_to(swept, frame))
+        depsgraph = _go_to(swept, frame)
+        recorder.record(k, depsgraph)
         for entry, mesh in recorder.surfaces_of(k):
-            recording.keep_surface(entry.name, mesh)
+            bare = mesh is absent and entry.shown_as is None and _is_there(entry, depsgraph)
+            recording.keep_surface(entry.name, mesh, bare=bare)
         yield None
     chunk = recorder.chunk(whole, recording.times, len(whole), findings, simulating=True)
     for entries, poses in ((part.fingers, chunk.fingers), (part.bodies, chunk.bodies), (part.screens, chunk.screens)):
-        for entry, matrices in zip(entries, poses, strict=True):
-            recording.keep_poses(entry.name, matrices)
+        for i, (entry, matrices) in enumerate(zip(entries, poses, strict=True)):
+            shown = chunk.surfaces.get(i) if entries is part.bodies else None
+            here = np.ones(len(whole), bool) if shown is None else np.array([mesh is not absent for mesh in shown])
+            recording.keep_poses(entry.name, matrices, here)
     return recording
+
+
+def _is_there(entry: Entry, depsgraph: bpy.types.Depsgraph) -> bool:
+    """Return whether an object that may be hidden for a while is evaluated now."""
+    return not entry.blinking or not participants.is_disabled(
+        participants.look_up({entry.uid})[entry.uid], depsgraph.view_layer
+    )

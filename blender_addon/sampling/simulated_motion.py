@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from .. import compat, scene_time
 from .._core import Array, Finding, core
-from . import dependence, participants
+from . import dependence, motion_pieces, participants
 from .participants import Entry
 
 MARGIN = 8
@@ -185,18 +185,27 @@ class Recording:
     def __init__(self, times: Array) -> None:
         """Take the times [s] of the whole frames, shape (n,)."""
         self.times = times
-        self._poses: dict[str, Poses] = {}
+        self._poses: dict[str, motion_pieces.Poses] = {}
         self._surfaces: dict[str, list[Any]] = {}
+        self._bare: set[tuple[str, int]] = set()
+        self._seen: dict[tuple[str, str], tuple[float, int]] = {}  # code and name: since when [s], at how many samples
 
-    def keep_poses(self, name: str, matrices: Array) -> None:
-        """Take one entry's matrices at the whole frames, shape (n, 4, 4)."""
-        self._poses[name] = Poses(self.times, matrices)
+    def keep_poses(self, name: str, matrices: Array, here: NDArray[np.bool_]) -> None:
+        """Take one entry's matrices at the whole frames, shape (n, 4, 4), and when it is there, shape (n,)."""
+        self._poses[name] = motion_pieces.Poses(self.times, matrices, here)
 
-    def keep_surface(self, name: str, mesh: Any) -> None:
-        """Take a body's surface at the next whole frame; in single precision, as Blender had it."""
-        self._surfaces.setdefault(name, []).append(
-            core.scene.tactile_scene.Mesh(mesh.vertices.astype(np.float32), mesh.triangles)
-        )
+    def keep_surface(self, name: str, mesh: Any, *, bare: bool = False) -> None:
+        """Take a body's surface at the next whole frame; in single precision, as Blender had it.
+
+        Args:
+            bare: the body is there, and has no faces.
+        """
+        kept = self._surfaces.setdefault(name, [])
+        if bare:
+            self._bare.add((name, len(kept)))
+        if mesh is not core.scene.tactile_scene.ABSENT:
+            mesh = core.scene.tactile_scene.Mesh(mesh.vertices.astype(np.float32), mesh.triangles)
+        kept.append(mesh)
 
     def has_surface(self, name: str) -> bool:
         """Return whether a body's surface was recorded."""
@@ -207,23 +216,61 @@ class Recording:
         return self._poses[name].at(times)
 
     def surfaces_at(self, name: str, times: Array) -> tuple[Any, ...]:
-        """Return surfaces at other times; where faces change nearby, the last whole frame's holds.
+        """Return surfaces at other times; where faces change, those of the last whole frame hold until they have.
 
         Faces that are cut along other diagonals are the same, and have the triangles of the last whole frame.
         """
         meshes = self._surfaces[name]
-        step = self.times[1] - self.times[0]
-        at = np.clip(np.searchsorted(self.times, times + 1e-9 * step, side="right") - 1, 0, len(meshes) - 1)
+        at = motion_pieces.whole_frames(self.times, times)
         low, high = max(int(at[0]) - MARGIN, 0), min(int(at[-1]) + 1 + MARGIN, len(meshes) - 1)
-        window = meshes[low : high + 1]
-        if not all(_same_faces(*pair) for pair in pairwise(window)):
-            return tuple(meshes[i] for i in at)
-        stack = np.stack([m.vertices for m in window])
-        spline = core.motion.Spline(self.times[low : high + 1], stack.reshape(len(window), -1))
-        return tuple(
-            core.scene.tactile_scene.Mesh(vertices.copy(), meshes[i].triangles)
-            for i, vertices in zip(at.tolist(), spline.at(times).reshape(-1, *stack.shape[1:]), strict=True)
-        )
+        window, knots = meshes[low : high + 1], self.times[low : high + 1]
+        same = np.array([_same_faces(*pair) for pair in pairwise(window)], bool)
+        moves = np.array([not np.array_equal(one.vertices, other.vertices) for one, other in pairwise(window)], bool)
+        first, last = motion_pieces.runs(same & moves)
+        out = [meshes[i] for i in at.tolist()]
+        for start in np.unique(first[at - low]).tolist():
+            if last[start] == start:
+                continue
+            chosen = np.flatnonzero(first[at - low] == start)
+            stack = np.stack([m.vertices for m in window[start : last[start] + 1]])
+            spline = core.motion.Spline(knots[start : last[start] + 1], stack.reshape(len(stack), -1))
+            moved = spline.at(times[chosen]).reshape(-1, *stack.shape[1:])
+            for k, vertices in zip(chosen.tolist(), moved, strict=True):
+                out[k] = core.scene.tactile_scene.Mesh(vertices.copy(), out[k].triangles)
+        bare = np.array([(name, i) in self._bare for i in range(low, high + 1)])
+        there = bare | [mesh is not core.scene.tactile_scene.ABSENT for mesh in window]
+        others = np.append(~same & there[1:] & there[:-1], False)
+        self._note("no-faces", name, times[bare[at - low]])
+        self._note("faces-between-frames", name, times[others[at - low] & ~np.isin(times, self.times)])
+        return tuple(out)
+
+    def findings(self, clock: scene_time.Clock) -> Iterator[Any]:
+        """Yield what was noticed of the surfaces that were asked for."""
+        for (code, name), (since, count) in self._seen.items():
+            what, remedy = _SAID[code]
+            yield Finding(
+                "warning",
+                code,
+                what,
+                where=f"object '{name}'",
+                remedy=remedy,
+                frame=float(clock.frames(since)),
+                count=count,
+            )
+
+    def _note(self, code: str, name: str, times: Array) -> None:
+        if len(times):
+            since, count = self._seen.get((code, name), (float(times[0]), 0))
+            self._seen[code, name] = since, count + len(times)
+
+
+_SAID = {
+    "no-faces": ("it has no faces for a while, and cannot be touched meanwhile", ""),
+    "faces-between-frames": (
+        "it is simulated and gets other faces: between these whole frames it is felt as at the first of them",
+        "Let its faces change while nothing touches it, or sample at whole frames only",
+    ),
+}
 
 
 def _same_faces(one: Any, other: Any) -> bool:
@@ -231,29 +278,3 @@ def _same_faces(one: Any, other: Any) -> bool:
     if len(one.vertices) != len(other.vertices):
         return False
     return a is b or np.array_equal(a, b) or core.surface.topology.cut_otherwise(a, b)
-
-
-class Poses:
-    """Matrices at whole frames, and between them."""
-
-    def __init__(self, times: Array, matrices: Array) -> None:
-        """Take times [s], shape (n,), and matrices with positive stretch, shape (n, 4, 4); NaN means absent."""
-        gone: NDArray[np.bool_] = ~np.logical_and.reduce(np.isfinite(matrices), axis=(1, 2))
-        if gone.any() and not gone.all():
-            # Held where absent, so that the spline stays calm; presence is told elsewhere.
-            nearest = np.maximum.accumulate(np.where(~gone, np.arange(len(gone)), -1))
-            matrices = matrices[np.where(nearest < 0, np.argmin(gone), nearest)]
-        stretch = np.linalg.norm(matrices[:, :3, :3], axis=1)
-        rigid = matrices.copy()
-        rigid[:, :3, :3] /= stretch[:, None, :]
-        self._motion = core.motion.Motion(times, rigid)
-        self._stretches = core.motion.Spline(times, stretch)
-
-    def at(self, times: Array) -> Array:
-        """Return matrices at other times, shape (m, 4, 4)."""
-        samples = self._motion.at(times)
-        out = np.zeros((len(times), 4, 4))
-        out[:, :3, :3] = samples.rotation * self._stretches.at(times)[:, None, :]
-        out[:, :3, 3] = samples.position
-        out[:, 3, 3] = 1.0
-        return out

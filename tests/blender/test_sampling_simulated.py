@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import bpy
 import numpy as np
 import pytest
 
 from blender_addon.sampling import scene_sweep, simulated_motion
+from blender_addon.scene_time import Clock
 from core.motion import Motion
+from core.scene import tactile_scene
 from core.scene.content_hash import ContentHash
 from tests.blender import build
 
@@ -210,3 +214,74 @@ def test_particles_that_show_a_touchable_object_fall_smoothly():
     got = build.joined(tactile)
     falling = Motion(got["times"], got["bodies"][1]).at(got["times"]).acceleration[30:-30, 2]
     np.testing.assert_allclose(falling, -9.81, rtol=0.001)
+
+
+def test_what_is_let_go_late_rests_until_then_and_falls_from_then_on():
+    scene = build.span(1, 12)
+    rigid(build.cube("Cube", 1.0, (0, 0, 20)))
+    scene.rigidbody_world.point_cache.frame_start = 5
+    build.finger()
+    got = build.joined(scene_sweep.sample(scene))
+    t, dt = np.maximum(got["times"] - 4 / 24, 0.0), 1 / 240
+    np.testing.assert_allclose(got["bodies"][0, :, 2, 3], 20 - 9.81 * (t**2 + t * dt) / 2, atol=2e-5)
+
+
+@pytest.mark.parametrize(("born", "life"), [(1, 500), (4, 500), (4, 4)])
+def test_particles_come_and_go_where_blender_shows_them(born, life):
+    scene, source = falling_particles(None)
+    scene.dermis.sample_rate = 50.0
+    settings = source.particle_systems[0].settings
+    settings.frame_end, settings.frame_start, settings.lifetime = born, born, life
+    tactile = scene_sweep.sample(scene)
+    got = build.joined(tactile)
+    names, seen = [b.name for b in tactile.bodies], 0
+    for k, frame in enumerate(got["frames"].tolist()):
+        scene.frame_set(int(frame), subframe=frame % 1.0)
+        for item in bpy.context.evaluated_depsgraph_get().object_instances:
+            if item.is_instance:
+                body = names.index(f"Pebble @ Source {item.persistent_id[0]}.0")
+                np.testing.assert_allclose(got["bodies"][body, k, :3, 3], item.matrix_world.translation, atol=1e-5)
+                seen += 1
+    assert seen >= 2 * 2 * min(life, 8)
+    assert not any(f.code == "particles-between-frames" for f in tactile.chunks.findings)
+
+
+def test_surfaces_that_get_other_faces_or_rest_for_a_while_move_smoothly_otherwise():
+    times, clock = np.arange(20) / 24.0, Clock(Fraction(24), 1.0)
+    corners = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], float)
+    faces = [np.array([(0, 1, 2), (0, 2, 3)], np.int32), np.array([(0, 1, 2)], np.int32)]
+
+    def height(t):
+        return np.maximum(t - times[6], 0.0) ** 2
+
+    recording = simulated_motion.Recording(times)
+    for i, time in enumerate(times.tolist()):
+        recording.keep_surface("Cloth", tactile_scene.Mesh(corners + [0, 0, height(time)], faces[int(i >= 10)]))
+    between = np.linspace(times[3], times[14], 111)
+    made = recording.surfaces_at("Cloth", between)
+    expected = np.where((between > times[9]) & (between < times[10] - 1e-9), height(times[9]), height(between))
+    np.testing.assert_allclose([m.vertices[0, 2] for m in made], expected, atol=1e-7)
+    (found,) = recording.findings(clock)
+    assert (found.code, found.where, found.count) == ("faces-between-frames", "object 'Cloth'", 9)
+    assert found.frame == pytest.approx(10.1)
+
+
+def test_a_simulated_surface_without_faces_for_a_while_is_told():
+    scene = build.span(1, 8)
+    scene.dermis.sample_rate = 24.0
+    sheet = build.mesh_object("Sheet", [(0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)], [(0, 1, 2, 3)])
+    sheet.dermis.role = "TOUCHABLE"
+    sheet.vertex_groups.new(name="All").add([0, 1, 2, 3], 0.5, "ADD")
+    sheet.modifiers.new("Cloth", "CLOTH")
+    mask = sheet.modifiers.new("Mask", "MASK")
+    mask.vertex_group = "All"
+    for frame, threshold in ((1, 0.0), (4, 0.0), (5, 1.0)):
+        mask.threshold = threshold
+        mask.keyframe_insert("threshold", frame=frame)
+    build.finger()
+    tactile = scene_sweep.sample(scene)
+    surfaces = build.joined(tactile)["surfaces"][0]
+    gone = [m is tactile_scene.ABSENT for m in surfaces]
+    told = [f for f in tactile.chunks.findings if f.code == "no-faces"]
+    assert any(gone) and not all(gone)
+    assert [(f.frame, f.count) for f in told] == [(1.0 + gone.index(True), sum(gone))]

@@ -45,7 +45,8 @@ def beside(obj: Any, kind: str, **inputs: Any) -> Any:
     made, joined = tree.nodes.new(kind), tree.nodes.new("GeometryNodeJoinGeometry")
     for name, value in inputs.items():
         made.inputs[name].default_value = value
-    tree.links.new(begin.outputs[0], made.inputs[0])
+    if made.inputs[0].type == "GEOMETRY":
+        tree.links.new(begin.outputs[0], made.inputs[0])
     for part in (made.outputs[0], begin.outputs[0]):
         tree.links.new(part, joined.inputs[0])
     tree.links.new(joined.outputs[0], end.inputs[0])
@@ -122,3 +123,38 @@ def test_many_hidden_objects_are_one_line() -> None:
         build.cube(f"Cube {i}", location=(2.0 * i, 0.0, 0.0)).hide_set(True)
     (found,) = told("hidden-and-felt")
     assert found.where == "objects 'Cube 0', 'Cube 1', 'Cube 2', 'Cube 3' and 3 more"
+
+
+def without_mesh(kind: str) -> bpy.types.Object:
+    """Add an object of a type that has no mesh of its own."""
+    strokes = getattr(bpy.data, "grease_pencils_v3", bpy.data.grease_pencils)
+    made = {"CURVES": bpy.data.hair_curves, "GREASEPENCIL": strokes, "VOLUME": bpy.data.volumes}[kind].new(kind)
+    obj = bpy.data.objects.new(kind, made)
+    bpy.context.scene.collection.objects.link(obj)
+    obj.dermis.role = "TOUCHABLE"
+    assert obj.type == kind
+    return obj
+
+
+@pytest.mark.parametrize("kind", ["CURVES", "GREASEPENCIL", "VOLUME"])
+def test_faces_that_nodes_make_of_hair_strokes_or_volumes_are_felt(kind: str) -> None:
+    beside(without_mesh(kind), "GeometryNodeMeshCube", Size=(0.1, 0.2, 0.3))
+    tactile = scene_sweep.sample()
+    (body,) = tactile.bodies
+    for chunk in tactile.chunks:
+        mesh = chunk.surfaces[0][0] if 0 in chunk.surfaces else body.mesh
+        assert mesh is not None and len(mesh.triangles) == 12
+        assert mesh.vertices.max(axis=0) == pytest.approx([0.05, 0.1, 0.15])
+    found = {f.code for f in (*tactile.findings, *tactile.chunks.findings)}
+    assert not found & {"mesh-unusable", "no-faces"}
+
+
+def test_an_emitter_that_shows_only_its_particles_shows_nothing_strange() -> None:
+    emitter = build.mesh_object("Emitter", [(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    emitter.dermis.role = "TOUCHABLE"
+    emitter.modifiers.new("Hair", "PARTICLE_SYSTEM")
+    settings = emitter.particle_systems[0].settings
+    settings.type, settings.count, settings.use_advanced_hair = "HAIR", 3, True
+    settings.render_type, settings.instance_object = "OBJECT", plain("P")
+    emitter.show_instancer_for_viewport = False
+    assert not told("instance-between-frames")

@@ -111,7 +111,7 @@ def _measured(v: Array, rows: Array, weights: Array) -> tuple[Array, Array]:
     share /= np.maximum(rows[9:12], 1e-300)
     np.maximum(share, 0.0, out=share)
     np.minimum(share, 1.0, out=share)
-    for _ in range(2):  # what a guess leaves along the face tells by how much it is off
+    for _ in range(2):  # the rest along the face is the error of the guess
         weights = weights + _solved(rows, _dot(_left(v, rows, weights), edges[:2]))
     u, w = weights
     squares = np.empty((4, n))

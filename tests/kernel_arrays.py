@@ -22,7 +22,7 @@ def address(array: Array) -> int:
 
 @dataclass
 class Arrays:
-    """What a tree and a query are made of; whatever is changed before a call is what the library gets."""
+    """The arrays of a tree and a query; the library gets every change that is made before a call."""
 
     table: TriangleTable
     points: Array

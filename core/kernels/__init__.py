@@ -1,4 +1,4 @@
-"""The compiled part of the engine: small kernels in C, the recipe that builds them and what loads them.
+"""The compiled part of the engine: small kernels in C, the recipe that builds them, and their loader.
 
 `building.py` has sources, flags and platforms, `library.py` finds the file and checks it, `records.py` mirrors the
 records of `kernels.h`. Kernels take one record of arrays that Python allocated; they allocate and keep nothing.

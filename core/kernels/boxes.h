@@ -13,8 +13,8 @@ typedef int32_t dermis_bits __attribute__((vector_size(4 * DERMIS_LANES), aligne
 
 enum { AXES = 3, HALF = 12 };
 
-/* What a distance in the tree's units is rounded by, as a share of the way to the middle and of the tree's size: places,
-   axes and ten operations in single precision are 2^-24 of it each. */
+/* Rounding of a distance in the tree's units, as a share of the way to the middle and of the tree's size: places, axes and
+   ten operations in single precision round by 2^-24 of it each. */
 #define ROUNDED 2e-6f
 /* Farther than this in the tree's units single precision tells nothing; so far away is the box of nothing. */
 #define FARTHEST 1e15
@@ -22,7 +22,7 @@ enum { AXES = 3, HALF = 12 };
 
 typedef struct {
     dermis_lanes x[3]; /* of the point */
-    dermis_lanes give; /* what its distances are rounded by */
+    dermis_lanes give; /* rounding of its distances */
 } dermis_place;
 
 /* Put a point into the tree's units; return 0 where it is too far away for bounds. */
@@ -38,7 +38,7 @@ static inline int dermis_placed(const dermis_tree *tree, const double *x, dermis
     return 1;
 }
 
-/* Return the squared limit of bounds for a squared distance [m^2]: what is equally close but for rounding is within. */
+/* Return the squared limit of bounds for a squared distance [m^2]: triangles equally close but for rounding are within. */
 static inline float dermis_limit(const dermis_tree *tree, double square) {
     double limit = square / (tree->scale * tree->scale) * (1.0 + 1e-5);
     return limit < FARTHEST * FARTHEST ? (float)limit : __builtin_inff();

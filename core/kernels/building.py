@@ -60,7 +60,7 @@ def sources() -> list[Path]:
 
 
 def digest() -> str:
-    """Return what sources, flags and platforms come to, 16 hexadecimal digits."""
+    """Return the digest of sources, flags and platforms, 16 hexadecimal digits."""
     sha = hashlib.sha256(repr((FLAGS, sorted(TARGETS.items()))).encode())
     for path in sources():
         text = path.read_bytes().replace(b"\r\n", b"\n")
@@ -84,7 +84,7 @@ def found(target: str, folder: Path) -> Path | None:
 
 
 def whole(path: Path) -> bool:
-    """Tell whether a library's content is what its name says: loading half a library ends the process."""
+    """Tell whether a library's content has the digest of its name: loading half a library ends the process."""
     return path.stem.endswith(f"-{of_content(path.read_bytes())}")
 
 
@@ -97,7 +97,7 @@ def build(target: str, folder: Path, zig: list[str], cache: Path | None = None) 
     """Return a platform's library in a folder; it is compiled where it is not there, and older ones of the platform go.
 
     Args:
-        zig: the command that runs Zig. cache: where Zig keeps what it makes; nowhere where None.
+        zig: the command that runs Zig. cache: Zig's folder for intermediate files; a temporary one where None.
 
     Raises:
         NotBuilt: the compiler fails.

@@ -1,7 +1,7 @@
-/* Which triangle is closest to each point: an exact search without any state.
+/* The closest triangle of each point: an exact search without any state.
 
    A triangle is left out only where a lower bound of its distance exceeds an upper bound of the closest one, so the answer is
-   the same as trying all of them. Hints, other points and the tree only say where to look first. */
+   the same as trying all of them. Hints, other points and the tree only choose where the search begins. */
 #include "boxes.h"
 #include "float_environment.h"
 #include "kernels.h"
@@ -44,7 +44,7 @@ static inline void consider(search *found, const double *row, const double *x) {
         found->count = TIES + 1;
 }
 
-/* Keep the lowest number of what is equally close as the best is. */
+/* Keep the lowest number of the triangles that are as close as the closest one. */
 static inline void consider_number(const search *found, const double *row, const double *x, hit *lowest) {
     hit own = {0.0, 0.0, 0.0, row};
     own.square = dermis_on_triangle(row, x, &own.u, &own.w);
@@ -93,7 +93,7 @@ static void descend(const dermis_tree *tree, const double *x, const dermis_place
     }
 }
 
-/* Return the lowest number of what is as close as the closest is, null without any. */
+/* Return the lowest number of the triangles that are as close as the closest one, null without any. */
 static const hit *chosen(const search *found) {
     const hit *best = NULL;
     for (int i = 0; i < found->count; i++)
@@ -145,7 +145,7 @@ static inline void gather(const dermis_tree *tree, int64_t triangle, double *row
     row[NUMBER] = (double)triangle;
 }
 
-/* Find what is closest to a point by looking at every triangle. */
+/* Find the closest triangle of a point by looking at every one. */
 static void look_at_all(const dermis_query *query, int64_t i, double limit) {
     const dermis_tree *tree = query->tree;
     const double *bounds = tree->bounds, *x = query->points + 3 * i;
@@ -178,7 +178,7 @@ static void look_at_all(const dermis_query *query, int64_t i, double limit) {
     answer(query, i, least <= limit && lowest.row != NULL ? &lowest : NULL);
 }
 
-/* Find what is closest to a point by the tree; return its row. */
+/* Find the closest triangle of a point by the tree; return its row. */
 static const double *look_down(const dermis_query *query, int64_t i, double limit, const double *last) {
     const dermis_tree *tree = query->tree;
     const double *x = query->points + 3 * i;
@@ -211,7 +211,7 @@ static const double *look_down(const dermis_query *query, int64_t i, double limi
 
 DERMIS_NOINLINE static int32_t by_tree(dermis_query *query) {
     double limit = query->limit * query->limit;
-    const double *last = NULL; /* what was closest to the point before: points in a row are neighbours as a rule */
+    const double *last = NULL; /* the closest triangle of the point before: points in a row are neighbours as a rule */
     for (int64_t i = 0; i < query->count; i++) {
         if (!known(query, i)) return DERMIS_NOT_FINITE;
         last = look_down(query, i, limit, last);

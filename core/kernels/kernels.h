@@ -1,4 +1,4 @@
-/* What the library and Python share: records, statuses and functions.
+/* The library's interface to Python: records, statuses and functions.
 
    Python allocates every array and passes one record a call. The library allocates nothing, keeps nothing between calls and
    calls no other library: it needs sqrt, fabs and floor alone, which are instructions of the processors that it is built for.
@@ -49,7 +49,7 @@ typedef struct {
     int64_t wrong;          /* out: the triangle that is not finite */
 } dermis_tree;
 
-/* Points, and what is closest to each of them. */
+/* Points, and the closest triangle of each of them. */
 typedef struct {
     const dermis_tree *tree;
     int64_t count;        /* points */
@@ -70,7 +70,7 @@ DERMIS_API int32_t dermis_tree_split(dermis_tree *tree);
 /* Fill `packed` and `nodes` for triangles in the order of a tree's slots. */
 DERMIS_API int32_t dermis_tree_fit(dermis_tree *tree);
 
-/* Find what is closest to each point, by the tree. */
+/* Find the closest triangle of each point, by the tree. */
 DERMIS_API int32_t dermis_closest(dermis_query *query);
 
 /* The same without a tree, by looking at every triangle of `order`: for a few points. */

@@ -1,6 +1,6 @@
 """Find the compiled library, check it, and call its functions: one record of arrays each.
 
-It lies beside this file (a checkout, or what pip installed) or in the package `dermis_kernels` (the wheel that the
+It lies beside this file (in a checkout, or installed by pip) or in the package `dermis_kernels` (the wheel that the
 extension brings to Blender). It is loaded where it is first needed. Skins need it; devices without a skin do not.
 """
 
@@ -75,7 +75,7 @@ def kernels() -> Kernels:
     """Return the kernels of this platform, loaded when they are first asked for.
 
     Raises:
-        DermisError: there are none, or they cannot be loaded; the sentence names platform, file and what to do.
+        DermisError: there are none, or they cannot be loaded; the sentence names platform, file and remedy.
     """
     found = _loaded()
     if isinstance(found, DermisError):
@@ -101,7 +101,7 @@ def find(target: str, folders: list[Path]) -> Path:
     """Return the library of a platform from the first of some folders that has it.
 
     Raises:
-        DermisError: none has, or what is there is damaged.
+        DermisError: none has, or it is damaged.
     """
     if target not in building.TARGETS:
         raise DermisError(
@@ -129,7 +129,7 @@ def find(target: str, folders: list[Path]) -> Path:
 
 
 def copied(path: Path, folder: Path) -> Path:
-    """Return a copy of a library: Windows locks what is loaded, and an update removes the original.
+    """Return a copy of a library: Windows locks loaded files, and an update removes the original.
 
     Its name tells its content, as the original's does. Copies of other versions go where nobody has them loaded.
 

@@ -1,4 +1,4 @@
-/* Products of vectors of three, in one fixed order of operations, and what C11's library would be needed for. */
+/* Products of vectors of three, in one fixed order of operations; square roots and the like without a C library. */
 #ifndef DERMIS_NUMBERS_H
 #define DERMIS_NUMBERS_H
 

@@ -1,4 +1,4 @@
-/* What the loader compares, and what a library without any other one needs. */
+/* Layout and digest, which the loader compares, and the functions that replace a C library. */
 #include "kernels.h"
 
 #ifndef DERMIS_SOURCES

@@ -1,7 +1,7 @@
 /* A tree of boxes over triangles.
 
-   Skin presses on surfaces, and of a surface seen from close above boxes along the axes come as near as what is right below
-   does. A box here is turned: its first axis is the mean normal of its triangles, so that it is as thick as they bulge. */
+   Skin presses on surfaces. Seen from close above, boxes along the coordinate axes come as near as the triangles right below.
+   So these boxes are turned: the first axis is the mean normal of the triangles, and a box is as thick as they bulge. */
 #include "boxes.h"
 #include "float_environment.h"
 #include "kernels.h"
@@ -10,7 +10,7 @@
 
 /* Boxes give way by this share of the largest coordinate: rounding in double precision is 16 times smaller. */
 #define ROUNDING (64.0 * DBL_EPSILON)
-/* A direction that is shorter than this share of what it was taken from is rounding. */
+/* A component that is shorter than this share of its vector is rounding. */
 #define NOTHING 1e-6
 
 typedef struct {

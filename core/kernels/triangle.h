@@ -57,7 +57,7 @@ static inline double dermis_measured(const double *row, const double *v, double 
     }
     for (int i = 0; i < 3; i++)
         share[i] = dermis_clamped(dermis_dot(start[i], edge[i]) / dermis_most(row[AB_AB + i], 1e-300));
-    for (int round = 0; round < 2; round++) { /* what a guess leaves along the face tells by how much it is off */
+    for (int round = 0; round < 2; round++) { /* the rest along the face is the error of the guess */
         double more_u, more_w;
         dermis_left(row, v, *u, *w, left);
         dermis_solved(row, dermis_dot(left, edge[0]), dermis_dot(left, edge[1]), &more_u, &more_w);

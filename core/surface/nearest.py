@@ -1,6 +1,6 @@
-"""What is closest to a point by numpy, triangle by triangle: for devices without a skin where no kernels can be loaded.
+"""The closest triangle of a point by numpy: for devices without a skin where no kernels can be loaded.
 
-It is exact and slow. `TriangleTree` has the way that everything else takes; both agree but for rounding.
+It is exact and slow. All else takes `TriangleTree`; both agree but for rounding.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class PlainTriangles:
         self._table, self._usable = table, np.flatnonzero(table.usable)
 
     def nearest(self, points: Array, limit: float, hints: Indices | None = None) -> Nearest:
-        """Return what is closest to each point, as `TriangleTree.nearest` does; hints are of no use here."""
+        """Return the closest triangle of each point, as `TriangleTree.nearest` does; hints have no effect."""
         found = Nearest.nothing(len(points))
         centres, radius = self._table.bounds[0:3].take(self._usable, axis=1), self._table.bounds[6].take(self._usable)
         for i, x in enumerate(points):
@@ -58,7 +58,7 @@ class PlainTriangles:
         starts = np.stack([v, v, v - rows[3:6]])
         share = np.clip((starts * edges).sum(axis=1) / np.maximum(rows[9:12], 1e-300), 0.0, 1.0)
         u, w = np.zeros((2, triangle.size))
-        for _ in range(3):  # what a guess leaves along the face tells by how much it is off
+        for _ in range(3):  # the rest along the face is the error of the guess
             left = v - u * edges[0] - w * edges[1]
             along = (left * edges[0]).sum(axis=0), (left * edges[1]).sum(axis=0)
             u = u + (rows[10] * along[0] - rows[12] * along[1]) * rows[13]

@@ -1,4 +1,4 @@
-"""TriangleTree: a tree of boxes over triangles, and what is closest to points by it, compiled.
+"""TriangleTree: a tree of boxes over triangles, and the compiled search for the closest of them.
 
 Which triangle is closest does not depend on the tree, the order of points or hints: of triangles equally close, within
 a relative squared distance of 1e-12, the lowest number is taken. `core/kernels/tree.c` and `closest.c` have the method.
@@ -25,7 +25,7 @@ _ORDERS: weakref.WeakKeyDictionary[Topology, Indices] = weakref.WeakKeyDictionar
 
 @dataclass(frozen=True, eq=False)
 class Nearest:
-    """What of a surface is closest to points.
+    """The closest triangles of points, and the closest points on them.
 
     Attributes:
         triangle: -1 where nothing is within the limit, shape (n,).
@@ -48,12 +48,12 @@ class Nearest:
         return cls(np.full(n, -1), np.zeros((n, 3)), np.full((n, 3), np.nan), far, np.zeros(n, np.int8))
 
     def take(self, which: Indices) -> Nearest:
-        """Return what is closest to some of the points."""
+        """Return the rows of some of the points."""
         rows = self.triangle[which], self.weights[which], self.point[which], self.square[which], self.feature[which]
         return Nearest(*rows)
 
     def put(self, which: Indices, other: Nearest) -> None:
-        """Put what is closest to some of the points in its place."""
+        """Replace the rows of some of the points."""
         self.triangle[which], self.weights[which], self.point[which] = other.triangle, other.weights, other.point
         self.square[which], self.feature[which] = other.square, other.feature
 
@@ -101,7 +101,7 @@ class TriangleTree:
         self._done(self._kernels.fit(byref(record)), record.wrong)
 
     def nearest(self, points: Array, limit: float, hints: Indices | None = None) -> Nearest:
-        """Return what is closest to each point.
+        """Return the closest triangle of each point.
 
         Args:
             points: [m], shape (n, 3), C-contiguous. limit: largest distance of interest [m], may be inf.

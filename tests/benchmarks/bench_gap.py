@@ -71,7 +71,7 @@ def gap_error() -> Result:
 
 @benchmark("closest_point_us", limit=1.0, quick=True)
 def closest_point() -> Result:
-    """What is closest to a point, in batches of 250: of the search alone, without sign and normal.
+    """Search for the closest triangle of a point, in batches of 250, without sign and normal.
 
     Peers: with the triangles of the frame before as hints; single points; Blender's own tree, point by point in single
     precision, which has no batches; and the largest difference of both from trying every triangle [um].

@@ -1,4 +1,4 @@
-/* Hand the arrays of a file to Windows's library of kernels, and write what it answers: for a test under wine.
+/* Hand the arrays of a file to Windows's library of kernels, and write its answers: for a test under wine.
 
    It is built without a C library, which would take minutes to make, and takes kernels.dll, in.bin and out.bin of its folder. */
 #include "kernels.h"

@@ -52,7 +52,7 @@ def test_features_are_read_off_the_weights(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(20))
 def test_the_numpy_way_agrees(seed: int) -> None:
-    """What devices without a skin use where no library loads: the same distances, within rounding."""
+    """Devices without a skin use it where no library loads: the same distances, within rounding."""
     arrays = drawn(seed)
     plain = PlainTriangles(arrays.table).nearest(arrays.points, arrays.limit)
     triangle, square, _, _ = nearest(arrays.table, arrays.points, arrays.limit)
@@ -134,7 +134,7 @@ def test_what_is_not_finite_is_refused() -> None:
 @pytest.mark.parametrize("size", [1e90, 1e-79])
 @pytest.mark.parametrize("tree", [True, False])
 def test_triangles_beyond_measure_are_refused(size: float, tree: bool) -> None:
-    """The square of their area is no number: a corner would be taken for what is closest."""
+    """The square of their area is no number: a corner would be taken for the closest point."""
     corners, triangles = np.eye(3) * size, np.array([[0, 1, 2]])
     with np.errstate(all="ignore"):
         table = TriangleTable.build(corners, triangles)

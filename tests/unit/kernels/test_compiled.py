@@ -35,7 +35,7 @@ ROUND_UP, FLUSH, ZERO = 0x4000, 0x8000, 0x0040  # towards infinity, denormal res
 
 
 def answers(own: ctypes.CDLL) -> list[bytes]:
-    """Return what a library makes of arrays of all kinds."""
+    """Return a library's answers for arrays of all kinds."""
     out = []
     for seed in SEEDS:
         arrays = drawn(seed)

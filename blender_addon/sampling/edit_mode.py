@@ -25,6 +25,9 @@ from .participants import Participants
 
 _NEVER = {"BUILD", "CLOTH", "DECIMATE", "DYNAMIC_PAINT", "EXPLODE", "FLUID", "MULTIRES", "PARTICLE_SYSTEM", "SOFT_BODY"}
 _NAMED = 4  # parts that one finding names
+_REFERS = ("object", "object_from", "object_to", "texture_coords_object")
+_BONES = ("subtarget", "bone_from", "bone_to", "texture_coords_bone")
+"""Properties of modifiers that name an object, and that name a bone of it."""
 _SHAPELESS = {"COLLISION", "SURFACE"}
 _DEFORM = {
     "ARMATURE",
@@ -66,12 +69,45 @@ def findings(swept: Participants, scene: bpy.types.Scene) -> list[Any]:
             out.append(_finding(obj, what, said))
     taking_part = {e.uid for e in swept.entries} | makers
     for armature in [o for o in bpy.data.objects if o.type == "ARMATURE" and o.data.is_editmode]:
-        moved = dependence.dependants({armature}) - {armature}
+        moved = dependence.dependants({armature}, leads=_follows_bones) - {armature}
         named = sorted(o.name_full for o in moved if isinstance(o, bpy.types.Object) and o.session_uid in taking_part)
         if named:
             what = "an armature in Edit Mode has no pose, and what hangs on it does not follow its bones"
             out.append(_finding(armature, what, named))
     return out
+
+
+def _follows_bones(used: Any, user: Any) -> bool:
+    """Return whether a user of an ID hangs on it; on an armature in Edit Mode only what asks for its pose does.
+
+    An object that is parented to the armature itself, or whose constraints name no bone, follows it as ever.
+    """
+    if isinstance(user, bpy.types.Collection):
+        return False
+    if getattr(used, "type", "") != "ARMATURE" or not used.data.is_editmode or not isinstance(user, bpy.types.Object):
+        return True
+    parented = user.parent == used and user.parent_type in ("BONE", "ARMATURE")
+    return parented or any(_names_bones(m, used) for m in user.modifiers if m.show_viewport) or _asks(user, used)
+
+
+def _names_bones(modifier: Any, armature: bpy.types.Object) -> bool:
+    """Return whether a modifier asks for the bones of an armature."""
+    refers = any(getattr(modifier, name, None) == armature for name in _REFERS)
+    return refers and (modifier.type == "ARMATURE" or any(getattr(modifier, name, "") for name in _BONES))
+
+
+def _asks(user: bpy.types.Object, armature: bpy.types.Object) -> bool:
+    """Return whether constraints or drivers of an object ask for the bones of an armature."""
+    constraints = [*user.constraints, *(c for bone in (user.pose.bones if user.pose else ()) for c in bone.constraints)]
+    for constraint in constraints:
+        for target in (constraint, *getattr(constraint, "targets", ())):
+            if getattr(target, "target", None) == armature and getattr(target, "subtarget", ""):
+                return True
+        if getattr(constraint, "pole_target", None) == armature and constraint.pole_subtarget:
+            return True
+    drivers = [] if user.animation_data is None else user.animation_data.drivers
+    targets = (t for d in drivers for variable in d.driver.variables for t in variable.targets)
+    return any(target.id == armature for target in targets)
 
 
 def _finding(obj: bpy.types.Object, what: str, said: list[str]) -> Any:

@@ -130,6 +130,64 @@ def test_an_armature_in_edit_mode_stands_still() -> None:
     assert told() == {"object 'Arm'": "Finger"} and np.ptp(still) == 0.0
 
 
+def plain_child(thing: bpy.types.Object, armature: bpy.types.Object) -> None:
+    thing.parent = armature
+
+
+def target_without_bone(thing: bpy.types.Object, armature: bpy.types.Object) -> None:
+    thing.constraints.new("COPY_LOCATION").target = armature
+
+
+def modifier_that_is_off(thing: bpy.types.Object, armature: bpy.types.Object) -> None:
+    modifier = thing.modifiers.new("Armature", "ARMATURE")
+    modifier.object, modifier.show_viewport = armature, False
+
+
+def bone_parent(thing: bpy.types.Object, armature: bpy.types.Object) -> None:
+    thing.parent, thing.parent_type, thing.parent_bone = armature, "BONE", "Bone"
+
+
+def target_with_bone(thing: bpy.types.Object, armature: bpy.types.Object) -> None:
+    constraint = thing.constraints.new("COPY_LOCATION")
+    constraint.target, constraint.subtarget = armature, "Bone"
+
+
+def targets_with_bone(thing: bpy.types.Object, armature: bpy.types.Object) -> None:
+    target = thing.constraints.new("ARMATURE").targets.new()
+    target.target, target.subtarget = armature, "Bone"
+
+
+def warp_from_bone(thing: bpy.types.Object, armature: bpy.types.Object) -> None:
+    modifier = thing.modifiers.new("Warp", "WARP")
+    modifier.object_from, modifier.bone_from, modifier.object_to = armature, "Bone", build.empty("To")
+
+
+def driver(thing: bpy.types.Object, armature: bpy.types.Object) -> None:
+    variable = thing.driver_add("location", 2).driver.variables.new()
+    variable.type = "TRANSFORMS"
+    variable.targets[0].id, variable.targets[0].bone_target = armature, "Bone"
+
+
+@pytest.mark.parametrize("hang", [plain_child, target_without_bone, modifier_that_is_off])
+def test_what_asks_for_no_bone_of_an_armature_in_edit_mode_is_as_ever(hang: Callable[[Any, Any], None]) -> None:
+    assert told_of(hang) == {}
+
+
+@pytest.mark.parametrize("hang", [bone_parent, target_with_bone, targets_with_bone, warp_from_bone, driver])
+def test_what_asks_for_a_bone_of_an_armature_in_edit_mode_is_told(hang: Callable[[Any, Any], None]) -> None:
+    assert told_of(hang) == {"object 'Armature'": "Cube"}
+
+
+def told_of(hang: Callable[[Any, Any], None]) -> dict[str, str]:
+    """Return what is told of a cube that hangs on an armature, which is then in Edit Mode."""
+    bpy.ops.object.armature_add()
+    armature = bpy.context.object
+    hang(build.cube("Cube", 0.05), armature)
+    bpy.context.view_layer.update()
+    enter(armature)
+    return told()
+
+
 def deform_only(_obj: Any) -> None:
     bpy.context.scene.tool_settings.sculpt.use_deform_only = True
 

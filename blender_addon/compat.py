@@ -109,3 +109,8 @@ def _strips(strips: Iterable[Any]) -> Iterator[Any]:
     for strip in strips:
         yield strip
         yield from _strips(strip.strips)  # of meta strips
+
+
+def shows(window: bpy.types.Window, scene: bpy.types.Scene) -> bool:
+    """Return whether a window shows a scene: its own, or from 5.0 on the one that its sequencer plays."""
+    return scene in (window.scene, getattr(window.workspace, "sequencer_scene", None))

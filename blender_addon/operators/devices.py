@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 from bpy.props import StringProperty
 
-from .. import animation_paths, changes, choices
+from .. import animation_paths, changes, choices, identity
 from .._core import DermisError
 from ..polls import needs
 from ..preferences import library
@@ -84,6 +84,7 @@ class DERMIS_OT_remove_device(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Remove it, with its keys and drivers."""
+        identity.give(context.object)  # before, or the next device of this preset would be taken for the one that goes
         finger = context.object.dermis.finger
         index = min(finger.active_device, len(finger.devices) - 1)
         finger.devices.remove(index)

@@ -46,6 +46,8 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
         """Draw port, buttons and state."""
         layout, settings, now = self.layout, context.scene.dermis_stream, session.status()
         connected = session.connected()
+        if elsewhere := session.elsewhere(context.scene):
+            paragraph(layout, context, elsewhere, "ERROR")
         column = layout.column(align=True)
         column.enabled = not connected
         row = column.row(align=True)

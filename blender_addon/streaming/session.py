@@ -12,7 +12,7 @@ from typing import Any
 
 import bpy
 
-from .. import redraw
+from .. import compat, redraw
 from .._core import DermisError, core
 from ..preferences import library, user_folder
 from . import (
@@ -50,6 +50,14 @@ def connected() -> bool:
 def streams(scene: bpy.types.Scene) -> bool:
     """Return whether there is a sender, and this is its scene."""
     return _client is not None and _scene == scene.session_uid
+
+
+def elsewhere(scene: bpy.types.Scene) -> str:
+    """Return in words that another scene is connected, '' where none or this one is."""
+    other = _streaming_scene() if _client is not None and not streams(scene) else None
+    if other is None:
+        return ""
+    return f"Scene '{other.name_full}' is connected: the device follows that scene, not this one."
 
 
 def caution(scene: bpy.types.Scene) -> str:
@@ -245,7 +253,8 @@ def heartbeat() -> None:
     if not frame_hold.held():
         if streamed_track.outdated(scene):
             changed()  # before the time is taken: it counts from the start of the track that the sender has
-        playing = any(screen.is_animation_playing for screen in bpy.data.screens)
+        windows = bpy.context.window_manager.windows
+        playing = any(w.screen.is_animation_playing and compat.shows(w, scene) for w in windows)
         _published = request_fields.published(scene, _status.get("names", ()))
     _mode = scene.dermis_stream.mode
     moment, values = _published

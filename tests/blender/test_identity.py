@@ -192,6 +192,16 @@ def test_devices_are_told_apart(scene: Any) -> None:
     assert streamed_track.chosen_output(scene) is None, "what was chosen is gone, and no other takes its place"
 
 
+def test_a_device_that_is_taken_off_leaves_its_track_to_no_other(scene: Any) -> None:
+    bpy.context.view_layer.objects.active = bpy.data.objects["A"]
+    assert bpy.ops.dermis.add_device(preset="haptip") == {"FINISHED"}
+    bpy.data.objects["A"].dermis.finger.active_device = 0
+    assert bpy.ops.dermis.remove_device() == {"FINISHED"}
+    bpy.context.view_layer.update()
+    found = {c.label: c.output is not None for c in streamed_track.choices(scene)}
+    assert found == {"A: haptip": False, "B: haptip": True}
+
+
 def test_a_finger_that_is_none_any_more_has_no_track(scene: Any) -> None:
     before, a = tracks(scene), bpy.data.objects["A"]
     a.dermis.role = "NONE"

@@ -12,12 +12,14 @@ import pytest
 
 from blender_addon import changes
 from blender_addon._core import core
+from blender_addon.panels.stream import DERMIS_PT_stream
 from blender_addon.results import store
 from blender_addon.scene_time import Clock
 from blender_addon.streaming import session, streamed_track
 from blender_addon.viewport import shown as views
 
 from . import build
+from .stand_in import Anything, Panel
 from .test_stream import HAPTIP, a_bake, a_track, ended, heard, state, wait
 from .test_undo import push, undo
 
@@ -185,3 +187,35 @@ def test_nothing_of_this_makes_a_bake_out_of_date(scene: Any) -> None:
     session.heartbeat()
     bpy.context.view_layer.update()
     assert not changes.dirty() and store.state(scene) == "fresh"
+
+
+def test_the_panel_of_another_scene_says_which_one_is_connected(scene: Any) -> None:
+    session.connect(scene)
+    wait(state("ready"))
+    said = session.elsewhere(scene)
+    window = bpy.context.window_manager.windows[0]
+    window.scene = bpy.data.scenes.new("Other")
+    layout = Anything()
+    with bpy.context.temp_override(window=window, scene=window.scene):
+        Panel(DERMIS_PT_stream, layout).draw(bpy.context)
+    assert not said and scene.name in " ".join(layout.words) and "is connected" in " ".join(layout.words)
+
+
+def test_what_another_scene_plays_does_not_move_the_device(scene: Any) -> None:
+    session.connect(scene)
+    wait(state("ready"))
+    session.arm(scene)
+    wait(there(a_track().values[500, 2:]))
+    window = bpy.context.window_manager.windows[0]
+    window.scene = bpy.data.scenes.new("Other")
+    with bpy.context.temp_override(window=window):
+        assert bpy.ops.screen.animation_play() == {"FINISHED"}
+    for _ in range(20):
+        session.heartbeat()
+    wait(there(a_track().values[500, 2:]))
+    assert not session._client._shared.read_heartbeat().playing
+    window.scene = scene
+    session.heartbeat()
+    assert session._client._shared.read_heartbeat().playing
+    with bpy.context.temp_override(window=window):
+        assert bpy.ops.screen.animation_play() == {"FINISHED"}

@@ -22,18 +22,21 @@ REDUCED: Mapping[str, Callable[[float, float], float]] = {
     "loaded": min,  # points, or nodes, that carry force at the largest force
     "edge": min,  # distance from a loaded place to where the body turns by SHARP [m], at most FARTHEST
     "cells": min,  # the same distance, over the width of the cells (or the spacing of the nodes) that carry force
-    "stride": max,  # the way of a body in a sample, over that width
 }
-SHARP = np.radians(30.0)  # an edge: the angle at which Blender's 'Shade Auto Smooth' parts faces, too
-# A ball of 5 mm across turns by 30 degrees within half its radius of 2.5 mm: what is smaller, or has an edge, turns
-# nearer. Distances are told to the next of these rings.
+SHARP = np.radians(30.0)  # between faces: an edge, as for Blender's *Shade Auto Smooth*
+# A ball with a diameter of 5 mm turns by 30 degrees within 1.25 mm, half its radius; a smaller body or an edge turns
+# within less. A distance is rounded up to the next of these rings.
 SHARP_WITHIN = 1.25e-3
 RINGS = (0.05e-3, 0.1e-3, 0.2e-3, 0.4e-3, 0.8e-3, SHARP_WITHIN, 2.5e-3)  # [m]
-FARTHEST = 5e-3  # [m]: what no ring met is as far as that, or farther
+FARTHEST = 5e-3  # [m]: the distance where no ring meets an edge
 AROUND = 12  # places on a ring
-BELOW = 0.17  # of a ring's radius: so far beneath the face it lies, so that past an edge the wall is nearest
+BELOW = (
+    0.17  # of a ring's radius: depth of the ring below the face (10 degrees), so that past an edge the wall is nearest
+)
 HEAVY, LONG = 0.1, 60  # [N], samples: of a costly touch
-LOOKED, PLACES = 3, 24  # samples, and places of each that carry most, at which distances are measured
+# Distances are measured in three samples (the largest force, and the first and last with half of it), at the 24 places
+# that carry most.
+HALF, PLACES = 0.5, 24
 
 
 @dataclass
@@ -42,9 +45,8 @@ class Looked:
 
     Attributes:
         force: its size [N]. count: places that carry force. friction: whether friction acts.
-        width: of the cells that carry force [m].
-        places: those that carry most, with the body each lies on: surface -> points in its space [m], shape (k, 3).
-        at: each body's surface and origin.
+        width: of the narrowest cell that carries force, or the spacing of nodes [m].
+        places: those that carry most, by body: its surface, and points in its space [m], shape (k, 3).
     """
 
     force: float
@@ -52,21 +54,19 @@ class Looked:
     friction: bool
     width: float
     places: list[tuple[Surface, Array]]
-    at: dict[int, Array]
 
 
 @dataclass
 class Watch:
-    """Takes in the samples of a path, and tells its facts."""
+    """Collects the samples of a path that carry force, and measures facts of them."""
 
-    seen: list[Looked | None] = field(default_factory=list)
+    seen: list[Looked] = field(default_factory=list)
 
     def take(self, stepper: SkinStepper) -> None:
         """Take in the sample that was solved last."""
         solver = stepper.bone.solver
         step: PathStep | None = solver._step
         if step is None or step.work == "idle" or step.gaps is None or not step.solution.force.any():
-            self.seen.append(None)
             return
         solution = step.solution
         size = np.sqrt(np.einsum("ij,ij->i", solution.force, solution.force))
@@ -90,34 +90,24 @@ class Watch:
                 bool(slips[loaded].any()),
                 width,
                 [(surface, found) for surface, found in on if isinstance(surface, Surface)],
-                {b: body.translation for b, body in enumerate(step.gaps.bodies) if not body.away},
             )
         )
 
     @property
     def facts(self) -> dict[str, float]:
         """What was measured, see `REDUCED`; empty where nothing was touched."""
-        touched = [sample for sample in self.seen if sample is not None]
-        if not touched:
+        if not self.seen:
             return {}
-        peak = max(sample.force for sample in touched)
-        heavy = [sample for sample in touched if sample.force >= 0.5 * peak]
-        chosen = [heavy[k] for k in np.unique(np.linspace(0, len(heavy) - 1, LOOKED - 1).round().astype(int))]
-        chosen.append(max(touched, key=lambda sample: sample.force))
-        near = [(min((ring_of(*found) for found in s.places), default=FARTHEST), s.width) for s in chosen]
-        strides = [
-            float(np.linalg.norm(after.at[b] - before.at[b])) / after.width
-            for before, after in zip(self.seen[:-1], self.seen[1:], strict=True)
-            if before is not None and after is not None
-            for b in after.at.keys() & before.at.keys()
-        ]
+        most = max(self.seen, key=lambda sample: sample.force)
+        heavy = [sample for sample in self.seen if sample.force >= HALF * most.force]
+        measured = (most, heavy[0], heavy[-1])
+        near = [(min((ring_of(*found) for found in s.places), default=FARTHEST), s.width) for s in measured]
         return {
-            "peak": peak,
-            "dragged": float(sum(sample.friction for sample in touched)),
-            "loaded": float(min(s.count for s in touched if s.force == peak)),
+            "peak": most.force,
+            "dragged": float(sum(sample.friction for sample in self.seen)),
+            "loaded": float(most.count),
             "edge": min(edge for edge, _ in near),
             "cells": min(edge / width for edge, width in near),
-            "stride": max(strides, default=0.0),
         }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import time
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +31,7 @@ SHORT = {
     "scaled": (502, 4),
     "named": (500, 2),
     "rate": (503, 1),
-    "dragged": (500, 1),
+    "dragged": (527, 1),
     "press": (502, 3),
     "inside": (502, 4),
     "again": (500, 1),
@@ -46,7 +47,8 @@ SHORT = {
     "hexapod": (500, 60),
     "cables": (500, 60),
 }
-# Facts of cases as they were drawn and solved; `python3 build_addon.py stress NAMES --seed 0 --runs 250 --json FILE`.
+# Facts of cases as they were drawn and solved. To make them anew, with the families of rows:
+# `python3 build_addon.py stress again card inside press --seed 0 --runs 120 --json tests/stress/sample.json`
 SAMPLE = Path(__file__).resolve().parents[1] / "stress" / "sample.json"
 BY_NAME = {family.name: family for family in FAMILIES}
 INVARIANCES = {family.name for family in invariances.FAMILIES}  # `test_invariances.py` has a short form of them
@@ -71,6 +73,26 @@ def test_what_failed_once_does_not_fail_again_and_what_is_known_to_fail_does(nam
     assert not failures, [(failure.seed, failure.measured) for failure in failures]
 
 
+# Seeds that fail, and by how much: edges and corners sharper than cells of skin. No row excuses them.
+TODAY = {
+    ("rate", 1): 0.00425,
+    ("inside", 16): 0.0605,
+    ("again", 15): 0.0652,
+    ("drift", 310000): 0.0336,
+    ("meshed", 795248): 0.079,
+}
+WORSE = 1.5  # by which another library of linear algebra may change them
+
+
+@pytest.mark.parametrize(("name", "seed"), TODAY)
+def test_what_fails_today_fails_by_no_more(name: str, seed: int) -> None:
+    verdict = judged(BY_NAME[name], BY_NAME[name].values(seed))
+    assert len(verdict.failed) == 1, "it is mended: name its seed in MENDED of known.py instead"
+    value, _ = verdict.measured[verdict.failed[0]]
+    assert value <= WORSE * TODAY[name, seed]
+    assert known.known_failure(name, verdict.failed[0], value, verdict.facts) is None
+
+
 # -- rows of what is known to fail ---------------------------------------------------------------------------------
 
 
@@ -84,7 +106,7 @@ def solved(family: str) -> tuple[int, list[dict[str, float]]]:
 def test_no_row_covers_more_than_a_tenth_of_what_its_family_draws(row: Known) -> None:
     tried, facts = solved(row.family)
     share = sum(map(row.meets, facts)) / tried
-    assert tried >= 200 and 0.0 < share <= COVERED, f"{share:.1%} of {tried} cases meet the condition of {row.name}"
+    assert tried >= 100 and 0.0 < share <= COVERED, f"{share:.1%} of {tried} cases meet the condition of {row.name}"
 
 
 def _draw(dice: Dice) -> Values:
@@ -123,7 +145,7 @@ def test_a_failing_case_is_made_plain_only_where_it_stays_failing() -> None:
     assert BAD.values(3) == drawn != BAD.values(4)
 
 
-TOUCHED = {"peak": 1.0, "dragged": 0.0, "loaded": 9.0, "edge": FARTHEST, "cells": 9.0, "stride": 0.1}
+TOUCHED = {"peak": 1.0, "dragged": 0.0, "loaded": 9.0, "edge": FARTHEST, "cells": 9.0}
 
 
 def _judge_touch(values: Values) -> Verdict:
@@ -264,7 +286,7 @@ def test_a_drag_turns_at_samples_that_half_the_rate_knows() -> None:
 
 def test_facts_of_several_paths_are_the_worst_of_them() -> None:
     one, two = dict.fromkeys(REDUCED, 1.0), dict.fromkeys(REDUCED, 2.0)
-    found = {"peak": 2.0, "dragged": 2.0, "loaded": 1.0, "edge": 1.0, "cells": 1.0, "stride": 2.0}
+    found = {"peak": 2.0, "dragged": 2.0, "loaded": 1.0, "edge": 1.0, "cells": 1.0}
     assert together(one, two, {}) == together(two, one) == found
 
 
@@ -285,13 +307,21 @@ def test_what_is_told_is_per_thousand_costly_touches_and_names_the_seed() -> Non
     assert lines[5] == "per 1,000 costly touches: 75 failed, 25 known, 250 flagged; of 40, on seed 5, which was given"
 
 
-def test_a_seed_is_new_where_none_is_given(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_seed_is_new_where_none_is_given(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    drawn = []
+
+    def only_drawn(some: list[Family], seed: int, **more: object) -> tuple[dict[str, run.Tally], list[str], list[str]]:
+        drawn.append(seed)
+        time.sleep(0.002)
+        return {family.name: run.Tally() for family in some}, [], []
+
+    monkeypatch.setattr(command, "run", only_drawn)
     told = []
     for words in ([], [], ["--seed", "3"]):
-        assert main(["hexapod", "press", "--runs", "1", *words]) in (0, 1)
+        assert main(["hexapod", "press", "--runs", "1", *words]) == 0
         told.append(capsys.readouterr().out.splitlines())
     seeds = [lines[0].split()[3].rstrip(",") for lines in told]
-    assert len(set(seeds)) == 3 and seeds[2] == "3" and unseen() > int(seeds[1])
+    assert len(set(seeds)) == 3 and seeds == list(map(str, drawn)) and drawn[2] == 3 < drawn[0] < drawn[1] < unseen()
     for lines, seed in zip(told, seeds, strict=True):
         assert lines[0].endswith(f"python3 build_addon.py stress hexapod press --seed {seed} --runs 1")
     assert [lines[-1].endswith(", which nobody has seen") for lines in told] == [True, True, False]

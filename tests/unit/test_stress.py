@@ -48,7 +48,7 @@ SHORT = {
     "cables": (500, 60),
 }
 # Facts of cases as they were drawn and solved. To make them anew, with the families of rows:
-# `python3 build_addon.py stress again card inside press --seed 0 --runs 120 --json tests/stress/sample.json`
+# `python3 build_addon.py stress again card --seed 0 --runs 120 --json tests/stress/sample.json`
 SAMPLE = Path(__file__).resolve().parents[1] / "stress" / "sample.json"
 BY_NAME = {family.name: family for family in FAMILIES}
 INVARIANCES = {family.name for family in invariances.FAMILIES}  # `test_invariances.py` has a short form of them
@@ -107,6 +107,14 @@ def test_no_row_covers_more_than_a_tenth_of_what_its_family_draws(row: Known) ->
     tried, facts = solved(row.family)
     share = sum(map(row.meets, facts)) / tried
     assert tried >= 100 and 0.0 < share <= COVERED, f"{share:.1%} of {tried} cases meet the condition of {row.name}"
+
+
+@pytest.mark.parametrize("name", sorted({row.family for row in KNOWN}))
+def test_the_sample_is_of_cases_as_they_are_drawn_and_solved_now(name: str) -> None:
+    found = json.loads(SAMPLE.read_text(encoding="utf-8"))["families"][name]["facts"]
+    seed = next(iter(found))
+    facts = judged(BY_NAME[name], BY_NAME[name].values(int(seed))).facts
+    assert facts == pytest.approx(found[seed], rel=0.1), "make it anew"
 
 
 def _draw(dice: Dice) -> Values:

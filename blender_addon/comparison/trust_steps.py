@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from .. import changes
-from .._core import core
+from .._core import DermisError, core
 from ..devices import skin_models
 from ..film import film_objects
 from ..jobs import Steps
@@ -18,10 +18,10 @@ def find(scene: bpy.types.Scene) -> Steps:
     """Sample a scene, and render it and its variants; yield progress, return and keep what was found.
 
     Raises:
-        DermisError: the scene cannot be sampled or rendered.
+        DermisError: the scene cannot be sampled or rendered, or nothing came of it.
     """
     yield core.pipeline.bake.Progress("preparing", 0, 1)
-    clock = store.Taken.of(scene).clock
+    taken = store.Taken.of(scene)
     with film_objects.paused(scene):
         tactile = yield from compared.sampled(scene)
     edits = changes.edits()
@@ -35,4 +35,10 @@ def find(scene: bpy.types.Scene) -> Steps:
             bands = done.value[1]
             break
         yield step
-    return trusted.keep(scene, bands, edits, clock)
+    if not bands:
+        raise DermisError(
+            "there is no track and no skin to judge",
+            where=f"scene '{scene.name_full}'",
+            remedy="Look at what the bake reported, mend it, and bake again",
+        )
+    return trusted.keep(scene, bands, edits, taken)

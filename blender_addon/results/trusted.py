@@ -11,6 +11,7 @@ import numpy as np
 
 from .. import changes, scene_time
 from .._core import Array, core
+from . import store
 from .lanes import Lane, Mark, Series, marks_of
 
 
@@ -20,11 +21,13 @@ class Trusted:
 
     Attributes:
         bands: of devices, in the order of a bake's outputs, and then of skins. edits: of `changes` when it was sampled.
+        fingerprint: the scene settings that no change handler reports, as in `store`.
         clock: of the bands' times. findings: warnings about them, with their frames. marks: of the strip.
     """
 
     bands: tuple[Any, ...]
     edits: int
+    fingerprint: tuple[Any, ...]
     clock: scene_time.Clock
     findings: tuple[Any, ...]
     marks: tuple[Mark, ...]
@@ -50,27 +53,33 @@ def forget() -> None:
 def current(scene: bpy.types.Scene) -> Trusted | None:
     """Return the scene's bands; None where there are none, or the scene has changed since."""
     made = _trusted.get(scene.session_uid)
-    return made if made is not None and made.edits == changes.edits() else None
+    if made is None or made.edits != changes.edits() or made.fingerprint != store.fingerprint(scene):
+        return None
+    return made
 
 
 def spreads(scene: bpy.types.Scene, bake: Any) -> Mapping[int, Array]:
-    """Return the changes of a bake's tracks, by their place among its outputs, where they are known."""
+    """Return the changes of a bake's tracks, by their place among its outputs, where they are known.
+
+    A bake of before an edit has other tracks than those that were judged.
+    """
     made = current(scene)
     bands = [] if made is None else [band for band in made.bands if band.track is not None]
     return {
         k: band.spread
         for k, (band, output) in enumerate(zip(bands, bake.outputs, strict=False))
-        if band.device == output.device and band.spread.shape == output.track.values.shape
+        if band.device == output.device and np.array_equal(band.values, output.track.values)
     }
 
 
-def keep(scene: bpy.types.Scene, bands: tuple[Any, ...], edits: int, clock: scene_time.Clock) -> Trusted:
+def keep(scene: bpy.types.Scene, bands: tuple[Any, ...], edits: int, taken: store.Taken) -> Trusted:
     """Keep a scene's bands for the session.
 
     Args:
-        edits: of `changes` when the scene was sampled. clock: of the bands' times.
+        edits: of `changes` when the scene was sampled. taken: what the scene was before.
     """
+    clock = taken.clock
     told = ((band, band.finding) for band in bands)
     found = tuple(replace(f, frame=float(clock.frames(band.worst_time))) for band, f in told if f is not None)
-    made = _trusted[scene.session_uid] = Trusted(bands, edits, clock, found, marks_of(found))
+    made = _trusted[scene.session_uid] = Trusted(bands, edits, taken.fingerprint, clock, found, marks_of(found))
     return made

@@ -46,6 +46,45 @@ def test_a_plate_is_trusted_and_an_edit_forgets_it(baked: bpy.types.Scene) -> No
     assert trusted.current(baked) is None and not trusted.spreads(baked, result.bake)
 
 
+CHANGES = {
+    "gravity": lambda scene: setattr(scene, "use_gravity", False),
+    "range": lambda scene: (setattr(scene, "frame_start", 2), setattr(scene, "frame_end", 10)),
+    "unit": lambda scene: setattr(scene.unit_settings, "scale_length", 0.5),
+    "preview": lambda scene: setattr(scene, "use_preview_range", True),
+}
+
+
+@pytest.mark.parametrize("what", CHANGES)
+def test_settings_that_nobody_reports_forget_it_too(baked: bpy.types.Scene, what: str) -> None:
+    assert bpy.ops.dermis.trust_band() == {"FINISHED"} and trusted.current(baked) is not None
+    CHANGES[what](baked)
+    assert store.state(baked) == "stale" and trusted.current(baked) is None
+    assert bpy.ops.dermis.bake() == {"FINISHED"}
+    again: Any = store.current(baked)
+    assert trusted.current(baked) is None and not trusted.spreads(baked, again.bake)
+
+
+def test_a_bake_of_before_an_edit_has_no_band_of_the_scene_of_now(baked: bpy.types.Scene) -> None:
+    old: Any = store.current(baked)
+    baked.objects["Plate"].location.z += 2e-4
+    bpy.context.view_layer.update()
+    assert bpy.ops.dermis.trust_band() == {"FINISHED"}
+    assert store.state(baked) == "stale" and trusted.current(baked) is not None
+    assert not trusted.spreads(baked, old.bake)
+    assert bpy.ops.dermis.bake() == {"FINISHED"}
+    new: Any = store.current(baked)
+    assert list(trusted.spreads(baked, new.bake)) == [0], "what is baked now is what was judged"
+
+
+def test_where_nothing_was_baked_it_says_so() -> None:
+    scene, hand = pressing()
+    hand.dermis.finger.devices.add().preset = "electrovibration"
+    assert bpy.ops.dermis.bake() == {"FINISHED"} and not store.current(scene).bake.outputs
+    with pytest.raises(RuntimeError, match="no track and no skin to judge"):
+        bpy.ops.dermis.trust_band()
+    assert trusted.current(scene) is None
+
+
 def test_what_cannot_be_trusted_is_marked_at_its_frame(baked: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(trust_band, "VARIANTS", {"shifted": (lambda s: shifted(s, 5e-4), "shifted far", True)})
     assert bpy.ops.dermis.trust_band() == {"FINISHED"}

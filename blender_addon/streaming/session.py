@@ -32,6 +32,7 @@ REDRAW = 5  # heartbeats between two redraws of the panel
 
 _client: Any = None
 _scene = 0  # session uid of the scene that streams
+_preset = ""  # key of the device that is connected
 _status: dict[str, Any] = {}
 _note = ""  # what Blender's side has to say beside the sender
 _leaving = ""  # what senders still do that were let go
@@ -103,7 +104,7 @@ def connect(scene: bpy.types.Scene) -> None:
         DermisError: files of the .blend that nobody has confirmed, no device, a setting that cannot be, or the process
             cannot be started.
     """
-    global _client, _scene, _status
+    global _client, _preset, _scene, _status
     settings = scene.dermis_stream
     agreed_paths.check(settings)
     close()
@@ -122,7 +123,7 @@ def connect(scene: bpy.types.Scene) -> None:
     except DermisError:
         close()
         raise
-    _scene = scene.session_uid
+    _scene, _preset = scene.session_uid, key
     _status = {"state": core.stream.state.State.CONNECTING, "message": "", "armed": False}
     heartbeat()
     _start_timer()
@@ -171,7 +172,7 @@ def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
 
     Raises:
         DermisError: nothing is connected, or another scene is; something steps through the frames; the device is not
-            ready; the calibration is of another one; or the first pulse may jump and nobody has said that the fingers
+            ready; the track or the calibration is of another one; or the first pulse may jump and nobody has said that the fingers
             are out.
     """
     if _client is None:
@@ -186,6 +187,7 @@ def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
     if scene.dermis_stream.mode == "jog":
         device_calibration.retract(scene)
         changed()
+    _check_preset(scene)
     _client.set(**request_fields.request_fields(scene))
     heartbeat()
     waiting = core.stream.state.WAITING
@@ -218,13 +220,28 @@ def changed() -> None:
     if _client is None or scene is None or calibration_rows.restoring():
         return
     try:
+        _check_preset(scene)
         device_calibration.fill_channels(scene)
         streamed_track.pin(scene)
-        calibration = device_calibration.calibration_of(scene, streamed_track.device_key(scene))
+        calibration = device_calibration.calibration_of(scene, _preset)
         _client.set(**request_fields.request_fields(scene), calibration=calibration.dumps())
         _note = ""
     except DermisError as error:
         _note = str(error)
+
+
+def _check_preset(scene: bpy.types.Scene) -> None:
+    """Refuse what is chosen where it is of another kind of device than the one that is connected, which is disarmed."""
+    key = streamed_track.device_key(scene)
+    if key != _preset:
+        disarm()
+        raise DermisError(
+            "what is to be streamed is of another device than the one that is connected",
+            where=scene.dermis_stream.output or bpy.path.basename(scene.dermis_stream.track_file),
+            value=key,
+            limit=_preset,
+            remedy="Choose one of this device, or disconnect and connect the other one",
+        )
 
 
 def heartbeat() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from blender_addon import changes
-from blender_addon._core import core
+from blender_addon._core import DermisError, core
 from blender_addon.panels.stream import DERMIS_PT_stream
 from blender_addon.results import store
 from blender_addon.scene_time import Clock
@@ -219,3 +219,23 @@ def test_what_another_scene_plays_does_not_move_the_device(scene: Any) -> None:
     assert session._client._shared.read_heartbeat().playing
     with bpy.context.temp_override(window=window):
         assert bpy.ops.screen.animation_play() == {"FINISHED"}
+
+
+def test_a_track_of_another_kind_of_device_is_refused_in_words(scene: Any) -> None:
+    build.finger("Thumb").dermis.finger.devices.add().preset = "pin_array_128"
+    bpy.context.view_layer.update()
+    scene.dermis_stream.output = "Finger: haptip"
+    session.connect(scene)
+    wait(state("ready"))
+    session.arm(scene)
+    wait(there(a_track().values[500, 2:]))
+    scene.dermis_stream.output = "Thumb: pin_array_128"
+    status = wait(lambda s: s["state"] == "ready")
+    assert "another device" in status["message"] and "pin_array_128" in status["message"]
+    with pytest.raises(DermisError, match="another device than the one that is connected"):
+        session.arm(scene)
+    scene.dermis_stream.output = "Finger: haptip"
+    session.heartbeat()
+    assert "another device" not in session.status()["message"]
+    session.arm(scene)
+    wait(there(a_track().values[500, 2:]))

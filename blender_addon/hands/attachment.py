@@ -11,7 +11,7 @@ import numpy as np
 from mathutils import Matrix
 
 from .. import fingertip_mesh
-from .._core import DermisError, core
+from .._core import DermisError, Finding, core
 from ..preferences import library
 from ..properties import skin_properties
 from ..quantities import metres_per_unit
@@ -47,8 +47,8 @@ class Tip:
 
 def attach(
     context: bpy.types.Context, rig: Rig, hand: Hand, tips: Sequence[Tip]
-) -> tuple[list[bpy.types.Object], list[str]]:
-    """Put fingers on bones; return them, and what is worth saying about them.
+) -> tuple[list[bpy.types.Object], list[Finding]]:
+    """Put fingers on bones; return them, and what may be wrong about them.
 
     Args:
         hand: which the tips are of; a tip whose bone the hand does not know takes the bones that carry it.
@@ -70,7 +70,7 @@ def attach(
         _hang(rig, obj, tip.bone, fitted)
         _collection(context, rig.armature).objects.link(obj)
         made.append(obj)
-    return made, _notes(hand, found, fits)
+    return made, _doubts(rig, hand, found, tips, fits)
 
 
 def _chain(rig: Rig, hand: Hand, tip: Tip) -> Chain:
@@ -157,15 +157,45 @@ def _collection(context: bpy.types.Context, armature: bpy.types.Object) -> bpy.t
     return own[0] if own else context.collection
 
 
-def _notes(hand: Hand, found: Nails, fits: Sequence[Fit]) -> list[str]:
-    notes = []
+def _doubts(rig: Rig, hand: Hand, found: Nails, tips: Sequence[Tip], fits: Sequence[Fit]) -> list[Finding]:
+    """Return what may be wrong about the fingers of a hand."""
+    doubts = []
+
+    def doubt(code: str, what: str, remedy: str, value: str | None = None) -> None:
+        doubts.append(Finding("warning", code, what, rig.where, value, remedy=remedy))
+
     if not hand.named:
-        notes.append("bones have no finger's names: see which is which")
+        doubt(
+            "hand-unnamed",
+            "the bones have no names of fingers, so their places tell which finger is which",
+            "Compare the fingers with the hand. The panel of the last operation offers other readings",
+        )
+    bare = [tip.finger for tip, fitted in zip(tips, fits, strict=True) if not fitted.on_skin]
+    if bare:
+        doubt(
+            "hand-without-skin",
+            "no skin was found round some last bones, so the sizes and places of these fingers follow from the bones",
+            "Show the hand's mesh, and check that its vertex groups have the names of deforming bones",
+            value=", ".join(bare),
+        )
     if not found.sure:
-        notes.append("the nails' side is a guess: see that they lie on the back, or flip them")
+        doubt(
+            "nails-guessed",
+            "neither names nor bends of the fingers say on which side the nails are",
+            "Check that the nails lie on the back of the hand, or switch Flip on",
+        )
     elif hand.side and hand.side != found.side:
-        notes.append(f"the bones are called {hand.side}, but lie and bend as those of the other hand")
+        doubt(
+            "hand-other-side",
+            f"the bones are called {hand.side}, but they lie and bend as those of the other hand",
+            "Check the side of the hand",
+        )
     scales = sorted((fitted.scale for fitted in fits), key=lambda scale: abs(np.log(scale)))
     if scales and not HUMAN[0] < scales[-1] < HUMAN[1]:
-        notes.append(f"fingertips are {scales[-1]:.2g} times a person's: see the scene's units")
-    return notes
+        doubt(
+            "hand-scale",
+            "the fingertips have no size of a person's",
+            "Check the scene's units",
+            value=f"{scales[-1]:.2g} times a person's",
+        )
+    return doubts

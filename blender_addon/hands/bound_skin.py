@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -40,6 +40,7 @@ class BoundSkin:
 def bound_skin(armature: bpy.types.Object, context: bpy.types.Context) -> BoundSkin:
     """Return the skin of an armature: all meshes that show in the view."""
     depsgraph = context.evaluated_depsgraph_get()
+    deforming = {bone.name for bone in armature.data.bones if bone.use_deform}
     found: dict[str, list[Array]] = defaultdict(list)
     for obj in context.view_layer.objects:
         if obj.type != "MESH" or obj.dermis.role == "FINGER" or not obj.visible_get(view_layer=context.view_layer):
@@ -54,10 +55,10 @@ def bound_skin(armature: bpy.types.Object, context: bpy.types.Context) -> BoundS
         if carried:
             found[obj.parent_bone].append(points[corners])
             continue
-        owner = _owners(evaluated.data, len(points))
+        bones = {group.index: group.name for group in obj.vertex_groups if group.name in deforming}
+        owner = _owners(evaluated.data, len(points), bones)
         for group, own in _by_owner(corners, owner):
-            if group < len(obj.vertex_groups):  # vertices may keep groups that were deleted
-                found[obj.vertex_groups[group].name].append(points[own])
+            found[bones[group]].append(points[own])
     names = {bone.name for bone in armature.data.bones}
     return BoundSkin({name: np.concatenate(parts) for name, parts in found.items() if name in names})
 
@@ -79,11 +80,16 @@ def _read(evaluated: bpy.types.Object) -> tuple[NDArray[np.int32], Array]:
     return corners.reshape(-1, 3), points.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
-def _owners(mesh: Any, count: int) -> NDArray[np.int32]:
-    """Return the group that each vertex follows most, -1 for none, shape (n,)."""
+def _owners(mesh: Any, count: int, bones: Collection[int]) -> NDArray[np.int32]:
+    """Return the bone's group that each vertex follows most, -1 for none, shape (n,).
+
+    Args:
+        bones: indices of the groups that move vertices. All others only mark parts of the mesh.
+    """
     owner = np.full(count, -1, np.int32)
     for vertex in mesh.vertices:
-        most = max(vertex.groups, key=lambda g: g.weight, default=None)
+        own = (group for group in vertex.groups if group.group in bones)
+        most = max(own, key=lambda g: g.weight, default=None)
         if most is not None and most.weight >= _LEAST:
             owner[vertex.index] = most.group
     return owner

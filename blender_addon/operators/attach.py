@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, StringProperty
 
-from .. import choices
-from .._core import DermisError
+from .. import choices, reporting
+from .._core import DermisError, Finding
 from ..hands import armatures, attachment, rig
 from ..hands.bone_names import FINGERS, LEFT, RIGHT
 from ..polls import needs
@@ -63,7 +63,7 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
     tips: CollectionProperty(type=DermisTip, options={"SKIP_SAVE"})
     found_for: StringProperty(options={"HIDDEN", "SKIP_SAVE"})
 
-    def work(self, context: bpy.types.Context) -> str | None:
+    def work(self, context: bpy.types.Context) -> None:
         """Find the fingertips, unless they are given, and attach fingers."""
         if self.device:
             library().device(self.device)  # refuse an unknown one before anything is made
@@ -81,18 +81,15 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
                 remedy="Switch on a finger and choose its bone",
             )
         made: list[bpy.types.Object] = []
-        notes: dict[str, None] = {}
+        doubts: list[Finding] = []
         for side, hand in hands.items():
             tips = [attachment.Tip(t.name, t.bone, t.flip) for t in self.tips if t.use and t.side == side]
             fingers, said = attachment.attach(context, hung, hand, tips)
             made += fingers
-            notes |= dict.fromkeys(said)
+            doubts += said
         self._dress(context, made)
         what = f"Attached {counted(len(made), 'finger')} to the {' and '.join(SIDES[side] for side in hands)}"
-        if not notes:
-            return what
-        self.report({"WARNING"}, f"{what}. See: {'; '.join(notes)}")
-        return None
+        reporting.report_findings(self, doubts, self.bl_label, f"{what}.")
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw a row for each finger: whether, which bone, and which way round."""

@@ -354,3 +354,53 @@ def test_skin_is_read_as_its_modifiers_leave_it() -> None:
         pad = obj.matrix_world.translation
         assert tree.find_nearest(rig.skin.matrix_world.inverted() @ pad)[3] < 0.3e-3, name
         assert np.array(obj.matrix_world)[:3, 2] @ rig.nails[name] > 0.98, name
+
+
+def test_groups_that_only_mark_parts_of_a_body_are_no_bones() -> None:
+    rig = made("MakeHuman", "R")
+    assert rig.skin is not None
+    everywhere = list(range(len(rig.skin.data.vertices)))
+    for bone in list(rig.skin.vertex_groups):
+        for i in everywhere:
+            if any(g.group == bone.index for g in rig.skin.data.vertices[i].groups):
+                bone.add([i], 0.8, "REPLACE")
+    for name in ("body", "Right", "helper-r-hand"):
+        rig.skin.vertex_groups.new(name=name).add(everywhere, 1.0, "REPLACE")
+    bpy.context.view_layer.objects.active = rig.armature
+    bpy.ops.dermis.attach_fingers()
+    check(rig)
+    assert fingers()["index"].dermis.finger.skin.width_mm == pytest.approx(16.0, abs=1.5)
+
+
+def test_bones_that_do_not_deform_own_no_skin() -> None:
+    rig = made("Unreal", "R")
+    assert rig.skin is not None
+    bpy.context.view_layer.objects.active = rig.armature
+    bpy.ops.object.mode_set(mode="EDIT")
+    control = rig.armature.data.edit_bones.new("control")
+    control.head, control.tail, control.use_deform = (0.0, 0.0, 0.0), (0.0, 0.02, 0.0), False
+    bpy.ops.object.mode_set(mode="OBJECT")
+    rig.skin.vertex_groups.new(name="control").add(list(range(len(rig.skin.data.vertices))), 1.0, "REPLACE")
+    for bone in rig.last.values():
+        rig.skin.vertex_groups[bone].add(
+            [
+                v.index
+                for v in rig.skin.data.vertices
+                if any(g.group == rig.skin.vertex_groups[bone].index for g in v.groups)
+            ],
+            0.7,
+            "REPLACE",
+        )
+    bpy.ops.dermis.attach_fingers()
+    check(rig)
+
+
+@pytest.mark.parametrize("skin", [True, False])
+def test_fingers_without_skin_are_told(skin: bool) -> None:
+    rig = made("Unreal", "R", skin=True)
+    assert rig.skin is not None
+    if not skin:
+        bpy.data.objects.remove(rig.skin)
+    bpy.context.view_layer.objects.active = rig.armature
+    bpy.ops.dermis.attach_fingers()
+    assert ("hand-without-skin" in {f.code for f in reporting.findings()}) != skin

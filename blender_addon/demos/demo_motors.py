@@ -22,6 +22,15 @@ TITLES = {
     "right": "Right, Flat, Right",
     "complex": "Complex",
 }
+_TEXTS = {
+    "flat": "The surface stays flat on the pad",
+    "back": "The surface rolls from the pad's back to flat and back again",
+    "tip": "The surface rolls from the fingertip to flat and back again",
+    "left": "The surface rolls from the pad's left side to flat and back again",
+    "right": "The surface rolls from the pad's right side to flat and back again",
+    "complex": "The surface rolls over several sides of the pad",
+}
+TOUCHES = tuple((key, title, _TEXTS[key]) for key, title in TITLES.items())
 
 
 def build(which: str, device: str = DEVICE, seed: int = 0) -> bpy.types.Scene:

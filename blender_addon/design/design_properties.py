@@ -44,8 +44,10 @@ class DermisDesign(bpy.types.PropertyGroup):
         options=set(),
         update=unfelt,
     )
-    touches: CollectionProperty(type=DermisDesignTouch)
-    active_touch: IntProperty(name="Active Touch", default=0, min=0, options=set(), update=unfelt)
+    touches: CollectionProperty(description="Touches that motors are judged by", type=DermisDesignTouch)
+    active_touch: IntProperty(
+        name="Active Touch", description="Place in the list of touches", default=0, min=0, options=set(), update=unfelt
+    )
     finger: StringProperty(
         name="Finger",
         description="Which finger of the scenes; empty: the first whose skin was baked",
@@ -111,6 +113,12 @@ class DermisDesign(bpy.types.PropertyGroup):
 
 register, unregister = registration(
     (DermisDesignTouch, DermisDesign),
-    (bpy.types.Scene, "dermis_design", PointerProperty(type=DermisDesign, name="How Many Motors?")),
+    (
+        bpy.types.Scene,
+        "dermis_design",
+        PointerProperty(
+            type=DermisDesign, name="How Many Motors?", description="Touches and device to judge motors by"
+        ),
+    ),
     forget=design_results.forget,
 )

@@ -52,8 +52,12 @@ class DERMIS_OT_add_screen(bpy.types.Operator):
     bl_label = "Add Touch Screen"
     bl_options = {"REGISTER", "UNDO"}
 
-    width: FloatProperty(name="Width", default=120.0, min=1.0, soft_max=600.0, unit="CAMERA")
-    depth: FloatProperty(name="Height", default=75.0, min=1.0, soft_max=600.0, unit="CAMERA")
+    width: FloatProperty(
+        name="Width", description="Size along X", default=120.0, min=1.0, soft_max=600.0, unit="CAMERA"
+    )
+    depth: FloatProperty(
+        name="Height", description="Size along Y", default=75.0, min=1.0, soft_max=600.0, unit="CAMERA"
+    )
     relief: EnumProperty(
         name="Relief",
         description="What there is to feel at first",

@@ -60,8 +60,12 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
         search=lambda _self, _context, text: choices.search("devices", text),
     )
     skin: BoolProperty(name="Show Skin", description="Solve and show what the skin of each finger feels")
-    tips: CollectionProperty(type=DermisTip, options={"SKIP_SAVE"})
-    found_for: StringProperty(options={"HIDDEN", "SKIP_SAVE"})
+    tips: CollectionProperty(
+        name="Fingertips", description="Fingers and their bones", type=DermisTip, options={"SKIP_SAVE"}
+    )
+    found_for: StringProperty(
+        name="Found For", description="Armature and hand that the fingertips are of", options={"HIDDEN", "SKIP_SAVE"}
+    )
 
     def work(self, context: bpy.types.Context) -> None:
         """Find the fingertips, unless they are given, and attach fingers."""

@@ -13,7 +13,7 @@ from .._core import DermisError
 from ..preferences import user_folder
 from ..streaming import board_identity, built_devices, calibration_offers, device_calibration, session
 from .stream import Streaming
-from .work import File
+from .work import File, listed
 
 
 class DERMIS_OT_stream_calibrate(Streaming, bpy.types.Operator):
@@ -22,7 +22,15 @@ class DERMIS_OT_stream_calibrate(Streaming, bpy.types.Operator):
     bl_idname = "dermis.stream_calibrate"
     bl_label = "Calibrate"
 
-    action: EnumProperty(items=(("BEGIN", "Begin", ""), ("CANCEL", "Cancel", ""), ("SAFE", "All to the Safe Pose", "")))
+    action: EnumProperty(
+        name="Action",
+        description="Step of the calibration",
+        items=(
+            ("BEGIN", "Begin", "Begin to calibrate: the device follows the sliders"),
+            ("CANCEL", "Cancel", "End the calibration, and use the values of before"),
+            ("SAFE", "All to the Safe Pose", "Set the sliders of all actuators to the device's safe pose"),
+        ),
+    )
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Do what was chosen."""
@@ -44,7 +52,7 @@ class DERMIS_OT_calibration_use(Streaming, bpy.types.Operator):
     bl_label = "Choose the Built Device"
     bl_options = {"INTERNAL", "UNDO"}
 
-    file: StringProperty(options={"HIDDEN", "SKIP_SAVE"})
+    file: StringProperty(name="File", description="Path of the calibration", options={"HIDDEN", "SKIP_SAVE"})
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Put it on."""
@@ -108,7 +116,9 @@ class DERMIS_OT_calibration_keep_found(Named, bpy.types.Operator):
     bl_idname = "dermis.calibration_keep_found"
     bl_label = "Save as a Device"
 
-    index: IntProperty(min=0, options={"HIDDEN", "SKIP_SAVE"})
+    index: IntProperty(
+        name="Index", description="Place in the list of calibrations found", min=0, options={"HIDDEN", "SKIP_SAVE"}
+    )
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Ask for a name."""
@@ -127,7 +137,9 @@ class DERMIS_OT_calibration_drop_found(Streaming, bpy.types.Operator):
     bl_label = "Forget"
     bl_options = {"INTERNAL", "UNDO"}
 
-    index: IntProperty(min=0, options={"HIDDEN", "SKIP_SAVE"})
+    index: IntProperty(
+        name="Index", description="Place in the list of calibrations found", min=0, options={"HIDDEN", "SKIP_SAVE"}
+    )
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Drop it."""
@@ -149,7 +161,7 @@ class DERMIS_OT_calibration_folder(Streaming, bpy.types.Operator):
 
 
 class _CalibrationFile(Streaming, File):
-    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+    filter_glob: listed("*.json")
 
 
 class DERMIS_OT_calibration_save(_CalibrationFile, bpy.types.Operator):

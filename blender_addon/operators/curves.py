@@ -25,6 +25,7 @@ class DERMIS_OT_commands_as_curves(Work, bpy.types.Operator):
 
     keys: EnumProperty(
         name="Keys",
+        description="Frames that get keys",
         items=(
             (
                 "FRAMES",

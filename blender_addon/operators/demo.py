@@ -62,6 +62,7 @@ class DERMIS_OT_demo_skin_scene(_Demo, bpy.types.Operator):
 
     fingers: EnumProperty(
         name="Fingers",
+        description="Fingers of the scene, and what they touch",
         items=(
             ("ONE", "One", "One finger touches one thing after the other"),
             ("FIVE", "Five", "Five fingers touch five things at once"),
@@ -86,7 +87,14 @@ class DERMIS_OT_demo_pins_scene(_Demo, bpy.types.Operator):
     next_step = "Bake in the Dermis tab, then play: pins, target and rendered skin"
 
     depth: FloatProperty(name="Depth [mm]", description="How deep the plane is pressed", default=2.0, min=0.01, max=4.0)
-    friction: FloatProperty(name="Friction", default=0.6, min=0.0, max=10.0, soft_max=1.0)
+    friction: FloatProperty(
+        name="Friction",
+        description="Coefficient of friction between skin and surface",
+        default=0.6,
+        min=0.0,
+        max=10.0,
+        soft_max=1.0,
+    )
     direction: FloatProperty(
         name="Direction",
         description="Of the movement: from the finger's right (0) to its tip (90)",
@@ -106,7 +114,11 @@ class DERMIS_OT_demo_thimble_scene(_Demo, bpy.types.Operator):
     bl_label = "Demo Thimble Scene"
     next_step = "Play the animation: twin, target and rendered skin. Bake keeps the servo angles"
 
-    touch: EnumProperty(name="Touch", items=tuple((k, s.title, s.text) for k, s in demo_thimble.SCENES.items()))
+    touch: EnumProperty(
+        name="Touch",
+        description="Object that the finger touches",
+        items=tuple((k, s.title, s.text) for k, s in demo_thimble.SCENES.items()),
+    )
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: Any) -> str:
@@ -126,7 +138,9 @@ class DERMIS_OT_demo_motors_scene(_Demo, bpy.types.Operator):
     bl_label = "Demo Interaction"
     next_step = "Bake in the Dermis tab, then ask How Many Motors? there"
 
-    touch: EnumProperty(name="Touch", items=tuple((k, title, "") for k, title in demo_motors.TITLES.items()))
+    touch: EnumProperty(
+        name="Touch", description="Movement of the finger over a flat surface", items=demo_motors.TOUCHES
+    )
     device: StringProperty(name="Device", description="Device preset", default=demo_motors.DEVICE)
     seed: IntProperty(name="Seed", description="Of the hand's wobble", default=0, min=0, soft_max=100)
 

@@ -4,7 +4,7 @@
 from typing import Any
 
 import bpy
-from bpy.props import EnumProperty, StringProperty
+from bpy.props import EnumProperty
 
 from .. import changes, jobs, reporting
 from ..design import design_results
@@ -12,7 +12,7 @@ from ..devices import platform_devices
 from ..polls import needs
 from ..preview import device_preview, platform_preview
 from ..results import store
-from .work import File, Folder, Work, active_device, counted
+from .work import File, Folder, Work, active_device, counted, listed
 
 
 @needs(
@@ -50,13 +50,14 @@ class DERMIS_OT_add_design_touch(File, bpy.types.Operator):
 
     kind: EnumProperty(
         name="Kind",
+        description="Where the touch comes from",
         items=(
             ("SCENE", "This Scene", "This scene's bake"),
             ("BAKED", "All Baked Scenes", "Every scene of this file that is baked"),
             ("FILE", "Recording", "A CSV of a 20-channel sensor"),
         ),
     )
-    filter_glob: StringProperty(default="*.csv", options={"HIDDEN"})
+    filter_glob: listed("*.csv")
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Ask for the file of a recording."""

@@ -15,7 +15,7 @@ from ..properties import scene_properties
 from ..results import export_parts, exported, store, stored_skins
 from ..sampling import scene_sweep
 from .checked import Checked
-from .work import File, Folder, counted
+from .work import File, Folder, counted, listed
 
 
 @needs(lambda context: store.current(context.scene) is not None, "Bake first")
@@ -31,9 +31,9 @@ class DERMIS_OT_export_tracks(Checked, Folder, bpy.types.Operator):
     directory: StringProperty(
         name="Folder", description="Where the files go; empty: the scene's output folder", subtype="DIR_PATH"
     )
-    form: EnumProperty(name="Format", items=scene_properties.FORMATS, default="csv")
+    form: EnumProperty(name="Format", description="Format of the files", items=scene_properties.FORMATS, default="csv")
     plots: BoolProperty(name="With Plots", description="Write a PNG plot beside each track", default=False)
-    ask: BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})
+    ask: BoolProperty(name="Ask", description="Ask for the folder", default=False, options={"HIDDEN", "SKIP_SAVE"})
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Write to the output folder; ask on request, or where that is relative to a file that was never saved."""
@@ -109,7 +109,7 @@ class DERMIS_OT_export_scene(File, bpy.types.Operator):
     bl_options = {"REGISTER"}
     suffix = ".npz"
 
-    filter_glob: StringProperty(default="*.npz", options={"HIDDEN"})
+    filter_glob: listed("*.npz")
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Propose a name, and ask for the file."""

@@ -60,7 +60,9 @@ class DERMIS_OT_film_skin(jobs.Job, bpy.types.Operator):
     job_title = "Skin as mesh"
 
     selected: BoolProperty(name="Selected Only", description="Only the selected fingers, not every one of the bake")
-    show: EnumProperty(name="Colours Show", items=QUANTITIES, default="stress")
+    show: EnumProperty(
+        name="Colours Show", description="Quantity that colours the skin", items=QUANTITIES, default="stress"
+    )
     with_legend: BoolProperty(name="Legend", description="Put the colours' legend before the camera", default=True)
     hide_finger: BoolProperty(
         name="Hide Finger in Renders",
@@ -90,7 +92,9 @@ class DERMIS_OT_film_colours(Work, bpy.types.Operator):
     bl_label = "Colours Show"
     bl_options = {"REGISTER", "UNDO"}
 
-    show: EnumProperty(name="Colours Show", items=QUANTITIES, default="stress")
+    show: EnumProperty(
+        name="Colours Show", description="Quantity that colours the skin", items=QUANTITIES, default="stress"
+    )
     with_legend: BoolProperty(name="Legend", description="Put the colours' legend before the camera", default=True)
 
     def work(self, context: bpy.types.Context) -> str | None:
@@ -142,6 +146,7 @@ class DERMIS_OT_film_remove(Work, bpy.types.Operator):
 
     kind: EnumProperty(
         name="What",
+        description="Objects that are removed",
         items=(("skin", "Skins", "Skins, and their legend"), ("twin", "Twins", "Device twins")),
         default="skin",
     )

@@ -17,7 +17,7 @@ class DERMIS_OT_go_to_finding(bpy.types.Operator):
     bl_label = "Show"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: IntProperty(name="Finding", default=0, min=0)
+    index: IntProperty(name="Finding", description="Place in the list of findings", default=0, min=0)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Set frame and selection."""

@@ -11,7 +11,7 @@ from .._core import core
 from ..layouts import properties
 from ..polls import needs
 from ..sampling import height_maps
-from .work import File
+from .work import File, listed
 
 _screen = core.parameters.screen
 SETTINGS = ("map_unit", "height_mm", "invert", "no_data")
@@ -25,7 +25,7 @@ class DERMIS_OT_open_map(File, bpy.types.Operator):
     bl_label = "Open Map"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: StringProperty(default="*.png;*.tif;*.tiff;*.npy;*.pgm;*.ppm;*.pfm", options={"HIDDEN"})
+    filter_glob: listed("*.png;*.tif;*.tiff;*.npy;*.pgm;*.ppm;*.pfm")
     map_unit: EnumProperty(
         name=_screen.MAP_UNIT.label, description=_screen.MAP_UNIT.text, items=_screen.MAP_UNIT.choices
     )

@@ -80,9 +80,25 @@ class DERMIS_OT_add_gesture(Work, bpy.types.Operator):
             ("FORCE", "By Force", "The skin becomes compliant: the bone gives way to what presses it harder"),
         ),
     )
-    depth: FloatProperty(name="Depth", default=1.0, min=0.0, soft_max=3.0, unit="CAMERA")
-    force: FloatProperty(name="Force [N]", default=1.0, min=0.01, soft_max=10.0)
-    hold: FloatProperty(name="Hold", default=2.0, min=0.0, soft_max=10.0, unit="TIME_ABSOLUTE")
+    depth: FloatProperty(
+        name="Depth",
+        description="Distance that the bone goes below where the pad first touches",
+        default=1.0,
+        min=0.0,
+        soft_max=3.0,
+        unit="CAMERA",
+    )
+    force: FloatProperty(
+        name="Force [N]", description="Force that the finger presses with", default=1.0, min=0.01, soft_max=10.0
+    )
+    hold: FloatProperty(
+        name="Hold",
+        description="Time that the finger rests before it slides",
+        default=2.0,
+        min=0.0,
+        soft_max=10.0,
+        unit="TIME_ABSOLUTE",
+    )
     slide: FloatProperty(name="Slide", description="Way along the surface", default=20.0, min=0.0, unit="CAMERA")
     speed: FloatProperty(name="Speed [mm/s]", description="Of the slide", default=10.0, min=0.1, soft_max=200.0)
     direction: FloatProperty(

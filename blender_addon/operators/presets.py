@@ -62,7 +62,13 @@ def made(group: str, settings: Any, name: str) -> dict[str, Any]:
 class _Preset(Work):
     """What both have in common: the group of presets, and the words when there is nothing to keep or remove."""
 
-    group: EnumProperty(name="Kind", items=GROUPS, default="materials", options={"SKIP_SAVE"})
+    group: EnumProperty(
+        name="Kind",
+        description="Settings that the preset holds",
+        items=GROUPS,
+        default="materials",
+        options={"SKIP_SAVE"},
+    )
 
     def settings(self, context: bpy.types.Context) -> Any:
         """Return the settings at hand.

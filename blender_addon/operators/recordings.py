@@ -16,7 +16,7 @@ from ..layouts import properties, words
 from ..placing import keyed_poses
 from ..polls import needs
 from ..quantities import metres_per_unit
-from .work import File
+from .work import File, listed
 
 UNITS = {"M": 1.0, "CM": 1e-2, "MM": 1e-3}  # [m]
 _Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # what is up there becomes up here
@@ -43,7 +43,7 @@ class DERMIS_OT_import_poses(File, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
     suffix = ".csv"
 
-    filter_glob: StringProperty(default="*.csv;*.txt;*.tsv", options={"HIDDEN"})
+    filter_glob: listed("*.csv;*.txt;*.tsv")
     first: IntProperty(name="First Frame", description="Where the recording begins", default=1)
     rate: FloatProperty(
         name="Rows a Second", description="Of a file without times, or that counts frames", default=100.0, min=0.1
@@ -51,7 +51,11 @@ class DERMIS_OT_import_poses(File, bpy.types.Operator):
     unit: EnumProperty(
         name="Unit",
         description="Of places, where the file does not say",
-        items=(("M", "Metres", ""), ("CM", "Centimetres", ""), ("MM", "Millimetres", "")),
+        items=(
+            ("M", "Metres", "Places are in metres"),
+            ("CM", "Centimetres", "Places are in centimetres"),
+            ("MM", "Millimetres", "Places are in millimetres"),
+        ),
         update=_compose,
     )
     y_up: BoolProperty(name="Y Is Up", description="As WebXR and many trackers write; else Z is up, as in Blender")
@@ -65,10 +69,10 @@ class DERMIS_OT_import_poses(File, bpy.types.Operator):
         description="First column",
         items=(
             ("NONE", "None", "Rows have no time; they follow each other at Rows a Second"),
-            ("S", "Seconds", ""),
-            ("MS", "Milliseconds", ""),
-            ("US", "Microseconds", ""),
-            ("NS", "Nanoseconds", ""),
+            ("S", "Seconds", "Times are in seconds"),
+            ("MS", "Milliseconds", "Times are in milliseconds"),
+            ("US", "Microseconds", "Times are in microseconds"),
+            ("NS", "Nanoseconds", "Times are in nanoseconds"),
             ("FRAME", "Frames", "Frames are counted, at Rows a Second"),
         ),
         options={"SKIP_SAVE"},
@@ -79,8 +83,8 @@ class DERMIS_OT_import_poses(File, bpy.types.Operator):
         description="Columns behind x, y and z",
         items=(
             ("NONE", "None", "The object keeps its rotation"),
-            ("WXYZ", "Quaternion W, X, Y, Z", ""),
-            ("XYZW", "Quaternion X, Y, Z, W", ""),
+            ("WXYZ", "Quaternion W, X, Y, Z", "The real part is the first of four columns"),
+            ("XYZW", "Quaternion X, Y, Z, W", "The real part is the last of four columns"),
             ("EULER_DEG", "Euler Angles, Degrees", "About the fixed X, then Y, then Z: roll, pitch, yaw"),
             ("EULER_RAD", "Euler Angles, Radians", "About the fixed X, then Y, then Z: roll, pitch, yaw"),
             ("VECTOR_RAD", "Rotation Vector, Radians", "Axis times angle"),
@@ -90,8 +94,8 @@ class DERMIS_OT_import_poses(File, bpy.types.Operator):
         options={"SKIP_SAVE"},
         update=_compose,
     )
-    by_hand: BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
-    ask: BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
+    by_hand: BoolProperty(name="By Hand", description="A person chose the file", options={"HIDDEN", "SKIP_SAVE"})
+    ask: BoolProperty(name="Ask", description="Ask for the columns", options={"HIDDEN", "SKIP_SAVE"})
     _rows: Any = None  # of the file that the dialog asks about
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:

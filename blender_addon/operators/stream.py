@@ -169,7 +169,7 @@ class DERMIS_OT_stream_use_port(Streaming, bpy.types.Operator):
     bl_idname = "dermis.stream_use_port"
     bl_label = "Use Port"
 
-    port: StringProperty()  # type: ignore[valid-type]
+    port: StringProperty(name="Port", description="Address of the serial port")  # type: ignore[valid-type]
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Write it into the field."""

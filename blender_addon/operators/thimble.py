@@ -10,7 +10,7 @@ from .. import changes, jobs, redraw
 from ..devices import active_presets, thimble_adaptation, thimble_devices
 from ..polls import active_finger, needs
 from ..results import floors, store, thimble_plot
-from .work import File, active_device
+from .work import File, active_device, listed
 
 
 def _searched(context: bpy.types.Context) -> Any | None:
@@ -55,7 +55,7 @@ class DERMIS_OT_plot_thimble(File, bpy.types.Operator):
     suffix = ".png"
 
     filepath: StringProperty(name="File", description="Picture to write, .png or .svg", subtype="FILE_PATH")
-    filter_glob: StringProperty(default="*.png;*.svg", options={"HIDDEN"})
+    filter_glob: listed("*.png;*.svg")
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Propose a name, and ask for the file."""

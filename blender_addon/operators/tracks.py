@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty
 
 from .. import reporting
 from .._core import DermisError, core
@@ -16,7 +16,7 @@ from ..results import export_parts, exported, store
 from ..streaming import streamed_track
 from .checked import Checked
 from .stream import Streaming
-from .work import File, Folder, counted
+from .work import File, Folder, counted, listed
 
 
 class DERMIS_OT_load_track(Streaming, File, bpy.types.Operator):
@@ -25,7 +25,7 @@ class DERMIS_OT_load_track(Streaming, File, bpy.types.Operator):
     bl_idname = "dermis.load_track"
     bl_label = "Load Track"
 
-    filter_glob: StringProperty(default="*.csv;*.json;*.dtrack", options={"HIDDEN"})  # type: ignore[valid-type]
+    filter_glob: listed("*.csv;*.json;*.dtrack")  # type: ignore[valid-type]
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Read and check it."""
@@ -51,10 +51,11 @@ class DERMIS_OT_export_as(Checked, Folder, bpy.types.Operator):
     subject = job_title = "Export"
 
     form: EnumProperty(  # type: ignore[valid-type]
-        name="Format", items=FORMATS, default="json"
+        name="Format", description="Format of the files", items=FORMATS, default="json"
     )
     span: EnumProperty(  # type: ignore[valid-type]
         name="Range",
+        description="Frames that are written",
         items=(
             ("ALL", "Whole Bake", "Everything that was baked"),
             ("PREVIEW", "Preview Range", "The preview range"),
@@ -63,8 +64,12 @@ class DERMIS_OT_export_as(Checked, Folder, bpy.types.Operator):
         ),
         default="ALL",
     )
-    active_only: BoolProperty(name="Active Finger Only", default=False)  # type: ignore[valid-type]
-    all_scenes: BoolProperty(name="All Baked Scenes", default=False)  # type: ignore[valid-type]
+    active_only: BoolProperty(  # type: ignore[valid-type]
+        name="Active Finger Only", description="Write only the tracks of the active finger", default=False
+    )
+    all_scenes: BoolProperty(  # type: ignore[valid-type]
+        name="All Baked Scenes", description="Write the tracks of every scene of this file that is baked", default=False
+    )
     force: BoolProperty(name="Force", description="Write tracks with errors as they are", default=False)  # type: ignore[valid-type]
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:

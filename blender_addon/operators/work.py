@@ -38,12 +38,22 @@ class Work:
         return {"FINISHED"}
 
 
+def listed(patterns: str) -> Any:
+    """Declare which files the file browser lists, such as '*.csv;*.txt'."""
+    return StringProperty(
+        name="Listed",
+        description="Names of the files that the file browser lists",
+        default=patterns,
+        options={"HIDDEN"},
+    )
+
+
 class File(Work):
     """Asks for a file first."""
 
     suffix = ""  # for a name that has none
 
-    filepath: StringProperty(name="File", subtype="FILE_PATH")  # type: ignore[valid-type]
+    filepath: StringProperty(name="File", description="Path of the file", subtype="FILE_PATH")  # type: ignore[valid-type]
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Ask for the file."""
@@ -65,7 +75,7 @@ class File(Work):
 class Folder(Work):
     """Asks for a folder first."""
 
-    directory: StringProperty(name="Folder", subtype="DIR_PATH")  # type: ignore[valid-type]
+    directory: StringProperty(name="Folder", description="Folder to write the files to", subtype="DIR_PATH")  # type: ignore[valid-type]
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Ask for the folder."""

@@ -21,7 +21,7 @@ def _is_screen(_self: Any, obj: bpy.types.Object) -> bool:
 class DermisDevice(bpy.types.PropertyGroup):
     """One device worn by a finger, or one screen device that it touches."""
 
-    identity: StringProperty(options={"HIDDEN"}, override=OVERRIDE)  # see `identity`
+    identity: StringProperty(description="Identity that stays when names change", options={"HIDDEN"}, override=OVERRIDE)
     preset: StringProperty(
         name="Device",
         description="Device preset, by its file name",

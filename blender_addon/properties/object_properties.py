@@ -28,9 +28,19 @@ _rows = core.parameters
 class DermisFinger(bpy.types.PropertyGroup):
     """A fingertip: origin at the pad's centre, +Y towards the tip, +Z towards the nail."""
 
-    skin: PointerProperty(type=DermisSkin, override=OVERRIDE)
-    devices: CollectionProperty(type=DermisDevice, override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"})
-    active_device: IntProperty(name="Active Device", default=0, min=0, options=set(), override=OVERRIDE, update=unfelt)
+    skin: PointerProperty(description="Shape, tissue and contact of the skin", type=DermisSkin, override=OVERRIDE)
+    devices: CollectionProperty(
+        description="Devices on this finger", type=DermisDevice, override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"}
+    )
+    active_device: IntProperty(
+        name="Active Device",
+        description="Place in the list of devices",
+        default=0,
+        min=0,
+        options=set(),
+        override=OVERRIDE,
+        update=unfelt,
+    )
 
 
 class DermisObject(bpy.types.PropertyGroup):
@@ -50,10 +60,12 @@ class DermisObject(bpy.types.PropertyGroup):
         update=touched,
         override=OVERRIDE,
     )
-    identity: StringProperty(options={"HIDDEN"}, override=OVERRIDE)  # see `identity`
-    finger: PointerProperty(type=DermisFinger, override=OVERRIDE)
-    material: PointerProperty(type=DermisMaterial, override=OVERRIDE)
-    screen: PointerProperty(type=DermisScreen, override=OVERRIDE)
+    identity: StringProperty(description="Identity that stays when names change", options={"HIDDEN"}, override=OVERRIDE)
+    finger: PointerProperty(description="Settings of a finger", type=DermisFinger, override=OVERRIDE)
+    material: PointerProperty(
+        description="Settings of an object that can be felt", type=DermisMaterial, override=OVERRIDE
+    )
+    screen: PointerProperty(description="Settings of a touch screen", type=DermisScreen, override=OVERRIDE)
 
 
 TABLES: dict[type, core.parameters.parameter.Table] = {
@@ -76,5 +88,9 @@ def apply_parameters(group: Any, given: dict[str, Any]) -> list[str]:
 
 register, unregister = registration(
     (DermisSkin, DermisDevice, DermisFinger, DermisMaterial, DermisScreen, DermisObject),
-    (bpy.types.Object, "dermis", PointerProperty(type=DermisObject, name="Dermis", override=OVERRIDE)),
+    (
+        bpy.types.Object,
+        "dermis",
+        PointerProperty(type=DermisObject, name="Dermis", description="Part in touch", override=OVERRIDE),
+    ),
 )

@@ -21,7 +21,7 @@ class DermisScene(bpy.types.PropertyGroup):
     """Settings of the whole scene."""
 
     # 0: no Dermis yet. Blender does not store values that equal the default, so that must not be the version.
-    file_version: IntProperty(default=0, options={"HIDDEN"})
+    file_version: IntProperty(description="Version of these settings in the file", default=0, options={"HIDDEN"})
     sample_rate: FloatProperty(
         name="Sampling",
         description="Samples a second of the sweep over the animation, whatever the frame rate",
@@ -66,8 +66,8 @@ class DermisScene(bpy.types.PropertyGroup):
         options=set(),
         update=unfelt,
     )
-    skin_view: PointerProperty(type=DermisSkinView)
-    thimble_view: PointerProperty(type=DermisThimbleView)
+    skin_view: PointerProperty(description="Display of skins", type=DermisSkinView)
+    thimble_view: PointerProperty(description="Display of thimbles", type=DermisThimbleView)
     live_preview: BoolProperty(
         name="Live Preview",
         description="Evaluate the current frame while you scrub, where no fresh bake covers it",
@@ -117,7 +117,7 @@ class DermisScene(bpy.types.PropertyGroup):
     )
     bake_key: StringProperty(description="Which stored result the last bake gave", options={"HIDDEN"})
     bake_owners: StringProperty(description="The fingers and devices that it belongs to", options={"HIDDEN"})
-    active_finding: IntProperty(default=-1, options={"HIDDEN"})
+    active_finding: IntProperty(description="Place in the list of findings", default=-1, options={"HIDDEN"})
 
 
 def stamp(scene: bpy.types.Scene) -> None:
@@ -127,5 +127,5 @@ def stamp(scene: bpy.types.Scene) -> None:
 
 register, unregister = registration(
     (DermisSkinView, DermisThimbleView, DermisScene),
-    (bpy.types.Scene, "dermis", PointerProperty(type=DermisScene, name="Dermis")),
+    (bpy.types.Scene, "dermis", PointerProperty(type=DermisScene, name="Dermis", description="Bake, export and view")),
 )

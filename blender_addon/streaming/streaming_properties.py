@@ -71,7 +71,7 @@ def _outputs(self: Any, _context: Any, text: str) -> list[str]:
 class DermisStreamChannel(bpy.types.PropertyGroup):
     """One actuator: where it is put by hand, and how it differs from the preset."""
 
-    unit: StringProperty(options={"HIDDEN"})
+    unit: StringProperty(description="SI unit of the values", options={"HIDDEN"})
     jog: FloatProperty(
         name="Position",
         description="Where the actuator is put by hand, in SI",
@@ -113,10 +113,10 @@ class DermisStreamCalibration(bpy.types.PropertyGroup):
     Either it was changed and not saved, and another finger's device is listed now; or it was found in the file.
     """
 
-    owner: StringProperty(options={"HIDDEN"})
-    found: BoolProperty(options={"HIDDEN"})
-    file: StringProperty(options={"HIDDEN"})  # of the built device that it was before
-    channels: CollectionProperty(type=DermisStreamChannel)
+    owner: StringProperty(description="Finger and device, with the finger's identity", options={"HIDDEN"})
+    found: BoolProperty(description="Found in the file, not made here", options={"HIDDEN"})
+    file: StringProperty(description="File of the built device that it was before", options={"HIDDEN"})
+    channels: CollectionProperty(description="Zero, gain and limits of each channel", type=DermisStreamChannel)
 
 
 _settings = core.parameters.stream.STREAM
@@ -141,7 +141,9 @@ class DermisStream(bpy.types.PropertyGroup):
         update=_chosen,
         options=set(),
     )
-    output_of: StringProperty(options={"HIDDEN"})  # identities of the finger and device that it means, and its text
+    output_of: StringProperty(
+        description="Identities of the output's finger and device, and its text", options={"HIDDEN"}
+    )
     track_file: StringProperty(
         name="Track File",
         description="A command track from a file, instead of the bake",
@@ -183,15 +185,26 @@ class DermisStream(bpy.types.PropertyGroup):
         update=_quiet,
         options=set(),
     )
-    channels: CollectionProperty(type=DermisStreamChannel)
-    channels_of: StringProperty(options={"HIDDEN"})  # 'finger: device' to which they belong, for people ...
-    channels_owner: StringProperty(options={"HIDDEN"})  # ... and with the finger's identity; '' for nobody yet
-    channels_file: StringProperty(options={"HIDDEN"})  # of the built device that they are calibrated as; '' for none
-    session: StringProperty(options={"HIDDEN"})  # in which they were listed: what is of another one drives nothing
-    shelf: CollectionProperty(type=DermisStreamCalibration)
+    channels: CollectionProperty(description="Zero, gain and limits of each channel", type=DermisStreamChannel)
+    channels_of: StringProperty(description="Finger and device of the channels, for people", options={"HIDDEN"})
+    channels_owner: StringProperty(
+        description="Finger and device of the channels, with the finger's identity; empty for nobody yet",
+        options={"HIDDEN"},
+    )
+    channels_file: StringProperty(
+        description="File of the built device whose calibration they are; empty for none", options={"HIDDEN"}
+    )
+    session: StringProperty(
+        description="Session that listed the channels; those of another session drive nothing", options={"HIDDEN"}
+    )
+    shelf: CollectionProperty(description="Calibrations of other devices", type=DermisStreamCalibration)
 
 
 register, unregister = registration(
     (DermisStreamChannel, DermisStreamCalibration, DermisStream),
-    (bpy.types.Scene, "dermis_stream", PointerProperty(type=DermisStream, name="Dermis Streaming")),
+    (
+        bpy.types.Scene,
+        "dermis_stream",
+        PointerProperty(type=DermisStream, name="Dermis Streaming", description="Connection to a device"),
+    ),
 )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
 import pytest
 
@@ -132,13 +134,47 @@ def test_methods_and_kinds_cannot_be_keyed() -> None:
                 assert not prop.is_animatable, prop.identifier
 
 
-def test_everything_that_is_shown_has_a_name_and_a_tooltip() -> None:
-    for group in GROUPS:
-        for prop in own(group):
-            if prop.type in ("POINTER", "COLLECTION") and prop.name in ("", prop.identifier):
-                continue  # a group, which has no widget of its own
-            if not prop.is_hidden and prop.identifier != "active_device":
-                assert prop.name and prop.description, f"{group.__name__}.{prop.identifier}"
+def registered() -> dict[str, tuple[Any, list[Any]]]:
+    """Return RNA and own properties of every operator and group of the add-on, and of types that carry a group."""
+    found: dict[str, tuple[Any, list[Any]]] = {}
+
+    def add(name: str, rna: Any, *, ours: bool) -> None:
+        if name in found:
+            return
+        inherited = {"rna_type", *(rna.base.properties.keys() if rna.base is not None else ())}
+        own = [p for p in rna.properties if p.identifier not in inherited]
+        own = [p for p in own if ours or p.identifier.startswith("dermis")]
+        found[name] = (rna, own)
+        for prop in own:
+            if prop.type in ("POINTER", "COLLECTION") and prop.fixed_type.identifier.startswith("Dermis"):
+                add(prop.fixed_type.identifier, prop.fixed_type, ours=True)
+
+    for name in dir(bpy.types):
+        kind = getattr(bpy.types, name)
+        if name.startswith("DERMIS_OT_"):  # an operator's properties are at the operator, not at the class
+            add(name, getattr(bpy.ops.dermis, name.removeprefix("DERMIS_OT_")).get_rna_type(), ours=True)
+        elif not name.startswith("DERMIS") and hasattr(kind, "bl_rna"):
+            add(name, kind.bl_rna, ours=False)
+    for kind in bpy.types.AddonPreferences.__subclasses__():
+        if kind.__module__.startswith("blender_addon"):
+            add(kind.__name__, kind.bl_rna, ours=True)
+    return found
+
+
+def test_every_operator_property_and_choice_has_a_name_and_a_tooltip() -> None:
+    def tells(rna: Any) -> bool:
+        return bool(rna.name and rna.description) and rna.description not in (rna.name, rna.identifier)
+
+    lacking, seen = [], 0
+    for name, (rna, properties) in registered().items():
+        lacking += [name] if name.startswith("DERMIS_OT_") and not tells(rna) else []
+        for prop in properties:
+            seen += 1
+            choices = prop.enum_items if prop.type == "ENUM" else ()
+            lacking += [f"{name}.{prop.identifier}"] if not tells(prop) else []
+            lacking += [f"{name}.{prop.identifier}: {c.identifier}" for c in choices if not tells(c)]
+    assert not lacking, "\n".join(lacking)
+    assert seen > 300  # the walk has found them
 
 
 def test_a_file_without_dermis_has_no_version_and_a_stamp_survives_saving(tmp_path) -> None:

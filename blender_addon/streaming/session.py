@@ -172,8 +172,8 @@ def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
 
     Raises:
         DermisError: nothing is connected, or another scene is; something steps through the frames; the device is not
-            ready; the track or the calibration is of another one; or the first pulse may jump and nobody has said that the fingers
-            are out.
+            ready; the track or the calibration is of another one; or the first pulse may jump and nobody has said that
+            the fingers are out.
     """
     if _client is None:
         raise DermisError("not connected", remedy="Connect first")

@@ -14,11 +14,10 @@ from .devices import active_presets
 from .placing import presses, surfaces
 from .properties import skin_properties
 from .quantities import metres_per_unit
-from .sampling import participants
+from .sampling import participants, scene_header
 
 HUGE = 3.0  # [m] things that a fingertip touches are smaller, as a rule
 UNLIKE = 4.0  # times as long or as short as its bone that a fingertip is doubted
-_ONE = 0.01  # by which a scale may be off 1
 _KEYS = 40  # of a finger that are looked at
 _DEEPEST = 2e-3  # [m] that linear skin is trusted to, as the engine's finding 'too-deep' says
 _PRESS = 1e-3  # [m] that a finger is left in what it went through
@@ -145,7 +144,7 @@ def _units(unit: float, solids: list[bpy.types.Object]) -> Iterator[Doubt]:
 
 def _finger(finger: bpy.types.Object, unit: float) -> Iterator[Doubt]:
     scale = finger.matrix_world.to_scale()
-    if any(abs(s - 1.0) > _ONE for s in scale):
+    if any(abs(s - 1.0) > scene_header.ONE for s in scale):
         text = f"{finger.name} is drawn {max(scale):.3g} times as large as its skin is"
         yield Doubt("finger-scale", finger.name, text, "Clear Its Scale")
     own = skin_properties.lengths(finger.dermis.finger.skin)["length"]

@@ -195,6 +195,20 @@ def test_fingers_have_no_scale_and_stay_right_handed():
     assert [f.where for f in tactile.findings if f.code == "mirrored-finger"] == ["finger 'Turned'"]
 
 
+@pytest.mark.parametrize(
+    ("scale", "told"), [((1, 1, 1), []), ((2, 1, 1), ["2 times"]), ((1, 0.5, -0.5), ["0.5 times"])]
+)
+def test_a_finger_that_is_drawn_larger_than_it_feels_is_told(scale, told):
+    scene = build.span(1, 2)
+    build.cube()
+    tip = build.mesh_object("Tip", build.CUBE, build.CUBE_FACES, (0, 0, 5))
+    tip.dermis.role = "FINGER"
+    tip.scale = build.finger("Without Mesh").scale = scale
+    tactile = scene_sweep.sample(scene)
+    found = [f for f in tactile.findings if f.code == "finger-scale"]
+    assert [f.value for f in found] == told and {f.where for f in found} <= {"finger 'Tip'"}
+
+
 def test_a_reflected_body_is_the_same_surface_without_the_reflection():
     scene = build.span(1, 3)
     points, faces = [(0, 0, 0), (1, 0, 0), (0, 2, 0), (0, 0, 3)], [(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)]

@@ -56,13 +56,13 @@ def peg(radius: float, rim: float, height: float = HIGH, around: int = ROUND) ->
     return revolved(np.vstack([*top, edge, [[radius, -height], [0.0, -height]]]), around)
 
 
-def torus(minor: float, major: float) -> shapes.Shape:
+def torus(minor: float, major: float, around: int = 96, across: int = 48) -> shapes.Shape:
     """Return a ring that lies flat."""
-    n, m = 96, 48
-    about, across = 2.0 * np.pi * np.arange(n) / n, 2.0 * np.pi * np.arange(m) / m
-    far = major + minor * np.cos(across)
+    n, m = around, across
+    about, turn = 2.0 * np.pi * np.arange(n) / n, 2.0 * np.pi * np.arange(m) / m
+    far = major + minor * np.cos(turn)
     vertices = np.stack(
-        [np.outer(np.cos(about), far), np.outer(np.sin(about), far), np.tile(minor * (np.sin(across) - 1.0), (n, 1))],
+        [np.outer(np.cos(about), far), np.outer(np.sin(about), far), np.tile(minor * (np.sin(turn) - 1.0), (n, 1))],
         axis=2,
     ).reshape(-1, 3)
     i, k = (a.ravel() for a in np.meshgrid(np.arange(n), np.arange(m), indexing="ij"))

@@ -1,4 +1,8 @@
-"""Print the references, or make what is missing: `python -m tests.benchmarks.references [make [FAMILY ...]]`."""
+"""Make references anew and print all of them: `python -m tests.benchmarks.references [FAMILY ...]`.
+
+`... table` prints them without making any. A family takes one to three minutes of the processor; see `cases.py` for
+their names.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +10,8 @@ import sys
 
 from .results import load, table
 
-if sys.argv[1:2] == ["make"]:
+if sys.argv[1:] != ["table"]:
     from .making import make
 
-    make(sys.argv[2:])
+    make(sys.argv[1:])
 print(table(load()))

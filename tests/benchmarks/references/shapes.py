@@ -1,6 +1,7 @@
 """The shapes of the references: exact gaps to press on, and triangles for the product to press on. Lengths in mm.
 
-Every shape's highest point is the origin and +Z leads out of it; edges and ribs run along Y.
+Every shape's highest point is the origin and +Z leads out of it; edges, ribs and rods run along Y. Solids of revolution
+are in `turned_shapes.py`.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ Array = NDArray[np.float64]
 ROUNDING = 0.2  # of edges [mm]
 PERIOD, RIB, RIB_ROUNDING, RIB_HEIGHT, RIBS = 1.5, 0.75, 0.1, 3.0, 6  # of ribs [mm]; so many to either side
 ARC = np.radians(3.0)  # of roundings, between triangles
+LONG = 40.0  # of what runs along Y [mm]
 MM = 1e-3
 
 
@@ -68,20 +70,31 @@ class Edge:
     angle: float
 
     def gap(self, points: Array) -> tuple[Array, Array]:
-        """Return signed distances and gradients: to the arc where a point is above its ends, else to a face."""
-        half = np.radians(self.angle) / 2.0
-        face = np.array([np.cos(half), np.sin(half)])  # normal of the face at positive x
-        side = np.where(points[:, 0] < 0.0, -1.0, 1.0)
-        x, z = np.abs(points[:, 0]), points[:, 2] + ROUNDING
-        far = np.hypot(x, z)
-        on_arc = (far > 0.0) & (x * face[1] - z * face[0] < 0.0)
-        safe = np.where(on_arc, far, 1.0)
-        nx, nz = np.where(on_arc, x / safe, face[0]), np.where(on_arc, z / safe, face[1])
-        return nx * x + nz * z - ROUNDING, np.stack([side * nx, np.zeros_like(x), nz], axis=1)
+        """Return signed distances and gradients."""
+        return along_y(points[:, 0], *wedge(np.abs(points[:, 0]), points[:, 2], self.angle, ROUNDING))
 
     def surface(self) -> Surface:
-        """Return a wedge of 40 mm along its edge."""
+        """Return a wedge."""
         return Surface.edge(np.radians(self.angle), ROUNDING * MM)
+
+
+@dataclass(frozen=True)
+class Rod:
+    """A cylinder of a radius [mm] that lies along Y."""
+
+    radius: float
+
+    def gap(self, points: Array) -> tuple[Array, Array]:
+        """Return signed distances and gradients."""
+        x, z = points[:, 0], points[:, 2] + self.radius
+        far = np.maximum(np.hypot(x, z), 1e-12)
+        return far - self.radius, np.stack([x / far, np.zeros_like(x), z / far], axis=1)
+
+    def surface(self) -> Surface:
+        """Return a prism of a turn in steps of a degree."""
+        turn = np.radians(np.arange(360.0))
+        vertices, triangles = drawn_out(self.radius * np.stack([np.cos(turn), np.sin(turn) - 1.0], axis=1))
+        return Surface.build(vertices * MM, triangles)
 
 
 @dataclass(frozen=True)
@@ -90,31 +103,65 @@ class Ribs:
 
     def gap(self, points: Array) -> tuple[Array, Array]:
         """Return signed distances and gradients to the nearest plate (their feet are out of reach)."""
-        rib = np.clip(np.round(points[:, 0] / PERIOD), -RIBS, RIBS)
-        x, z = points[:, 0] - rib * PERIOD, points[:, 2]
-        side = np.where(x < 0.0, -1.0, 1.0)
-        across, up = np.abs(x) - (0.5 * RIB - RIB_ROUNDING), z + RIB_ROUNDING
-        far = np.hypot(across, up)
-        corner, top = (across > 0.0) & (up > 0.0), up >= across
-        safe = np.where(corner, far, 1.0)
-        nx = np.where(corner, across / safe, np.where(top, 0.0, 1.0))
-        nz = np.where(corner, up / safe, np.where(top, 1.0, 0.0))
-        return nx * across + nz * up - RIB_ROUNDING, np.stack([side * nx, np.zeros_like(x), nz], axis=1)
+        x = points[:, 0] - PERIOD * np.clip(np.round(points[:, 0] / PERIOD), -RIBS, RIBS)
+        return along_y(x, *rounded_corner(np.abs(x) - 0.5 * RIB, points[:, 2], RIB_ROUNDING))
 
     def surface(self) -> Surface:
-        """Return plates that are closed each for itself, 40 mm long."""
+        """Return plates that are closed each for itself."""
         turns = np.linspace(np.pi / 2, 0.0, round(np.pi / 2 / ARC) + 1)
         arc = RIB_ROUNDING * np.stack([np.cos(turns), np.sin(turns) - 1.0], axis=1) + [0.5 * RIB - RIB_ROUNDING, 0.0]
         half = np.vstack([arc, [[0.5 * RIB, -RIB_HEIGHT]]])
-        profile = np.vstack([half, half[::-1] * [-1.0, 1.0]])[::-1]  # counter-clockwise seen from -Y
-        n = len(profile)
-        i, j = np.arange(n), (np.arange(n) + 1) % n
-        fan = np.array([(0, k, k + 1) for k in range(1, n - 1)])
-        sides = np.vstack([np.stack([i, i + n, j], axis=1), np.stack([j, i + n, j + n], axis=1)])
-        triangles = np.vstack([fan, fan[:, ::-1] + n, sides])
-        vertices = np.vstack([np.insert(profile, 1, y, axis=1) for y in (-20.0, 20.0)])
+        vertices, triangles = drawn_out(np.vstack([half, half[::-1] * [-1.0, 1.0]])[::-1])
         each = range(-RIBS, RIBS + 1)
         return Surface.build(
             np.vstack([vertices + [k * PERIOD, 0.0, 0.0] for k in each]) * MM,
-            np.vstack([triangles + (k + RIBS) * 2 * n for k in each]),
+            np.vstack([triangles + (k + RIBS) * len(vertices) for k in each]),
         )
+
+
+def wedge(across: Array, z: Array, angle: float, rounding: float) -> tuple[Array, Array, Array]:
+    """Return the gap to a rounded tip of an angle [degrees], and its gradient across and along z: each shape (n,).
+
+    Args:
+        across: distance from the plane or axis of symmetry, not negative. z: height over the top of the tip.
+    """
+    half, up = np.radians(angle) / 2.0, z + rounding
+    face = np.cos(half), np.sin(half)
+    far = np.hypot(across, up)
+    on_arc = (far > 0.0) & (across * face[1] - up * face[0] < 0.0)
+    safe = np.where(on_arc, far, 1.0)
+    nx, nz = np.where(on_arc, across / safe, face[0]), np.where(on_arc, up / safe, face[1])
+    return nx * across + nz * up - rounding, nx, nz
+
+
+def rounded_corner(beyond: Array, z: Array, rounding: float) -> tuple[Array, Array, Array]:
+    """Return the gap to an upright wall under a flat top at z = 0, and its gradient across and along z: shape (n,).
+
+    Args:
+        beyond: distance outwards from the wall.
+    """
+    across, up = beyond + rounding, z + rounding
+    corner, top = (across > 0.0) & (up > 0.0), up >= across
+    safe = np.where(corner, np.hypot(across, up), 1.0)
+    nx = np.where(corner, across / safe, np.where(top, 0.0, 1.0))
+    nz = np.where(corner, up / safe, np.where(top, 1.0, 0.0))
+    return nx * across + nz * up - rounding, nx, nz
+
+
+def along_y(x: Array, gap: Array, across: Array, up: Array) -> tuple[Array, Array]:
+    """Return gaps and gradients of what is symmetric about x = 0, from those at its positive side."""
+    return gap, np.stack([np.where(x < 0.0, -across, across), np.zeros_like(x), up], axis=1)
+
+
+def drawn_out(profile: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Return vertices and triangles of a prism along Y.
+
+    Args:
+        profile: convex, counter-clockwise seen from -Y, shape (k, 2).
+    """
+    n = len(profile)
+    i, j = np.arange(n), (np.arange(n) + 1) % n
+    fan = np.array([(0, k, k + 1) for k in range(1, n - 1)])
+    sides = np.vstack([np.stack([i, i + n, j], axis=1), np.stack([j, i + n, j + n], axis=1)])
+    vertices = np.vstack([np.insert(profile, 1, y, axis=1) for y in (-0.5 * LONG, 0.5 * LONG)])
+    return vertices, np.vstack([fan, fan[:, ::-1] + n, sides])

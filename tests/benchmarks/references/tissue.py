@@ -1,8 +1,8 @@
-"""Linear tissue of quadratic elements, condensed to where a shape may touch it. Lengths in mm, forces in N.
+"""Linear tissue of hexahedra with mean dilatation, condensed to where a shape may touch it. Lengths in mm, forces in N.
 
-Quadratic elements alone are too stiff by some percent where Poisson's ratio is near a half, so pressures are unknowns,
-too, linear between the corners (Taylor and Hood 1973): [[A, B'], [B, -W]], A of the shear modulus, W the volume over
-Lame's first parameter.
+Eight-node elements lock where Poisson's ratio is near a half; with the dilatation averaged over each element (B-bar;
+Hughes 1980) they do not. Stress is read at the middles of elements, where it converges fastest, and brought to a point by a
+quadratic fit over the elements around it (after Zienkiewicz and Zhu 1992).
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dpotrf, dpotri
-from scipy.sparse import block_array, coo_array, csr_array
+from scipy.sparse import coo_array, csr_array
 
 from core.skin.assembly import degrees
 from core.skin.material import Elastic
 from core.tissue.dissection import Dissection, fill_upper
 
-from .quadratic import NODES, RULE, QuadraticMesh, shape_values
+from .hexahedra import GAUSS, HexMesh
 
 Array = NDArray[np.float64]
 Index = NDArray[np.integer]
@@ -24,6 +24,8 @@ MATERIAL = Elastic(young=1e5, poisson=0.48)  # [Pa]
 PA = 1e-6  # [N/mm^2]
 CHUNK = 4_000  # elements assembled at once
 MIRRORED = np.array([1.0, 1.0, 1.0, 1.0, -1.0, -1.0])  # stress on the other side of x = 0
+CENTRE = np.zeros((1, 3))
+ROWS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))  # xx, yy, zz, yz, xz, xy
 
 
 class Tissue:
@@ -31,102 +33,114 @@ class Tissue:
 
     Args:
         mesh: [mm]. touched: nodes that may carry force, rising, none of them held, shape (k,).
-        half: the mesh is the half at positive x of a symmetric one, which moves symmetrically.
 
     Attributes:
-        compliance: displacement of the touched nodes for forces on them [mm/N], shape (3 k, 3 k). Of a half, the forces
-            on nodes of the cut are those on the half; nodes of the cut do not move along x.
+        compliance: displacement of the touched nodes for forces on them [mm/N], shape (3 k, 3 k). Of half a finger, the
+            forces on nodes of the cut are those on the half; nodes of the cut do not move along x.
     """
 
-    def __init__(self, mesh: QuadraticMesh, touched: Index, half: bool = False) -> None:
-        self.mesh, self.touched, self.half = mesh, touched, half
+    def __init__(self, mesh: HexMesh, touched: Index) -> None:
+        self.mesh, self.touched = mesh, touched
         free = degrees(np.flatnonzero(~mesh.held))
-        if half:
-            free = free[(free % 3 != 0) | (mesh.nodes[free // 3, 0] != 0.0)]
-        self.free, self.corners = free, np.unique(mesh.elements[:, :4])
-        owner = np.concatenate([free // 3, self.corners])
-        negative = np.arange(len(owner)) >= len(free)
-        kept = np.isin(owner, touched) & ~negative
-        self.dissection = Dissection(mixed(mesh, free, self.corners), owner, negative, kept, mesh.nodes)
-        factor, info = dpotrf(self.dissection.schur, lower=1, clean=0, overwrite_a=1)
+        self.free = free[(free % 3 != 0) | ~mesh.cut[free // 3]]
+        self.stiffness = stiffness(mesh)[self.free][:, self.free].tocsr()
+        owner = self.free // 3
+        kept = np.isin(owner, touched)
+        self._parts = Dissection(self.stiffness, owner, np.zeros(len(owner), bool), kept, mesh.nodes)
+        factor, info = dpotrf(self._parts.schur, lower=1, clean=0, overwrite_a=1)
         if info:
             raise ArithmeticError("the condensed stiffness is not positive definite")
         inverse, _ = dpotri(factor, lower=1, overwrite_c=1)
         fill_upper(inverse)
-        own = np.isin(degrees(touched), free)
-        self.compliance = inverse
-        if not own.all():
-            self.compliance = np.zeros((len(own), len(own)))
-            self.compliance[np.ix_(own, own)] = inverse
-        self._own = own
-        self.dissection.schur = np.zeros((0, 0))
+        self._parts.schur = np.zeros((0, 0))
+        self._own = np.isin(degrees(touched), self.free)
+        self.compliance = np.zeros((len(self._own), len(self._own)))
+        self.compliance[np.ix_(self._own, self._own)] = inverse
 
-    def deformed(self, touched: Array) -> tuple[Array, Array, float]:
-        """Return what all nodes do where the touched ones moved so.
+    def deformed(self, force: Array) -> tuple[Array, float]:
+        """Return what all nodes do under forces on the touched ones [N], shape (k, 3).
 
         Returns:
-            Displacement, shape (n, 3), pressure at the corners, tension positive [Pa], shape (n,), the residual [N].
+            Displacement [mm], shape (n, 3), and the largest force that is left on a degree of freedom, over the norm of
+            the forces: as the stiffness has it, whatever solved for them.
         """
-        found, residual = self.dissection.solve(touched.ravel()[self._own])
-        moved, pressure = np.zeros(3 * len(self.mesh.nodes)), np.zeros(len(self.mesh.nodes))
-        moved[self.free] = found[: len(self.free)]
-        pressure[self.corners] = found[len(self.free) :] / PA
-        return moved.reshape(-1, 3), pressure, residual
+        load = np.zeros(3 * len(self.mesh.nodes))
+        load[degrees(self.touched)] = force.ravel()
+        moved = np.zeros_like(load)
+        moved[self.free] = self._parts.solve((self.compliance @ force.ravel())[self._own])[0]
+        left = self.stiffness @ moved[self.free] - load[self.free]
+        return moved.reshape(-1, 3), float(np.abs(left).max() / max(np.linalg.norm(force), 1e-30))
 
-    def stress(self, displacement: Array, pressure: Array, points: Array) -> Array:
-        """Return the stress [Pa] at points [mm]: strain averaged at the nodes by volume, shape (p, 6)."""
-        other = (points[:, 0] < 0.0) & self.half
-        points = np.where(other[:, None], points * [-1.0, 1.0, 1.0], points)
-        element, at = self.mesh.locate(points)
-        own = self.mesh.elements[element]
-        wanted = np.zeros(len(self.mesh.nodes), bool)
-        wanted[own] = True
-        near = self.mesh.elements[wanted[self.mesh.elements].any(axis=1)]
-        slope, volume = self.mesh.slopes(near, NODES[None])
-        gradient = np.einsum("eax,eqay->eqxy", displacement[near], slope)
-        weight = np.repeat(volume.mean(axis=1), 10)
-        total, shares = np.zeros((len(wanted), 6)), np.zeros(len(wanted))
-        np.add.at(total, near.ravel(), weight[:, None] * _shear_stress(gradient).reshape(-1, 6))
-        np.add.at(shares, near.ravel(), weight)
-        nodal = total / np.maximum(shares, 1e-300)[:, None]
-        if self.half:
-            nodal[self.mesh.nodes[:, 0] == 0.0, 4:] = 0.0
-        found = np.einsum("pa,pac->pc", shape_values(at), nodal[own])
-        found[:, :3] += np.einsum("pa,pa->p", at, pressure[own[:, :4]])[:, None]
-        return np.where(other[:, None], found * MIRRORED, found)
+    def stress(self, displacement: Array, points: Array) -> Array:
+        """Return the stress [Pa] at points [mm], shape (p, 6)."""
+        mesh = self.mesh
+        slope, _ = mesh.slopes(mesh.elements, CENTRE)
+        gradient = np.einsum("eai,eaj->eij", displacement[mesh.elements], slope[:, 0])
+        return interpolated(mesh, cauchy(gradient), points)
 
 
-def _shear_stress(gradient: Array) -> Array:
-    """Return twice the shear modulus times strain, xx, yy, zz, yz, xz, xy [Pa], shape (..., 3, 3) to (..., 6)."""
-    sides = [gradient[..., i, j] + gradient[..., j, i] for i, j in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))]
-    return MATERIAL.lame[1] * np.stack(sides, axis=-1)
+def cauchy(gradient: Array) -> Array:
+    """Return the stress of displacement gradients [Pa], shape (n, 3, 3) to (n, 6)."""
+    first, shear = MATERIAL.lame
+    out = shear * np.stack([gradient[:, i, j] + gradient[:, j, i] for i, j in ROWS], axis=1)
+    out[:, :3] += first * np.trace(gradient, axis1=1, axis2=2)[:, None]
+    return out
 
 
-def mixed(mesh: QuadraticMesh, free: Index, corners: Index) -> csr_array:
-    """Return the matrix of free displacements, then of pressures at the corners."""
+def interpolated(mesh: HexMesh, own: Array, points: Array) -> Array:
+    """Return stress at points [mm], shape (p, 6), from that at the middles of the elements, shape (e, 6)."""
+    other = (points[:, 0] < 0.0) & mesh.half
+    points = np.where(other[:, None], points * [-1.0, 1.0, 1.0], points)
+    element, _ = mesh.locate(points)
+    middles = mesh.nodes[mesh.elements].mean(axis=1)
+    around = csr_array(
+        (np.ones(mesh.elements.size, bool), (mesh.elements.ravel(), np.repeat(np.arange(len(mesh.elements)), 8)))
+    )
+    found = np.zeros((len(points), 6))
+    for row, (point, corners) in enumerate(zip(points, mesh.elements[element], strict=True)):
+        near = np.unique(np.concatenate([around.indices[slice(*around.indptr[node : node + 2])] for node in corners]))
+        places, values = middles[near], own[near]
+        if mesh.cut[corners].any():
+            places, values = np.vstack([places, places * [-1.0, 1.0, 1.0]]), np.vstack([values, values * MIRRORED])
+        x = (places - point) / np.ptp(places, axis=0)
+        fit = np.column_stack([np.ones(len(x)), x, x**2, x * np.roll(x, 1, axis=1)])
+        found[row] = np.linalg.lstsq(fit, values, rcond=None)[0][0]
+    return np.where(other[:, None], found * MIRRORED, found)
+
+
+def stiffness(mesh: HexMesh) -> csr_array:
+    """Return the stiffness of all degrees of freedom [N/mm], sparse (3 n, 3 n)."""
     first, shear = (PA * value for value in MATERIAL.lame)
-    size, count = 3 * len(mesh.nodes), len(mesh.nodes)
-    stiff, coupling, volumes = csr_array((size, size)), csr_array((count, size)), csr_array((count, count))
+    law = np.zeros((6, 6))
+    law[:3, :3] = first
+    law[np.arange(6), np.arange(6)] += shear * np.array([2.0, 2.0, 2.0, 1.0, 1.0, 1.0])
+    size = 3 * len(mesh.nodes)
+    total = csr_array((size, size))
     for start in range(0, len(mesh.elements), CHUNK):
         elements = mesh.elements[start : start + CHUNK]
-        slope, volume = mesh.slopes(elements, RULE[None])
-        weight = volume / 24.0
-        across = np.einsum("eqai,eqbj,eq->eaibj", slope, slope, weight, optimize=True)
-        own = shear * across.transpose(0, 1, 4, 3, 2)
-        along = shear * np.einsum("eaibi->eab", across)
-        for i in range(3):
-            own[:, :, i, :, i] += along
-        rows = degrees(elements.ravel()).reshape(-1, 30)
-        stiff = stiff + _sum(own.reshape(-1, 30, 30), rows, rows, (size, size))
-        widening = np.einsum("qc,eqai,eq->ecai", RULE, slope, weight, optimize=True)
-        coupling = coupling + _sum(widening.reshape(-1, 4, 30), elements[:, :4], rows, (count, size))
-        filled = np.einsum("qc,qd,eq->ecd", RULE, RULE, weight)
-        volumes = volumes + _sum(filled, elements[:, :4], elements[:, :4], (count, count))
-    b = coupling[corners][:, free]
-    return block_array([[stiff[free][:, free], b.T], [b, volumes[corners][:, corners] / -first]]).tocsr()
+        slope, volume = mesh.slopes(elements, GAUSS)
+        strain = mean_dilatation(slope, volume)
+        own = np.einsum("eqir,ij,eqjs,eq->ers", strain, law, strain, volume, optimize=True)
+        rows = degrees(elements.ravel()).reshape(-1, 24)
+        i, j = np.broadcast_to(rows[:, :, None], own.shape), np.broadcast_to(rows[:, None], own.shape)
+        total = total + coo_array((own.ravel(), (i.ravel(), j.ravel())), shape=(size, size)).tocsr()
+    return total
 
 
-def _sum(values: Array, rows: Index, columns: Index, shape: tuple[int, int]) -> csr_array:
-    """Return a matrix with the values of elements, shape (e, r, c), added at rows (e, r) and columns (e, c)."""
-    i, j = np.broadcast_to(rows[:, :, None], values.shape), np.broadcast_to(columns[:, None], values.shape)
-    return coo_array((values.ravel(), (i.ravel(), j.ravel())), shape=shape).tocsr()
+def mean_dilatation(slope: Array, volume: Array) -> Array:
+    """Return strain for displacement of the corners, its dilatation averaged over each element.
+
+    Args:
+        slope: gradients of the shape functions, shape (e, q, 8, 3). volume: of the points, shape (e, q).
+
+    Returns:
+        Shape (e, q, 6, 24): xx, yy, zz, then twice yz, xz, xy.
+    """
+    out = np.zeros((*slope.shape[:2], 6, 24))
+    for row, (i, j) in enumerate(ROWS):
+        out[..., row, i::3] = slope[..., j]
+        out[..., row, j::3] = slope[..., i]
+    flat = slope.reshape(*slope.shape[:2], 24)
+    mean = np.einsum("eqr,eq->er", flat, volume) / volume.sum(axis=1)[:, None]
+    out[..., :3, :] += ((mean[:, None] - flat) / 3.0)[..., None, :]
+    return out

@@ -111,7 +111,7 @@ def all_met() -> list[Met]:
         for family in FAMILIES.values():
             for shape, depth, title in family.cases():
                 name = title.partition(",")[0]
-                if name not in CASES or depth != 1e3 * DEPTH:
+                if name not in CASES or depth != 1e3 * DEPTH or title not in known:
                     continue
                 place = 1e-3 * (np.array(known[title]["place"]) - [0.0, 0.0, depth])
                 for way, poses in ways():

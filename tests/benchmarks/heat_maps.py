@@ -21,14 +21,14 @@ from core.surface.gap import Surface
 from . import one_blas_thread
 from .bench_shapes import felt_at, stress_at
 from .references.cases import FAMILIES, Family, below_skin, first_contact
-from .references.contact import Press
+from .references.hexahedra import Grading
 from .references.making import Meshed
 from .references.shapes import MM, ROUNDING, Edge, Shape
 
 Array = NDArray[np.float64]
 
 DEPTH, BELOW = 1.0, 0.7  # of the press, of what is drawn [mm]
-SIZE = 0.25  # of the reference's elements, over their family's [mm]
+SCALE_OF_MESH = 2.0**0.5  # of the reference's, over its family's
 WIDE, LONG, STEP = 4.0, 6.5, 0.125  # half of what is drawn across and along the finger, and a pixel of it [mm]
 SCALE, GAP, TITLE = 26.0, 12.0, 20.0  # of the picture: points a millimetre, between the maps, of a line of text
 INFERNO = np.array(
@@ -76,7 +76,9 @@ def shapes() -> tuple[tuple[str, Shape, Family], ...]:
     """Return what is pressed in, and the mesh of its reference."""
     family = FAMILIES["edge 0"]
     edge, coin = Edge(90.0), Coin()
-    rim = replace(family, name="coin", shapes=(("coin", coin),), depths=(DEPTH,), sharp=(-0.9, 0.9), reach=0.02)
+    across = replace(family.gradings.across, places=(-0.9, 0.9))
+    gradings = replace(family.gradings, across=across, along=Grading(0.3, 4.0))
+    rim = replace(family, name="coin", shapes=(("coin", coin),), depths=(DEPTH,), gradings=gradings, reach=0.02)
     return (
         ("edge of 90 degrees", edge, replace(family, shapes=(("edge", edge),), depths=(DEPTH,))),
         ("rim of a coin", coin, rim),
@@ -85,11 +87,8 @@ def shapes() -> tuple[tuple[str, Shape, Family], ...]:
 
 def maps(shape: Shape, family: Family, probes: Array) -> dict[str, tuple[float, Array]]:
     """Return the force [N] and the von Mises stress [Pa] at points [mm], shape (n,): of the reference and of both."""
-    meshed = Meshed(family, SIZE)
-    press = Press(meshed.tissue.compliance, meshed.tissue.mesh.nodes[meshed.touched], shape, meshed.line)
-    (state,) = press.depths(lambda x: first_contact(shape, x), 0.0, (DEPTH,))
-    moved, pressure, _ = meshed.tissue.deformed(state.displacement)
-    found = {"reference": (2.0 * float(state.force[:, 2].sum()), meshed.tissue.stress(moved, pressure, probes))}
+    (exact,) = Meshed(family, SCALE_OF_MESH).cases(shape, probes)
+    found = {"reference": (float(exact.force[2]), exact.stress)}
     for contact in ("points", "nodes"):
         (felt,) = felt_at(shape.surface(), MM * first_contact(shape, 0.0), (MM * DEPTH,), 0.0, contact)
         found[contact] = float(felt.resultant[2]), stress_at(felt, MM * probes)

@@ -1,7 +1,7 @@
 """Make references anew and print all of them: `python -m tests.benchmarks.references [FAMILY ...]`.
 
-`... table` prints them without making any. A family takes one to three minutes of the processor; see `cases.py` for
-their names.
+`... table` prints them without making any. Names are in `cases.py`. A family takes one to two minutes of a free core,
+edges with friction seven.
 """
 
 from __future__ import annotations

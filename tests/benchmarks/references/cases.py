@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from core.parameters.error_bands import LINEAR, NEO_HOOKEAN
 from core.skin.shape import FingertipShape
 
 from .hexahedra import Grading, Gradings, chart_below, places
@@ -22,7 +23,7 @@ DEPTHS = (0.5, 1.0, 1.5)
 PROBE_DEPTHS = (0.3, 1.2, 2.0)
 JUDGED_AT = 1  # of the probes' depths: 1.2 mm
 SCALES = (2.0, np.sqrt(2.0), 1.0)  # of a case's meshes, over its gradings
-STEP = 0.1  # longest step of a press, times the scale
+STEP, NEWTON_STEP = 0.1, 0.25  # longest step of a press, times the scale: of linear tissue, of neo-Hookean
 ASIDE, FRICTION = 0.37, 0.3  # of edges beside the middle, where contact without friction has many answers
 
 
@@ -35,6 +36,7 @@ class Family:
         probe_x, probe_y: where stress is read, from the shape's origin [mm].
         sideways: x of the shape's origin [mm]; where it is not zero the whole finger is meshed.
         friction: of contact. depths: beyond first contact [mm].
+        tissue: 'linear' or 'neo_hookean'.
         reach: nodes that would be deeper in the last shape than this share of the depth may carry force.
     """
 
@@ -47,6 +49,12 @@ class Family:
     friction: float = 0.0
     depths: tuple[float, ...] = DEPTHS
     reach: float = 0.05
+    tissue: str = LINEAR
+
+    @property
+    def step(self) -> float:
+        """Longest step of a press at a scale of 1 [mm]."""
+        return STEP if self.tissue == LINEAR else NEWTON_STEP
 
     @property
     def half(self) -> bool:
@@ -101,48 +109,55 @@ def first_contact(shape: Shape, sideways: float) -> Array:
 SEVEN, SIX = np.array([-1.0, -0.6, -0.2, 0.0, 0.2, 0.6, 1.0]), np.array([-1.0, -0.6, -0.2, 0.2, 0.6, 1.0])
 ACROSS = (-1.6, -0.8, -0.3, 0.0, 0.3, 0.8, 1.6)  # of edges
 LENGTHWISE = tuple(4.0 * SIX)
-BALLS = {2.0: (0.085, 1.4), 3.0: (0.12, 2.0), 5.0: (0.14, 2.5), 12.0: (0.2, 3.4)}  # even size, half width
+BALLS = {2.0: (0.125, 1.4, 0.25), 5.0: (0.18, 2.5, 0.2), 12.0: (0.3, 3.4, 0.2)}  # even size, half width, growth
 CORNERS = tuple(rib * PERIOD + side * 0.5 * (RIB - RIB_ROUNDING) for rib in range(4) for side in (-1, 1))[1:]
 ON_RIM = (0.0, 0.3, 0.6, 0.9, 1.2)  # y that a coin's rim runs through under the pad
 
 
-def _about(even: float, half: float, below: float | None = None) -> Gradings:
+def _about(even: float, half: float, growth: float = 0.2) -> Gradings:
     """Return gradings about a small contact."""
-    side = Grading(even, half, growth=0.25)
-    return Gradings(side, side, Grading(even if below is None else below, 0.3 * half, growth=0.2))
+    side = Grading(even, half, growth=growth)
+    return Gradings(side, side, Grading(min(even, 0.18), 0.3 * half, growth=growth))
 
 
-def _along(even: float, half: float) -> Gradings:
+def _along(even: float, half: float, growth: float = 0.15, along: float = 0.45) -> Gradings:
     """Return gradings about a line along Y."""
-    return Gradings(Grading(even, half), Grading(0.4, 4.0), Grading(even, 0.1, growth=0.22))
+    across = Grading(even, half, growth=growth, most=0.8)
+    return Gradings(across, Grading(along, 4.0), Grading(even, 0.1, growth=0.2))
 
 
 def _families() -> Iterator[Family]:
-    plane = Gradings(Grading(0.3, 4.0), Grading(0.3, 5.0), Grading(0.15, 0.5, growth=0.2))
+    plane = Gradings(Grading(0.35, 4.0), Grading(0.35, 5.0), Grading(0.15, 0.5, growth=0.2))
     yield Family("plane", (("plane", Flat()),), plane, tuple(3.6 * SEVEN), tuple(4.2 * SIX))
-    for radius, (even, half) in BALLS.items():
+    for radius, (even, half, growth) in BALLS.items():
         ball = ((f"ball {radius:g} mm", Ball(radius)),)
-        yield Family(f"ball {radius:g}", ball, _about(even, half), tuple(1.1 * half * SEVEN), tuple(1.1 * half * SIX))
+        yield Family(
+            f"ball {radius:g}", ball, _about(even, half, growth), tuple(1.1 * half * SEVEN), tuple(1.1 * half * SIX)
+        )
     edges = tuple((f"edge {angle} degrees at {{:g}} mm", Edge(angle)) for angle in (60, 90, 120))
-    for sideways, even, friction in ((0.0, 0.03, 0.0), (ASIDE, 0.035, FRICTION)):
+    middle, beside = _along(0.035, 0.3), _along(0.05, 0.3, 0.22, 0.5)
+    for sideways, gradings, friction in ((0.0, middle, 0.0), (ASIDE, beside, FRICTION)):
         own = tuple((name.format(sideways), shape) for name, shape in edges)
-        yield Family(f"edge {sideways:g}", own, _along(even, 0.3), ACROSS, LENGTHWISE, sideways, friction)
-    ribs = Gradings(Grading(0.045, 0.1, CORNERS), Grading(0.4, 4.0), Grading(0.045, 0.1, growth=0.22))
+        yield Family(f"edge {sideways:g}", own, gradings, ACROSS, LENGTHWISE, sideways, friction)
+    ribs = Gradings(Grading(0.11, 0.1, CORNERS, 0.35), Grading(0.7, 4.0), Grading(0.11, 0.1, growth=0.28))
     between = (-2.25, -1.5, -0.75, 0.0, 0.375, 0.9, 1.5)
     yield Family("ribs", (("ribs", Ribs()),), ribs, between, LENGTHWISE, reach=0.1)
-    rim = Gradings(Grading(0.3, 3.5), Grading(0.035, 0.2, ON_RIM), Grading(0.035, 0.1, growth=0.22))
-    yield Family("coin", (("coin", Peg(6.0, 0.1, 6.0)),), rim, tuple(3.0 * SIX), ACROSS)
+    rim = Gradings(Grading(0.42, 3.5), Grading(0.055, 0.2, ON_RIM, 0.26, 1.0), Grading(0.055, 0.1, growth=0.25))
+    yield Family("coin", (("coin", Peg(6.0, 0.1, 6.0)),), rim, tuple(3.0 * SIX), ACROSS, reach=-0.1)
     ring = Gradings(Grading(0.25, 3.0), Grading(0.1, 0.6, (0.0, 0.6, 1.2)), Grading(0.1, 0.4, growth=0.2))
-    yield Family("torus", (("torus 1 mm", Torus(1.0, 5.0, 5.0)),), ring, tuple(3.0 * SIX), ACROSS)
-    rims = Grading(0.055, 0.3, (-1.0, 1.0))
-    punch = Gradings(rims, rims, Grading(0.055, 0.1, growth=0.22))
-    yield Family("punch", (("punch 2 mm", Peg(1.0, 0.1)),), punch, tuple(1.5 * SEVEN), tuple(1.5 * SIX))
+    yield Family("torus", (("torus 1 mm", Torus(1.0, 5.0, 5.0)),), ring, tuple(3.0 * SIX), ACROSS, reach=-0.1)
+    rims = Grading(0.085, 0.25, (-1.0, 1.0), 0.28)
+    punch = Gradings(rims, rims, Grading(0.085, 0.1, growth=0.25))
+    yield Family("punch", (("punch 2 mm", Peg(1.0, 0.1)),), punch, tuple(1.5 * SEVEN), tuple(1.5 * SIX), reach=-0.1)
     yield Family("rod", (("rod 3 mm", Rod(3.0)),), _along(0.09, 1.2), tuple(2.0 * SEVEN), LENGTHWISE)
     cone = ("cone 60 degrees", Cone(60.0, 0.5))
-    yield Family("cone", (cone,), _about(0.065, 0.9), tuple(1.5 * SEVEN), tuple(1.5 * SIX))
-    fine = Grading(0.07, 0.9, growth=0.15)
-    dot = Gradings(fine, fine, Grading(0.07, 0.3, growth=0.2))
+    yield Family("cone", (cone,), _about(0.08, 0.9, 0.25), tuple(1.5 * SEVEN), tuple(1.5 * SIX))
+    fine = Grading(0.09, 0.9, growth=0.2)
+    dot = Gradings(fine, fine, Grading(0.09, 0.3, growth=0.2))
     yield Family("dot", (("Braille dot", Dot(0.72, 0.48)),), dot, tuple(1.5 * SEVEN), tuple(1.5 * SIX))
+    softer = "neo-Hookean ball 5 mm", Ball(5.0)
+    wide = tuple(2.75 * SEVEN), tuple(2.75 * SIX)
+    yield Family("neo-Hookean ball 5", (softer,), _about(0.42, 2.5), *wide, reach=0.0, tissue=NEO_HOOKEAN)
 
 
 FAMILIES = {family.name: family for family in _families()}

@@ -102,8 +102,9 @@ class Press:
         """Return contact with the shape in one place, from contact with it in the last."""
         way, held = place - last.place, last.loaded
         about = last.displacement + np.where(held[:, None], way, 0.0)
-        force, moved, energy, ahead = last.force, about, np.inf, 0
-        for rounds in range(1, most + 1):
+        force, moved, energy, ahead, rounds = last.force, about, np.inf, 0, 0
+        while rounds < most:
+            rounds += 1
             gap, normal = self.shape.gap(self.points + about - place)
             load = force.any(axis=1)
             near = np.flatnonzero((gap < NEAR) | load)
@@ -173,8 +174,10 @@ class Press:
         frame = np.stack([normal, *tangents(normal)], axis=1)
         rows = (3 * near[:, None] + np.arange(3)).ravel()
         block = self.compliance[np.ix_(rows, rows)].reshape(len(near), 3, len(near), 3)
-        block = np.einsum("iak,ikjl->iajl", frame, block, optimize=True)
-        matrix = np.einsum("iajl,jbl->iajb", block, frame, optimize=True).reshape(len(rows), -1)
+        held = np.flatnonzero(self.cut[near])
+        block[held, 0, held, 0] = block[held, 2, held, 2]  # which leaves no force there: they do not move that way
+        turned = (frame @ block.reshape(len(near), 3, -1)).reshape(len(rows), len(near), 3).transpose(1, 0, 2)
+        matrix = (turned @ frame.transpose(0, 2, 1)).transpose(1, 0, 2).reshape(len(rows), -1)
         free = np.column_stack([offset, -np.einsum("iak,ik->ia", frame[:, 1:], stuck)])
         local = coulomb(matrix, free, self.friction, np.einsum("iak,ik->ia", frame, force))
         return np.einsum("iak,ia->ik", frame, local)
@@ -241,9 +244,7 @@ def coulomb(compliance: Array, free: Array, friction: float, start: Array) -> Ar
         rows = np.flatnonzero(np.repeat(own, 3))
         slope = _projection_slope(trial[own], slips[own], friction)
         relaxed = np.eye(len(rows)) - np.repeat(stiff[own], 3)[:, None] * compliance[np.ix_(rows, rows)]
-        matrix = np.eye(len(rows)) - np.einsum(
-            "iab,ibj->iaj", slope, relaxed.reshape(-1, 3, len(rows)), optimize=True
-        ).reshape(len(rows), -1)
+        matrix = np.eye(len(rows)) - (slope @ relaxed.reshape(-1, 3, len(rows))).reshape(len(rows), -1)
         # what leaves contact goes to zero at once; the rest answers to that as well
         gone = np.where(own[:, None], 0.0, -x)
         moved = stiff[own, None] * (compliance[rows] @ gone.ravel()).reshape(-1, 3)

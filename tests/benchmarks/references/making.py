@@ -9,11 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from core.parameters.error_bands import LINEAR
 from core.skin.blas import one_thread
 
-from .cases import FAMILIES, FINGER, PROBE_DEPTHS, SCALES, STEP, Family, first_contact
+from .cases import FAMILIES, FINGER, PROBE_DEPTHS, SCALES, Family, first_contact
 from .contact import Press, Pressed
 from .hexahedra import graded_fingertip
+from .neo_hookean import NeoHookean, pressed
 from .results import load, rounded, save, summary
 from .shapes import Shape
 from .tissue import Tissue
@@ -40,26 +42,32 @@ class Meshed:
 
     def __init__(self, family: Family, scale: float) -> None:
         self.family, self.scale = family, scale
-        mesh = graded_fingertip(FINGER, family.gradings, family.sideways, scale, half=family.half)
-        self.touched = mesh.pad[family.may_touch(mesh.nodes[mesh.pad])]
-        self.tissue = Tissue(mesh, self.touched)
+        self.mesh = graded_fingertip(FINGER, family.gradings, family.sideways, scale, half=family.half)
+        self.touched = self.mesh.pad[family.may_touch(self.mesh.nodes[self.mesh.pad])]
+        self._linear = Tissue(self.mesh, self.touched) if family.tissue == LINEAR else None
 
-    def pressed(self, shape: Shape) -> list[Pressed]:
-        """Return contact at each depth."""
-        mesh, family = self.tissue.mesh, self.family
-        press = Press(
-            self.tissue.compliance, mesh.nodes[self.touched], shape, family.friction, mesh.cut[self.touched]
-        )
-        return press.depths(first_contact(shape, family.sideways), family.depths, STEP * self.scale)
-
-    def felt(self, shape: Shape, state: Pressed, probes: Array) -> Found:
-        """Return what one state of contact does.
+    def cases(self, shape: Shape, probes: Array) -> list[Found]:
+        """Return what the shape does at each depth, with stress at points [mm].
 
         Raises:
             ArithmeticError: nodes that may not carry force are in the shape.
         """
-        mesh = self.tissue.mesh
-        moved, balance = self.tissue.deformed(state.force)
+        family, mesh, touched = self.family, self.mesh, self.touched
+        start, step = first_contact(shape, family.sideways), family.step * self.scale
+        if self._linear is None:
+            law = NeoHookean(mesh)
+            states = pressed(mesh, touched, shape, family.friction, start, family.depths, step)
+            return [self._found(shape, *state, law.stress(state[1], probes)) for state in states]
+        cut, points = mesh.cut[touched], mesh.nodes[touched]
+        press = Press(self._linear.compliance, points, shape, family.friction, cut)
+        out = []
+        for state in press.depths(start, family.depths, step):
+            moved, balance = self._linear.deformed(state.force)
+            out.append(self._found(shape, state, moved, balance, self._linear.stress(moved, probes)))
+        return out
+
+    def _found(self, shape: Shape, state: Pressed, moved: Array, balance: float, stress: Array) -> Found:
+        mesh = self.mesh
         rest = np.setdiff1d(mesh.pad, self.touched)
         missed = -float(shape.gap(mesh.nodes[rest] + moved[rest] - state.place)[0].min())
         if missed > MISSED:
@@ -74,23 +82,35 @@ class Meshed:
             "balance": rounded(balance, 2),
         }
         total = state.force.sum(axis=0) * ([0.0, 2.0, 2.0] if mesh.half else [1.0, 1.0, 1.0])
-        return Found(total, self.tissue.stress(moved, probes), state.place, figures)
+        return Found(total, stress, state.place, figures)
 
 
 def make(names: Sequence[str]) -> None:
-    """Make the references of the families named, or of all, and write each when it is done."""
+    """Make the references of the families named, or of all, and write each when it is done.
+
+    Raises:
+        SystemExit: an unknown family, or families that could not be made.
+    """
     unknown = [name for name in names if name not in FAMILIES]
     if unknown:
         raise SystemExit(f"no such family: {', '.join(unknown)}; there are: {', '.join(FAMILIES)}")
+    failed = []
     with one_thread():
         for name in names or FAMILIES:
             started = time.process_time()
-            cases = made(FAMILIES[name])
+            try:
+                cases = made(FAMILIES[name])
+            except ArithmeticError as error:  # the others can be made all the same
+                failed.append(f"{name}: {error}")
+                print(failed[-1], flush=True)
+                continue
             results = load()  # another run may have written meanwhile
             results["probes"][name] = rounded(FAMILIES[name].probes, 6)
             results["cases"] = _sorted({**results["cases"], **cases})
             save(results)
             print(f"{name}: {time.process_time() - started:.0f} s of the processor", flush=True)
+    if failed:
+        raise SystemExit("\n".join(failed))
 
 
 def made(family: Family) -> dict[str, dict[str, Any]]:
@@ -98,13 +118,13 @@ def made(family: Family) -> dict[str, dict[str, Any]]:
     found: dict[str, list[Found]] = {title: [] for *_, title in family.cases()}
     for scale in SCALES:
         meshed = Meshed(family, scale)
-        print(f"{family.name}: {meshed.tissue.mesh}, {len(meshed.touched)} may touch", flush=True)
+        print(f"{family.name}: {meshed.mesh}, {len(meshed.touched)} may touch", flush=True)
         titles = iter(found)
         for _, shape in family.shapes:
-            for state in meshed.pressed(shape):
+            for case in meshed.cases(shape, family.probes):
                 title = next(titles)
-                found[title].append(meshed.felt(shape, state, family.probes))
-                print(f"  {title}: {found[title][-1].force.round(5)} N, {found[title][-1].figures}", flush=True)
+                found[title].append(case)
+                print(f"  {title}: {case.force.round(5)} N, {case.figures}", flush=True)
         del meshed
     out = {}
     for title, of in found.items():

@@ -106,7 +106,7 @@ def missing(values: Sequence[Array], sizes: Sequence[float]) -> float:
     if len(changes) > 1:
         coarse, middle, fine = (size**ORDERS for size in sizes[-3:])
         ratio = (coarse - middle) / (middle - fine)
-        order = ORDERS[np.abs(np.log(ratio) - np.log(changes[-2] / max(changes[-1], 1e-300))).argmin()]
+        order = ORDERS[np.abs(np.log(ratio) - np.log(max(changes[-2], 1e-300) / max(changes[-1], 1e-300))).argmin()]
     return float(sizes[-1] ** order / (sizes[-2] ** order - sizes[-1] ** order))
 
 

@@ -1,8 +1,8 @@
 """Linear tissue of hexahedra with mean dilatation, condensed to where a shape may touch it. Lengths in mm, forces in N.
 
 Eight-node elements lock where Poisson's ratio is near a half; with the dilatation averaged over each element (B-bar;
-Hughes 1980) they do not. Stress is read at the middles of elements, where it converges fastest, and brought to a point by a
-quadratic fit over the elements around it (after Zienkiewicz and Zhu 1992).
+Hughes 1980) they do not. Stress is read at the middles of elements, where it converges fastest, and brought to a point
+by a quadratic fit over the elements around it (after Zienkiewicz and Zhu 1992).
 """
 
 from __future__ import annotations
@@ -24,52 +24,87 @@ MATERIAL = Elastic(young=1e5, poisson=0.48)  # [Pa]
 PA = 1e-6  # [N/mm^2]
 CHUNK = 4_000  # elements assembled at once
 MIRRORED = np.array([1.0, 1.0, 1.0, 1.0, -1.0, -1.0])  # stress on the other side of x = 0
+BED = 10.0  # of springs under the nail's border [N/mm^3]: a millimetre of tissue gives way a hundred times as far
 CENTRE = np.zeros((1, 3))
+ENOUGH = 18  # elements about a point for a quadratic fit; in a corner of the mesh it is linear
 ROWS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))  # xx, yy, zz, yz, xz, xy
 
 
-class Tissue:
-    """A mesh, ready to be pressed on some of its nodes.
+class Condensed:
+    """A stiffness, factorised and condensed to some nodes.
 
     Args:
-        mesh: [mm]. touched: nodes that may carry force, rising, none of them held, shape (k,).
+        stiffness: of all degrees of freedom [N/mm], sparse (3 n, 3 n). touched: nodes that may carry force, rising,
+            none of them held, shape (k,).
 
     Attributes:
-        compliance: displacement of the touched nodes for forces on them [mm/N], shape (3 k, 3 k). Of half a finger, the
-            forces on nodes of the cut are those on the half; nodes of the cut do not move along x.
+        free: degrees of freedom that move. compliance: displacement of the touched nodes for forces on them [mm/N],
+            shape (3 k, 3 k). Of half a finger, the forces on nodes of the cut are those on the half; nodes of the cut
+            do not move along x.
     """
 
-    def __init__(self, mesh: HexMesh, touched: Index) -> None:
-        self.mesh, self.touched = mesh, touched
+    def __init__(self, mesh: HexMesh, stiffness: csr_array, touched: Index) -> None:
         free = degrees(np.flatnonzero(~mesh.held))
         self.free = free[(free % 3 != 0) | ~mesh.cut[free // 3]]
-        self.stiffness = stiffness(mesh)[self.free][:, self.free].tocsr()
+        self.stiffness = stiffness[self.free][:, self.free].tocsr()
         owner = self.free // 3
-        kept = np.isin(owner, touched)
-        self._parts = Dissection(self.stiffness, owner, np.zeros(len(owner), bool), kept, mesh.nodes)
+        self._kept = np.isin(owner, touched)
+        self._parts = Dissection(self.stiffness, owner, np.zeros(len(owner), bool), self._kept, mesh.nodes)
         factor, info = dpotrf(self._parts.schur, lower=1, clean=0, overwrite_a=1)
         if info:
             raise ArithmeticError("the condensed stiffness is not positive definite")
         inverse, _ = dpotri(factor, lower=1, overwrite_c=1)
         fill_upper(inverse)
         self._parts.schur = np.zeros((0, 0))
-        self._own = np.isin(degrees(touched), self.free)
-        self.compliance = np.zeros((len(self._own), len(self._own)))
-        self.compliance[np.ix_(self._own, self._own)] = inverse
+        own = np.isin(degrees(touched), self.free)
+        self._own = own
+        self.compliance = np.zeros((len(own), len(own)))
+        self.compliance[np.ix_(own, own)] = inverse
+
+    def solve(self, load: Array) -> tuple[Array, float]:
+        """Return the displacement of all nodes under forces on them, flat as those, shape (3 n,).
+
+        With it comes the largest force that is left on a degree of freedom, over the norm of the forces: as the
+        stiffness has it, whatever solved for them.
+        """
+        own = load[self.free]
+        inner = np.where(self._kept, 0.0, own)
+        still, _ = self._parts.solve(np.zeros(np.count_nonzero(self._kept)), inner)
+        handed = (own - self.stiffness @ still)[self._kept]
+        whole = np.zeros(len(self._own))
+        whole[self._own] = handed
+        found, _ = self._parts.solve((self.compliance @ whole)[self._own], inner)
+        moved = np.zeros(len(load))
+        moved[self.free] = found
+        left = np.abs(self.stiffness @ found - own).max()
+        return moved, float(left / max(np.linalg.norm(own), 1e-30))
+
+
+class Tissue:
+    """A mesh of linear tissue, ready to be pressed on some of its nodes.
+
+    Args:
+        mesh: [mm]. touched: nodes that may carry force, rising, none of them held, shape (k,).
+
+    Attributes:
+        compliance: as `Condensed` has it.
+    """
+
+    def __init__(self, mesh: HexMesh, touched: Index) -> None:
+        self.mesh, self.touched = mesh, touched
+        self._condensed = Condensed(mesh, stiffness(mesh), touched)
+        self.compliance = self._condensed.compliance
 
     def deformed(self, force: Array) -> tuple[Array, float]:
         """Return what all nodes do under forces on the touched ones [N], shape (k, 3).
 
         Returns:
-            Displacement [mm], shape (n, 3), and the largest force that is left on a degree of freedom, over the norm of
-            the forces: as the stiffness has it, whatever solved for them.
+            Displacement [mm], shape (n, 3), and what is left of the forces, as `Condensed.solve` has it.
         """
         load = np.zeros(3 * len(self.mesh.nodes))
         load[degrees(self.touched)] = force.ravel()
-        moved = np.zeros_like(load)
-        moved[self.free] = self._parts.solve((self.compliance @ force.ravel())[self._own])[0]
-        left = self.stiffness @ moved[self.free] - load[self.free]
-        return moved.reshape(-1, 3), float(np.abs(left).max() / max(np.linalg.norm(force), 1e-30))
+        moved, left = self._condensed.solve(load)
+        return moved.reshape(-1, 3), left
 
     def stress(self, displacement: Array, points: Array) -> Array:
         """Return the stress [Pa] at points [mm], shape (p, 6)."""
@@ -100,10 +135,14 @@ def interpolated(mesh: HexMesh, own: Array, points: Array) -> Array:
     for row, (point, corners) in enumerate(zip(points, mesh.elements[element], strict=True)):
         near = np.unique(np.concatenate([around.indices[slice(*around.indptr[node : node + 2])] for node in corners]))
         places, values = middles[near], own[near]
-        if mesh.cut[corners].any():
-            places, values = np.vstack([places, places * [-1.0, 1.0, 1.0]]), np.vstack([values, values * MIRRORED])
+        if mesh.cut[corners].any():  # the elements on the other side of the cut are as near as those on it
+            beside = mesh.cut[mesh.elements[near]].any(axis=1)
+            places = np.vstack([places, places[beside] * [-1.0, 1.0, 1.0]])
+            values = np.vstack([values, values[beside] * MIRRORED])
         x = (places - point) / np.ptp(places, axis=0)
         fit = np.column_stack([np.ones(len(x)), x, x**2, x * np.roll(x, 1, axis=1)])
+        if len(x) < ENOUGH:
+            fit = fit[:, :4]
         found[row] = np.linalg.lstsq(fit, values, rcond=None)[0][0]
     return np.where(other[:, None], found * MIRRORED, found)
 
@@ -114,17 +153,21 @@ def stiffness(mesh: HexMesh) -> csr_array:
     law = np.zeros((6, 6))
     law[:3, :3] = first
     law[np.arange(6), np.arange(6)] += shear * np.array([2.0, 2.0, 2.0, 1.0, 1.0, 1.0])
-    size = 3 * len(mesh.nodes)
-    total = csr_array((size, size))
+    total = csr_array((mesh.nodes.size, mesh.nodes.size))
     for start in range(0, len(mesh.elements), CHUNK):
         elements = mesh.elements[start : start + CHUNK]
         slope, volume = mesh.slopes(elements, GAUSS)
         strain = mean_dilatation(slope, volume)
         own = np.einsum("eqir,ij,eqjs,eq->ers", strain, law, strain, volume, optimize=True)
-        rows = degrees(elements.ravel()).reshape(-1, 24)
-        i, j = np.broadcast_to(rows[:, :, None], own.shape), np.broadcast_to(rows[:, None], own.shape)
-        total = total + coo_array((own.ravel(), (i.ravel(), j.ravel())), shape=(size, size)).tocsr()
-    return total
+        total = total + assembled(own, elements, mesh)
+    return total if mesh.bed is None else total + BED * mesh.bed
+
+
+def assembled(own: Array, elements: Index, mesh: HexMesh) -> csr_array:
+    """Return the sum of the elements' matrices, shape (e, 24, 24), over all degrees of freedom."""
+    rows = degrees(elements.ravel()).reshape(-1, 24)
+    i, j = np.broadcast_to(rows[:, :, None], own.shape), np.broadcast_to(rows[:, None], own.shape)
+    return coo_array((own.ravel(), (i.ravel(), j.ravel())), shape=(mesh.nodes.size, mesh.nodes.size)).tocsr()
 
 
 def mean_dilatation(slope: Array, volume: Array) -> Array:

@@ -113,7 +113,8 @@ class Dot:
 
     def surface(self) -> Surface:
         """Return a body of revolution."""
-        cap = arc(self.radius, (0.0, -self.radius), 90.0, 90.0 - np.degrees(np.arcsin(self.half_width / self.radius)), 2.0)
+        reach = float(np.degrees(np.arcsin(self.half_width / self.radius)))
+        cap = arc(self.radius, (0.0, -self.radius), 90.0, 90.0 - reach, 2.0)
         foot = -self.height - THICK
         profile = np.vstack([cap, [[WIDE, -self.height], [WIDE, foot], [0.0, foot]]])
         return Surface.build(*revolved(profile * MM, AROUND))

@@ -113,11 +113,10 @@ def into_open(context: bpy.types.Context, finger: bpy.types.Object) -> None:
     """
     depsgraph = context.evaluated_depsgraph_get()
     place = finger.matrix_world.translation
-    for body in bodies(context.scene, context.view_layer):
-        if surfaces.inside(body, place, depsgraph) and (spot := surfaces.nearest(body, place, depsgraph)):
-            surfaces.lie(finger, spot, 0.0)
-            return
-    raise DermisError("it is inside nothing", where=f"finger '{finger.name}'")
+    spot = surfaces.way_out(bodies(context.scene, context.view_layer), place, depsgraph)
+    if spot is None:
+        raise DermisError("it is inside nothing", where=f"finger '{finger.name}'")
+    surfaces.lie(finger, spot, 0.0)
 
 
 def out_of_bone(context: bpy.types.Context, finger: bpy.types.Object) -> None:

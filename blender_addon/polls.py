@@ -35,6 +35,26 @@ def active_finger(context: bpy.types.Context) -> bpy.types.Object | None:
     return obj if obj is not None and obj.dermis.role == "FINGER" else None
 
 
+def finger_at_hand(context: bpy.types.Context) -> bpy.types.Object | None:
+    """Return the finger that is meant, whatever is active: it, else the nearest selected one, else the nearest of all.
+
+    Only those whose edits are saved and that nothing carries. Nearest is measured from the active object, else from the
+    3D cursor.
+    """
+    active = context.object
+    if active is not None and active.dermis.role == "FINGER":
+        return own_finger(context)
+    fingers = [
+        obj
+        for obj in context.scene.objects
+        if obj.dermis.role == "FINGER" and obj.is_editable and obj.parent is None and obj.visible_get()
+    ]
+    at = active.matrix_world.translation if active is not None else context.scene.cursor.location
+    return min(
+        fingers, key=lambda obj: (not obj.select_get(), (obj.matrix_world.translation - at).length), default=None
+    )
+
+
 def own_finger(context: bpy.types.Context) -> bpy.types.Object | None:
     """Return the active object where it is a finger whose edits are saved: one of this file, or an override."""
     finger = active_finger(context)

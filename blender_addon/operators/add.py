@@ -7,6 +7,7 @@ from mathutils import Euler, Matrix
 
 from ..demos import demo_scene
 from ..fingertip_mesh import mesh
+from ..placing import surfaces
 from ..polls import needs
 from ..properties import scene_properties
 from ..quantities import metres_per_unit
@@ -23,7 +24,8 @@ def _place(context: bpy.types.Context, obj: bpy.types.Object) -> None:
 
 @needs(lambda context: context.mode == "OBJECT", "Leave edit mode first")
 class DERMIS_OT_add_finger(bpy.types.Operator):
-    """Add a fingertip at the 3D cursor: origin at the pad, +Y to the tip, +Z to the nail"""
+    """Add a fingertip at the 3D cursor, or on the nearest surface of a solid that the cursor is inside: origin at the
+    pad, +Y to the tip, +Z to the nail"""
 
     bl_idname = "dermis.add_finger"
     bl_label = "Add Finger"
@@ -34,8 +36,13 @@ class DERMIS_OT_add_finger(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add it."""
+        solids = [o for o in context.visible_objects if o.type == "MESH" and o.dermis.role != "FINGER"]
+        at = context.scene.cursor.location
+        spot = surfaces.way_out(solids, at, context.evaluated_depsgraph_get())
         obj = bpy.data.objects.new("Finger", mesh(metres_per_unit(context.scene)))
         _place(context, obj)
+        if spot is not None:
+            surfaces.lie(obj, spot, 0.0)
         obj.dermis.role = "FINGER"
         if self.device:
             obj.dermis.finger.devices.add().preset = self.device

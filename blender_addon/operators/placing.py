@@ -2,7 +2,7 @@
 """Mend what is doubtful before a bake, and put fingers on surfaces."""
 
 from collections.abc import Callable
-from math import ceil, radians
+from math import ceil, floor, radians
 
 import bpy
 from bpy.props import EnumProperty, FloatProperty, StringProperty
@@ -12,7 +12,7 @@ from .. import changes, doubts, scene_time
 from .._core import DermisError
 from ..layouts import properties
 from ..placing import gesture, keyed_poses, surfaces
-from ..polls import needs, own_finger
+from ..polls import finger_at_hand, needs, own_finger
 from ..quantities import metres_per_unit
 from .work import Work, follow
 
@@ -56,7 +56,7 @@ class DERMIS_OT_place_on_surface(Work, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Place it."""
-        finger = _free(context)
+        finger = _free(own_finger(context))
         spot, _ = _touched(context, finger.matrix_world.translation)
         surfaces.lie(finger, spot, 1e-3 * self.gap / metres_per_unit(context.scene))
         changes.mark_dirty(finger.name)
@@ -64,9 +64,10 @@ class DERMIS_OT_place_on_surface(Work, bpy.types.Operator):
         return None
 
 
-@needs(own_finger, "Select a finger of this file last, and before it the object that it shall touch")
+@needs(lambda context: "EDIT" not in context.mode and finger_at_hand(context), "Add a finger first; leave edit mode")
 class DERMIS_OT_add_gesture(Work, bpy.types.Operator):
-    """Key a touch from this frame on: the active finger comes down on the surface, presses, holds, slides and lifts"""
+    """Key a touch from this frame on: the active finger, else the nearest, comes down on the surface, presses, holds,
+    slides and lifts"""
 
     bl_idname = "dermis.add_gesture"
     bl_label = "Key a Touch"
@@ -120,7 +121,7 @@ class DERMIS_OT_add_gesture(Work, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Key it."""
-        finger, scene = _free(context), context.scene
+        finger, scene = _free(finger_at_hand(context)), context.scene
         if finger.parent is not None or finger.rotation_mode == "AXIS_ANGLE":
             raise DermisError(
                 "only a finger without a parent, turned by Euler angles or a quaternion, can be keyed",
@@ -146,18 +147,18 @@ class DERMIS_OT_add_gesture(Work, bpy.types.Operator):
         shown = [clock.frames(float(t)) for t in times]
         keyed_poses.key(finger, [scene_time.evaluated(scene, frame) for frame in shown], frames)
         last = ceil(shown[-1])
+        scene.frame_start = min(scene.frame_start, max(floor(shown[0]), 0))  # Blender's least
         scene.frame_end = max(scene.frame_end, last)
         changes.mark_dirty(finger.name)
-        return f"Keyed frames {clock.first:g} to {last}"
+        return f"Keyed frames {clock.first:g} to {last} of {finger.name}"
 
 
-def _free(context: bpy.types.Context) -> bpy.types.Object:
-    """Return the active finger, which nothing else may carry.
+def _free(finger: bpy.types.Object | None) -> bpy.types.Object:
+    """Return a finger, which nothing else may carry.
 
     Raises:
         DermisError: it hangs on a bone.
     """
-    finger = context.object
     assert finger is not None
     if finger.parent_type == "BONE" and finger.parent is not None:
         raise DermisError(

@@ -6,7 +6,7 @@ import bpy
 
 from .. import jobs
 from ..layouts import paragraph
-from ..polls import own_finger
+from ..polls import finger_at_hand
 from ..results import store
 from . import doubtful, exported, hands, summary
 
@@ -104,7 +104,7 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
         if state == "none":
             first = "bake" if there.moving else "animate the finger, then bake; what does not move feels little"
             paragraph(layout, context, f"Next: {first}.", "RIGHTARROW")
-            finger = own_finger(context)
+            finger = finger_at_hand(context)
             if not there.moving and finger is not None and finger.parent is None:
                 layout.operator("dermis.add_gesture", icon="KEYINGSET")
         elif state == "stale":

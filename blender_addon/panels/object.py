@@ -7,7 +7,7 @@ import bpy
 from .. import choices
 from .._core import core
 from ..layouts import editable, own_presets, paragraph, properties, role
-from ..polls import needs
+from ..polls import finger_at_hand, needs
 from ..sampling import height_maps
 from . import design, hands, thimble
 from .main import DermisPanel
@@ -55,6 +55,8 @@ class DERMIS_PT_object(DermisPanel, bpy.types.Panel):
             row = layout.row(align=True)
             row.operator("dermis.place_on_surface", icon="SNAP_FACE")
             row.operator("dermis.add_gesture", icon="KEYINGSET")
+        elif finger_at_hand(context) is not None:
+            layout.operator("dermis.add_gesture", icon="KEYINGSET")
 
 
 @needs(lambda context: role(context) == "SCREEN")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import bpy
@@ -9,6 +10,7 @@ from mathutils import Matrix, Vector
 
 from .. import compat
 
+_UP = 1e-5  # of a solid's size by which a point is raised, so that of sides as near as each other the upper one wins
 _WAYS = tuple(Vector(way) for way in ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)))
 
 
@@ -45,6 +47,15 @@ def inside(obj: bpy.types.Object, point: Vector, depsgraph: bpy.types.Depsgraph)
         if not hit or normal.dot(way) <= 0.0:
             return False
     return True
+
+
+def way_out(objects: Iterable[bpy.types.Object], point: Vector, depsgraph: bpy.types.Depsgraph) -> Spot | None:
+    """Return the nearest surface of the solids that a point is inside, the upper of two as near; None outside all."""
+    raised = [
+        (obj, point + Vector((0.0, 0.0, _UP * max(obj.dimensions)))) for obj in objects if inside(obj, point, depsgraph)
+    ]
+    spots = [spot for obj, at in raised if (spot := nearest(obj, at, depsgraph)) is not None]
+    return min(spots, key=lambda spot: (spot.point - point).length, default=None)
 
 
 def frame_on(spot: Spot, tip: Vector) -> Matrix:

@@ -119,6 +119,31 @@ def test_what_cannot_be_keyed_is_refused() -> None:
     assert Vector(bpy.context.object.location) == Vector((0.0, 0.0, 1.0))
 
 
+def test_a_touch_is_keyed_whatever_is_active_and_the_range_only_grows() -> None:
+    scene = span(20, 200)
+    thing = cube(size=0.1)
+    far, near = ready((0.0, 0.0, 1.0), thing), ready((0.0, 0.0, 0.08), thing)
+    for active in (thing, None):
+        for obj in (far, near):
+            obj.animation_data_clear()
+            obj.select_set(False)
+        bpy.context.view_layer.objects.active = active
+        scene.frame_set(10)
+        assert bpy.ops.dermis.add_gesture.poll()
+        assert bpy.ops.dermis.add_gesture(depth=1.0, **AT) == {"FINISHED"}
+        assert near.animation_data is not None and far.animation_data is None
+        assert (scene.frame_start, scene.frame_end) == (10, 200)
+    far.select_set(True)  # is meant more than one that is nearer
+    bpy.ops.dermis.add_gesture(depth=1.0, **AT)
+    assert far.animation_data is not None
+    scene.frame_set(190)
+    bpy.ops.dermis.add_gesture(depth=1.0, **AT)
+    assert (scene.frame_start, scene.frame_end) == (10, 224)
+    for obj in (far, near):
+        bpy.data.objects.remove(obj)
+    assert not bpy.ops.dermis.add_gesture.poll()
+
+
 def test_a_touch_screen_is_touched_without_being_selected() -> None:
     bpy.ops.dermis.add_screen()
     bpy.context.scene.cursor.location = (0.0, 0.0, 0.02)

@@ -35,6 +35,30 @@ def test_a_new_finger_has_the_size_of_a_finger(scale: float) -> None:
     assert 12.0 < high[2] < 14.0
 
 
+@pytest.mark.parametrize("scale", [1.0, 0.001])
+def test_a_new_finger_lies_on_the_solid_that_the_cursor_is_inside(scale: float) -> None:
+    bpy.context.scene.unit_settings.scale_length = scale
+    thing = cube(size=0.1 / scale)  # which nothing has made touchable
+    bpy.context.view_layer.update()
+    for inside, place in (
+        ((0.0, 0.0, 0.0), (0.0, 0.0, 0.05)),  # all sides are as near as each other: the upper one
+        ((0.04, 0.01, 0.0), (0.05, 0.01, 0.0)),
+        ((0.04, 0.01, 0.06), (0.04, 0.01, 0.06)),  # above it
+    ):
+        bpy.context.scene.cursor.location = Vector(inside) / scale
+        bpy.ops.dermis.add_finger()
+        bpy.context.view_layer.update()
+        finger = bpy.context.object
+        assert tuple(finger.matrix_world.translation * scale) == pytest.approx(place, abs=1e-6)
+        assert tuple(finger.matrix_world.to_scale()) == pytest.approx((1.0, 1.0, 1.0), abs=1e-6)
+        out = (finger.matrix_world.translation - thing.matrix_world.translation).normalized()
+        assert finger.matrix_world.to_3x3().col[2].dot(out) > 0.7  # the nail is outside
+    thing.hide_set(True)
+    bpy.context.scene.cursor.location = (0.0, 0.0, 0.0)
+    bpy.ops.dermis.add_finger()
+    assert bpy.context.object.matrix_world.translation == Vector((0.0, 0.0, 0.0))
+
+
 def test_the_fingertip_is_closed_but_for_the_nail_plate_and_faces_outwards() -> None:
     import bmesh
 

@@ -132,7 +132,15 @@ def _write(layout: Layout, view: View, state: str) -> None:
         paint.text(words, x, y, paint.FAINT if pale else paint.INK, size)
     if NOTES[state] and layout.top + (NOTE + SCRUB) * view.scale <= view.height:  # else over the frames' numbers
         tone = paint.ORANGE if pale else paint.BLUE
-        paint.text(NOTES[state], view.width - 18.0 * view.scale, layout.top + 4.0 * view.scale, tone, size, align=1.0)
+        paint.text(
+            NOTES[state],
+            view.width - 18.0 * view.scale,
+            layout.top + 4.0 * view.scale,
+            tone,
+            size,
+            align=1.0,
+            ground=True,
+        )
 
 
 def register() -> None:

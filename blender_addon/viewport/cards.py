@@ -15,6 +15,7 @@ import bpy
 from .. import identity
 from ..hands import bone_names
 from ..layouts import ui_scale
+from ..preview import moment
 from ..preview.rows import Preview, Row
 from . import device_cards, obstacles, packing, paint, shown, skin_cards
 from .drawing import Handlers
@@ -145,17 +146,22 @@ def _draw() -> None:
     places = [place.scaled(scale) for place in plan.devices[1 : count + 1]]
     _places[context.region.as_pointer()] = list(zip(places, names[:count], strict=True))
     gpu.state.blend_set("ALPHA")
+    late = "" if now.frame == moment.frame_of(scene) else f"of frame {now.frame:g}"
     if devices is not None:
-        _devices(devices, rows, plan, scale)
-    _skins(skins, pads, settings.skin_view, plan, scale)
+        _devices(devices, rows, plan, scale, late)
+    _skins(skins, pads, settings.skin_view, plan, scale, late)
     if skins.states and settings.skin_view.legend:
         note = devices.note if devices is not None and plan.devices else ""
         _legend(skins, settings.skin_view, room, [*taken, *plan.devices], plan.pads, scale, note)
     gpu.state.blend_set("NONE")
 
 
-def _devices(devices: Preview, rows: Sequence[tuple[Row, Twin | None]], plan: Plan, scale: float) -> None:
-    """Draw the devices' cards under a line that says where their values come from."""
+def _devices(devices: Preview, rows: Sequence[tuple[Row, Twin | None]], plan: Plan, scale: float, late: str) -> None:
+    """Draw the devices' cards under a line that says where their values come from.
+
+    Args:
+        late: which other frame they are of; empty where they are of the current one.
+    """
     shown_count = plan.shown(len(rows))
     for i, at in enumerate(place.scaled(scale) for place in plan.devices):
         if i == 0:
@@ -167,10 +173,12 @@ def _devices(devices: Preview, rows: Sequence[tuple[Row, Twin | None]], plan: Pl
             device_cards.card(*rows[i - 1], at, scale)
         else:
             device_cards.line(rows[i - 1][0], at, scale)
+        if late and 0 < i <= shown_count:
+            paint.veil(*at, late, scale)
 
 
-def _skins(skins: Shown, order: Sequence[int], view: Any, plan: Plan, scale: float) -> None:
-    """Draw a map of each pad, or a line."""
+def _skins(skins: Shown, order: Sequence[int], view: Any, plan: Plan, scale: float, late: str) -> None:
+    """Draw a map of each pad, or a line; `late` as for devices."""
     shown_count = len(order) if len(plan.pads) == len(order) else len(plan.pads) - 1
     for i, at in enumerate(place.scaled(scale) for place in plan.pads):
         if i == shown_count:
@@ -179,6 +187,8 @@ def _skins(skins: Shown, order: Sequence[int], view: Any, plan: Plan, scale: flo
             skin_cards.card(skins, order[i], view, at, scale)
         else:
             skin_cards.line(skins.states[order[i]], at, scale)
+        if late and i < shown_count:
+            paint.veil(*at, late, scale)
 
 
 def _legend(
@@ -195,7 +205,9 @@ def _legend(
 
 
 def _line(words: str, at: Box, colour: paint.Colour, scale: float) -> None:
-    paint.text(words, at.left + 2 * scale, at.bottom + 0.3 * at.height, colour, scale, width=at.width)
+    edge = paint.EDGE * scale
+    width = max(at.width - 2.0 * edge, 0.0)
+    paint.text(words, at.left + edge, at.bottom + 0.3 * at.height, colour, scale, width=width, ground=True)
 
 
 def _missing(count: int, what: str, at: Box, scale: float) -> None:

@@ -15,10 +15,12 @@ Colour = tuple[float, float, float, float]
 INK: Colour = (0.92, 0.93, 0.95, 1.0)
 FAINT: Colour = (0.92, 0.93, 0.95, 0.55)
 PANEL: Colour = (0.07, 0.08, 0.09, 0.82)
+VEIL: Colour = (*PANEL[:3], 0.65)
 ORANGE: Colour = (1.0, 0.52, 0.10, 1.0)
 BLUE: Colour = (0.36, 0.62, 1.0, 1.0)
 GREEN: Colour = (0.45, 0.80, 0.55, 1.0)
 FONT_SIZE = 11.5
+EDGE = 4.0  # of the ground of a line, beyond its letters [px at scale 1]
 # Corners of a unit disc with its middle first, and the triangles of that and of a square.
 SIDES = 24
 _ANGLE = np.linspace(0.0, 2.0 * np.pi, SIDES + 1)[:-1]
@@ -28,12 +30,23 @@ SQUARE = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
 
 
 def text(
-    words: str, x: float, y: float, colour: Colour, scale: float, *, width: float = 0.0, align: float = 0.0
+    words: str,
+    x: float,
+    y: float,
+    colour: Colour,
+    scale: float,
+    *,
+    width: float = 0.0,
+    align: float = 0.0,
+    ground: bool = False,
 ) -> float:
     """Write a line; cut it off at a width [px] where one is given. `align` is the part of it left of x.
 
+    Args:
+        ground: draw a dark box behind the line; needed wherever no card is beneath it.
+
     Returns:
-        How wide it is where it was measured: cut off, or aligned [px]; else 0.
+        How wide it is where it was measured: cut off, aligned, or on a ground [px]; else 0.
     """
     import blf
 
@@ -41,7 +54,10 @@ def text(
     blf.color(0, *colour)
     while width and len(words) > 4 and blf.dimensions(0, words)[0] > width:
         words = words.rstrip("…")[:-1] + "…"
-    wide = blf.dimensions(0, words)[0] if align or width else 0.0
+    wide = blf.dimensions(0, words)[0] if align or width or ground else 0.0
+    if ground:
+        edge = EDGE * scale
+        rectangle(x - align * wide - edge, y - edge, wide + 2.0 * edge, (FONT_SIZE + 1.5 * EDGE) * scale, PANEL)
     blf.position(0, x - align * wide, y, 0.0)
     blf.draw(0, words)
     return float(wide)
@@ -57,6 +73,12 @@ def rectangle(left: float, bottom: float, width: float, height: float, colour: C
     right, top = left + width, bottom + height
     corners = np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
     _fill(corners, SQUARE, colour)
+
+
+def veil(left: float, bottom: float, width: float, height: float, words: str, scale: float) -> None:
+    """Dim a card that has been drawn, and write at its upper right why."""
+    rectangle(left, bottom, width, height, VEIL)
+    text(words, left + width - 8.0 * scale, bottom + height - 15.0 * scale, INK, scale, align=1.0, ground=True)
 
 
 def disc(centre: NDArray[Any], radius: float, colour: Colour) -> None:

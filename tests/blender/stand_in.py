@@ -18,11 +18,13 @@ from blender_addon.viewport import drawing
 
 
 class Anything:
-    """Takes every call and gives itself; counts what is drawn, and keeps what is written."""
+    """Takes every call and gives itself; counts what is drawn, and keeps what is written, and what of it on no box."""
 
     def __init__(self) -> None:
         self.drawn = 0
         self.words: list[str] = []
+        self.bare: list[str] = []
+        self.boxes: list[Any] = []  # corners of what was filled
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
@@ -35,7 +37,7 @@ class Anything:
         return self
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if name in ("drawn", "words"):
+        if name in ("drawn", "words", "bare", "boxes"):
             self.__dict__[name] = value
 
 
@@ -69,10 +71,26 @@ def graphics_card() -> tuple[Anything, dict[str, Any]]:
         get_projection_matrix=lambda: Matrix.Identity(4),
     )
     gpu.shader = gpu.types = made
-    batch.batch_for_shader = made
-    text.size = text.color = text.position = lambda *_: None
+    at = [0.0, 0.0]
+
+    def fill(_shader: Any, kind: str, data: dict[str, Any], **_: Any) -> Anything:
+        if kind == "TRIS" and len(data.get("pos", ())) == 4:
+            made.boxes.append((data["pos"].min(axis=0)[:2], data["pos"].max(axis=0)[:2]))
+        return made()
+
+    def position(_font: int, x: float, y: float, _z: float) -> None:
+        at[:] = x, y
+
+    def write(_font: int, words: str) -> None:
+        made.words.append(words)
+        end = (at[0] + 6.0 * len(words), at[1] + 10.0)
+        if not any((low <= at).all() and (end <= high).all() for low, high in made.boxes):
+            made.bare.append(words)
+
+    batch.batch_for_shader = fill
+    text.size = text.color = lambda *_: None
+    text.position, text.draw = position, write
     text.dimensions = lambda _font, words: (6.0 * len(words), 10.0)
-    text.draw = lambda _font, words: made.words.append(words)
     return made, {"gpu": gpu, "blf": text, "gpu_extras.batch": batch}
 
 

@@ -23,7 +23,17 @@ from blender_addon.devices import platform_devices, skin_models, thimble_adaptat
 from blender_addon.preview import device_preview, pin_preview, skin_preview, thimble_preview
 from blender_addon.sampling import scene_sweep
 from blender_addon.streaming import built_devices, device_calibration
-from blender_addon.viewport import cards, parts, platform_twin, shown, skin_field, tactor_twin, thimble_twin
+from blender_addon.viewport import (
+    cards,
+    paint,
+    parts,
+    platform_twin,
+    shown,
+    skin_field,
+    slices,
+    tactor_twin,
+    thimble_twin,
+)
 
 from .stand_in import Anything, draw, draw_callbacks, graphics_card
 
@@ -128,6 +138,7 @@ def test_drawing_reads(which: str, card: Anything, callbacks: Any, monkeypatch: 
     layout, asked = Anything(), []
     monkeypatch.setattr(redraw, "request", lambda: asked.append(scene.frame_current))
     draw_only(callbacks, layout)
+    assert not card.bare  # every line stands on a card or on a ground of its own
     assert card.drawn > 10 and layout.drawn > 50 and not asked
     assert any("Index" in words for words in card.words)  # its card in the corner
     # something happens, and nobody has worked it out yet: the old is drawn, and the work asked for
@@ -140,6 +151,38 @@ def test_drawing_reads(which: str, card: Anything, callbacks: Any, monkeypatch: 
     scene.frame_set(FRAME[which] + 1)
     draw_only(callbacks, layout)
     assert card.drawn == before
+
+
+@pytest.mark.parametrize("fold", [False, True])
+@pytest.mark.parametrize("which", ["thimble", "tactor"])
+def test_a_card_of_another_frame_is_dimmed_and_says_so(
+    which: str, fold: bool, card: Anything, callbacks: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = build(which)
+    scene.dermis.fold_cards = fold
+    shown.work()
+    veiled: list[str] = []
+    monkeypatch.setattr(paint, "veil", lambda *box_words_scale: veiled.append(box_words_scale[4]))
+    draw_only(callbacks, Anything())
+    now = shown.now(scene)
+    assert not veiled and now.devices.rows
+    monkeypatch.setattr(slices, "budget", lambda: 0.0)
+    scene.frame_set(FRAME[which] + 9)
+    shown.on_frame(scene)  # which has begun, and not ended
+    draw_only(callbacks, Anything())
+    assert veiled == [f"of frame {FRAME[which]}"] * (len(now.devices.rows) + len(now.skins.states))
+    veiled.clear()
+    while shown._slices._on_timer() is not None:
+        pass
+    draw_only(callbacks, Anything())
+    assert not veiled and shown.now(scene).frame == FRAME[which] + 9
+
+
+def test_a_veil_dims_its_card_and_writes_on_it(card: Anything) -> None:
+    paint.veil(10.0, 20.0, 200.0, 80.0, "of frame 29", 1.0)
+    (low, high), _ = card.boxes
+    assert (*low, *high) == (10.0, 20.0, 210.0, 100.0)
+    assert card.words == ["of frame 29"] and not card.bare
 
 
 @pytest.mark.parametrize("gone", [False, True])

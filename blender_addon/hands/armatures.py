@@ -10,8 +10,7 @@ from mathutils import Matrix
 
 from .._core import Array
 from .bone_names import side_of
-from .branches import branched_hands
-from .skeleton import Bone, Hand, ancestors, named_hands
+from .skeleton import Bone, Hand, ancestors
 
 
 def armature_of(obj: bpy.types.Object | None) -> bpy.types.Object | None:
@@ -55,11 +54,6 @@ def carrier(armature: bpy.types.Object, bone: str) -> Matrix:
     """Return the matrix on which children of a bone hang: its own, at the bone's end."""
     posed = armature.pose.bones[bone]
     return armature.matrix_world @ posed.matrix @ Matrix.Translation((0.0, posed.bone.length, 0.0))
-
-
-def hands_of(armature: bpy.types.Object, bones: Mapping[str, Bone], weighted: set[str]) -> list[Hand]:
-    """Return an armature's hands, whose names say which finger is which, or whose branches do."""
-    return named_hands(bones, weighted) or branched_hands(bones, weighted)
 
 
 def meant(hands: list[Hand], bones: Mapping[str, Bone], active: str) -> list[Hand]:

@@ -82,6 +82,11 @@ def is_wrist(name: str) -> bool:
     return any(w in _WRISTS for w in words(name)) and not any(w in _FINGER_OF for w in words(name))
 
 
+def is_foot(name: str) -> bool:
+    """Return whether a name is of a foot or a toe."""
+    return any(w in _FEET for w in words(name))
+
+
 def labels(names: Iterable[str]) -> dict[str, Label]:
     """Return what names say, of those that name a finger."""
     found: dict[str, Label] = {}

@@ -1,22 +1,25 @@
-"""Hands whose bones have names that say nothing, found by how their bones branch and lie. Knows nothing of Blender."""
+"""Readings of hands by how bones branch and lie, whatever they are called. Knows nothing of Blender."""
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Collection, Mapping
+from collections import Counter, defaultdict
+from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
 
 from .._core import Array
-from .bone_names import FINGERS, side_of
+from .bone_names import FINGERS, Label, is_foot, labels, side_of
 from .skeleton import Bone, Chain, Hand, ancestors, ended, joints
 
 _FEWEST, _MOST = 3, 5  # fingers of a hand
-_DISTINCT = 0.35  # [rad] how far a thumb points away from the fingers' mean, more than any of them does
+_DISTINCT = 0.35  # [rad] how far one of four fingers points away from the others' mean if it is a thumb
 
 
 def branched_hands(bones: Mapping[str, Bone], weighted: Collection[str] = ()) -> list[Hand]:
-    """Return the hands among bones: a palm from which three to five chains of two bones and more go out.
+    """Return readings of hands: palms from which three to five chains of two bones and more go out.
+
+    Each palm has several: the last bones of its chains are fingertips or only mark the end, and the thumb is one of
+    the chains or another.
 
     Args:
         weighted: names of bones that vertices follow.
@@ -24,20 +27,56 @@ def branched_hands(bones: Mapping[str, Bone], weighted: Collection[str] = ()) ->
     children: dict[str, list[str]] = defaultdict(list)
     for bone in bones.values():
         children[bone.parent].append(bone.name)
-    found: list[Hand] = []
+    said = labels(bones)
+    palms: dict[str, list[list[str]]] = {}
     for name in bones:
-        below = [_chain(bones, children, leaf, name, weighted) for leaf in _leaves(children, name)]
-        chains = [chain for chain in below if len(chain.bones) > 1]
-        if not _FEWEST <= len(chains) <= _MOST or len(chains) != len(below) or len(children[name]) < 2:
-            continue
-        side = next((s for s in map(side_of, ancestors(bones, name)) if s), "")
-        found.append(Hand(side, name, _fingers(bones, bones[name].head, chains), named=False))
+        below = [_bones(bones, children, leaf, name) for leaf in _leaves(children, name)]
+        enough = _FEWEST <= len(below) <= _MOST and len(children[name]) > 1
+        if enough and all(len(names) > 1 for names in below) and not any(map(is_foot, _names(bones, name, below))):
+            palms[name] = below
     # The palm is the bone nearest to the fingers; who carries it has the same ones.
-    return [hand for hand in found if not any(_carries(bones, hand, other) for other in found)]
+    near = [palm for palm in palms if not any(_carries(bones, palms, palm, other) for other in palms)]
+    return [hand for palm in near for hand in _readings(bones, palm, palms[palm], weighted, said)]
 
 
-def _carries(bones: Mapping[str, Bone], hand: Hand, other: Hand) -> bool:
-    return hand.wrist in ancestors(bones, other.wrist)[1:] and len(other.chains) >= len(hand.chains)
+def opposes(start: Array, thumb: Array, others: list[Array]) -> bool:
+    """Return whether a finger is a thumb, by lines of joints (n, 3): it points away from the others, seen from `start`.
+
+    Of fewer than five fingers it may be one of four long ones; a thumb points well away and reaches less far.
+    """
+    away = _angles_away(start, [thumb, *others])
+    beyond = away[0] - max(away[1:])
+    if len(others) == _MOST - 1:
+        return beyond >= 0.0
+    reach = [float(np.linalg.norm(line[-1] - start)) for line in (thumb, *others)]
+    return bool(beyond >= _DISTINCT / 3 and away[0] >= _DISTINCT and reach[0] < np.median(reach[1:]))
+
+
+def _angles_away(start: Array, lines: list[Array]) -> list[float]:
+    """Return how far each finger points away from the mean of the others, seen from the wrist [rad]."""
+    ways = np.array([_unit(line[-1] - start) for line in lines])
+    others = (_unit(np.delete(ways, i, axis=0).sum(axis=0)) for i in range(len(ways)))
+    return [float(np.arccos(np.clip(way @ other, -1.0, 1.0))) for way, other in zip(ways, others, strict=True)]
+
+
+def _readings(
+    bones: Mapping[str, Bone], palm: str, below: list[list[str]], weighted: Collection[str], said: Mapping[str, Label]
+) -> Iterator[Hand]:
+    """Yield the readings of a palm's chains, likely ones first."""
+    sides = Counter(filter(None, (side_of(name) for names in below for name in names)))
+    side = next(iter(dict(sides.most_common(1))), "") or next(filter(None, map(side_of, ancestors(bones, palm))), "")
+    for marked in (False, True):
+        chains = [ended(names, weighted, marked and len(names) > 2) for names in below]
+        for fingers in _assignments(bones, bones[palm].head, chains, said):
+            yield Hand(side, palm, {finger: fingers[finger] for finger in FINGERS if finger in fingers}, "branches")
+
+
+def _names(bones: Mapping[str, Bone], palm: str, below: list[list[str]]) -> list[str]:
+    return [*ancestors(bones, palm), *(name for names in below for name in names)]
+
+
+def _carries(bones: Mapping[str, Bone], palms: Mapping[str, list[list[str]]], palm: str, other: str) -> bool:
+    return palm in ancestors(bones, other)[1:] and len(palms[other]) >= len(palms[palm])
 
 
 def _leaves(children: Mapping[str, list[str]], name: str) -> list[str]:
@@ -45,46 +84,44 @@ def _leaves(children: Mapping[str, list[str]], name: str) -> list[str]:
     return [leaf for child in below for leaf in (_leaves(children, child) or [child])]
 
 
-def _chain(
-    bones: Mapping[str, Bone], children: Mapping[str, list[str]], leaf: str, palm: str, weighted: Collection[str]
-) -> Chain:
-    """Return the bones from a leaf inwards, as far as nothing else hangs on them."""
-    names = []
+def _bones(bones: Mapping[str, Bone], children: Mapping[str, list[str]], leaf: str, palm: str) -> list[str]:
+    """Return the bones that end in a leaf, outermost last, as far as nothing else hangs on them."""
+    names: list[str] = []
     for name in ancestors(bones, leaf):
         if name == palm or len(children.get(name, [])) > 1:
             break
         names.append(name)
-    return ended(names[::-1], weighted, marked=len(names) > 4)
+    return names[::-1]
 
 
-def _fingers(bones: Mapping[str, Bone], palm: Array, chains: list[Chain]) -> dict[str, Chain]:
-    """Return which chain is which finger: a thumb points away from the others, its neighbour is the index finger."""
+def _assignments(
+    bones: Mapping[str, Bone], palm: Array, chains: list[Chain], said: Mapping[str, Label]
+) -> Iterator[dict[str, Chain]]:
+    """Yield which chain may be which finger: as names say, then as they lie: the thumb points away from the others."""
+    votes = [Counter(said[name].finger for name in chain.bones if name in said).most_common(1) for chain in chains]
+    named = {vote[0][0]: chain for vote, chain in zip(votes, chains, strict=True) if vote}
+    if len(named) == len(chains):
+        yield named
     lines = [joints(bones, chain) for chain in chains]
-    ways = np.array([_unit(line[-1] - palm) for line in lines])
-    away = [
-        float(np.arccos(np.clip(ways[i] @ _unit(np.delete(ways, i, axis=0).sum(axis=0)), -1.0, 1.0)))
-        for i in range(len(chains))
-    ]
-    thumb = int(np.argmax(away))
-    others = [i for i in range(len(chains)) if i != thumb]
-    reach = [float(np.linalg.norm(line[-1] - palm)) for line in lines]
-    beyond = away[thumb] - max(away[i] for i in others)
-    short = reach[thumb] < np.median([reach[i] for i in others])
-    if len(chains) < _MOST and (beyond < _DISTINCT / 3 or away[thumb] < _DISTINCT or not short):
-        return dict(zip(FINGERS[1:], (chains[i] for i in _in_line(lines, range(len(chains)))), strict=False))
-    order = _in_line(lines, others)
-    start = lines[thumb][0]
-    if np.linalg.norm(lines[order[0]][0] - start) > np.linalg.norm(lines[order[-1]][0] - start):
-        order = order[::-1]
-    return {FINGERS[0]: chains[thumb], **dict(zip(FINGERS[1:], (chains[i] for i in order), strict=False))}
+    away = _angles_away(palm, lines)
+    rows: list[tuple[int, ...]] = []  # chains from the thumb, or the index finger, to the little one
+    for thumb in sorted(range(len(chains)), key=lambda i: -away[i])[:2]:
+        across = _in_line(lines, [i for i in range(len(chains)) if i != thumb])
+        rows += [(thumb, *across), (thumb, *across[::-1])]
+    for row in rows:
+        yield dict(zip(FINGERS, (chains[i] for i in row), strict=False))
+    if len(chains) < _MOST:
+        across = _in_line(lines, range(len(chains)))
+        for row in (across, across[::-1]):
+            yield dict(zip(FINGERS[1:], (chains[i] for i in row), strict=False))
 
 
-def _in_line(lines: list[Array], which: Collection[int]) -> list[int]:
+def _in_line(lines: list[Array], which: Collection[int]) -> tuple[int, ...]:
     """Return chains in their order across the palm, by their knuckles."""
     knuckles = np.array([lines[i][0] for i in which])
     centred = knuckles - knuckles.mean(axis=0)
     across = np.linalg.svd(centred)[2][0]
-    return [list(which)[i] for i in np.argsort(centred @ across, kind="stable")]
+    return tuple(list(which)[i] for i in np.argsort(centred @ across, kind="stable"))
 
 
 def _unit(vector: Array) -> Array:

@@ -13,6 +13,7 @@ from . import armatures
 from .bone_names import LEFT, RIGHT
 from .bound_skin import BoundSkin, bound_skin
 from .nails import Nails, curl, nails
+from .readings import found_hands
 from .skeleton import Bone, Chain, Hand, ancestors, joints
 
 
@@ -91,9 +92,9 @@ def read(context: bpy.types.Context) -> Rig:
         raise DermisError("its scale is zero", where=where, remedy="Give it a scale")
     bones, skin = armatures.bones_of(armature), bound_skin(armature, context)
     active = armature.data.bones.active if context.mode == "POSE" else None
-    hands = armatures.hands_of(armature, bones, skin.bones)
+    hands = found_hands(bones, skin.bones)
     if not hands and active is not None:
-        hands = [Hand("", "", {"index": Chain(tuple(ancestors(bones, active.name)[:3][::-1]))}, named=False)]
+        hands = [Hand("", "", {"index": Chain(tuple(ancestors(bones, active.name)[:3][::-1]))})]
     near = armatures.meant(hands, bones, active.name if active is not None else "")
     there = {
         child.parent_bone: child.name

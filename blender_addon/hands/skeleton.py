@@ -1,6 +1,6 @@
 """A hand's bones: which of them are a finger's, which one is its last, and where its joints are.
 
-Bones are found by their names, or where those say nothing by how they branch. Knows nothing of Blender.
+Knows nothing of Blender.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 from .._core import Array
 from .bone_names import END, FINGERS, Label, is_wrist, labels, side_of
 
-_PHALANGES = 3  # of a finger; what comes before them lies in the palm
-_LIKELY = (0.35, 1.7)  # length of a last phalanx over that of the one before it
+PHALANGES = 3  # of a finger; what comes before them lies in the palm
+LIKELY = (0.35, 1.7)  # length of a last phalanx over that of the one before it
 _STRAIGHT = 0.3  # cosine between the two: beyond it, an importer has made up where the bone ends
 _DISTAL = 0.8  # length of a last phalanx over that of the one before it, where nothing says
 
@@ -53,13 +53,28 @@ class Hand:
     """A hand: its side ('L', 'R', '' unknown), the bone of its palm ('' none), and its fingers' chains.
 
     Attributes:
-        named: names say which finger is which; else the way the bones lie does.
+        source: what proposed it: 'names' or 'branches'.
+        score: of how much it explains. named_fingers: number of fingers whose names agree.
+        rivals: other readings of its bones, the best first.
     """
 
     side: str
     wrist: str
     chains: Mapping[str, Chain] = field(default_factory=dict)
-    named: bool = True
+    source: str = "names"
+    score: float = 0.0
+    named_fingers: int = 0
+    rivals: tuple[Hand, ...] = ()
+
+    @property
+    def every_bone(self) -> set[str]:
+        """Names of the bones of all fingers."""
+        return {name for chain in self.chains.values() for name in chain.bones}
+
+    @property
+    def named(self) -> bool:
+        """Whether the names of most fingers agree; else the way the bones lie tells which finger is which."""
+        return 2 * self.named_fingers > len(self.chains)
 
 
 def ancestors(bones: Mapping[str, Bone], name: str) -> list[str]:
@@ -86,27 +101,25 @@ def joints(bones: Mapping[str, Bone], chain: Chain) -> Array:
     before, own = heads[-1] - heads[-2], last.tail - last.head
     ahead, length = float(np.linalg.norm(before)), float(np.linalg.norm(own))
     bent = float(before @ own) < _STRAIGHT * ahead * length
-    if ahead > 0.0 and (bent or not _LIKELY[0] * ahead < length < _LIKELY[1] * ahead):
+    if ahead > 0.0 and (bent or not LIKELY[0] * ahead < length < LIKELY[1] * ahead):
         own = _DISTAL * before
     return np.vstack([heads, last.head + own])
 
 
 def named_hands(bones: Mapping[str, Bone], weighted: Collection[str] = ()) -> list[Hand]:
-    """Return the hands whose fingers are named, one a side.
+    """Return a hand for each side and layer of bones with names of fingers, layers with the shortest names first.
 
-    A rig may have several layers of bones: controls, mechanisms, what deforms. The layer with most fingers is taken;
-    of equal ones the layer that moves a mesh.
+    A rig may have several layers of bones: controls, mechanisms, what deforms.
 
     Args:
         weighted: names of bones that vertices follow.
     """
-    layers: dict[str, dict[tuple[str, ...], dict[str, dict[int, str]]]] = defaultdict(dict)
+    layers: dict[tuple[str, tuple[str, ...]], dict[str, dict[int, str]]] = defaultdict(dict)
     for name, label in labels(bones).items():
-        _places(layers[label.side].setdefault(label.style, {}), label, name, bones)
+        _places(layers[label.side, label.style], label, name, bones)
     hands = []
-    for side, styles in sorted(layers.items()):
-        best = max(styles.items(), key=lambda item: _rank(item[0], item[1], bones, weighted))[1]
-        chains = {finger: _chain(best[finger], weighted) for finger in FINGERS if finger in best}
+    for (side, _), layer in sorted(layers.items(), key=lambda item: (len(item[0][1]), len("".join(item[0][1])))):
+        chains = {finger: _chain(layer[finger], weighted) for finger in FINGERS if finger in layer}
         if len(chains) > 1 or any(len(chain.bones) > 1 for chain in chains.values()):
             wrist = wrist_of(bones, [chain.bones[0] for chain in chains.values()], side)
             hands.append(Hand(side or side_of(wrist), wrist, chains))
@@ -129,33 +142,24 @@ def _places(fingers: dict[str, dict[int, str]], label: Label, name: str, bones: 
         there[label.place] = name
 
 
-def _rank(
-    style: tuple[str, ...], fingers: dict[str, dict[int, str]], bones: Mapping[str, Bone], weighted: Collection[str]
-) -> tuple[float, ...]:
-    names = [name for places in fingers.values() for name in places.values()]
-    whole = sum(len(places) > 1 for places in fingers.values())
-    moved = sum(name in weighted for name in names)
-    return whole, moved, sum(bones[name].deform for name in names), -len(style), -len("".join(style))
-
-
 def _chain(places: dict[int, str], weighted: Collection[str]) -> Chain:
     """Return a finger's chain; a bone called an end, and a fourth one, is a marker unless vertices follow it."""
     order = sorted(places)
     chain = ended([places[place] for place in order], weighted, order[-1] == END)
     rest = [places[place] for place in order if places[place] in chain.bones]
-    fourth = order[0] == 1 and len(rest) == _PHALANGES and rest[-1] == places.get(_PHALANGES + 1)
+    fourth = order[0] == 1 and len(rest) == PHALANGES and rest[-1] == places.get(PHALANGES + 1)
     if not fourth or rest[-1] in weighted:
         return chain
-    return Chain(tuple(places[place] for place in order if place <= _PHALANGES), rest[-1])
+    return Chain(tuple(places[place] for place in order if place <= PHALANGES), rest[-1])
 
 
 def ended(names: list[str], weighted: Collection[str], marked: bool) -> Chain:
-    """Return the chain of bones whose last one may be no more than a marker of the end.
+    """Return the chain of bones whose last ones may be no more than markers of the end.
 
     Args:
-        marked: its name says that it is one, which counts unless vertices follow it.
+        marked: its last name says that it is one, which counts unless vertices follow it.
     """
-    moves_none = names[-1] not in weighted
-    end = len(names) > 1 and moves_none and (marked or names[-2] in weighted)
-    own = names[:-1] if end else names
-    return Chain(tuple(own[-_PHALANGES:]), names[-1] if end else "")
+    count = max((i + 1 for i, name in enumerate(names) if name in weighted), default=0)
+    if count < max(min(len(names) - 1, PHALANGES), 1):  # no mesh, or one that only follows the finger's root
+        count = max(len(names) - marked, 1)
+    return Chain(tuple(names[:count][-PHALANGES:]), names[count] if count < len(names) else "")

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from blender_addon.hands.bone_names import END, FINGERS, labels, side_of, words
-from blender_addon.hands.branches import branched_hands
-from blender_addon.hands.skeleton import Bone, Chain, joints, named_hands
+from blender_addon.hands.readings import found_hands
+from blender_addon.hands.skeleton import Bone, Chain, joints
 
-from . import hand_rigs
+from . import hand_rigs, hand_schemes
 
 SPELLED = {  # of the index finger's last bone on the left: finger, side, place
     "f_index.03.L": 3,
@@ -82,25 +82,25 @@ def test_a_side_is_a_word_of_its_own() -> None:
 def test_the_layer_that_moves_the_mesh_is_taken() -> None:
     names = {f"{layer}f_index.0{p}.L": p for layer in ("", "DEF-", "ORG-", "MCH-") for p in (1, 2, 3)}
     bones = {n: bone(n, at=float(p), deform=n.startswith("DEF")) for n, p in names.items()}
-    (hand,) = named_hands(bones)
+    (hand,) = found_hands(bones)
     assert hand.chains["index"] == Chain(tuple(f"DEF-f_index.0{p}.L" for p in (1, 2, 3)))
-    (hand,) = named_hands(bones, weighted={f"ORG-f_index.0{p}.L" for p in (1, 2, 3)})
+    (hand,) = found_hands(bones, weighted={f"ORG-f_index.0{p}.L" for p in (1, 2, 3)})
     assert hand.chains["index"].last == "ORG-f_index.03.L"
 
 
 def test_a_fourth_bone_is_an_end_unless_vertices_follow_it() -> None:
     names = [f"LeftHandIndex{p}" for p in range(1, 5)]
     bones = {n: bone(n, at=float(i)) for i, n in enumerate(names)}
-    (hand,) = named_hands(bones)
+    (hand,) = found_hands(bones)
     assert (hand.chains["index"].last, hand.chains["index"].end) == (names[2], names[3])
-    (hand,) = named_hands(bones, weighted=set(names))
+    (hand,) = found_hands(bones, weighted=set(names))
     assert (hand.chains["index"].bones, hand.chains["index"].end) == (tuple(names[1:]), "")
     bones |= {"LeftHandIndex4_end": bone("LeftHandIndex4_end", at=4.0)}
-    assert named_hands(bones)[0].chains["index"] == Chain(tuple(names[:3]), names[3])
+    assert found_hands(bones)[0].chains["index"] == Chain(tuple(names[:3]), names[3])
     three = {n: bones[n] for n in names[:3]} | {"LeftHandIndex3_end": bone("LeftHandIndex3_end", at=3.0)}
-    assert named_hands(three)[0].chains["index"] == Chain(tuple(names[:3]), "LeftHandIndex3_end")
+    assert found_hands(three)[0].chains["index"] == Chain(tuple(names[:3]), "LeftHandIndex3_end")
     metacarpal = {n: bone(n, at=float(i)) for i, n in enumerate(f"b_l_index{p}" for p in range(4))}
-    assert named_hands(metacarpal)[0].chains["index"] == Chain(("b_l_index1", "b_l_index2", "b_l_index3"))
+    assert found_hands(metacarpal)[0].chains["index"] == Chain(("b_l_index1", "b_l_index2", "b_l_index3"))
 
 
 def test_where_a_last_bone_ends_is_believed_where_it_can_be_true() -> None:
@@ -127,7 +127,7 @@ def test_fingers_without_names_are_told_apart_by_how_they_lie(side: str, body: b
             name = f"{finger[::-1]} {i}"
             bones[name] = Bone(name, parent, line[i] * mirror, line[i + 1] * mirror)
             parent = name
-    (hand,) = branched_hands(bones)
+    (hand,) = found_hands(bones)
     assert hand.wrist == "palm" and not hand.named
     assert {finger: chain.last for finger, chain in hand.chains.items()} == {f: f"{f[::-1]} 2" for f in FINGERS}
 
@@ -139,7 +139,7 @@ def test_a_hand_without_a_thumb_has_none() -> None:
             at = np.array([20.0 * i, 90.0 + 20.0 * p, 0.0])
             parent = f"{i} {p - 1}" if p else "palm"
             bones[f"{i} {p}"] = Bone(f"{i} {p}", parent, at, at + np.array([0.0, 20.0, 0.0]))
-    (hand,) = branched_hands(bones)
+    (hand,) = found_hands(bones)
     assert set(hand.chains) == set(FINGERS[1:])
     assert [hand.chains[f].last for f in FINGERS[1:]] in (
         [f"{i} 2" for i in range(4)],
@@ -149,5 +149,13 @@ def test_a_hand_without_a_thumb_has_none() -> None:
 
 def test_feet_and_faces_are_no_hands() -> None:
     bones = {"head": bone("head")} | {f"face {i}": bone(f"face {i}", "head") for i in range(4)}
-    assert branched_hands(bones) == [] and named_hands(bones) == []
-    assert named_hands({"lip_middle.L": bone("lip_middle.L")}) == []
+    assert found_hands(bones) == []
+    assert found_hands({"lip_middle.L": bone("lip_middle.L")}) == []
+
+
+@pytest.mark.parametrize("kind", hand_schemes.KINDS)
+@pytest.mark.parametrize("scheme", hand_schemes.SCHEMES)
+def test_every_scheme_of_names_gives_the_same_fingers(scheme: str, kind: str) -> None:
+    for side in "LR":
+        found = hand_schemes.miss(kind, scheme, side)
+        assert found.wrong == 0 and found.pad_mm < 1.0, (side, found)

@@ -1,0 +1,129 @@
+"""Readings of an armature's bones as hands: names and branches propose them, and one score decides.
+
+A reading says which chains of bones are the fingers of a hand. The score asks of each finger: has it the bones of a
+finger, in likely lengths? Is its last bone the last one? Does a mesh follow it? Does its knuckle lie half way between
+wrist and tip? Do names agree? And of the whole: does the thumb oppose the others? Knows nothing of Blender.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from .._core import Array
+from .bone_names import FINGERS, Label, labels
+from .branches import branched_hands, opposes
+from .skeleton import LIKELY, PHALANGES, Bone, Chain, Hand, ancestors, joints, named_hands
+
+# Shares of a finger's score, which is a whole chain's 1 and these.
+_NAMED = 1.0  # all of its bones have the finger's name
+_SKIN = 0.5  # a mesh follows its bones
+_KNUCKLE = 0.5  # its knuckle lies where a hand has it
+_GOES_ON = 0.5  # less, where bones lie beyond its last one
+_OPPOSED = 0.5  # the thumb points away from the others more than any other finger
+_DEFORMS = 0.05  # its bones deform: of equal layers of a rig, the one made for meshes
+_WHOLE = {1: 0.2, 2: 0.7, PHALANGES: 1.0}  # by the number of bones
+_SPREAD = 0.5  # standard deviation of the logarithm of palm over finger; in people both are as long, within a fifth
+_BEYOND = 0.3  # of the last bone's length: a bone that begins nearer to its head does not lie beyond it
+_RIVAL = 0.5  # of the best score; readings with less are not offered
+
+
+def found_hands(bones: Mapping[str, Bone], weighted: Collection[str] = ()) -> list[Hand]:
+    """Return the hands of an armature, each by its best reading with the others as its rivals, best hand first.
+
+    Args:
+        weighted: names of bones that vertices follow.
+    """
+    judge = _Judge(bones, weighted)
+    groups: list[list[Hand]] = []
+    for hand in (*named_hands(bones, weighted), *branched_hands(bones, weighted)):
+        hand = judge.judged(hand)
+        group = next((g for g in groups if any(_same(hand, other) for other in g)), None)
+        if group is None:
+            groups.append(group := [])
+        if not any(other.chains == hand.chains for other in group):
+            group.append(hand)
+    best = [_best(group) for group in groups]
+    # Chains that leave one bone may be a skirt or a foot: where names tell hands, only those are hands.
+    told = [hand for hand in best if hand.named_fingers]
+    return sorted(told or best, key=lambda hand: -hand.score)
+
+
+def _same(one: Hand, other: Hand) -> bool:
+    """Return whether two readings are of one hand."""
+    if one.side and other.side:
+        return one.side == other.side
+    return not one.every_bone.isdisjoint(other.every_bone)
+
+
+def _best(group: list[Hand]) -> Hand:
+    order = sorted(group, key=lambda hand: -hand.score)  # of equals the first proposed
+    return replace(order[0], rivals=tuple(hand for hand in order[1:] if hand.score > _RIVAL * order[0].score))
+
+
+class _Judge:
+    """Scores readings of an armature."""
+
+    def __init__(self, bones: Mapping[str, Bone], weighted: Collection[str]) -> None:
+        self.bones, self.weighted = bones, weighted
+        self.labels: Mapping[str, Label] = labels(bones)
+        self.below: dict[str, list[str]] = defaultdict(list)
+        for name in bones:
+            for above in ancestors(bones, name)[1:]:
+                self.below[above].append(name)
+
+    def judged(self, hand: Hand) -> Hand:
+        """Return a hand with its score, and the number of its fingers that names agree about."""
+        lines = {finger: joints(self.bones, chain) for finger, chain in hand.chains.items()}
+        wrist = self.bones[hand.wrist].head if hand.wrist else None
+        named = {finger: self._named(finger, chain) for finger, chain in hand.chains.items()}
+        score = sum(
+            self._finger(finger, chain, lines[finger], wrist) + _NAMED * named[finger]
+            for finger, chain in hand.chains.items()
+        )
+        score += _OPPOSED * _opposed(lines, wrist)
+        return replace(hand, score=score, named_fingers=sum(share > 0.5 for share in named.values()))
+
+    def _finger(self, finger: str, chain: Chain, line: Array, wrist: Array | None) -> float:
+        steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
+        likely = [LIKELY[0] * a <= b <= LIKELY[1] * a for a, b in zip(steps, steps[1:], strict=False)]
+        score = _WHOLE[min(len(chain.bones), PHALANGES)] * float(np.mean(likely) if likely else 1.0)
+        score += _SKIN * float(np.mean([name in self.weighted for name in chain.bones]))
+        score += _DEFORMS * float(np.mean([self.bones[name].deform for name in chain.bones]))
+        if any(self._beyond(chain)):
+            score -= _GOES_ON
+        if wrist is not None and finger != FINGERS[0] and steps.sum() > 0.0:
+            palm = float(np.linalg.norm(line[0] - wrist)) / float(steps.sum())
+            score += _KNUCKLE * float(np.exp(-0.5 * (np.log(max(palm, 1e-6)) / _SPREAD) ** 2))
+        return score
+
+    def _beyond(self, chain: Chain) -> Iterator[bool]:
+        """Yield, for each bone that hangs on a chain's last one and not on its end, whether it lies beyond it."""
+        last = self.bones[chain.last]
+        reach = _BEYOND * float(np.linalg.norm(last.tail - last.head))
+        ends = {chain.end, *self.below.get(chain.end, ())}
+        for name in self.below.get(chain.last, ()):
+            if name not in ends:
+                yield float(np.linalg.norm(self.bones[name].head - last.head)) > reach
+
+    def _named(self, finger: str, chain: Chain) -> float:
+        """Return the share of a chain's bones that have the finger's name, less where most have another's."""
+        votes = Counter(self.labels[name].finger for name in chain.bones if name in self.labels)
+        share = votes[finger] / len(chain.bones)
+        others = max((count for other, count in votes.items() if other != finger), default=0) / len(chain.bones)
+        return share if share >= others else share - others
+
+
+def _opposed(lines: Mapping[str, Array], wrist: Array | None) -> float:
+    """Return 1 where the thumb opposes the fingers from the index finger's side, -1 where it does not, else 0."""
+    thumb, others = FINGERS[0], [lines[finger] for finger in FINGERS[1:] if finger in lines]
+    if thumb not in lines or len(others) < 2:
+        return 0.0
+    start = np.mean([line[0] for line in lines.values()], axis=0) if wrist is None else wrist
+    if not opposes(start, lines[thumb], others):
+        return -1.0
+    near, far = (float(np.linalg.norm(line[0] - lines[thumb][0])) for line in (others[0], others[-1]))
+    return 1.0 if near <= far else 0.0

@@ -55,7 +55,7 @@ def line(row: Row, place: Box, scale: float) -> None:
     x, y = place.left + MARGIN * scale, place.bottom + 0.3 * place.height
     width = place.width - 2 * MARGIN * scale
     touching = row.contact is None or row.contact > 0.5
-    said = paint.text(in_words(row), x + width, y, ORANGE if touching else FAINT, scale, align=1.0)
+    said = paint.text(in_words(row), x + width, y, ORANGE if touching else paint.FAINT, scale, align=1.0)
     paint.text(f"{row.finger}   {row.title}", x, y, INK, scale, width=width - said - MARGIN * scale)
 
 
@@ -93,10 +93,10 @@ def _dial(row: Row, left: float, bottom: float, scale: float) -> None:
     lines = [
         (f"x  {at[0] * 1e3:+6.2f} mm", INK),
         (f"y  {at[1] * 1e3:+6.2f} mm", INK),
-        (f"{100 * np.hypot(*at) / reach:.0f} % of ±{reach * 1e3:g} mm", FAINT),
+        (f"{100 * np.hypot(*at) / reach:.0f} % of ±{reach * 1e3:g} mm", paint.FAINT),
     ]
     if row.contact is not None:
-        lines.append(("touching", ORANGE) if row.contact > 0.5 else ("in the air", FAINT))
+        lines.append(("touching", ORANGE) if row.contact > 0.5 else ("in the air", paint.FAINT))
     for text, colour in lines:
         paint.text(text, x, y, colour, scale)
         y -= LINE * scale
@@ -121,7 +121,7 @@ def _bar(row: Row, left: float, bottom: float, width: float, scale: float) -> No
             "on the screen" if touching else "off the screen",
             left + 0.66 * width,
             bottom - 1.25 * LINE * scale,
-            ORANGE if touching else FAINT,
+            ORANGE if touching else paint.FAINT,
             scale,
         )
 

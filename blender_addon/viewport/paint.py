@@ -14,7 +14,8 @@ Colour = tuple[float, float, float, float]
 
 INK: Colour = (0.92, 0.93, 0.95, 1.0)
 FAINT: Colour = (0.92, 0.93, 0.95, 0.55)
-PANEL: Colour = (0.07, 0.08, 0.09, 0.82)
+# So opaque that every colour of text has a contrast of 4.5 to 1 over any view (WCAG 2.1, criterion 1.4.3).
+PANEL: Colour = (0.07, 0.08, 0.09, 0.95)
 VEIL: Colour = (*PANEL[:3], 0.65)
 ORANGE: Colour = (1.0, 0.52, 0.10, 1.0)
 BLUE: Colour = (0.36, 0.62, 1.0, 1.0)

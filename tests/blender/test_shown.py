@@ -178,6 +178,21 @@ def test_a_card_of_another_frame_is_dimmed_and_says_so(
     assert not veiled and shown.now(scene).frame == FRAME[which] + 9
 
 
+@pytest.mark.parametrize("view", [0.0, 0.25, 0.58, 1.0])
+@pytest.mark.parametrize("colour", [paint.INK, paint.FAINT, paint.ORANGE, paint.BLUE, paint.GREEN])
+def test_text_on_its_ground_is_readable_over_any_view(colour: paint.Colour, view: float) -> None:
+    """WCAG 2.1, criterion 1.4.3: 4.5 to 1. Views show a ground of an alpha as one of its square (seen in pictures)."""
+
+    def luminance(rgb: np.ndarray) -> float:
+        linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+        return float(linear @ [0.2126, 0.7152, 0.0722])
+
+    ground = view + paint.PANEL[3] ** 2 * (np.array(paint.PANEL[:3]) - view)
+    text = ground + colour[3] * (np.array(colour[:3]) - ground)
+    light, dark = sorted((luminance(ground), luminance(text)), reverse=True)
+    assert (light + 0.05) / (dark + 0.05) >= 4.5
+
+
 def test_a_veil_dims_its_card_and_writes_on_it(card: Anything) -> None:
     paint.veil(10.0, 20.0, 200.0, 80.0, "of frame 29", 1.0)
     (low, high), _ = card.boxes

@@ -72,6 +72,26 @@ class Hand:
         return {name for chain in self.chains.values() for name in chain.bones}
 
     @property
+    def readings(self) -> tuple[Hand, ...]:
+        """This reading and its rivals, the best first."""
+        return (self, *self.rivals)
+
+    @property
+    def told(self) -> str:
+        """How the fingers were found, in words."""
+        return f"By {self.source}; names agree for {self.named_fingers} of {len(self.chains)} fingers"
+
+    def difference(self, other: Hand) -> str:
+        """Return which bones carry fingertips in another reading and not in this one, in words."""
+        moved = [
+            f"{finger} on {chain.last}"
+            for finger, chain in other.chains.items()
+            if finger not in self.chains or self.chains[finger].last != chain.last
+        ]
+        gone = [f"no {finger}" for finger in self.chains if finger not in other.chains]
+        return ", ".join(moved + gone) or "fingers that end elsewhere on the same bones"
+
+    @property
     def named(self) -> bool:
         """Whether the names of most fingers agree; else the way the bones lie tells which finger is which."""
         return 2 * self.named_fingers > len(self.chains)

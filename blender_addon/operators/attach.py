@@ -4,7 +4,7 @@
 from typing import TYPE_CHECKING, Any
 
 import bpy
-from bpy.props import BoolProperty, CollectionProperty, EnumProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, EnumProperty, IntProperty, StringProperty
 
 from .. import choices, reporting
 from .._core import DermisError, Finding
@@ -54,6 +54,13 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
         ),
         options={"SKIP_SAVE"},
     )
+    reading: IntProperty(
+        name="Reading",
+        description="Which reading of the bones: 1 explains most, the next ones are other bones or other fingers",
+        default=1,
+        min=1,
+        options={"SKIP_SAVE"},
+    )
     device: StringProperty(
         name="Device",
         description="Preset of a device to put on each finger; empty for none",
@@ -72,8 +79,8 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
         if self.device:
             library().device(self.device)  # refuse an unknown one before anything is made
         hung = rig.read(context)
-        hands = self._hands(hung)
-        key = f"{hung.armature.name} {self.hand}"
+        hands = self._read(hung, self._hands(hung))
+        key = f"{hung.armature.name} {self.hand} {self.reading}"
         if not self.tips or (self.found_for and self.found_for != key):
             self._fill(hung, hands)
             self.found_for = key
@@ -100,6 +107,10 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
         layout: Any = self.layout
         armature: Any = armatures.armature_of(context.object)
         layout.row(align=True).prop(self, "hand", expand=True)
+        column = layout.column(align=True)
+        column.prop(self, "reading")
+        for line in self.told.splitlines():
+            column.label(text=line)
         column = layout.column(align=True)
         for tip in self.tips if armature is not None else ():
             row = column.row(align=True)
@@ -137,6 +148,28 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
                 f"it has no {SIDES[self.hand]}", where=hung.where, limit=" and ".join(SIDES[side] for side in sides)
             )
         return {self.hand: sides[self.hand]}
+
+    def _read(self, hung: "rig.Rig", hands: "dict[str, Hand]") -> "dict[str, Hand]":
+        """Return the reading of each hand that is asked for, and keep words about it and the next one for the panel.
+
+        Raises:
+            DermisError: no hand has so many readings.
+        """
+        most = max(len(hand.readings) for hand in hands.values())
+        if self.reading > most:
+            raise DermisError(
+                "there is no such reading of the bones", where=hung.where, value=self.reading, limit=f"1 to {most}"
+            )
+        chosen, lines = {}, []
+        for side, hand in hands.items():
+            count = len(hand.readings)
+            number = min(self.reading, count)
+            chosen[side] = hand.readings[number - 1]
+            lines.append(f"{SIDES[side].capitalize()}, reading {number} of {count}: {chosen[side].told}")
+            if number < count:
+                lines.append(f"Next: {chosen[side].difference(hand.readings[number])}")
+        self.told = "\n".join(lines)
+        return chosen
 
     def _fill(self, hung: "rig.Rig", hands: "dict[str, Hand]") -> None:
         self.tips.clear()

@@ -11,6 +11,7 @@ from mathutils import Matrix, Vector
 from mathutils.bvhtree import BVHTree
 
 from blender_addon import reporting
+from blender_addon.hands.rig import read
 from blender_addon.results import store
 
 from . import hand_rigs
@@ -404,3 +405,30 @@ def test_fingers_without_skin_are_told(skin: bool) -> None:
     bpy.context.view_layer.objects.active = rig.armature
     bpy.ops.dermis.attach_fingers()
     assert ("hand-without-skin" in {f.code for f in reporting.findings()}) != skin
+
+
+def test_the_panel_tells_the_reading_and_offers_the_next_best() -> None:
+    rig = made("nameless", "R")
+    bpy.context.view_layer.objects.active = rig.armature
+    (hand_found,) = read(bpy.context).hands
+    best, second = hand_found.readings[:2]
+    assert {f: c.last for f, c in best.chains.items()} == rig.last and best.score > second.score
+    bpy.ops.dermis.attach_fingers("EXEC_DEFAULT", True)
+    told = bpy.context.window_manager.operators[-1].told.splitlines()
+    assert told == [
+        f"Right hand, reading 1 of {len(best.readings)}: By branches; names agree for 0 of 5 fingers",
+        f"Next: {best.difference(second)}",
+    ]
+    for obj in fingers().values():
+        bpy.data.objects.remove(obj)
+    bpy.context.view_layer.objects.active = rig.armature
+    bpy.ops.dermis.attach_fingers(reading=2)
+    assert {name: obj.parent_bone for name, obj in fingers().items()} == {f: c.last for f, c in second.chains.items()}
+    assert {name: obj.parent_bone for name, obj in fingers().items()} != rig.last
+
+
+def test_a_reading_that_is_not_there_is_refused() -> None:
+    made("Unreal")
+    with pytest.raises(RuntimeError, match=r"no such reading of the bones.*1 to"):
+        bpy.ops.dermis.attach_fingers(reading=99)
+    assert fingers() == {}

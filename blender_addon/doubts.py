@@ -14,7 +14,7 @@ from .devices import active_presets
 from .placing import presses, surfaces
 from .properties import skin_properties
 from .quantities import metres_per_unit
-from .sampling import participants, scene_header
+from .sampling import participants
 
 HUGE = 3.0  # [m] things that a fingertip touches are smaller, as a rule
 UNLIKE = 4.0  # times as long or as short as its bone that a fingertip is doubted
@@ -142,9 +142,9 @@ def _units(unit: float, solids: list[bpy.types.Object]) -> Iterator[Doubt]:
 
 
 def _finger(finger: bpy.types.Object, unit: float) -> Iterator[Doubt]:
-    scale = finger.matrix_world.to_scale()
-    if any(abs(s - 1.0) > scene_header.ONE for s in scale):
-        text = f"{finger.name} is drawn {max(scale):.3g} times as large as its skin is"
+    scale = [abs(s) for s in finger.matrix_world.to_scale()]
+    if any(abs(s - 1.0) > participants.UNSCALED for s in scale):
+        text = f"{finger.name} is drawn {participants.farthest_scale(scale):.3g} times as large as its skin is"
         yield Doubt("finger-scale", finger.name, text, "Clear Its Scale")
     own = skin_properties.lengths(finger.dermis.finger.skin)["length"]
     bones = [length * unit for length in _bone_lengths(finger)]

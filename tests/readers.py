@@ -520,6 +520,7 @@ OWN = {
     "core.stream.shared_state": "whole by its check sum, or not there; the reader 'request' has the rest",
     "core.stream.outbox:Outbox._may_leave": "asks whether a bucket is open",
     "core.stream.log.udp_tee:UdpTee._may_leave": "asks whether a bucket is open",
+    "blender_addon.sampling.meshes:MeshReader._look": "what it has just read of a mesh in Blender's memory",
     "blender_addon.sampling.image_files:_tiff": "asks the readers of TIFF, which are in the table",
     "blender_addon.sampling.render_surfaces:_quiet": "opens the null device",
     "blender_addon.sampling.render_surfaces:_read": "a file that Blender has just written for it",

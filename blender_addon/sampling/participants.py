@@ -15,6 +15,7 @@ from .. import compat, identity
 from .._core import Finding, core
 from ..properties import object_properties
 
+UNSCALED = 0.01  # how far the scale of a finger may be from 1
 _NAMED = 4  # objects that one finding names
 
 
@@ -210,6 +211,11 @@ def comes_and_goes(obj: bpy.types.Object) -> bool:
 def group_of(obj: bpy.types.Object) -> Any:
     """Return the property group that holds the parameters of an object's role."""
     return {"FINGER": obj.dermis.finger, "SCREEN": obj.dermis.screen}.get(role_of(obj), obj.dermis.material)
+
+
+def farthest_scale(scale: Iterable[float]) -> float:
+    """Return the scale of an axis that is farthest from 1, as a ratio; smaller or larger."""
+    return max(scale, key=lambda s: max(s, 1.0 / max(s, 1e-30)))
 
 
 def animated_parameters(obj: bpy.types.Object) -> tuple[tuple[str, str, float], ...]:

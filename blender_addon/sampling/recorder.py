@@ -12,6 +12,7 @@ from typing import Any
 
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 
 from .._core import Array, DermisError, Finding, core
 from . import curved_surfaces, participants, script_changes, simulated_motion
@@ -54,6 +55,8 @@ class Recorder:
         self._shown = np.array(instances.bodies, np.int64) + first_body  # their places among the entries
         self._mirrored = np.array([i for i, e in enumerate(self._entries) if e.mirrored], np.int64)
         self._objects = np.array([i for i, e in enumerate(self._entries) if e.instance is None], np.int64)
+        fingers = participants.look_up({e.uid for e in swept.fingers})
+        self._drawn = [i for i, e in enumerate(swept.fingers) if fingers[e.uid].type == "MESH"]
         self._curved = [i for i, e in enumerate(self._entries) if e.curved is not None]
         self._particles = simulated_motion.between_frames(self._entries) if simulated is not None else {}
         self._offset = [(i, np.array(e.offset)) for i, e in enumerate(self._entries) if any(e.offset)]
@@ -268,6 +271,9 @@ class Recorder:
     def _mend_scales(self, poses: Array, frames: Array, findings: list[Any]) -> None:
         linear = poses[:, :, :3, :3]
         norms = np.linalg.norm(linear, axis=2)
+        for i in self._drawn:
+            if (off := (np.abs(norms[i] - 1.0) > participants.UNSCALED).any(axis=1)).any():
+                _note(findings, _scaled(self._entries[i].name, norms[i], off, frames))
         flat = (norms < 1e-9).any(axis=2)
         turned = np.linalg.det(linear) < 0
         turned[: len(self._participants.fingers)] = False
@@ -358,6 +364,22 @@ def depsgraph_is_active(depsgraph: bpy.types.Depsgraph, objects: list[bpy.types.
         if evaluated != obj and not np.array_equal(theirs, ours, equal_nan=True):
             return False
     return True
+
+
+def _scaled(name: str, scale: Array, off: NDArray[np.bool_], frames: Array) -> Any:
+    """Return the finding about a finger whose mesh is drawn larger or smaller than it feels in some samples."""
+    first = int(off.argmax())
+    return Finding(
+        "warning",
+        "finger-scale",
+        "it is drawn at another scale, but feels with a skin of the size that its settings say",
+        where=f"finger '{name}'",
+        value=f"{participants.farthest_scale(scale[first]):.3g} times",
+        limit="1",
+        remedy="Clear its scale, and set the lengths of its skin in the Dermis tab",
+        frame=float(frames[first]),
+        count=int(off.sum()),
+    )
 
 
 def _rigid(poses: Array) -> Array:

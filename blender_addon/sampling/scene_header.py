@@ -22,8 +22,6 @@ from .simulated_motion import Simulations
 
 _LEFT_OUT, _SO_LEFT_OUT = "It is left out", ", so it is left out"
 
-ONE = 0.01  # how far the scale of a finger may be from 1
-
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 """[m/s^2] what a new Blender scene has."""
 
@@ -141,8 +139,6 @@ def list_participants(
         out.findings += participants.idle_curves(obj)
         role = participants.role_of(obj)
         if role == "FINGER":
-            if obj.type == "MESH":
-                out.findings += _scaled(entry.name, matrix)
             fingers.append(_finger_entry(entry, out.findings))
         elif role == "SCREEN":
             screens.append(entry)
@@ -301,25 +297,6 @@ def _stretch(obj: bpy.types.Object, matrix: Array, stretches: Mapping[int, float
     if curved_surfaces.is_curved(obj) and curved_surfaces.grows(obj):
         return curved_surfaces.rounded_up(now)
     return now
-
-
-def _scaled(name: str, matrix: Array) -> list[Any]:
-    """Report a finger whose mesh is drawn larger or smaller than it feels."""
-    scale = np.linalg.norm(matrix[:3, :3], axis=0)
-    worst = float(scale[np.argmax(np.abs(np.log(np.maximum(scale, 1e-30))))])
-    if abs(worst - 1.0) <= ONE:
-        return []
-    return [
-        Finding(
-            "warning",
-            "finger-scale",
-            "it is drawn at another scale, but feels with a skin of the size that its settings say",
-            where=f"finger '{name}'",
-            value=f"{worst:.3g} times",
-            limit="1",
-            remedy="Clear its scale, and set the lengths of its skin in the Dermis tab",
-        )
-    ]
 
 
 def _finger_entry(entry: Entry, findings: list[Any]) -> Entry:

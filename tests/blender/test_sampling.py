@@ -205,8 +205,21 @@ def test_a_finger_that_is_drawn_larger_than_it_feels_is_told(scale, told):
     tip.dermis.role = "FINGER"
     tip.scale = build.finger("Without Mesh").scale = scale
     tactile = scene_sweep.sample(scene)
-    found = [f for f in tactile.findings if f.code == "finger-scale"]
+    list(tactile.chunks)
+    found = [f for f in tactile.chunks.findings if f.code == "finger-scale"]
     assert [f.value for f in found] == told and {f.where for f in found} <= {"finger 'Tip'"}
+
+
+def test_a_finger_that_grows_later_is_told_with_the_frame():
+    scene = build.span(1, 9)
+    build.cube()
+    tip = build.mesh_object("Tip", build.CUBE, build.CUBE_FACES, (0, 0, 5))
+    tip.dermis.role = "FINGER"
+    build.keys(tip, "scale", [1, 5, 9], [(1, 1, 1), (1, 1, 1), (3, 3, 3)])
+    tactile = scene_sweep.sample(scene)
+    list(tactile.chunks)
+    (found,) = (f for f in tactile.chunks.findings if f.code == "finger-scale")
+    assert 5.0 < found.frame < 6.0 and found.count > 1 and float(found.value.split()[0]) < 1.1
 
 
 def test_a_reflected_body_is_the_same_surface_without_the_reflection():

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 
 import bpy
 import numpy as np
@@ -11,6 +12,8 @@ from mathutils import Matrix
 from .._core import Array
 from .bone_names import side_of
 from .skeleton import Bone, Hand, ancestors
+
+_PALM = ":"  # the key of the bone that carries several armatures; no bone of theirs has it
 
 
 def armature_of(obj: bpy.types.Object | None) -> bpy.types.Object | None:
@@ -25,23 +28,38 @@ def armature_of(obj: bpy.types.Object | None) -> bpy.types.Object | None:
     return None
 
 
-def bones_of(armature: bpy.types.Object) -> dict[str, Bone]:
-    """Return all bones of an armature, by name."""
-    to_world = np.array(armature.matrix_world, np.float64)
+def sized(armature: bpy.types.Object) -> bool:
+    """Return whether an armature's scale is not zero."""
+    return bool(abs(armature.matrix_world.determinant()) > 1e-30)
 
-    def placed(point: Array) -> Array:
-        return to_world[:3, :3] @ np.array(point, np.float64) + to_world[:3, 3]
 
-    return {
-        bone.name: Bone(
-            bone.name,
-            bone.parent.name if bone.parent else "",
-            placed(bone.head_local),
-            placed(bone.tail_local),
-            bone.use_deform,
-        )
-        for bone in armature.data.bones
-    }
+def bones_of(parts: Sequence[bpy.types.Object]) -> tuple[dict[str, tuple[bpy.types.Object, str]], dict[str, Bone]]:
+    """Return armature and name of each bone, and the bones at rest in the scene's space, by a key.
+
+    The key of a bone is its name. Where there are several armatures the key has the armature's name too, and one more
+    bone, of no armature, is the palm that carries them.
+    """
+    places: dict[str, tuple[bpy.types.Object, str]] = {}
+    bones: dict[str, Bone] = {}
+    for part in parts:
+        # Names of parts count as well, such as 'Thumb', but not the numbers that Blender appends to them.
+        label = f"{part.name}: {re.sub(r'[.][0-9]+$', '', part.name)} " if len(parts) > 1 else ""
+        to_world = np.array(part.matrix_world, np.float64)
+        for bone in part.data.bones:
+            places[label + bone.name] = part, bone.name
+            head, tail = (
+                to_world[:3, :3] @ np.array(point, np.float64) + to_world[:3, 3]
+                for point in (bone.head_local, bone.tail_local)
+            )
+            parent = label + bone.parent.name if bone.parent else _PALM if len(parts) > 1 else ""
+            bones[label + bone.name] = Bone(label + bone.name, parent, head, tail, bone.use_deform)
+    if len(parts) > 1:
+        knuckles = np.mean([bone.head for bone in bones.values() if bone.parent == _PALM], axis=0)
+        parents = {bone.parent for bone in bones.values()}
+        tips = np.mean([bone.tail for bone in bones.values() if bone.name not in parents], axis=0)
+        # A palm is about as long as the fingers.
+        bones[_PALM] = Bone(_PALM, "", 2.0 * knuckles - tips, knuckles, deform=False)
+    return places, bones
 
 
 def pose_of(armature: bpy.types.Object, bone: str) -> Array:

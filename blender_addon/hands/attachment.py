@@ -64,11 +64,13 @@ def attach(
     side = hand.side or found.side
     made = []
     for tip, fitted in zip(tips, fits, strict=True):
-        obj = _make(context, f"{tip.finger.title()}.{side}", _scaled(presets[fitted.preset], fitted), fitted.preset)
+        obj = _make(
+            context, f"{tip.finger.title()}.{side}".rstrip("."), _scaled(presets[fitted.preset], fitted), fitted.preset
+        )
         if not POINTS[0] < fitted.scale < POINTS[1]:
             obj.dermis.finger.skin.contact = "nodes"
         _hang(rig, obj, tip.bone, fitted)
-        _collection(context, rig.armature).objects.link(obj)
+        _collection(context, obj.parent).objects.link(obj)
         made.append(obj)
     return made, _doubts(rig, hand, found, tips, fits)
 
@@ -79,7 +81,7 @@ def _chain(rig: Rig, hand: Hand, tip: Tip) -> Chain:
     Raises:
         DermisError: no such bone.
     """
-    if tip.bone not in rig.bones:
+    if tip.bone not in rig.places:
         raise DermisError(
             "there is no such bone",
             where=f"{rig.where}, {tip.finger} finger",
@@ -145,8 +147,9 @@ def _hang(rig: Rig, obj: bpy.types.Object, bone: str, fitted: Fit) -> None:
     world = np.eye(4)
     world[:3, :3] = rotation(moved) @ fitted.axes
     world[:3, 3] = moved[:3, :3] @ fitted.origin + moved[:3, 3]
-    obj.parent, obj.parent_type, obj.parent_bone = rig.armature, "BONE", bone
-    obj.matrix_parent_inverse = armatures.carrier(rig.armature, bone).inverted()
+    armature, own = rig.places[bone]
+    obj.parent, obj.parent_type, obj.parent_bone = armature, "BONE", own
+    obj.matrix_parent_inverse = armatures.carrier(armature, own).inverted()
     obj.matrix_basis = Matrix(world.tolist())
 
 

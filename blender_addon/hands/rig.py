@@ -22,10 +22,12 @@ class Rig:
     """What fingers are attached to.
 
     Attributes:
+        armatures: the active object's first; several make one hand. places: armature and own name of each bone.
         fingers: names of the fingers that hang on bones already, by bone. picked: an active bone says which hand.
     """
 
-    armature: bpy.types.Object
+    armatures: tuple[bpy.types.Object, ...]
+    places: Mapping[str, tuple[bpy.types.Object, str]]
     bones: Mapping[str, Bone]
     skin: BoundSkin
     hands: tuple[Hand, ...]
@@ -35,7 +37,7 @@ class Rig:
     @property
     def where(self) -> str:
         """What refusals are about."""
-        return f"armature '{self.armature.name}'"
+        return ", ".join(f"armature '{armature.name}'" for armature in self.armatures)
 
     def by_side(self) -> dict[str, Hand]:
         """Return the hands by side ('L', 'R'), those meant first; where names do not say, as their bones lie."""
@@ -53,13 +55,13 @@ class Rig:
             posed = [move[:3, :3] @ point + move[:3, 3] for move, point in zip(moves, line, strict=True)]
             bends[finger] = rotation(moves[-1]).T @ curl(np.array(posed), finger)
         side = hand.side
-        if self.armature.matrix_world.determinant() < 0.0:  # a mirrored right hand is a left one
+        if self.armatures[0].matrix_world.determinant() < 0.0:  # a mirrored right hand is a left one
             side = {LEFT: RIGHT, RIGHT: LEFT}.get(side, side)
         return nails(lines, self.bones[hand.wrist].head if hand.wrist else None, side, bends)
 
     def move(self, bone: str) -> Array:
         """Return how a bone's pose moves what rests, in the scene's space, shape (4, 4)."""
-        return armatures.pose_of(self.armature, bone)
+        return armatures.pose_of(*self.places[bone])
 
     def skin_of(self, chain: Chain) -> Array | None:
         """Return the triangles round a chain's last bone as they lie at rest, shape (t, 3, 3); None without any."""
@@ -85,24 +87,48 @@ def read(context: bpy.types.Context) -> Rig:
             remedy="Select an armature, one of its bones, or a mesh that it moves. On a mesh without bones, add single "
             "fingers and parent them",
         )
+    _judge(armature)
+    if context.mode == "OBJECT":
+        selected = dict.fromkeys(filter(None, map(armatures.armature_of, context.selected_objects)))
+        parts = [part for part in selected if part.data.bones and armatures.sized(part)]
+        if len(parts) > 1 and not any(_of(context, (part,)).hands for part in parts):
+            several = _of(context, (armature, *(part for part in parts if part != armature)))
+            if several.hands:
+                return several
+    return _of(context, (armature,))
+
+
+def _judge(armature: bpy.types.Object) -> None:
+    """Refuse an armature without bones or size."""
     where = f"armature '{armature.name}'"
     if not armature.data.bones:
         raise DermisError("it has no bones", where=where, remedy="Choose another one")
-    if abs(armature.matrix_world.determinant()) < 1e-30:
+    if not armatures.sized(armature):
         raise DermisError("its scale is zero", where=where, remedy="Give it a scale")
-    bones, skin = armatures.bones_of(armature), bound_skin(armature, context)
-    active = armature.data.bones.active if context.mode == "POSE" else None
-    hands = found_hands(bones, skin.bones)
-    if not hands and active is not None:
-        hands = [Hand("", "", {"index": Chain(tuple(ancestors(bones, active.name)[:3][::-1]))})]
-    near = armatures.meant(hands, bones, active.name if active is not None else "")
+
+
+def _of(context: bpy.types.Context, parts: tuple[bpy.types.Object, ...]) -> Rig:
+    """Return armatures as one rig."""
+    places, bones = armatures.bones_of(parts)
+    keys = {place: key for key, place in places.items()}
+    triangles: dict[str, Array] = {}
+    for part in parts:
+        found = bound_skin(part, context).triangles
+        triangles |= {keys[part, bone]: own for bone, own in found.items()}
+    picked = parts[0].data.bones.active if context.mode == "POSE" else None
+    active = keys[parts[0], picked.name] if picked is not None else ""
+    hands = found_hands(bones, triangles.keys())
+    if not hands and active:
+        hands = [Hand("", "", {"index": Chain(tuple(ancestors(bones, active)[:3][::-1]))})]
+    near = armatures.meant(hands, bones, active)
     there = {
-        child.parent_bone: child.name
-        for child in armature.children
-        if child.dermis.role == "FINGER" and child.parent_type == "BONE"
+        keys[part, child.parent_bone]: child.name
+        for part in parts
+        for child in part.children
+        if child.dermis.role == "FINGER" and child.parent_type == "BONE" and (part, child.parent_bone) in keys
     }
     order = tuple(near + [hand for hand in hands if hand not in near])
-    return Rig(armature, bones, skin, order, there, len(near) < len(hands))
+    return Rig(parts, places, bones, BoundSkin(triangles), order, there, len(near) < len(hands))
 
 
 def rotation(matrix: Array) -> Array:

@@ -80,7 +80,7 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
             library().device(self.device)  # refuse an unknown one before anything is made
         hung = rig.read(context)
         hands = self._read(hung, self._hands(hung))
-        key = f"{hung.armature.name} {self.hand} {self.reading}"
+        key = f"{hung.where} {self.hand} {self.reading}"
         if not self.tips or (self.found_for and self.found_for != key):
             self._fill(hung, hands)
             self.found_for = key
@@ -117,7 +117,10 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
             row.prop(tip, "use", text=f"{tip.name.title()} {tip.side}")
             bone = row.row(align=True)
             bone.active = tip.use
-            bone.prop_search(tip, "bone", armature.data, "bones", text="")
+            if tip.bone and tip.bone not in armature.data.bones:  # of several armatures
+                bone.prop(tip, "bone", text="")
+            else:
+                bone.prop_search(tip, "bone", armature.data, "bones", text="")
             bone.prop(tip, "flip", text="", icon="UV_SYNC_SELECT", toggle=True)
         column = layout.column()
         column.use_property_split = True

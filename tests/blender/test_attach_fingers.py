@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import bpy
@@ -432,3 +433,53 @@ def test_a_reading_that_is_not_there_is_refused() -> None:
     with pytest.raises(RuntimeError, match=r"no such reading of the bones.*1 to"):
         bpy.ops.dermis.attach_fingers(reading=99)
     assert fingers() == {}
+
+
+def apart(names: Callable[[str], str], side: str = "R") -> dict[str, bpy.types.Object]:
+    """Make a hand of five armatures, one for each finger with its skin; return them by finger."""
+    made_of = {}
+    for finger in FINGERS:
+        rig = hand(lambda _finger, place, _side: f"Bone.{place:03d}", side, fingers=(finger,))
+        rig.armature.name = names(finger)
+        made_of[finger] = rig.armature
+    for obj in made_of.values():
+        obj.select_set(True)
+    bpy.context.view_layer.objects.active = made_of["ring"]
+    return made_of
+
+
+@pytest.mark.parametrize("side", ["L", "R"])
+@pytest.mark.parametrize("names", [str.title, lambda _: "Armature", lambda _: "Finger"], ids=["named", "same", "count"])
+def test_several_armatures_are_one_hand(names: Callable[[str], str], side: str) -> None:
+    parts = apart(names, side)
+    assert bpy.ops.dermis.attach_fingers() == {"FINISHED"}
+    assert {o.name for o in fingers().values()} == {f"{f.title()}.{side}" for f in FINGERS}
+    for name, obj in fingers().items():
+        assert (obj.parent, obj.parent_bone) == (parts[name], "Bone.003")
+        assert obj.dermis.finger.skin.width_mm == pytest.approx(hand_rigs.WIDTH[name], abs=1.5)
+    tips = hand_rigs.joints()
+    for name, obj in fingers().items():
+        tip = tips[name][0][-1] * ([-1.0 if side == "L" else 1.0, 1.0, 1.0]) * 1e-3
+        frame = np.array(obj.matrix_world)
+        ahead = (tip - frame[:3, 3]) @ frame[:3, 1]
+        assert ahead == pytest.approx(1e-3 * obj.dermis.finger.skin.tip_mm, rel=0.05)
+        nail = tips[name][1][-1] * ([-1.0 if side == "L" else 1.0, 1.0, 1.0])
+        assert frame[:3, 2] @ nail > 0.98
+    bpy.ops.object.select_all(action="DESELECT")
+    for part in parts.values():
+        part.select_set(True)
+    bpy.context.view_layer.objects.active = parts["ring"]
+    with pytest.raises(RuntimeError, match=r"no finger is chosen.*are there already"):
+        bpy.ops.dermis.attach_fingers()
+
+
+def test_a_finger_of_an_unknown_side_has_a_plain_name() -> None:
+    for _ in range(2):
+        rig = hand(hand_rigs.nameless, "R", fingers=("index",))
+        bpy.context.view_layer.objects.active = rig.armature
+        bpy.ops.object.mode_set(mode="POSE")
+        rig.armature.data.bones.active = rig.armature.data.bones[rig.last["index"]]
+        bpy.ops.dermis.attach_fingers()
+        bpy.ops.object.mode_set(mode="OBJECT")
+    names = {o.name for o in bpy.context.scene.objects if o.dermis.role == "FINGER"}
+    assert names == {"Index", "Index.001"}

@@ -13,6 +13,7 @@ from .._core import Array
 from .bone_names import side_of
 from .skeleton import Bone, Hand, ancestors
 
+_PARTS = ("MESH", "EMPTY")  # types of objects that robots' hands without armatures are made of
 _PALM = ":"  # the key of the bone that carries several armatures; no bone of theirs has it
 
 
@@ -28,9 +29,40 @@ def armature_of(obj: bpy.types.Object | None) -> bpy.types.Object | None:
     return None
 
 
-def sized(armature: bpy.types.Object) -> bool:
-    """Return whether an armature's scale is not zero."""
-    return bool(abs(armature.matrix_world.determinant()) > 1e-30)
+def part_of_hand(obj: bpy.types.Object | None) -> bool:
+    """Return whether fingers may be attached to what an object is part of: an armature, or parts without one."""
+    if armature_of(obj) is not None:
+        return True
+    return obj is not None and obj.dermis.role != "FINGER" and obj.type in _PARTS and obj.parent is not None
+
+
+def linked_parts(obj: bpy.types.Object) -> tuple[bpy.types.Object, ...]:
+    """Return the meshes and empties, of no zero size, of the whole tree that an object is part of, its root first."""
+    root = obj
+    while root.parent is not None:
+        root = root.parent
+    tree = (o for o in (root, *root.children_recursive) if o.type in _PARTS and sized(o))
+    return tuple(o for o in tree if o.dermis.role not in ("FINGER", "SCREEN"))
+
+
+def bones_of_parts(
+    parts: Sequence[bpy.types.Object],
+) -> tuple[dict[str, tuple[bpy.types.Object, str]], dict[str, Bone]]:
+    """Return parts as bones, by name: each begins at its origin and ends at its child's, else at its far end."""
+    names, bones = {part.name for part in parts}, {}
+    for part in parts:
+        matrix = np.array(part.matrix_world, np.float64)
+        after = [child for child in part.children if child.name in names]
+        middle = matrix[:3, :3] @ np.mean(np.array(part.bound_box), axis=0) + matrix[:3, 3]
+        tail = np.array(after[0].matrix_world.translation) if len(after) == 1 else 2.0 * middle - matrix[:3, 3]
+        parent = part.parent.name if part.parent is not None and part.parent.name in names else ""
+        bones[part.name] = Bone(part.name, parent, matrix[:3, 3], tail)
+    return {part.name: (part, "") for part in parts}, bones
+
+
+def sized(obj: bpy.types.Object) -> bool:
+    """Return whether an object's scale is not zero."""
+    return bool(abs(obj.matrix_world.determinant()) > 1e-30)
 
 
 def bones_of(parts: Sequence[bpy.types.Object]) -> tuple[dict[str, tuple[bpy.types.Object, str]], dict[str, Bone]]:
@@ -63,13 +95,17 @@ def bones_of(parts: Sequence[bpy.types.Object]) -> tuple[dict[str, tuple[bpy.typ
 
 
 def pose_of(armature: bpy.types.Object, bone: str) -> Array:
-    """Return how a bone's pose moves what rests, in the scene's space, shape (4, 4)."""
+    """Return how a bone's pose moves what rests, in the scene's space, shape (4, 4); '' is a part, at rest as it is."""
+    if not bone:
+        return np.eye(4)
     world, posed = armature.matrix_world, armature.pose.bones[bone]
     return np.array(world @ posed.matrix @ posed.bone.matrix_local.inverted() @ world.inverted(), np.float64)
 
 
 def carrier(armature: bpy.types.Object, bone: str) -> Matrix:
-    """Return the matrix on which children of a bone hang: its own, at the bone's end."""
+    """Return the matrix on which children of a bone hang: its own, at the bone's end; of '' the object's."""
+    if not bone:
+        return armature.matrix_world
     posed = armature.pose.bones[bone]
     return armature.matrix_world @ posed.matrix @ Matrix.Translation((0.0, posed.bone.length, 0.0))
 

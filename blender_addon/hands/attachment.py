@@ -148,7 +148,9 @@ def _hang(rig: Rig, obj: bpy.types.Object, bone: str, fitted: Fit) -> None:
     world[:3, :3] = rotation(moved) @ fitted.axes
     world[:3, 3] = moved[:3, :3] @ fitted.origin + moved[:3, 3]
     armature, own = rig.places[bone]
-    obj.parent, obj.parent_type, obj.parent_bone = armature, "BONE", own
+    obj.parent = armature
+    if own:
+        obj.parent_type, obj.parent_bone = "BONE", own
     obj.matrix_parent_inverse = armatures.carrier(armature, own).inverted()
     obj.matrix_basis = Matrix(world.tolist())
 

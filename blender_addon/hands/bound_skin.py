@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -61,6 +61,18 @@ def bound_skin(armature: bpy.types.Object, context: bpy.types.Context) -> BoundS
             found[bones[group]].append(points[own])
     names = {bone.name for bone in armature.data.bones}
     return BoundSkin({name: np.concatenate(parts) for name, parts in found.items() if name in names})
+
+
+def own_skin(parts: Sequence[bpy.types.Object], context: bpy.types.Context) -> BoundSkin:
+    """Return the meshes of parts without an armature, by their names."""
+    depsgraph = context.evaluated_depsgraph_get()
+    found = {}
+    for part in parts:
+        if part.type == "MESH" and part.visible_get(view_layer=context.view_layer):
+            corners, points = _read(part.evaluated_get(depsgraph))
+            if len(corners):
+                found[part.name] = points[corners]
+    return BoundSkin(found)
 
 
 def _deformed(obj: bpy.types.Object, armature: bpy.types.Object) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 from .._core import Array, DermisError
 from . import armatures
 from .bone_names import LEFT, RIGHT
-from .bound_skin import BoundSkin, bound_skin
+from .bound_skin import BoundSkin, bound_skin, own_skin
 from .nails import Nails, curl, nails
 from .readings import found_hands
 from .skeleton import Bone, Chain, Hand, ancestors, joints
@@ -22,7 +22,8 @@ class Rig:
     """What fingers are attached to.
 
     Attributes:
-        armatures: the active object's first; several make one hand. places: armature and own name of each bone.
+        armatures: the active object's first; several make one hand. Or parts of a hand without armatures.
+        places: armature and own name of each bone.
         fingers: names of the fingers that hang on bones already, by bone. picked: an active bone says which hand.
     """
 
@@ -35,8 +36,15 @@ class Rig:
     picked: bool
 
     @property
+    def has_bones(self) -> bool:
+        """Whether it has armatures; else parts are its bones."""
+        return self.armatures[0].type == "ARMATURE"
+
+    @property
     def where(self) -> str:
         """What refusals are about."""
+        if not self.has_bones:
+            return f"object '{self.armatures[0].name}' and its parts"
         return ", ".join(f"armature '{armature.name}'" for armature in self.armatures)
 
     def by_side(self) -> dict[str, Hand]:
@@ -80,6 +88,8 @@ def read(context: bpy.types.Context) -> Rig:
         DermisError: no armature is selected, or none with bones and a size.
     """
     armature = armatures.armature_of(context.object)
+    if armature is None and armatures.part_of_hand(context.object):
+        return _of_parts(context, armatures.linked_parts(context.object))
     if armature is None:
         raise DermisError(
             "no hand is selected",
@@ -129,6 +139,15 @@ def _of(context: bpy.types.Context, parts: tuple[bpy.types.Object, ...]) -> Rig:
     }
     order = tuple(near + [hand for hand in hands if hand not in near])
     return Rig(parts, places, bones, BoundSkin(triangles), order, there, len(near) < len(hands))
+
+
+def _of_parts(context: bpy.types.Context, parts: tuple[bpy.types.Object, ...]) -> Rig:
+    """Return parts without an armature as one rig."""
+    places, bones = armatures.bones_of_parts(parts)
+    skin = own_skin(parts, context)
+    carried = ((part.name, child) for part in parts for child in part.children)
+    there = {name: child.name for name, child in carried if child.dermis.role == "FINGER"}
+    return Rig(parts, places, bones, skin, tuple(found_hands(bones, skin.bones)), there, picked=False)
 
 
 def rotation(matrix: Array) -> Array:

@@ -23,7 +23,7 @@ SIDES = {LEFT: "left hand", RIGHT: "right hand"}
 
 def has_hand(context: bpy.types.Context) -> bool:
     """Return whether an armature is selected, or what it moves, where fingers can be attached."""
-    return context.mode in ("OBJECT", "POSE") and armatures.armature_of(context.object) is not None
+    return context.mode in ("OBJECT", "POSE") and armatures.part_of_hand(context.object)
 
 
 class DermisTip(bpy.types.PropertyGroup):
@@ -35,7 +35,9 @@ class DermisTip(bpy.types.PropertyGroup):
     flip: BoolProperty(name="Flip", description="Turn it half round: the nail comes where the pad is")
 
 
-@needs(has_hand, "Select an armature, one of its bones in pose mode, or a mesh that it moves")
+@needs(
+    has_hand, "Select an armature, one of its bones in pose mode, a mesh that it moves, or a part that hangs on another"
+)
 class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
     """Put a finger on each fingertip of the selected armature's hand, as large as the hand, so that it moves along"""
 
@@ -112,12 +114,12 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
         for line in self.told.splitlines():
             column.label(text=line)
         column = layout.column(align=True)
-        for tip in self.tips if armature is not None else ():
+        for tip in self.tips:
             row = column.row(align=True)
             row.prop(tip, "use", text=f"{tip.name.title()} {tip.side}")
             bone = row.row(align=True)
             bone.active = tip.use
-            if tip.bone and tip.bone not in armature.data.bones:  # of several armatures
+            if armature is None or (tip.bone and tip.bone not in armature.data.bones):  # of several parts
                 bone.prop(tip, "bone", text="")
             else:
                 bone.prop_search(tip, "bone", armature.data, "bones", text="")
@@ -138,8 +140,10 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
             raise DermisError(
                 "no hand was found: neither by names of fingers, nor three to five chains that leave one bone",
                 where=hung.where,
-                value=counted(len(hung.bones), "bone"),
-                remedy="In pose mode, select the last bone of a finger and attach to that",
+                value=counted(len(hung.bones), "bone" if hung.has_bones else "part"),
+                remedy="In pose mode, select the last bone of a finger and attach to that"
+                if hung.has_bones
+                else "Parent each finger's links to one another and its first one to the palm, or add single fingers",
             )
         if self.hand == "BOTH":
             return sides

@@ -483,3 +483,47 @@ def test_a_finger_of_an_unknown_side_has_a_plain_name() -> None:
         bpy.ops.object.mode_set(mode="OBJECT")
     names = {o.name for o in bpy.context.scene.objects if o.dermis.role == "FINGER"}
     assert names == {"Index", "Index.001"}
+
+
+@pytest.mark.parametrize("side", ["L", "R"])
+def test_instanced_parts_without_an_armature_are_one_hand(side: str) -> None:
+    mirror = np.array([-1.0 if side == "L" else 1.0, 1.0, 1.0]) * 1e-3
+    palm = mesh_object("Part", np.array(CUBE) * (0.06, 0.08, 0.02), CUBE_FACES)
+    link = mesh_object("Part", (np.array(CUBE) + (0.0, 0.5, 0.0)) * (0.016, 0.025, 0.014), CUBE_FACES)
+    last: dict[str, bpy.types.Object] = {}
+    for finger, (line, nails) in hand_rigs.joints().items():
+        parent = palm
+        for i in range(3):
+            part = bpy.data.objects.new("Part", link.data)  # one mesh for all
+            bpy.context.scene.collection.objects.link(part)
+            ahead, nail = (hand_rigs.unit(way * mirror) for way in (line[i + 1] - line[i], nails[i]))
+            frame = np.eye(4)
+            frame[:3, :3] = np.stack([np.cross(ahead, nail), ahead, nail], axis=1)
+            frame[:3, 3] = line[i] * mirror
+            part.parent = parent
+            bpy.context.view_layer.update()
+            part.matrix_world = Matrix(frame.tolist())
+            parent = last[finger] = part
+    bpy.data.objects.remove(link)
+    bpy.context.view_layer.update()
+    bpy.context.view_layer.objects.active = last["ring"]
+    assert bpy.ops.dermis.attach_fingers() == {"FINISHED"}
+    assert {o.name for o in fingers().values()} == {f"{f.title()}.{side}" for f in FINGERS}
+    for finger, obj in fingers().items():
+        assert obj.parent == last[finger]
+        place = last[finger].matrix_world.inverted() @ obj.matrix_world
+        assert place.translation.z == pytest.approx(-7e-3, abs=3e-4), finger
+        assert 0.0 < place.translation.y < 25e-3 and place.col[2].z > 0.98
+    bpy.context.view_layer.objects.active = last["thumb"]
+    with pytest.raises(RuntimeError, match=r"object 'Part' and its parts: no finger is chosen.*are there already"):
+        bpy.ops.dermis.attach_fingers()
+
+
+def test_parts_that_are_no_hand_are_refused() -> None:
+    box, lid = cube("Box"), cube("Lid")
+    lid.parent = box
+    bpy.context.view_layer.update()
+    bpy.context.view_layer.objects.active = lid
+    with pytest.raises(RuntimeError, match=r"object 'Box' and its parts: no hand was found.*2 parts.*Parent each finger's links"):
+        bpy.ops.dermis.attach_fingers()
+    assert fingers() == {}

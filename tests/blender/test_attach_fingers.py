@@ -524,6 +524,8 @@ def test_parts_that_are_no_hand_are_refused() -> None:
     lid.parent = box
     bpy.context.view_layer.update()
     bpy.context.view_layer.objects.active = lid
-    with pytest.raises(RuntimeError, match=r"object 'Box' and its parts: no hand was found.*2 parts.*Parent each finger's links"):
+    with pytest.raises(
+        RuntimeError, match=r"object 'Box' and its parts: no hand was found.*2 parts.*Parent each finger's links"
+    ):
         bpy.ops.dermis.attach_fingers()
     assert fingers() == {}

@@ -65,7 +65,10 @@ class Recorder:
             for i, e in enumerate(swept.bodies)
             if (e.deforming or e.blinking) and e.shown_as is None and not _recorded(simulated, e)
         ]
-        self._looks: list[list[Any]] = [[] for _ in self._surfaced]  # since surfaces were made last
+        # Since surfaces were made last; a mesh that is made for many edits the file, which only a sweep may.
+        self._looks: list[list[Any]] = [[] for _ in self._surfaced]
+        self._look = reader.geometry_of if count == 1 else reader.look
+        self._geometries = iter if count == 1 else reader.geometries
         self._surfaces: list[list[Any]] = [[] for _ in self._surfaced]  # of the samples of a chunk
         self._absent = core.scene.tactile_scene.ABSENT
         self._bare = np.zeros((len(self._entries), count), bool)
@@ -227,14 +230,14 @@ class Recorder:
             look = None
             if self._present[i, k]:
                 evaluated = self._object(int(self._place[i])).evaluated_get(depsgraph)
-                look = self._reader.look(evaluated, entry.curved is not None)
+                look = self._look(evaluated, entry.curved is not None)
             self._looks[s].append(look)
 
     def _take_surfaces(self) -> None:
         """Make surfaces of what was looked at since the last time; for many samples at once that is faster."""
         for s, (i, _, entry) in enumerate(self._surfaced):
             looks, self._looks[s], made = self._looks[s], [], self._surfaces[s]
-            geometries = iter(self._reader.geometries([look for look in looks if look is not None]))
+            geometries = iter(self._geometries([look for look in looks if look is not None]))
             for look in looks:
                 geometry = None if look is None else next(geometries)
                 bare = geometry is None or not len(geometry.topology.faces)

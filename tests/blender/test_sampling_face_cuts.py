@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import baking
+from blender_addon import baking, changes
 from blender_addon.sampling import face_cuts, meshes, scene_sweep, simulated_motion
 from core.presets import Library
 from core.scene import tactile_scene
@@ -185,3 +185,20 @@ def test_triangles_are_read_again_only_where_they_may_be_others(
     assert [one is other for one, other in pairwise(got)] == same
     assert same[-1] == (size == 3)
     assert not whole
+
+
+def test_the_view_reads_a_cut_in_doubt_without_an_edit_of_the_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, thing = build.span(1, 12), folding()
+    build.finger()
+    read, found = face_cuts.FaceCuts._read, []
+    monkeypatch.setattr(face_cuts.FaceCuts, "_read", lambda *args: (found.append(1), read(*args))[1])
+    edits, meshes_there = changes.edits(), len(bpy.data.meshes)
+    for frame in range(1, 13):
+        corners = shown(thing, frame)
+        (chunk,) = scene_sweep.sample_now(scene, bpy.context.evaluated_depsgraph_get()).chunks
+        (mesh,) = chunk.surfaces[0]
+        np.testing.assert_array_equal(mesh.vertices[mesh.triangles], corners)
+        bpy.context.view_layer.update()
+        if frame == 1:
+            edits = changes.edits()
+    assert found and changes.edits() == edits and len(bpy.data.meshes) == meshes_there

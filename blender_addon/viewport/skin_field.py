@@ -288,7 +288,8 @@ def error_text(states: Sequence[SkinState]) -> str:
     if not any(s.depth > 0.0 for s in states):
         return "; ".join(said)
     where = "nodes" if any(s.touching and s.points is None and s.work != "rendered" for s in states) else "points"
-    said.append(f"contact on {where}: {core.parameters.skin.FORCE_ERRORS[where]} off at most")
+    off = core.parameters.skin.FORCE_ERRORS[where]
+    said.append(f"contact on {where}: {off} off at most where pressed, more slid over edges")
     return "; ".join(said)
 
 

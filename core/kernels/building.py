@@ -84,8 +84,11 @@ def found(target: str, folder: Path) -> Path | None:
 
 
 def whole(path: Path) -> bool:
-    """Tell whether a library's content has the digest of its name: loading half a library ends the process."""
-    return path.stem.endswith(f"-{of_content(path.read_bytes())}")
+    """Tell whether a library can be read and has the content that its name tells: half of one ends the process."""
+    try:
+        return path.stem.endswith(f"-{of_content(path.read_bytes())}")
+    except OSError:
+        return False
 
 
 def defined() -> str:
@@ -100,15 +103,31 @@ def build(target: str, folder: Path, zig: list[str], cache: Path | None = None) 
         zig: the command that runs Zig. cache: Zig's folder for intermediate files; a temporary one where None.
 
     Raises:
-        NotBuilt: the compiler fails.
+        NotBuilt: the compiler fails, or the folder cannot be written.
     """
-    import subprocess  # whoever only asks for the name does not wait for it
-    import tempfile
-
     path = found(target, folder)
     if path is not None and whole(path):
         return path
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        path = _compiled(target, folder, zig, cache)
+        remove(target, folder, path.name)
+    except OSError as error:
+        raise NotBuilt(f"the library of the kernels cannot be written: {folder}: {error}") from error
+    return path
+
+
+def remove(target: str, folder: Path, kept: str = "") -> None:
+    """Remove a platform's libraries from a folder, but for the one of a name."""
+    for old in folder.glob(f"dermis-{target}-*{TARGETS[target].suffix}"):
+        if old.name != kept:
+            old.unlink(missing_ok=True)
+
+
+def _compiled(target: str, folder: Path, zig: list[str], cache: Path | None) -> Path:
+    import subprocess  # whoever only asks for the name does not wait for it
+    import tempfile
+
     of = TARGETS[target]
     with tempfile.TemporaryDirectory(prefix=".part-", dir=folder) as scratch:
         part = Path(scratch) / f"dermis{of.suffix}"
@@ -126,7 +145,4 @@ def build(target: str, folder: Path, zig: list[str], cache: Path | None = None) 
             raise NotBuilt(f"the kernels do not compile for {target}:\n  {' '.join(command)}\n{told.stdout[-4000:]}")
         path = folder / f"{stem(target)}{of_content(part.read_bytes())}{of.suffix}"
         os.replace(part, path)
-    for old in folder.glob(f"dermis-{target}-*{of.suffix}"):
-        if old != path:
-            old.unlink(missing_ok=True)
     return path

@@ -116,7 +116,10 @@ def find(target: str, folders: list[Path]) -> Path:
         if path is not None:
             if not building.whole(path):
                 raise DermisError(
-                    f"the compiled kernels for {target} are damaged", where=str(path), remedy=REMEDY, code=CODE
+                    f"the compiled kernels for {target} are damaged or cannot be read",
+                    where=str(path),
+                    remedy=REMEDY,
+                    code=CODE,
                 )
             return path
     raise DermisError(

@@ -32,6 +32,7 @@ class BuildWithKernels(build_py):
         library = building.build(target, building.FOLDER, [sys.executable, "-m", "ziglang"])
         if not self.editable_mode:
             folder = Path(self.build_lib) / "dermis" / "kernels"
+            building.remove(target, folder, library.name)  # setuptools keeps the folder from one build to the next
             self.copy_file(str(library), str(folder / library.name))
 
 

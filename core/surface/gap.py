@@ -221,13 +221,20 @@ class Surface:
                 are always answered, however deep.
 
         Raises:
-            DermisError: points of a wrong shape or not finite.
+            DermisError: points of a wrong shape or not finite, or a search radius below 0.
         """
         points = np.ascontiguousarray(points, dtype=np.float64)
         if points.ndim != 2 or points.shape[1:] != (3,):
             raise DermisError("points must have the shape (n, 3)", value=points.shape)
         if not np.isfinite(points).all():
             raise DermisError("points to measure from are not finite numbers")
+        if not search_radius >= 0.0:
+            raise DermisError(
+                "a search radius is no distance",
+                value=search_radius,
+                limit="0 m or more, or inf",
+                remedy="Leave it out to measure all points",
+            )
         return self._signed(points, self._search(points, search_radius))
 
     def side_of(self, point: Array) -> int:

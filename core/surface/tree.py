@@ -72,7 +72,7 @@ class TriangleTree:
 
     def __init__(self, table: TriangleTable, topology: Topology | None) -> None:
         self._kernels = kernels()
-        self._table = table
+        self._table, self._topology = table, topology
         usable = np.flatnonzero(table.usable)
         count, total = usable.size, table.usable.size
         kept = None if topology is None else _ORDERS.get(topology)
@@ -100,17 +100,23 @@ class TriangleTree:
             _ORDERS[topology] = np.searchsorted(usable, order)
         self._done(self._kernels.fit(byref(record)), record.wrong)
 
+    def __reduce__(self) -> tuple[type[TriangleTree], tuple[TriangleTable, Topology | None]]:
+        return type(self), (self._table, self._topology)  # records hold addresses: a copy makes its own
+
     def nearest(self, points: Array, limit: float, hints: Indices | None = None) -> Nearest:
         """Return the closest triangle of each point.
 
         Args:
-            points: [m], shape (n, 3), C-contiguous. limit: largest distance of interest [m], may be inf.
+            points: [m], shape (n, 3). limit: largest distance of interest [m], may be inf.
             hints: triangles that are likely close, -1 for none, shape (n,): they change the time it takes alone.
 
         Raises:
-            DermisError: points that are not finite numbers.
+            DermisError: points that are not finite numbers, or wrong shapes.
         """
-        n = len(points)
+        n, points = len(points), np.ascontiguousarray(points, dtype=np.float64)
+        if points.shape != (n, 3) or (hints is not None and np.shape(hints) != (n,)):
+            shapes = f"{points.shape} and {np.shape(hints)}" if hints is not None else str(points.shape)
+            raise DermisError("points must have the shape (n, 3), and hints (n,)", value=shapes)
         triangle, feature = np.empty(n, np.int64), np.empty(n, np.int8)
         weights, point, square = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
         query = records.QueryRecord(

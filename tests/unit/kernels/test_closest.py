@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import copy
+import gc
+import pickle
+from collections.abc import Callable
 from ctypes import byref
 from pathlib import Path
 
@@ -129,6 +133,46 @@ def test_what_is_not_finite_is_refused() -> None:
         TriangleTree(surface.table, surface.topology).nearest(points, np.inf)
     with pytest.raises(DermisError, match="damaged"):
         TriangleTree(surface.table, surface.topology).nearest(points[:1], np.nan)
+
+
+def test_points_in_any_layout_are_measured_and_wrong_shapes_are_refused() -> None:
+    """The kernels read memory by address: 8 bytes a number, row by row."""
+    surface = Surface.sphere(5e-3, 500)
+    tree = TriangleTree(surface.table, surface.topology)
+    points = np.float32(np.random.default_rng(4).normal(size=(20, 3)) * 1e-2)
+    wanted = nearest(surface.table, points.astype(np.float64))[0]
+    for layout in (
+        points,
+        np.asfortranarray(points, np.float64),
+        np.repeat(points, 2, axis=0)[::2],
+        points.astype(">f8"),
+    ):
+        np.testing.assert_array_equal(tree.nearest(layout, np.inf).triangle, wanted)
+    for some, hints in ((points[:, :2], None), (points[0], None), (points, np.zeros(19, np.int64))):
+        with pytest.raises(DermisError, match="must have the shape"):
+            tree.nearest(some, np.inf, hints)
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, lambda s: pickle.loads(pickle.dumps(s))])
+def test_a_copy_of_a_surface_with_a_tree_answers_as_the_surface(copied: Callable[[Surface], Surface]) -> None:
+    """Its records hold addresses of its own arrays: the original may be gone."""
+    points = np.random.default_rng(3).normal(size=(30, 3)) * 1e-2
+    surface = Surface.sphere(5e-3, 500)
+    expected = surface.query(points)
+    other = copied(surface)
+    assert "_tree" in vars(other)
+    del surface
+    gc.collect()
+    for name, value in vars(expected).items():
+        np.testing.assert_array_equal(getattr(other.query(points), name), value)
+
+
+@pytest.mark.parametrize("radius", [-1e-3, np.nan, -np.inf])
+@pytest.mark.parametrize("flat", [False, True])
+def test_a_search_radius_that_is_no_distance_is_refused(radius: float, flat: bool) -> None:
+    surface = Surface.build(np.zeros((3, 3)), np.array([[0, 1, 2]])) if flat else Surface.sphere(5e-3, 500)
+    with pytest.raises(DermisError, match=r"a search radius is no distance .*allowed: 0 m or more, or inf"):
+        surface.query(np.zeros((5, 3)), radius)
 
 
 @pytest.mark.parametrize("size", [1e90, 1e-79])

@@ -96,6 +96,16 @@ def test_a_damaged_one_is_never_loaded(content: bytes, tmp_path: Path) -> None:
     assert library.find("linux-x64", [tmp_path]) == path
 
 
+@pytest.mark.parametrize("what", ["folder", "dangling"])
+def test_one_that_cannot_be_read_is_told(what: str, tmp_path: Path) -> None:
+    """As a damaged one: without the sentence, devices without a skin would fail too."""
+    path = tmp_path / f"{building.stem('linux-x64')}{building.of_content(b'any')}.so"
+    path.mkdir() if what == "folder" else path.symlink_to(tmp_path / "nowhere")
+    with pytest.raises(DermisError, match="damaged or cannot be read") as told:
+        library.find("linux-x64", [tmp_path])
+    assert str(path) in str(told.value) and told.value.code == "no-kernels"
+
+
 @pytest.mark.parametrize("what", ["text", "another"])
 def test_one_that_cannot_be_loaded_is_told(what: str, tmp_path: Path) -> None:
     """A text, and a library of something else: the same sentence, with the system's own reason."""
@@ -157,6 +167,13 @@ def test_a_compiler_that_fails_is_told(tmp_path: Path) -> None:
         with pytest.raises(building.NotBuilt, match="do not compile for linux-x64"):
             building.build("linux-x64", tmp_path, ["/bin/false"])
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+    folder = tmp_path / "file"
+    folder.write_text("no folder")
+    with pytest.raises(building.NotBuilt, match="cannot be written: .*file"):
+        building.build("linux-x64", folder, ["zig"])
 
 
 def test_skins_refuse_without_it(nobody: None) -> None:

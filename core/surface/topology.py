@@ -85,9 +85,13 @@ class Topology:
             int((real & ~pair & ~single).sum()),
         )
 
-    def fits(self, vertices: Array) -> bool:
-        """Whether the vertices that were merged still coincide in another shape of the same triangles."""
-        return vertices.shape[0] == self.merged.shape[0] and bool(np.array_equal(vertices[self.merged], vertices))
+    def fits(self, vertices: Array, triangles: NDArray[np.integer]) -> bool:
+        """Whether these are the triangles it was built of, and the vertices that were merged coincide in this shape."""
+        return (
+            vertices.shape[0] == self.merged.shape[0]
+            and np.array_equal(vertices[self.merged], vertices)
+            and np.array_equal(self.merged[triangles], self.corners)
+        )
 
 
 def merge_coincident(vertices: Array) -> NDArray[np.int64]:
@@ -142,10 +146,10 @@ _CACHE: dict[int, tuple[weakref.ref[NDArray[np.integer]], Topology]] = {}
 
 
 def topology_of(vertices: Array, triangles: NDArray[np.integer]) -> Topology:
-    """Return the topology of triangles, kept for as long as the same triangles array lives."""
+    """Return the topology of triangles, kept for as long as the same triangles array lives unchanged."""
     key = id(triangles)
     entry = _CACHE.get(key)
-    if entry is not None and entry[0]() is triangles and entry[1].fits(vertices):
+    if entry is not None and entry[0]() is triangles and entry[1].fits(vertices, triangles):
         return entry[1]
     topology = Topology.build(vertices, triangles)
     if triangles.base is None:  # a view may die while its memory is shared: not worth keeping

@@ -279,6 +279,18 @@ def test_a_deforming_mesh_keeps_its_topology_only_while_it_fits():
     assert whole.closed and not Surface.build(torn, corners).closed
 
 
+def test_triangles_that_were_changed_in_place_have_another_topology():
+    block = Surface.block(0.02, 0.02, 0.02)
+    triangles = block.triangles.copy()
+    assert Surface.build(block.vertices, triangles).closed
+    triangles[-2:] = triangles[0]  # one side is open
+    changed = Surface.build(block.vertices, triangles)
+    assert not changed.closed
+    np.testing.assert_array_equal(
+        changed.topology.across, Surface.build(block.vertices, triangles.copy()).topology.across
+    )
+
+
 def test_surface_of_is_kept_by_identity_and_let_go():
     mesh = Mesh(CUBE_VERTICES, CUBE_TRIANGLES.astype(np.int32))
     stretch = np.diag([1.0, 1.0, -2.0])

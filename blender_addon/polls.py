@@ -7,7 +7,12 @@ from typing import Any, TypeVar
 
 import bpy
 
+from . import changes
+from ._core import core
+
 T = TypeVar("T", bound=type)
+
+_fingers: core.recent.Recent[tuple[int, int, int], tuple[tuple[str, None], ...]] = core.recent.Recent(4)
 
 
 def needs(test: Callable[[bpy.types.Context], Any], message: str = "") -> Callable[[T], T]:
@@ -44,11 +49,13 @@ def finger_at_hand(context: bpy.types.Context) -> bpy.types.Object | None:
     active = context.object
     if active is not None and active.dermis.role == "FINGER":
         return own_finger(context)
-    fingers = [
-        obj
-        for obj in context.scene.objects
-        if obj.dermis.role == "FINGER" and obj.is_editable and obj.parent is None and obj.visible_get()
-    ]
+    scene = context.scene
+    names = _fingers.make(  # looked for once after each change, and not once a redraw
+        (scene.session_uid, changes.ticks(), len(scene.objects)),
+        lambda: tuple((o.name, None) for o in scene.objects if o.dermis.role == "FINGER" and o.library is None),
+    )
+    there = filter(None, map(bpy.data.objects.get, names))
+    fingers = [obj for obj in there if obj.is_editable and obj.parent is None and obj.visible_get()]
     at = active.matrix_world.translation if active is not None else context.scene.cursor.location
     return min(
         fingers, key=lambda obj: (not obj.select_get(), (obj.matrix_world.translation - at).length), default=None

@@ -40,6 +40,7 @@ class Entry:
         simulated: it hangs on a simulation and is swept at whole frames.
         blinking: it comes or goes within the range.
         stretch: the most that its pose stretches it by, over the range.
+        drawn: a finger that has a mesh, whose size people see.
         curved: how far its surface may be off the curved one that its shading shows [m]; None where it stays flat.
     """
 
@@ -52,6 +53,7 @@ class Entry:
     simulated: bool = False
     blinking: bool = False
     stretch: float = 1.0
+    drawn: bool = False
     curved: float | None = None
     offset: tuple[float, ...] = (0.0, 0.0, 0.0)  # of a screen's middle from its origin [scene units, in its space]
     animated: tuple[tuple[str, str, float], ...] = ()  # (name, path below `dermis`, factor to SI)

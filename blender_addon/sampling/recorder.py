@@ -55,8 +55,7 @@ class Recorder:
         self._shown = np.array(instances.bodies, np.int64) + first_body  # their places among the entries
         self._mirrored = np.array([i for i, e in enumerate(self._entries) if e.mirrored], np.int64)
         self._objects = np.array([i for i, e in enumerate(self._entries) if e.instance is None], np.int64)
-        fingers = participants.look_up({e.uid for e in swept.fingers})
-        self._drawn = [i for i, e in enumerate(swept.fingers) if fingers[e.uid].type == "MESH"]
+        self._drawn = [i for i, e in enumerate(swept.fingers) if e.drawn]
         self._curved = [i for i, e in enumerate(self._entries) if e.curved is not None]
         self._particles = simulated_motion.between_frames(self._entries) if simulated is not None else {}
         self._offset = [(i, np.array(e.offset)) for i, e in enumerate(self._entries) if any(e.offset)]

@@ -139,7 +139,7 @@ def list_participants(
         out.findings += participants.idle_curves(obj)
         role = participants.role_of(obj)
         if role == "FINGER":
-            fingers.append(_finger_entry(entry, out.findings))
+            fingers.append(_finger_entry(replace(entry, drawn=obj.type == "MESH"), out.findings))
         elif role == "SCREEN":
             screens.append(entry)
         elif obj.name_full in simulations.fluids:

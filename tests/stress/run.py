@@ -251,8 +251,8 @@ def count(
         return
     first = not any(failure.family == family.name and new[0] in failure.measured for failure in failures)
     simpler = simple(family, values, new[0], SHRINKING if simplify and first else 0.0)
-    drawn = family.values(seed)
-    differ = {name: value for name, value in simpler.items() if drawn.get(name) != value}
+    usual = family.values(seed)
+    differ = {name: value for name, value in simpler.items() if usual.get(name) != value}
     found = {check: "{:.3g}, allowed {:.3g}".format(*verdict.measured[check]) for check in new}
     failure = Failure(family.name, seed, found, differ)
     failures.append(failure)

@@ -1,4 +1,4 @@
-"""The kernels called without `TriangleTree`: with any library, and any arrays."""
+"""The kernels called without `KernelBody`: with any library, and any arrays."""
 
 from __future__ import annotations
 
@@ -11,8 +11,11 @@ import numpy as np
 from core.arrays import Array, Indices
 from core.kernels import building, records
 from core.surface import shapes
-from core.surface.gap import Surface
+from core.surface.gap import DIRECTIONS, Surface
+from core.surface.topology import Topology
 from core.surface.triangles import TriangleTable
+
+FUNCTIONS = "dermis_tree_split", "dermis_tree_fit", "dermis_body_fit", "dermis_body_judge", "dermis_distances"
 
 
 def address(array: Array) -> int:
@@ -22,56 +25,84 @@ def address(array: Array) -> int:
 
 @dataclass
 class Arrays:
-    """The arrays of a tree and a query; the library gets every change that is made before a call."""
+    """The arrays of a body and a query; the library gets every change that is made before a call."""
 
-    table: TriangleTable
+    vertices: Array
+    triangles: Indices
     points: Array
     limit: float = np.inf
-    hints: Indices | None = None
 
     def __post_init__(self) -> None:
-        self.order = np.flatnonzero(self.table.usable)
+        self.table = table = TriangleTable.build(self.vertices, self.triangles)
+        self.topology = Topology.build(self.vertices, self.triangles)
+        self.order = np.flatnonzero(table.usable)
         self.count, n = self.order.size, len(self.points)
         blocks = -(-self.count // records.LANES)
         self.depth = next(k for k in range(16) if blocks >> 2 * k <= 2)
         self.packed = np.full((self.count, records.ROW), np.nan)
         self.boxes = np.full(((4**self.depth - 1) // 3 + blocks, records.BOXES), np.nan, dtype=np.float32)
+        self.normals = np.full((len(self.vertices), 3), np.nan)
+        self.part = np.sort(np.unique(self.topology.parts[self.order], return_index=True)[1])
+        along = self.vertices @ DIRECTIONS.T
+        self.slab = np.column_stack([DIRECTIONS, along.min(axis=0), along.max(axis=0)])
+        self.by_rays = False
         self.found = {
-            "triangle": np.full(n, -7),
-            "weights": np.full((n, 3), np.nan),
+            "gap": np.full(n, np.nan),
+            "normal": np.full((n, 3), np.nan),
             "closest": np.full((n, 3), np.nan),
-            "square": np.full(n, np.nan),
+            "weights": np.full((n, 3), np.nan),
+            "triangle": np.full(n, -7),
             "feature": np.full(n, -7, dtype=np.int8),
+            "beside": np.full(n, -7, dtype=np.int8),
         }
 
-    def records(self) -> tuple[records.TreeRecord, records.QueryRecord]:
-        """Return the records of a call; they hold addresses only."""
-        table = self.table
+    def records(self, packed: bool = True) -> tuple[records.TreeRecord, records.BodyRecord, records.QueryRecord]:
+        """Return the records of a call, with a tree or without one; they hold addresses only."""
+        table, topology = self.table, self.topology
         tree = records.TreeRecord(total=table.usable.size, count=self.count, depth=self.depth)
         for name, array in (("rows", table.rows), ("bounds", table.bounds), ("order", self.order)):
             setattr(tree, name, address(array))
-        tree.packed, tree.boxes = address(self.packed), address(self.boxes)
         if table.slivers is not None:
             tree.slivers = address(table.slivers)
-        query = records.QueryRecord(ctypes.addressof(tree), len(self.points), self.limit, address(self.points))
-        if self.hints is not None:
-            query.hints = address(self.hints)
+        body = records.BodyRecord(ctypes.addressof(tree), ctypes.addressof(tree), len(self.vertices), topology.closed)
+        body.by_rays, body.parts, body.slabs = self.by_rays, len(self.part), len(self.slab)
+        if packed:
+            tree.packed, tree.boxes, body.normals = address(self.packed), address(self.boxes), address(self.normals)
+        else:
+            tree.largest = float(np.abs(self.vertices).max())
+        for name in ("corners", "across", "edge_kind", "vertex_kind"):
+            setattr(body, name, address(getattr(topology, name)))
+        body.part, body.slab = address(self.part), address(self.slab)
+        query = records.QueryRecord(ctypes.addressof(body), len(self.points), self.limit, address(self.points))
         for name, array in self.found.items():
             setattr(query, name, address(array))
-        return tree, query
+        return tree, body, query
 
     def call(self, library: ctypes.CDLL) -> list[int]:
-        """Return the statuses of split, fit, and both searches; the tree's answers stay."""
-        tree, query = self.records()
+        """Return the statuses of all functions, of distances without a tree and with one; its answers stay."""
+        tree, body, query = self.records()
         statuses = [library.dermis_tree_split(ctypes.byref(tree)), library.dermis_tree_fit(ctypes.byref(tree))]
         if not any(statuses):
-            statuses.append(library.dermis_closest_of_all(ctypes.byref(query)))
-            statuses.append(library.dermis_closest(ctypes.byref(query)))
+            statuses.append(library.dermis_body_fit(ctypes.byref(body)))
+        if not any(statuses):
+            statuses.append(self.measure(library, packed=False))
+            if body.closed:
+                statuses.append(library.dermis_body_judge(ctypes.byref(body)))
+                self.by_rays = bool(body.by_rays)
+            statuses.append(library.dermis_distances(ctypes.byref(query)))
         return statuses
+
+    def measure(self, library: ctypes.CDLL, packed: bool) -> int:
+        """Return the status of distances alone, by a tree that was made before, or without."""
+        tree, _, query = self.records(packed)
+        if packed and library.dermis_tree_fit(ctypes.byref(tree)):
+            raise AssertionError
+        return int(library.dermis_distances(ctypes.byref(query)))
 
     def answer(self) -> bytes:
         """Return everything that a call has filled."""
-        return b"".join(array.tobytes() for array in (self.order, self.packed, self.boxes, *self.found.values()))
+        arrays = self.order, self.packed, self.boxes, self.normals, *self.found.values()
+        return b"".join(array.tobytes() for array in arrays) + bytes([self.by_rays])
 
 
 def drawn(seed: int) -> Arrays:
@@ -94,7 +125,6 @@ def drawn(seed: int) -> Arrays:
     vertices = np.ascontiguousarray(
         vertices * 10.0 ** rng.uniform(-3, 3) + rng.normal(size=3) * 10.0 ** rng.uniform(-6, 1)
     )
-    table = TriangleTable.build(vertices, triangles)
     some = triangles[rng.integers(0, len(triangles), 40)]
     weights = np.concatenate(
         [rng.dirichlet(np.ones(3), 20), np.eye(3)[rng.integers(0, 3, 10)], np.full((10, 3), [0.5, 0.5, 0.0])]
@@ -104,19 +134,18 @@ def drawn(seed: int) -> Arrays:
     away = vertices.mean(axis=0) + rng.normal(size=(60, 3)) * size * 10.0 ** rng.uniform(-6, 3, (60, 1))
     points = np.ascontiguousarray(np.concatenate([on, away]))
     limit = np.inf if seed % 3 else size * 10.0 ** float(rng.uniform(-3, 0))
-    hints = rng.integers(-1, len(triangles), len(points)) if seed % 2 else None
-    return Arrays(table, points, limit, hints)
+    return Arrays(vertices, np.ascontiguousarray(triangles), points, limit)
 
 
 def opened(path: Path) -> ctypes.CDLL:
     """Load a library of kernels as it is."""
     library = ctypes.CDLL(str(path))
-    for name in ("dermis_tree_split", "dermis_tree_fit", "dermis_closest", "dermis_closest_of_all"):
+    for name in FUNCTIONS:
         getattr(library, name).argtypes = (ctypes.c_void_p,)
     return library
 
 
 def gcc(out: Path, *flags: str) -> list[str]:
-    """Return the command by which gcc makes a library of the sources."""
+    """Return the command by which gcc makes a library of the sources, and of others among the flags."""
     files = [str(path) for path in building.sources() if path.suffix == ".c"]
     return ["gcc", *building.FLAGS, "-fPIC", building.defined(), *flags, "-o", str(out), *files]

@@ -19,6 +19,8 @@ enum { AXES = 3, HALF = 12 };
 /* Farther than this in the tree's units single precision tells nothing; so far away is the box of nothing. */
 #define FARTHEST 1e15
 #define NOWHERE 1e18f
+/* A ray that moves by less than this along an axis, over its length, is parallel to the box there. */
+#define LEVEL 1e-19f
 
 typedef struct {
     dermis_lanes x[3]; /* of the point */
@@ -57,6 +59,34 @@ static inline void dermis_away(const float *boxes, const dermis_place *place, fl
         square += over * over;
     }
     *(dermis_lanes *)squares = square;
+}
+
+/* Return the smaller, or the larger, of two numbers in each lane. */
+static inline dermis_lanes dermis_lower(dermis_lanes a, dermis_lanes b, int larger) {
+    dermis_bits first = larger ? a > b : a < b;
+    return (dermis_lanes)(((dermis_bits)a & first) | ((dermis_bits)b & ~first));
+}
+
+/* Tell which of four boxes a ray from a place may meet: bits that are set, lane by lane.
+
+   way: the ray's direction, each number in all lanes. */
+static inline dermis_bits dermis_pierced(const float *boxes, const dermis_place *place, const dermis_lanes *way) {
+    const dermis_lanes *of = (const dermis_lanes *)boxes;
+    dermis_lanes from = {0.0f, 0.0f, 0.0f, 0.0f}, to = from + NOWHERE, least = from + LEVEL;
+    dermis_bits filled = of[HALF] >= from; /* not those of nothing */
+    for (int i = 0; i < 3; i++) {
+        dermis_lanes off = from - from, along = off;
+        for (int k = 0; k < 3; k++) {
+            off += of[AXES + 3 * i + k] * (place->x[k] - of[k]);
+            along += of[AXES + 3 * i + k] * way[k];
+        }
+        dermis_bits level = along * along < least * least; /* the box is as good as parallel there */
+        along = (dermis_lanes)(((dermis_bits)along & ~level) | ((dermis_bits)least & level));
+        dermis_lanes half = of[HALF + i] + place->give, in = (-half - off) / along, out = (half - off) / along;
+        from = dermis_lower(from, dermis_lower(in, out, 0), 1);
+        to = dermis_lower(to, dermis_lower(in, out, 1), 0);
+    }
+    return filled & (from <= to);
 }
 
 #endif

@@ -1,11 +1,10 @@
 /* The closest triangle of each point: an exact search without any state.
 
    A triangle is left out only where a lower bound of its distance exceeds an upper bound of the closest one, so the answer is
-   the same as trying all of them. Hints, other points and the tree only choose where the search begins. */
+   the same as trying all of them. The hint and the tree only choose where the search begins. */
+#include "closest.h"
+
 #include "boxes.h"
-#include "float_environment.h"
-#include "kernels.h"
-#include "numbers.h"
 #include "triangle.h"
 
 /* Triangles within this relative squared distance of the best are equally close; the lowest number wins. */
@@ -102,55 +101,38 @@ static const hit *chosen(const search *found) {
     return best;
 }
 
-static void answer(const dermis_query *query, int64_t i, const hit *found) {
-    double *weights = query->weights + 3 * i, *closest = query->closest + 3 * i;
-    if (found == NULL) {
-        query->triangle[i] = -1;
-        query->square[i] = __builtin_inf();
-        query->feature[i] = 0;
-        for (int k = 0; k < 3; k++) weights[k] = 0.0, closest[k] = __builtin_nan("");
-        return;
-    }
-    const double *row = found->row;
-    query->triangle[i] = (int64_t)row[NUMBER];
-    query->square[i] = found->square;
-    weights[0] = dermis_most(1.0 - found->u - found->w, 0.0), weights[1] = found->u, weights[2] = found->w;
-    for (int k = 0; k < 3; k++) {
-        closest[k] = row[k] + found->u * row[AB + k];
-        closest[k] += found->w * row[AC + k];
-    }
+/* Read the feature off the weights: 0 within the face, 1 + k on edge k, 4 + k on corner k. */
+static int feature_of(const double *weights) {
     int zero = (weights[0] <= ON_FEATURE) + (weights[1] <= ON_FEATURE) + (weights[2] <= ON_FEATURE), k = 0;
     if (zero == 2) { /* the corner of the largest weight */
         for (int j = 1; j < 3; j++)
             if (weights[j] > weights[k]) k = j;
-        query->feature[i] = (int8_t)(4 + k);
-    } else if (zero) { /* the edge opposite the corner without weight */
-        while (weights[k] > ON_FEATURE) k++;
-        query->feature[i] = (int8_t)(1 + (k + 1) % 3);
-    } else {
-        query->feature[i] = 0;
+        return 4 + k;
     }
+    if (!zero) return 0;
+    while (weights[k] > ON_FEATURE) k++; /* the edge opposite the corner without weight */
+    return 1 + (k + 1) % 3;
 }
 
-static inline int known(dermis_query *query, int64_t i) {
-    const double *x = query->points + 3 * i;
-    query->wrong = i;
-    return dermis_finite(x[0]) && dermis_finite(x[1]) && dermis_finite(x[2]);
-}
-
-/* Put the numbers of one triangle of the table into a row. */
-static inline void gather(const dermis_tree *tree, int64_t triangle, double *row) {
-    for (int k = 0; k < SLIVER; k++) row[k] = tree->rows[k * tree->total + triangle];
-    row[SLIVER] = tree->slivers != NULL && tree->slivers[triangle];
-    row[NUMBER] = (double)triangle;
+static int answer(const hit *found, int64_t slot, dermis_closest_point *out) {
+    const double *row = found->row;
+    double *weights = out->weights;
+    weights[0] = dermis_most(1.0 - found->u - found->w, 0.0), weights[1] = found->u, weights[2] = found->w;
+    for (int k = 0; k < 3; k++) {
+        out->point[k] = row[k] + found->u * row[AB + k];
+        out->point[k] += found->w * row[AC + k];
+    }
+    out->feature = feature_of(weights);
+    out->slot = slot;
+    for (int k = 0; k < DERMIS_ROW; k++) out->row[k] = row[k];
+    return 1;
 }
 
 /* Find the closest triangle of a point by looking at every one. */
-static void look_at_all(const dermis_query *query, int64_t i, double limit) {
-    const dermis_tree *tree = query->tree;
-    const double *bounds = tree->bounds, *x = query->points + 3 * i;
+static int look_at_all(const dermis_tree *tree, const double *x, double limit, dermis_closest_point *out) {
+    const double *bounds = tree->bounds;
     int64_t total = tree->total;
-    double reach = query->limit, rows[2][DERMIS_ROW], least = __builtin_inf();
+    double reach = limit, rows[2][DERMIS_ROW], least = __builtin_inf();
     for (int64_t j = 0; j < tree->count; j++) { /* a ball about each: where the closest ends at the latest */
         int64_t triangle = tree->order[j];
         double d[3];
@@ -160,6 +142,7 @@ static void look_at_all(const dermis_query *query, int64_t i, double limit) {
     reach *= 1.0 + SLACK;
     reach += SLACK * dermis_most(dermis_most(dermis_abs(x[0]), dermis_abs(x[1])), dermis_abs(x[2]));
     hit lowest = {0.0, 0.0, 0.0, NULL};
+    int64_t slot = -1;
     for (int pass = 0; pass < 2; pass++)
         for (int64_t j = 0; j < tree->count; j++) {
             int64_t triangle = tree->order[j];
@@ -168,89 +151,31 @@ static void look_at_all(const dermis_query *query, int64_t i, double limit) {
             if (dermis_root(dermis_dot(d, d)) - bounds[6 * total + triangle] > reach) continue;
             double *row = rows[lowest.row == rows[0]];
             hit own = {0.0, 0.0, 0.0, row};
-            gather(tree, triangle, row);
+            dermis_gather(tree, triangle, row);
             own.square = dermis_on_triangle(row, x, &own.u, &own.w);
             if (pass == 0)
                 least = dermis_least(least, own.square);
             else if (own.square <= least * (1.0 + TIE) && (lowest.row == NULL || row[NUMBER] < lowest.row[NUMBER]))
-                lowest = own;
+                lowest = own, slot = j;
         }
-    answer(query, i, least <= limit && lowest.row != NULL ? &lowest : NULL);
+    return least <= limit * limit && lowest.row != NULL && answer(&lowest, slot, out);
 }
 
-/* Find the closest triangle of a point by the tree; return its row. */
-static const double *look_down(const dermis_query *query, int64_t i, double limit, const double *last) {
-    const dermis_tree *tree = query->tree;
-    const double *x = query->points + 3 * i;
-    double row[DERMIS_ROW], u, w;
+int dermis_find_closest(const dermis_tree *tree, const double *x, double limit, int64_t hint, dermis_closest_point *out) {
+    double square = limit * limit, u, w;
     dermis_place place;
-    if (!dermis_placed(tree, x, &place)) {
-        look_at_all(query, i, limit);
-        return last;
-    }
+    if (tree->packed == NULL || !dermis_placed(tree, x, &place)) return look_at_all(tree, x, limit, out);
     search found;
-    found.bound = limit, found.least = __builtin_inf(), found.count = 0;
-    if (query->hints != NULL && query->hints[i] >= 0 && query->hints[i] < tree->total) {
-        gather(tree, query->hints[i], row);
-        if (row[INVERSE] > 0.0) found.bound = dermis_least(found.bound, dermis_on_triangle(row, x, &u, &w));
-    } else if (last != NULL) {
-        found.bound = dermis_least(found.bound, dermis_on_triangle(last, x, &u, &w));
-    }
+    found.bound = square, found.least = __builtin_inf(), found.count = 0;
+    if (hint >= 0 && hint < tree->count)
+        found.bound = dermis_least(found.bound, dermis_on_triangle(tree->packed + hint * DERMIS_ROW, x, &u, &w));
     descend(tree, x, &place, &found, NULL);
-    const hit *best = NULL;
+    if (!(found.least <= square)) return 0;
     hit lowest = {0.0, 0.0, 0.0, NULL};
-    if (found.least <= limit && found.count > TIES) {
+    const hit *best = &lowest;
+    if (found.count > TIES)
         descend(tree, x, &place, &found, &lowest);
-        best = &lowest;
-    } else if (found.least <= limit) {
+    else
         best = chosen(&found);
-    }
-    answer(query, i, best);
-    return best == NULL ? last : best->row;
-}
-
-DERMIS_NOINLINE static int32_t by_tree(dermis_query *query) {
-    double limit = query->limit * query->limit;
-    const double *last = NULL; /* the closest triangle of the point before: points in a row are neighbours as a rule */
-    for (int64_t i = 0; i < query->count; i++) {
-        if (!known(query, i)) return DERMIS_NOT_FINITE;
-        last = look_down(query, i, limit, last);
-    }
-    return DERMIS_DONE;
-}
-
-DERMIS_NOINLINE static int32_t by_all(dermis_query *query) {
-    const dermis_tree *tree = query->tree;
-    double limit = query->limit * query->limit;
-    for (int64_t j = 0; j < tree->count; j++) {
-        double inverse = tree->rows[INVERSE * tree->total + tree->order[j]];
-        query->wrong = -1 - tree->order[j];
-        if (!(inverse > 0.0 && dermis_finite(inverse))) return DERMIS_NOT_FINITE;
-    }
-    for (int64_t i = 0; i < query->count; i++) {
-        if (!known(query, i)) return DERMIS_NOT_FINITE;
-        look_at_all(query, i, limit);
-    }
-    return DERMIS_DONE;
-}
-
-static int sound(const dermis_query *query) {
-    const dermis_tree *tree = query->tree;
-    return tree != NULL && tree->count >= 1 && tree->depth >= 0 && tree->depth <= 15 && query->count >= 0 && query->limit >= 0.0;
-}
-
-DERMIS_API int32_t dermis_closest(dermis_query *query) {
-    if (!sound(query)) return DERMIS_BAD_RECORD;
-    dermis_environment outside = dermis_enter();
-    int32_t status = by_tree(query);
-    dermis_leave(outside);
-    return status;
-}
-
-DERMIS_API int32_t dermis_closest_of_all(dermis_query *query) {
-    if (!sound(query)) return DERMIS_BAD_RECORD;
-    dermis_environment outside = dermis_enter();
-    int32_t status = by_all(query);
-    dermis_leave(outside);
-    return status;
+    return best != NULL && best->row != NULL && answer(best, (best->row - tree->packed) / DERMIS_ROW, out);
 }

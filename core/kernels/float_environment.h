@@ -6,6 +6,8 @@
 
 #include <stdint.h>
 
+#include "kernels.h"
+
 #if defined(__x86_64__)
 typedef uint32_t dermis_environment;
 #define DERMIS_OWN_ENVIRONMENT 0x1f80u /* all exceptions masked, round to nearest, denormals as they are */
@@ -31,5 +33,15 @@ static inline dermis_environment dermis_enter(void) {
 }
 
 static inline void dermis_leave(dermis_environment before) { dermis_set(before); }
+
+/* Define a function of the interface: it refuses records that are not sound, and runs in the kernels' own environment. */
+#define DERMIS_FUNCTION(name, type, sound, run)      \
+    DERMIS_API int32_t name(type *record) {          \
+        if (!sound(record)) return DERMIS_BAD_RECORD; \
+        dermis_environment outside = dermis_enter(); \
+        int32_t status = run(record);                \
+        dermis_leave(outside);                       \
+        return status;                               \
+    }
 
 #endif

@@ -10,7 +10,7 @@
 #include <stdint.h>
 
 /* Raise it when a function changes its meaning and no record changes its layout. */
-#define DERMIS_ABI 1
+#define DERMIS_ABI 2
 
 #if defined(_WIN32)
 #define DERMIS_API __declspec(dllexport)
@@ -21,7 +21,7 @@
 
 enum {
     DERMIS_DONE = 0,
-    DERMIS_BAD_RECORD = 1,   /* a count or a depth that no tree has */
+    DERMIS_BAD_RECORD = 1,   /* a count, a depth or an index that none can be */
     DERMIS_NOT_FINITE = 2    /* a number, or an area's square, that is not finite; `wrong` of the record says at which index */
 };
 
@@ -46,35 +46,64 @@ typedef struct {
     float *boxes;           /* ((4^depth - 1) / 3 + blocks, DERMIS_BOXES) */
     double middle[3];       /* out [m] */
     double scale;           /* out [m] */
+    double largest;         /* out, or in without `packed`: the largest amount of a coordinate [m] */
     int64_t wrong;          /* out: the triangle that is not finite */
 } dermis_tree;
 
-/* Points, and the closest triangle of each of them. */
+/* A body: its triangles, how they hang together, and how the side of a point is told. */
 typedef struct {
-    const dermis_tree *tree;
+    const dermis_tree *tree;    /* the triangles that may be closest; without `packed`, each of them is looked at */
+    const dermis_tree *all;     /* all triangles of the body, for rays, as a rule the same; null where none are cast */
+    int64_t vertices;           /* how many there are */
+    int64_t closed;             /* 1 where the triangles have an inside and an outside, 0 for an open sheet */
+    int64_t by_rays;            /* 1 where rays tell the side of every point, 0 where the closest triangle does */
+    int64_t outside;            /* how often the triangles wind round a point outside: 0, or -1 where they are inside out */
+    int64_t parts;              /* parts that do not hang together */
+    int64_t slabs;              /* slabs that the body lies within */
+    double weld;                /* corners that are one vertex may lie so far apart [m] */
+    const int64_t *corners;     /* vertices of each triangle; those at one place have one number (total, 3) */
+    const int64_t *across;      /* the triangle across each edge, -1 where there is not exactly one (total, 3) */
+    const int8_t *edge_kind;    /* DERMIS_REGULAR and so on (total, 3) */
+    const int8_t *vertex_kind;  /* the same of vertices (vertices) */
+    const int64_t *part;        /* a triangle of each part (parts) */
+    const double *slab;         /* a direction, and how far the body reaches along it, down and up [m] (slabs, 5) */
+    double *normals;            /* pseudonormals of the vertices (vertices, 3); null: they are summed when they are asked for */
+} dermis_body;
+
+/* Kinds of edges and vertices: two faces that agree about the outside; one face; anything else. */
+enum { DERMIS_REGULAR = 0, DERMIS_BOUNDARY = 1, DERMIS_IRREGULAR = 2 };
+
+/* Points, and their signed distances to a body. Beyond the limit gap is infinite, the closest point NaN, the rest 0. */
+typedef struct {
+    const dermis_body *body;
     int64_t count;        /* points */
-    double limit;         /* largest distance of interest [m], may be infinite */
+    double limit;         /* largest distance of interest outside [m], may be infinite; points inside are always answered */
     const double *points; /* (count, 3) [m] */
-    const int64_t *hints; /* a triangle that is likely near each point, -1 for none (count); or null */
-    int64_t *triangle;    /* out: the closest, -1 beyond the limit (count) */
-    double *weights;      /* out: of its corners at the closest point (count, 3) */
+    double *gap;          /* out: signed distance, negative inside (count) [m] */
+    double *normal;       /* out: unit gradient of the gap (count, 3) */
     double *closest;      /* out: the closest point (count, 3) [m] */
-    double *square;       /* out: squared distance (count) [m^2] */
+    double *weights;      /* out: of the triangle's corners at the closest point (count, 3) */
+    int64_t *triangle;    /* out: the closest, -1 beyond the limit (count) */
     int8_t *feature;      /* out: 0 within the face, 1 + k on edge k (k to k + 1), 4 + k on corner k (count) */
+    int8_t *beside;       /* out: 1 where the point has passed beside the rim of an open sheet (count) */
     int64_t wrong;        /* out: the point that is not finite, or -1 - the triangle */
 } dermis_query;
 
 /* Put the triangles `order` into the order of a tree's slots, so that neighbours share leaves. */
 DERMIS_API int32_t dermis_tree_split(dermis_tree *tree);
 
-/* Fill `packed` and `nodes` for triangles in the order of a tree's slots. */
+/* Fill `packed` and `boxes` for triangles in the order of a tree's slots. */
 DERMIS_API int32_t dermis_tree_fit(dermis_tree *tree);
 
-/* Find the closest triangle of each point, by the tree. */
-DERMIS_API int32_t dermis_closest(dermis_query *query);
+/* Check the indices of a body, and fill `normals` where there is room for them. */
+DERMIS_API int32_t dermis_body_fit(dermis_body *body);
 
-/* The same without a tree, by looking at every triangle of `order`: for a few points. */
-DERMIS_API int32_t dermis_closest_of_all(dermis_query *query);
+/* Set `by_rays` of a closed body that was fitted: whether its triangles run through each other, lie back to back, or one
+   part of them lies within another. */
+DERMIS_API int32_t dermis_body_judge(dermis_body *body);
+
+/* Measure the signed distances of points to a body that was fitted. */
+DERMIS_API int32_t dermis_distances(dermis_query *query);
 
 /* The ABI number, and the size and offsets of each record; the last number is UINT64_MAX. */
 DERMIS_API const uint64_t *dermis_layout(void);

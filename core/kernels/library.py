@@ -43,8 +43,8 @@ class Kernels:
             library.dermis_layout.restype = ctypes.POINTER(ctypes.c_uint64)
             library.dermis_sources.restype = library.dermis_fields.restype = ctypes.c_char_p
             self.split, self.fit = _function(library.dermis_tree_split), _function(library.dermis_tree_fit)
-            self.closest = _function(library.dermis_closest)
-            self.closest_of_all = _function(library.dermis_closest_of_all)
+            self.fit_body, self.judge = _function(library.dermis_body_fit), _function(library.dermis_body_judge)
+            self.distances = _function(library.dermis_distances)
             sources = bytes(library.dermis_sources()).decode("ascii", "replace")
             fields = bytes(library.dermis_fields()).decode("ascii", "replace")
             told = library.dermis_layout()

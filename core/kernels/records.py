@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Iterator
 
-ABI = 1
+ABI = 2
 ROW, LANES, BOXES = (
     16,
     4,
@@ -29,7 +29,31 @@ class TreeRecord(ctypes.Structure):
         ("boxes", ctypes.c_void_p),
         ("middle", ctypes.c_double * 3),
         ("scale", ctypes.c_double),
+        ("largest", ctypes.c_double),
         ("wrong", ctypes.c_int64),
+    ]
+
+
+class BodyRecord(ctypes.Structure):
+    """`dermis_body`."""
+
+    _fields_ = [
+        ("tree", ctypes.c_void_p),
+        ("all", ctypes.c_void_p),
+        ("vertices", ctypes.c_int64),
+        ("closed", ctypes.c_int64),
+        ("by_rays", ctypes.c_int64),
+        ("outside", ctypes.c_int64),
+        ("parts", ctypes.c_int64),
+        ("slabs", ctypes.c_int64),
+        ("weld", ctypes.c_double),
+        ("corners", ctypes.c_void_p),
+        ("across", ctypes.c_void_p),
+        ("edge_kind", ctypes.c_void_p),
+        ("vertex_kind", ctypes.c_void_p),
+        ("part", ctypes.c_void_p),
+        ("slab", ctypes.c_void_p),
+        ("normals", ctypes.c_void_p),
     ]
 
 
@@ -37,16 +61,17 @@ class QueryRecord(ctypes.Structure):
     """`dermis_query`."""
 
     _fields_ = [
-        ("tree", ctypes.c_void_p),
+        ("body", ctypes.c_void_p),
         ("count", ctypes.c_int64),
         ("limit", ctypes.c_double),
         ("points", ctypes.c_void_p),
-        ("hints", ctypes.c_void_p),
-        ("triangle", ctypes.c_void_p),
-        ("weights", ctypes.c_void_p),
+        ("gap", ctypes.c_void_p),
+        ("normal", ctypes.c_void_p),
         ("closest", ctypes.c_void_p),
-        ("square", ctypes.c_void_p),
+        ("weights", ctypes.c_void_p),
+        ("triangle", ctypes.c_void_p),
         ("feature", ctypes.c_void_p),
+        ("beside", ctypes.c_void_p),
         ("wrong", ctypes.c_int64),
     ]
 
@@ -54,7 +79,7 @@ class QueryRecord(ctypes.Structure):
 def layout() -> Iterator[int]:
     """Yield what `dermis_layout` returns of a library that fits."""
     yield from (ABI, ROW, LANES, BOXES)
-    for record in (TreeRecord, QueryRecord):
+    for record in (TreeRecord, BodyRecord, QueryRecord):
         yield ctypes.sizeof(record)
         yield from (getattr(record, field[0]).offset for field in record._fields_)
     yield 2**64 - 1
@@ -62,5 +87,5 @@ def layout() -> Iterator[int]:
 
 def fields() -> str:
     """Return what `dermis_fields` returns of a library that fits."""
-    records = (("tree", TreeRecord), ("query", QueryRecord))
+    records = (("tree", TreeRecord), ("body", BodyRecord), ("query", QueryRecord))
     return " ".join(word for kind, record in records for word in (kind, *(field[0] for field in record._fields_)))

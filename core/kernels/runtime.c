@@ -9,24 +9,32 @@
     FIELD(dermis_tree, total) FIELD(dermis_tree, count) FIELD(dermis_tree, depth) FIELD(dermis_tree, rows)   \
     FIELD(dermis_tree, bounds) FIELD(dermis_tree, slivers) FIELD(dermis_tree, order)                         \
     FIELD(dermis_tree, packed) FIELD(dermis_tree, boxes) FIELD(dermis_tree, middle) FIELD(dermis_tree, scale) \
-    FIELD(dermis_tree, wrong)
+    FIELD(dermis_tree, largest) FIELD(dermis_tree, wrong)
+#define BODY(FIELD)                                                                                          \
+    FIELD(dermis_body, tree) FIELD(dermis_body, all) FIELD(dermis_body, vertices) FIELD(dermis_body, closed) \
+    FIELD(dermis_body, by_rays) FIELD(dermis_body, outside) FIELD(dermis_body, parts)                        \
+    FIELD(dermis_body, slabs) FIELD(dermis_body, weld) FIELD(dermis_body, corners)                           \
+    FIELD(dermis_body, across)                                                                               \
+    FIELD(dermis_body, edge_kind) FIELD(dermis_body, vertex_kind) FIELD(dermis_body, part)                   \
+    FIELD(dermis_body, slab) FIELD(dermis_body, normals)
 #define QUERY(FIELD)                                                                                         \
-    FIELD(dermis_query, tree) FIELD(dermis_query, count) FIELD(dermis_query, limit)                          \
-    FIELD(dermis_query, points) FIELD(dermis_query, hints) FIELD(dermis_query, triangle)                     \
-    FIELD(dermis_query, weights) FIELD(dermis_query, closest) FIELD(dermis_query, square)                    \
-    FIELD(dermis_query, feature) FIELD(dermis_query, wrong)
+    FIELD(dermis_query, body) FIELD(dermis_query, count) FIELD(dermis_query, limit)                          \
+    FIELD(dermis_query, points) FIELD(dermis_query, gap) FIELD(dermis_query, normal)                         \
+    FIELD(dermis_query, closest) FIELD(dermis_query, weights) FIELD(dermis_query, triangle)                  \
+    FIELD(dermis_query, feature) FIELD(dermis_query, beside) FIELD(dermis_query, wrong)
 #define OFFSET(record, field) offsetof(record, field),
 #define NAME(record, field) " " #field
 
 DERMIS_API const uint64_t *dermis_layout(void) {
     static const uint64_t layout[] = {
         DERMIS_ABI,          DERMIS_ROW,    DERMIS_LANES,         DERMIS_BOXES,
-        sizeof(dermis_tree), TREE(OFFSET)   sizeof(dermis_query), QUERY(OFFSET) UINT64_MAX,
+        sizeof(dermis_tree), TREE(OFFSET)   sizeof(dermis_body),  BODY(OFFSET)
+        sizeof(dermis_query), QUERY(OFFSET) UINT64_MAX,
     };
     return layout;
 }
 
-DERMIS_API const char *dermis_fields(void) { return "tree" TREE(NAME) " query" QUERY(NAME); }
+DERMIS_API const char *dermis_fields(void) { return "tree" TREE(NAME) " body" BODY(NAME) " query" QUERY(NAME); }
 
 DERMIS_API const char *dermis_sources(void) { return DERMIS_SOURCES; }
 

@@ -269,19 +269,13 @@ DERMIS_NOINLINE static int32_t fit(dermis_tree *tree) {
         int64_t triangle = tree->order[i];
         double *row = tree->packed + i * DERMIS_ROW;
         if (triangle < 0 || triangle >= total) return DERMIS_BAD_RECORD;
-        for (int k = 0; k < SLIVER; k++) {
-            row[k] = tree->rows[k * total + triangle];
-            if (!dermis_finite(row[k])) {
-                tree->wrong = triangle;
-                return DERMIS_NOT_FINITE;
-            }
-        }
-        if (!(row[INVERSE] > 0.0)) {
+        dermis_gather(tree, triangle, row);
+        int known = row[INVERSE] > 0.0;
+        for (int k = 0; k < SLIVER; k++) known = known && dermis_finite(row[k]);
+        if (!known) {
             tree->wrong = triangle;
             return DERMIS_NOT_FINITE;
         }
-        row[SLIVER] = tree->slivers != NULL && tree->slivers[triangle];
-        row[NUMBER] = (double)triangle;
         for (int k = 0; k < 3; k++) {
             double b = row[k] + row[AB + k], c = row[k] + row[AC + k];
             low[k] = dermis_least(low[k], dermis_least(row[k], dermis_least(b, c)));
@@ -293,23 +287,10 @@ DERMIS_NOINLINE static int32_t fit(dermis_tree *tree) {
         size = dermis_most(size, high[k] - low[k]);
         largest = dermis_most(largest, dermis_most(dermis_abs(low[k]), dermis_abs(high[k])));
     }
-    tree->scale = size;
+    tree->scale = size, tree->largest = largest;
     bounded(tree, 0, 0, 0, ROUNDING * largest);
     return DERMIS_DONE;
 }
 
-DERMIS_API int32_t dermis_tree_split(dermis_tree *tree) {
-    if (!sound(tree)) return DERMIS_BAD_RECORD;
-    dermis_environment outside = dermis_enter();
-    int32_t status = split(tree);
-    dermis_leave(outside);
-    return status;
-}
-
-DERMIS_API int32_t dermis_tree_fit(dermis_tree *tree) {
-    if (!sound(tree)) return DERMIS_BAD_RECORD;
-    dermis_environment outside = dermis_enter();
-    int32_t status = fit(tree);
-    dermis_leave(outside);
-    return status;
-}
+DERMIS_FUNCTION(dermis_tree_split, dermis_tree, sound, split)
+DERMIS_FUNCTION(dermis_tree_fit, dermis_tree, sound, fit)

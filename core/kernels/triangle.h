@@ -5,6 +5,7 @@
 #ifndef DERMIS_TRIANGLE_H
 #define DERMIS_TRIANGLE_H
 
+#include "kernels.h"
 #include "numbers.h"
 
 enum { AB = 3, AC = 6, AB_AB = 9, AC_AC = 10, BC_BC = 11, AB_AC = 12, INVERSE = 13, SLIVER = 14, NUMBER = 15 };
@@ -12,6 +13,20 @@ enum { AB = 3, AC = 6, AB_AB = 9, AC_AC = 10, BC_BC = 11, AB_AC = 12, INVERSE = 
 /* Points nearer than this, squared and over squared edges, are measured once more: squared distances tell edges apart to
    half of the digits. */
 #define DERMIS_NEAR 1e-12
+
+/* Put the numbers of one triangle of the table into a row. */
+static inline void dermis_gather(const dermis_tree *tree, int64_t triangle, double *row) {
+    for (int k = 0; k < SLIVER; k++) row[k] = tree->rows[k * tree->total + triangle];
+    row[SLIVER] = tree->slivers != NULL && tree->slivers[triangle];
+    row[NUMBER] = (double)triangle;
+}
+
+/* Put the triangle's unit normal into `out`. */
+static inline void dermis_facing(const double *row, double *out) {
+    dermis_cross(row + AB, row + AC, out);
+    double length = dermis_root(dermis_dot(out, out));
+    for (int k = 0; k < 3; k++) out[k] /= length;
+}
 
 /* Weights of corners b and c at the point of the plane whose products with ab and ac are given. */
 static inline void dermis_solved(const double *row, double along_ab, double along_ac, double *u, double *w) {

@@ -2,16 +2,18 @@
 
 Which side a point is on:
 
-* At a closed, consistently oriented mesh the sign follows the angle-weighted pseudonormal of the closest face, edge
-  or corner, which is provably the inside (Baerentzen and Aanaes 2005). Concave and thin meshes need nothing more.
+* At a closed mesh that does not run through itself the sign follows the angle-weighted pseudonormal of the closest
+  face, edge or corner, which is provably the inside (Baerentzen and Aanaes 2005). Concave and thin meshes need nothing
+  more.
+* At a closed mesh that runs through itself, has folded faces, or parts within one another's solid, rays count how often
+  it winds round the point. The same decides where more than two faces share an edge, faces disagree about the outside,
+  or two sheets touch in a single point. The distance is still that to the closest triangle, also where this lies inside
+  another part.
 * An open mesh (a plane, a cup of one layer) is negative behind its faces. A point whose closest point lies on the
   rim, and that is not straight above or below it, has passed beside the sheet: it is outside, and its gap positive.
   `Surface.side_of` tells on which side of a sheet a finger's bone is, so that a sheet can be touched from both.
-* Where more than two faces share an edge, faces disagree about the outside, or two sheets touch in a single point,
-  no normal decides: a closed mesh then asks for its winding number there, an open one takes the mean normal.
-  `Surface.findings` reports such meshes.
-* Self-intersecting parts: the closest face decides, also where it lies inside another part. Where faces are folded
-  over, a point that would lie deep inside by one of them asks for its winding number.
+
+`Surface.findings` reports meshes that are open or not manifold.
 """
 
 from __future__ import annotations
@@ -27,28 +29,24 @@ from ..kernels.library import have_kernels
 from ..scene.tactile_scene import Mesh
 from . import shapes
 from .gap_query import GapQuery
+from .kernel_body import KernelBody
 from .nearest import PlainTriangles
 from .normals import SurfaceNormals
 from .pieces import pieces
 from .planes import Planes
-from .topology import BOUNDARY, IRREGULAR, REGULAR, Topology, topology_of
-from .tree import Nearest, TriangleTree
+from .topology import Topology, topology_of
+from .tree import TriangleTree
 from .triangles import TriangleTable
 from .winding import winding
 
 __all__ = ["GapQuery", "Surface"]
 
-# A corner whose weight is above this is of the feature that a closest point lies on.
-ON_FEATURE = 1e-9
-# A point is straight above a rim if it is off by less than this fraction of its distance.
-STRAIGHT = 1e-6
 # So many points are measured to all triangles where these are in no tree yet: one shape of an object that deforms may
 # be asked about a pad's centre only.
 FEW = 4
-# Deeper than this a point is asked twice whether it is inside, if faces are folded over where it is closest [m].
-DEEP = 0.2e-3
-# Nearer than this to a surface the way to its closest point has no direction to speak of [m].
-ON_SURFACE = 1e-9
+# To try whether a triangle runs through others takes a sixth of a ray: after so many rays for each triangle of a closed
+# surface, all are tried, and rays may stop. The answers are the same.
+PAYS = 1 / 6
 # Towards the faces, edges and corners of a cube, and not their opposites; unit length, shape (13, 3).
 DIRECTIONS = np.array(list(np.ndindex(3, 3, 3)), dtype=np.float64)[14:] - 1.0
 DIRECTIONS /= np.sqrt((DIRECTIONS * DIRECTIONS).sum(axis=1))[:, None]
@@ -65,6 +63,8 @@ class Surface:
     >>> block.query(np.array([[0.0, 0.0, 0.003], [0.0, 0.0, -0.001]])).gap  # [m], negative inside
     array([ 0.003, -0.001])
     """
+
+    _by_rays = 0  # points whose side rays have told
 
     def __init__(self, vertices: Array, triangles: NDArray[np.int64], topology: Topology) -> None:
         self.vertices = vertices
@@ -235,18 +235,23 @@ class Surface:
                 limit="0 m or more, or inf",
                 remedy="Leave it out to measure all points",
             )
-        return self._signed(points, self._search(points, search_radius))
+        if not self.table.usable.any():
+            n = len(points)
+            far, nowhere = np.full(n, np.inf), np.full((n, 3), np.nan)
+            none = np.zeros((n, 3))
+            return GapQuery(far, none, nowhere, np.full(n, -1), none.copy(), np.zeros(n, dtype=np.bool_))
+        return self._measurer(len(points)).query(points, search_radius)
 
     def side_of(self, point: Array) -> int:
         """Return +1 where a point [m], shape (3,), is in front of the closest faces, -1 where it is behind.
 
         For open surfaces this decides from which side a finger touches: ask for its bone.
         """
-        found = self._search(np.ascontiguousarray(point, dtype=np.float64).reshape(1, 3), np.inf)
+        found = self.query(np.asarray(point, dtype=np.float64).reshape(1, 3))
         if found.triangle[0] < 0:
             return 1
-        _, normal = self._features(found)
-        return -1 if float((np.asarray(point) - found.point[0]) @ normal[0]) < 0.0 else 1
+        normal = self.query(found.point).normal[0]
+        return -1 if float((np.asarray(point) - found.point[0]) @ normal) < 0.0 else 1
 
     def winding(self, points: Array) -> Array:
         """Return how often the surface encloses each point (1 inside a closed one), shape (n,)."""
@@ -273,130 +278,44 @@ class Surface:
     # -- distance ------------------------------------------------------------------------------------------------
 
     @cached_property
-    def _tree(self) -> TriangleTree:
-        return TriangleTree(self.table, self.topology)
+    def tangled(self) -> bool:
+        """Whether a closed surface runs through itself, is folded, or has parts within others: rays tell its sides."""
+        if not self.closed or not self.table.usable.any():
+            return False
+        if self.topology.irregular:
+            return True
+        usable = np.flatnonzero(self.table.usable)
+        first = np.unique(self.topology.parts[usable], return_index=True)[1]
+        return self._body.tangled(usable[first])
 
-    def _finder(self, count: int) -> TriangleTree | PlainTriangles:
-        """Return what finds the closest triangles of so many points: a tree is not worth growing for a few."""
+    def _measurer(self, count: int) -> KernelBody | PlainTriangles:
+        """Return what measures the gaps of so many points: a tree is not worth growing for a few."""
         if not have_kernels():
-            return PlainTriangles(self.table)
-        return TriangleTree(self.table, None) if count <= FEW and "_tree" not in self.__dict__ else self._tree
+            return PlainTriangles(self.table, self.topology, self.vertices[self.triangles])
+        if count <= FEW and "_body" not in self.__dict__:
+            return self._kernel_body(TriangleTree(self.table, None))
+        body = self._body
+        if body.by_rays:
+            self._by_rays += count
+            if self._by_rays > PAYS * len(self.triangles):
+                body.by_rays = self.tangled
+        return body
 
     @cached_property
-    def _slabs(self) -> tuple[Array, Array]:
-        """How far the surface extends along the `DIRECTIONS`, down and up [m], shape (13, 1) each."""
-        along = DIRECTIONS @ self.vertices.T
-        return along.min(axis=1, keepdims=True), along.max(axis=1, keepdims=True)
+    def _body(self) -> KernelBody:
+        return self._kernel_body(TriangleTree(self.table, self.topology))
 
-    def _search(self, points: Array, search_radius: float) -> Nearest:
-        if len(points) == 0 or not self.table.usable.any():
-            return Nearest.nothing(len(points))
-        found = self._finder(len(points)).nearest(points, search_radius)
-        if not self.closed or not np.isfinite(search_radius):
-            return found
-        lost = (found.triangle < 0).nonzero()[0]
-        if lost.size:  # where the way out of the slabs is shorter than the one to the surface, it leads outside
-            along = DIRECTIONS @ points[lost].T
-            low, high = self._slabs
-            lost = lost[np.maximum((along - high).max(axis=0), (low - along).max(axis=0)) <= -search_radius]
-        if lost.size:
-            deep = self._finder(lost.size).nearest(points[lost], np.inf)
-            inside = (self._signed(points[lost], deep).gap < 0.0).nonzero()[0]
-            found.put(lost[inside], deep.take(inside))
-        return found
+    def _kernel_body(self, tree: TriangleTree) -> KernelBody:
+        """Return the surface for the kernels; rays tell the sides of a closed one until it is known to do without."""
+        rays, outside = self._rays(tree), -1 if self.closed and self.volume < 0.0 else 0
+        return KernelBody(tree, rays, self.topology, self._slabs, outside, self.closed and rays is not None)
 
-    # -- sign and normal -----------------------------------------------------------------------------------------
+    def _rays(self, tree: TriangleTree) -> TriangleTree | None:
+        """Return all triangles of the surface for rays, given those that may be closest; None where none are cast."""
+        return tree
 
-    def _features(self, found: Nearest) -> tuple[NDArray[np.int8], Array]:
-        """Return kind and pseudonormal (not normalised) of the closest features."""
-        triangle, feature = found.triangle, found.feature
-        kind = np.zeros(triangle.size, dtype=np.int8)
-        normal = self.table.bounds[3:6].take(triangle, axis=1).T
-        v = (feature >= 4).nonzero()[0]
-        if v.size:
-            vertex = self.topology.corners[triangle[v], feature[v] - 4]
-            normal[v] = self._normals.of_vertices[vertex]
-            kind[v] = self.topology.vertex_kind[vertex]
-        e = ((feature > 0) & (feature < 4)).nonzero()[0]
-        if e.size:
-            on_triangle, edge = triangle.take(e), feature[e] - 1
-            other = self.topology.across[on_triangle, edge]
-            beyond = self.table.bounds[3:6].take(other, axis=1)
-            beyond *= other >= 0
-            normal[e] += beyond.T
-            of_edge = self.topology.edge_kind[on_triangle, edge]
-            of_edge[(of_edge == REGULAR) & (other >= 0) & ~self.table.usable.take(other)] = IRREGULAR
-            kind[e] = of_edge
-        return kind, normal
-
-    def _signed(self, points: Array, found: Nearest) -> GapQuery:
-        n, near = len(points), (found.triangle >= 0).nonzero()[0]
-        if near.size == n:
-            gap, normal, beside = self._sides(points, found)
-            return GapQuery(gap, normal, found.point, found.triangle, found.weights, beside)
-        gap, normal, beside = np.full(n, np.inf), np.zeros((n, 3)), np.zeros(n, dtype=bool)
-        if near.size:
-            gap[near], normal[near], beside[near] = self._sides(points[near], found.take(near))
-        return GapQuery(gap, normal, found.point, found.triangle, found.weights, beside)
-
-    def _sides(self, points: Array, found: Nearest) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Return gap, normal and `beside` of a `GapQuery` for points whose closest triangles are known."""
-        kind, pseudo = self._features(found)
-        offset = points - found.point
-        distance = np.sqrt(_dot(offset, offset))
-        along = _dot(offset, pseudo)
-        sign = np.where(along < 0.0, -1.0, 1.0)
-        beside = np.zeros(len(points), dtype=bool)
-        if kind.any():
-            beside[self._special_sides(points, np.flatnonzero(kind), kind, distance, along, pseudo, sign)] = True
-        if self.closed:
-            self._unfold(points, sign, distance, found.triangle, found.weights)
-        return sign * distance, self._directions(offset, distance, sign, pseudo, found.triangle), beside
-
-    def _special_sides(
-        self,
-        points: Array,
-        special: Indices,
-        kind: NDArray[np.int8],
-        distance: Array,
-        along: Array,
-        pseudo: Array,
-        sign: Array,
-    ) -> Indices:
-        """Decide the side at rims and at edges that no normal decides, in place; return which are beside a rim."""
-        rim = special[kind[special] == BOUNDARY]
-        length = np.maximum(np.sqrt(np.einsum("ij,ij->i", pseudo[rim], pseudo[rim])), 1e-300)
-        height = along[rim] / length
-        across = np.sqrt(np.maximum(distance[rim] ** 2 - height**2, 0.0))
-        rim = rim[across > STRAIGHT * distance[rim]]
-        sign[rim] = 1.0
-        odd = special[kind[special] == IRREGULAR]
-        if odd.size and self.closed:
-            sign[odd] = np.where(self.winding(points[odd]) > 0.5, -1.0, 1.0)
-        return rim
-
-    def _unfold(self, points: Array, sign: Array, distance: Array, triangle: Indices, weights: Array) -> None:
-        """Put points that lie inside only by faces folded over outside, in place."""
-        deep = ((sign < 0.0) & (distance > DEEP)).nonzero()[0]
-        if deep.size == 0:
-            return
-        folded = self._normals.folded[self.topology.corners[triangle[deep]]] & (weights[deep] > ON_FEATURE)
-        odd = deep[folded.any(axis=1)]
-        if odd.size:
-            sign[odd] = np.where(self.winding(points[odd]) > 0.5, -1.0, 1.0)
-
-    def _directions(self, offset: Array, distance: Array, sign: Array, pseudo: Array, triangle: Indices) -> Array:
-        """Gradient of the gap; so near the surface that rounding would turn it, the pseudonormal."""
-        tiny = distance <= ON_SURFACE
-        if not tiny.any():
-            return offset * (sign / distance)[:, None]
-        normal = offset * (sign / np.where(tiny, 1.0, distance))[:, None]
-        length = np.sqrt(_dot(pseudo[tiny], pseudo[tiny]))
-        unit = pseudo[tiny] / np.maximum(length, 1e-300)[:, None]
-        face = self.table.bounds[3:6].take(triangle[tiny], axis=1).T
-        normal[tiny] = np.where((length > 1e-9)[:, None], unit, face)
-        return normal
-
-
-def _dot(a: Array, b: Array) -> Array:
-    return np.einsum("ij,ij->i", a, b)
+    @cached_property
+    def _slabs(self) -> Array:
+        """The `DIRECTIONS`, and how far the surface extends along them, down and up [m], shape (13, 5)."""
+        along = self.vertices @ DIRECTIONS.T
+        return np.column_stack([DIRECTIONS, along.min(axis=0), along.max(axis=0)])

@@ -1,54 +1,102 @@
-"""The closest triangle of a point by numpy: for devices without a skin where no kernels can be loaded.
+"""Signed gaps by numpy: for devices without a skin where no kernels can be loaded.
 
-It is exact and slow. All else takes `TriangleTree`; both agree but for rounding.
+They are exact and slow. All else takes `KernelBody`; both agree but for rounding.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Array, Indices
-from .tree import Nearest
+from .gap_query import GapQuery
+from .topology import BOUNDARY, Topology
 from .triangles import TriangleTable
+from .winding import winding
 
-# As in core/kernels/closest.c: triangles as close as this, relative to the square, are told apart by their number, and
-# weights below the other count as on an edge or a corner.
-TIE, ON_FEATURE = 1e-12, 1e-9
+# As in core/kernels: triangles as close as this, relative to the square, are told apart by their number; weights below
+# the next count as on an edge or a corner; nearer than `ON_SURFACE` [m] a way has no direction; a point that is off by
+# less than `STRAIGHT` of its distance is straight above a rim.
+TIE, ON_FEATURE, ON_SURFACE, STRAIGHT = 1e-12, 1e-9, 1e-9, 1e-6
 # A margin for rounding, relative to lengths.
 SLACK = 1e-9
 
 
 class PlainTriangles:
-    """The usable triangles of one surface; there must be one at least."""
+    """The usable triangles of one surface; there must be one at least.
 
-    def __init__(self, table: TriangleTable) -> None:
-        self._table, self._usable = table, np.flatnonzero(table.usable)
+    Args:
+        table: the triangles. topology: how they hang together. corners: of the triangles [m], shape (T, 3, 3).
+    """
 
-    def nearest(self, points: Array, limit: float, hints: Indices | None = None) -> Nearest:
-        """Return the closest triangle of each point, as `TriangleTree.nearest` does; hints have no effect."""
-        found = Nearest.nothing(len(points))
+    def __init__(self, table: TriangleTable, topology: Topology, corners: Array) -> None:
+        self._table, self._topology, self._corners = table, topology, corners
+        self._usable = np.flatnonzero(table.usable)
+
+    def query(self, points: Array, limit: float) -> GapQuery:
+        """Return the signed gap, closest point and normal of each point, as `KernelBody.query` does."""
+        n = len(points)
+        found = GapQuery(
+            np.full(n, np.inf),
+            np.zeros((n, 3)),
+            np.full((n, 3), np.nan),
+            np.full(n, -1),
+            np.zeros((n, 3)),
+            np.zeros(n, np.bool_),
+        )
         centres, radius = self._table.bounds[0:3].take(self._usable, axis=1), self._table.bounds[6].take(self._usable)
+        inside = self._inside(points)
         for i, x in enumerate(points):
+            reach = np.inf if inside[i] else limit
             away = centres - x[:, None]
             distance = np.sqrt((away * away).sum(axis=0))
-            reach = min(float((distance + radius).min()), limit) * (1.0 + SLACK) + SLACK * float(np.abs(x).max())
-            close = self._usable[distance - radius <= reach]
+            near = min(float((distance + radius).min()), reach) * (1.0 + SLACK) + SLACK * float(np.abs(x).max())
+            close = self._usable[distance - radius <= near]
             if not close.size:
                 continue
             square, weights = self._measured(x, close)
             least = float(square.min())
-            if least > limit * limit:
+            if least > reach * reach:
                 continue
-            k = int((square <= least * (1.0 + TIE)).argmax())  # the lowest number
-            found.triangle[i], found.weights[i], found.square[i] = close[k], weights[:, k], square[k]
-            a, ab, ac = self._table.rows[:9, close[k]].reshape(3, 3)
-            found.point[i] = a + weights[1, k] * ab + weights[2, k] * ac
-            zero = found.weights[i] <= ON_FEATURE
-            if zero.sum() == 2:
-                found.feature[i] = 4 + found.weights[i].argmax()
-            elif zero.any():
-                found.feature[i] = 1 + (zero.argmax() + 1) % 3
+            ties = np.flatnonzero(square <= least * (1.0 + TIE))  # the lowest number first
+            self._put(found, i, x, close[ties], weights[:, ties], bool(inside[i]))
         return found
+
+    def _inside(self, points: Array) -> NDArray[np.bool_]:
+        """Tell which points a closed surface encloses, or leaves out where it is inside out, shape (n,)."""
+        if not self._topology.closed or not len(points):
+            return np.zeros(len(points), dtype=np.bool_)
+        a, b, c = np.moveaxis(self._corners, 1, 0)
+        volume = float(np.einsum("ij,ij->", a, np.cross(b, c)))
+        return np.asarray(winding(self._corners, points) > (0.5 if volume >= 0.0 else -0.5))
+
+    def _put(self, found: GapQuery, i: int, x: Array, ties: Indices, weights: Array, inside: bool) -> None:
+        """Answer for a point, given the triangles that are equally close and the weights of the closest points."""
+        t, of = ties[0], weights[:, 0]
+        a, ab, ac = self._table.rows[:9, t].reshape(3, 3)
+        found.triangle[i], found.weights[i], found.point[i] = t, of, a + of[1] * ab + of[2] * ac
+        offset, normals = x - found.point[i], self._table.bounds[3:6].take(ties, axis=1)
+        distance, heights = float(np.linalg.norm(offset)), offset @ normals
+        steepest = heights[np.abs(heights).argmax()]
+        sign = (-1.0 if inside else 1.0) if self._topology.closed else -1.0 if steepest < 0.0 else 1.0
+        aside = np.sqrt(max(distance**2 - steepest**2, 0.0))
+        found.beside[i] = self._on_rim(t, of) and aside > STRAIGHT * distance
+        sign = 1.0 if found.beside[i] else sign
+        found.gap[i] = sign * distance
+        if distance > ON_SURFACE:
+            found.normal[i] = offset * (sign / distance)
+        else:
+            mean = normals.sum(axis=1)
+            length = float(np.linalg.norm(mean))
+            found.normal[i] = mean / length if length > SLACK else normals[:, 0]
+
+    def _on_rim(self, triangle: int, weights: Array) -> bool:
+        """Tell whether a point of a triangle lies on the rim of an open surface."""
+        zero = weights <= ON_FEATURE
+        if zero.sum() == 2:
+            vertex = self._topology.corners[triangle, weights.argmax()]
+            return bool(self._topology.vertex_kind[vertex] == BOUNDARY)
+        return bool(zero.any() and self._topology.edge_kind[triangle, (zero.argmax() + 1) % 3] == BOUNDARY)
 
     def _measured(self, x: Array, triangle: Indices) -> tuple[Array, Array]:
         """Return squared distances of a point to triangles [m^2], (k,), and the closest points' weights, (3, k)."""

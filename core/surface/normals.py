@@ -1,11 +1,10 @@
-"""Normals of a triangle mesh between its faces: at its corners, and of the curved surface that it stands for."""
+"""Normals of the curved surface that a triangle mesh stands for."""
 
 from __future__ import annotations
 
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..arrays import Array, Indices
 from .topology import Topology
@@ -13,8 +12,6 @@ from .triangles import TriangleTable
 
 # Faces that meet at less than this angle stand for a curved surface; at more, for an edge. Cosine of 30 degrees.
 SMOOTH = 0.8660254037844387
-# Normals of faces that share an edge and are folded onto each other differ by more than this cosine says.
-BACK_TO_BACK = -0.9
 
 
 class SurfaceNormals:
@@ -67,27 +64,3 @@ class SurfaceNormals:
         angle_a = np.arctan2(twice_area, g12)
         angle_b = np.arctan2(twice_area, g11 - g12)
         return np.stack([angle_a, angle_b, np.pi - angle_a - angle_b])
-
-    @cached_property
-    def of_vertices(self) -> Array:
-        """Angle-weighted pseudonormals of the merged vertices, shape (V, 3)."""
-        normal = self._table.bounds[3:6]
-        out = np.zeros((self._count, 3))
-        for corner, angle in zip(self._topology.corners.T, self._angles, strict=True):
-            for axis in range(3):
-                out[:, axis] += np.bincount(corner, angle * normal[axis], minlength=out.shape[0])
-        return out
-
-    @cached_property
-    def folded(self) -> NDArray[np.bool_]:
-        """Which vertices have a face that looks against their pseudonormal, or two back to back, shape (V,).
-
-        So it is where faces were turned over in place, or run through each other: neither tells the side there.
-        """
-        normal, corners, out = self._table.bounds[3:6], self._topology.corners, np.zeros(self._count, dtype=np.bool_)
-        for k, across in enumerate(self._topology.across.T):
-            beyond = normal.take(across, axis=1) * (across >= 0)
-            back = np.einsum("in,in->n", normal, beyond) < BACK_TO_BACK
-            against = np.einsum("in,in->n", normal, self.of_vertices.T.take(corners[:, k], axis=1)) < 0.0
-            out[corners[back | against, k]] = out[corners[back, (k + 1) % 3]] = True
-        return out

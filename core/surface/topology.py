@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import weakref
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,7 @@ class Topology:
         vertex_kind: the worst kind among the edges at each vertex, BOUNDARY before IRREGULAR, shape (V,).
         closed: every edge is used as often in one direction as in the other, so inside and outside exist.
         boundary_edges, irregular_edges: how many there are.
+        weld: vertices that were merged lie so far apart at most [m].
     """
 
     corners: NDArray[np.int64]
@@ -41,6 +43,7 @@ class Topology:
     closed: bool
     boundary_edges: int
     irregular_edges: int
+    weld: float = 0.0
 
     @classmethod
     def build(cls, vertices: Array, triangles: NDArray[np.integer]) -> Topology:
@@ -84,6 +87,22 @@ class Topology:
             int(single.sum()),
             int((real & ~pair & ~single).sum()),
         )
+
+    @cached_property
+    def irregular(self) -> bool:
+        """Whether there are edges or vertices at which no normal tells the side."""
+        return bool((self.edge_kind == IRREGULAR).any() or (self.vertex_kind == IRREGULAR).any())
+
+    @cached_property
+    def parts(self) -> NDArray[np.int64]:
+        """Which part that hangs together across edges each triangle belongs to, shape (T,)."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        triangle, edge = (self.across >= 0).nonzero()
+        pairs, count = (triangle, self.across[triangle, edge]), len(self.across)
+        graph = coo_array((np.ones(triangle.size, np.bool_), pairs), shape=(count, count))
+        return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
     def fits(self, vertices: Array, triangles: NDArray[np.integer]) -> bool:
         """Whether these are the triangles it was built of, and the vertices that were merged coincide in this shape."""

@@ -7,6 +7,7 @@ against a search that tries every triangle.
 
 from __future__ import annotations
 
+import copy
 import functools
 import time
 from typing import Any
@@ -71,10 +72,10 @@ def gap_error() -> Result:
 
 @benchmark("closest_point_us", limit=1.0, quick=True)
 def closest_point() -> Result:
-    """Search for the closest triangle of a point, in batches of 250, without sign and normal.
+    """Signed distance of a point with closest point and normal, in batches of 250.
 
-    Peers: with the triangles of the frame before as hints; single points; Blender's own tree, point by point in single
-    precision, which has no batches; and the largest difference of both from trying every triangle [um].
+    Peers: single points; points whose sides rays tell; Blender's own tree, point by point in single precision, which
+    has no batches and no sign; and the largest difference of both from trying every triangle [um].
     """
     import bpy  # noqa: F401  # which brings mathutils
     from mathutils.bvhtree import BVHTree
@@ -83,33 +84,34 @@ def closest_point() -> Result:
 
     vertices, triangles = even_sphere(22, RADIUS)
     surface = Surface.build(vertices, triangles)
-    tree, other = surface._tree, BVHTree.FromPolygons(vertices.tolist(), triangles.tolist())
-    times: dict[str, list[float]] = {name: [] for name in ("ours", "hints", "single", "Blender")}
-    worst, off, hints = 0.0, 0.0, None
+    other = BVHTree.FromPolygons(vertices.tolist(), triangles.tolist())
+    times: dict[str, list[float]] = {name: [] for name in ("ours", "rays", "single", "Blender")}
+    worst, off = 0.0, 0.0
+    body, by_rays = surface._body, copy.copy(surface._body)
+    body.by_rays, by_rays.by_rays = surface.tangled, True
     with one_blas_thread():
         for frame, points in enumerate(_paths()):
             marks = [time.perf_counter()]
-            found = tree.nearest(points, REACH)
+            found = body.query(points, REACH)
             marks.append(time.perf_counter())
-            tree.nearest(points, REACH, hints)
+            by_rays.query(points, REACH)
             marks.append(time.perf_counter())
             for point in points[:50]:
-                tree.nearest(point[None], REACH)
+                body.query(point[None], REACH)
             marks.append(time.perf_counter())
             told = [other.find_nearest(point, REACH)[3] for point in points.tolist()]
             marks.append(time.perf_counter())
             counts = len(points), len(points), 50, len(points)
             for own, begin, end, count in zip(times.values(), marks[:-1], marks[1:], counts, strict=True):
                 own.append((end - begin) * 1e6 / count)
-            hints = found.triangle
             if frame % 48 == 0:
                 _, square, _, _ = nearest(surface.table, points[::5], REACH)
                 near = np.flatnonzero(np.isfinite(square))
                 exact = np.sqrt(square[near])
-                worst = max(worst, float(np.abs(np.sqrt(found.square[::5][near]) - exact).max()) * 1e6)
+                worst = max(worst, float(np.abs(np.abs(found.gap[::5][near]) - exact).max()) * 1e6)
                 off = max(off, max(abs(float(told[5 * i] or 0.0) - d) for i, d in zip(near, exact, strict=True)) * 1e6)
-    ours, hinted, single, blender = (timing(own[1:]) for own in times.values())
-    peers = {"with hints": hinted.median, "single points": single.median, "Blender's BVHTree": blender.median}
+    ours, rays, single, blender = (timing(own[1:]) for own in times.values())
+    peers = {"sides by rays": rays.median, "single points": single.median, "Blender's BVHTree": blender.median}
     peers |= {"our error, um": worst, "Blender's error, um": off}
     return Result("closest_point_us", ours.median, "us", ours.p95, peers)
 

@@ -9,6 +9,7 @@ import numpy as np
 from ...arrays import Array, Indices
 from ...surface.gap import Surface
 from ...surface.topology import Topology
+from ...surface.tree import TriangleTree
 from ...surface.triangles import TriangleTable
 
 
@@ -66,5 +67,11 @@ class NearSurface(Surface):
         self.table.usable[near.chosen] = some.usable
         # what holds both shapes holds all between them, in the same shares
         self.box = (1.0 - share) * start.box + share * end.box
-        low, high = ((1.0 - share) * a + share * b for a, b in zip(start._slabs, end._slabs, strict=True))
-        self._slabs = low, high
+        self._slabs = (1.0 - share) * start._slabs + share * end._slabs
+        self.volume, self.tangled = end.volume, start.tangled or end.tangled
+
+    def _rays(self, tree: TriangleTree) -> TriangleTree | None:
+        """Return all triangles of the shape, where rays must tell sides: those that are near do not enclose it."""
+        if not self.tangled:
+            return None
+        return TriangleTree(TriangleTable.build(self.vertices, self.triangles), replace(self.topology))

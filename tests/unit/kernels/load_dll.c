@@ -14,6 +14,7 @@ void __stdcall ExitProcess(unsigned status);
 void wWinMainCRTStartup(void);
 
 typedef int32_t (*on_tree)(dermis_tree *);
+typedef int32_t (*on_body)(dermis_body *);
 typedef int32_t (*on_query)(dermis_query *);
 
 static handle from, to;
@@ -37,32 +38,52 @@ void wWinMainCRTStartup(void) {
     if (library == NULL) ExitProcess(2);
     on_tree split = (on_tree)GetProcAddress(library, "dermis_tree_split");
     on_tree fit = (on_tree)GetProcAddress(library, "dermis_tree_fit");
-    on_query closest = (on_query)GetProcAddress(library, "dermis_closest");
-    if (split == NULL || fit == NULL || closest == NULL) ExitProcess(3);
+    on_body fit_body = (on_body)GetProcAddress(library, "dermis_body_fit");
+    on_body judge = (on_body)GetProcAddress(library, "dermis_body_judge");
+    on_query distances = (on_query)GetProcAddress(library, "dermis_distances");
+    if (split == NULL || fit == NULL || fit_body == NULL || judge == NULL || distances == NULL) ExitProcess(3);
     from = CreateFileA("in.bin", 0x80000000u, 1, NULL, 3, 0, NULL);
     to = CreateFileA("out.bin", 0x40000000u, 0, NULL, 2, 0, NULL);
-    const int64_t *sizes = read(5 * sizeof(int64_t)); /* total, count, depth, boxes, points */
+    const int64_t *sizes = read(6 * sizeof(int64_t)); /* total, count, depth, boxes, points, vertices */
     size_t total = (size_t)sizes[0], count = (size_t)sizes[1], boxes = (size_t)sizes[3], n = (size_t)sizes[4];
+    size_t vertices = (size_t)sizes[5];
     dermis_tree tree = {.total = sizes[0], .count = sizes[1], .depth = sizes[2]};
     tree.rows = read(14 * total * sizeof(double));
     tree.bounds = read(7 * total * sizeof(double));
     tree.order = read(count * sizeof(int64_t));
     tree.packed = taken(count * DERMIS_ROW * sizeof(double));
     tree.boxes = taken(boxes * DERMIS_BOXES * sizeof(float));
-    dermis_query query = {.tree = &tree, .count = sizes[4]};
+    dermis_body body = {.tree = &tree, .all = &tree, .vertices = sizes[5]};
+    dermis_query query = {.body = &body, .count = sizes[4]};
     query.limit = *(const double *)read(sizeof(double));
     query.points = read(3 * n * sizeof(double));
-    query.triangle = taken(n * sizeof(int64_t));
-    query.weights = taken(3 * n * sizeof(double));
+    body.corners = read(3 * total * sizeof(int64_t));
+    body.across = read(3 * total * sizeof(int64_t));
+    body.edge_kind = read(3 * total);
+    body.vertex_kind = read(vertices);
+    const int64_t *flags = read(3 * sizeof(int64_t)); /* closed, parts, slabs */
+    body.closed = flags[0], body.parts = flags[1], body.slabs = flags[2];
+    body.part = read((size_t)flags[1] * sizeof(int64_t));
+    body.slab = read(5 * (size_t)flags[2] * sizeof(double));
+    body.normals = taken(3 * vertices * sizeof(double));
+    query.gap = taken(n * sizeof(double));
+    query.normal = taken(3 * n * sizeof(double));
     query.closest = taken(3 * n * sizeof(double));
-    query.square = taken(n * sizeof(double));
+    query.weights = taken(3 * n * sizeof(double));
+    query.triangle = taken(n * sizeof(int64_t));
     query.feature = taken(n);
-    if (split(&tree) || fit(&tree) || closest(&query)) ExitProcess(6);
+    query.beside = taken(n);
+    if (split(&tree) || fit(&tree) || fit_body(&body) || (body.closed && judge(&body)) || distances(&query)) ExitProcess(6);
+    char by_rays = (char)body.by_rays;
     write(tree.boxes, boxes * DERMIS_BOXES * sizeof(float));
-    write(query.triangle, n * sizeof(int64_t));
-    write(query.weights, 3 * n * sizeof(double));
+    write(body.normals, 3 * vertices * sizeof(double));
+    write(query.gap, n * sizeof(double));
+    write(query.normal, 3 * n * sizeof(double));
     write(query.closest, 3 * n * sizeof(double));
-    write(query.square, n * sizeof(double));
+    write(query.weights, 3 * n * sizeof(double));
+    write(query.triangle, n * sizeof(int64_t));
     write(query.feature, n);
+    write(query.beside, n);
+    write(&by_rays, 1);
     ExitProcess(0);
 }

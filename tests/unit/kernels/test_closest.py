@@ -1,10 +1,13 @@
-"""Closest points by the kernels against an oracle that tries every triangle."""
+"""Distances by the kernels against an oracle that tries every triangle."""
 
 from __future__ import annotations
 
 import copy
+import ctypes
 import gc
 import pickle
+import shutil
+import subprocess
 from collections.abc import Callable
 from ctypes import byref
 from pathlib import Path
@@ -13,35 +16,35 @@ import numpy as np
 import pytest
 
 from core.errors import DermisError
-from core.kernels import library, records
+from core.kernels import building, library, records
 from core.surface.gap import Surface
+from core.surface.gap_query import GapQuery
 from core.surface.nearest import PlainTriangles
-from core.surface.topology import topology_of
-from core.surface.tree import Nearest, TriangleTree
-from core.surface.triangles import TriangleTable
 from tests.closest_points import nearest
-from tests.kernel_arrays import Arrays, drawn, opened
+from tests.kernel_arrays import Arrays, address, drawn, gcc, opened
 
 
 @pytest.mark.parametrize("seed", range(60))
 def test_they_are_those_of_the_oracle(seed: int) -> None:
     """Slivers, duplicates, needles, points on corners and edges, all sizes: the same triangle, the same bytes."""
     arrays = drawn(seed)
-    triangle, square, u, w = nearest(arrays.table, arrays.points, arrays.limit)
+    triangle, _, u, w = nearest(arrays.table, arrays.points, arrays.limit)
     own = opened(library.kernels().path)
-    assert arrays.call(own) == [0, 0, 0, 0]
+    assert not any(arrays.call(own))
     for again in range(2):  # by the tree, then without one
         found = arrays.found
-        np.testing.assert_array_equal(found["triangle"], triangle)
-        np.testing.assert_array_equal(found["square"], square)
-        np.testing.assert_array_equal(found["weights"][:, 1:], np.stack([u, w], axis=1))
         near = triangle >= 0
+        deep = ~near & (found["triangle"] >= 0)  # inside, beyond the limit
+        assert not deep.any() or (arrays.topology.closed and (found["gap"][deep] < -arrays.limit).all())
+        np.testing.assert_array_equal(found["triangle"][~deep], triangle[~deep])
+        np.testing.assert_array_equal(found["weights"][near, 1:], np.stack([u, w], axis=1)[near])
         a, ab, ac = arrays.table.rows[:9].take(triangle[near], axis=1).reshape(3, 3, -1)
         np.testing.assert_array_equal(found["closest"][near].T, a + u[near] * ab + w[near] * ac)
-        assert np.isnan(found["closest"][~near]).all()
+        x, y, z = (arrays.points - found["closest"])[near].T
+        np.testing.assert_array_equal(np.abs(found["gap"][near]), np.sqrt(x * x + z * z + y * y))
+        assert np.isnan(found["closest"][~near & ~deep]).all() and np.isinf(found["gap"][~near & ~deep]).all()
         if not again:
-            tree, query = arrays.records()
-            assert own.dermis_closest_of_all(byref(query)) == 0
+            assert arrays.measure(own, packed=False) == 0
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -58,15 +61,19 @@ def test_features_are_read_off_the_weights(seed: int) -> None:
 def test_the_numpy_way_agrees(seed: int) -> None:
     """Devices without a skin use it where no library loads: the same distances, within rounding."""
     arrays = drawn(seed)
-    plain = PlainTriangles(arrays.table).nearest(arrays.points, arrays.limit)
-    triangle, square, _, _ = nearest(arrays.table, arrays.points, arrays.limit)
-    size = np.abs(arrays.table.rows[:9]).max()
-    sure = np.abs(np.sqrt(square) - arrays.limit) > 1e-12 * size
-    np.testing.assert_array_equal((plain.triangle >= 0)[sure], (triangle >= 0)[sure])
-    both = (plain.triangle >= 0) & (triangle >= 0)
-    np.testing.assert_allclose(np.sqrt(plain.square[both]), np.sqrt(square[both]), rtol=1e-9, atol=1e-12 * size)
+    plain = PlainTriangles(arrays.table, arrays.topology, arrays.vertices[arrays.triangles])
+    plain = plain.query(arrays.points, arrays.limit)
+    assert not any(arrays.call(opened(library.kernels().path)))
+    gap, size = arrays.found["gap"], np.abs(arrays.table.rows[:9]).max()
+    sure = np.abs(np.abs(gap) - arrays.limit) > 1e-12 * size
+    np.testing.assert_array_equal(np.isfinite(plain.gap)[sure], np.isfinite(gap)[sure])
+    both = np.isfinite(plain.gap) & np.isfinite(gap)
+    np.testing.assert_allclose(np.abs(plain.gap[both]), np.abs(gap[both]), rtol=1e-9, atol=1e-12 * size)
     off = np.linalg.norm(plain.point[both] - arrays.points[both], axis=1)
-    np.testing.assert_allclose(off, np.sqrt(square[both]), rtol=1e-9, atol=1e-12 * size)
+    np.testing.assert_allclose(off, np.abs(gap[both]), rtol=1e-9, atol=1e-12 * size)
+    if arrays.topology.closed:
+        away = both & (np.abs(gap) > 1e-9)
+        np.testing.assert_array_equal(np.sign(plain.gap[away]), np.sign(gap[away]))
 
 
 def fan(count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -89,28 +96,53 @@ def test_of_many_that_are_equally_close_the_lowest_number_is_taken(count: int) -
     np.testing.assert_array_equal(surface.query(np.tile(points, (4, 1))).triangle, np.tile(expected, 4))
 
 
-def test_neither_batches_nor_order_nor_hints_change_a_byte() -> None:
+def test_neither_batches_nor_order_change_a_byte() -> None:
     rng = np.random.default_rng(1)
     surface = Surface.sphere(5e-3, 3000)
-    tree = TriangleTree(surface.table, surface.topology)
     points = rng.normal(size=(400, 3)) * 5e-3 + [0.0, 0.0, -5e-3]
     points[::7] = surface.vertices[rng.integers(0, len(surface.vertices), len(points[::7]))]
-    whole = tree.nearest(points, 2e-3)
+    whole = surface.query(points, 2e-3)
 
-    def same(found: Nearest, which: np.ndarray) -> None:
-        for name, expected in vars(whole.take(which)).items():
-            np.testing.assert_array_equal(getattr(found, name), expected)
+    def same(found: GapQuery, which: np.ndarray) -> None:
+        for name, expected in vars(whole).items():
+            np.testing.assert_array_equal(getattr(found, name), expected[which])
 
     order = rng.permutation(len(points))
-    same(tree.nearest(points[order], 2e-3), order)
+    same(surface.query(points[order], 2e-3), order)
     for size in (1, 3, 50):
         for first in range(0, len(points), size):
             part = np.arange(first, min(first + size, len(points)))
-            same(tree.nearest(points[part], 2e-3), part)
-    for hints in (whole.triangle, rng.integers(-1, len(surface.triangles), len(points)), np.full(len(points), 10**9)):
-        same(tree.nearest(points, 2e-3, hints), np.arange(len(points)))
-    again = TriangleTree(surface.table, topology_of(surface.vertices, surface.triangles.copy()))
-    same(again.nearest(points, 2e-3), np.arange(len(points)))
+            same(surface.query(points[part], 2e-3), part)
+    again = Surface.build(surface.vertices, surface.triangles.copy())
+    same(again.query(points, 2e-3), np.arange(len(points)))
+
+
+@pytest.mark.skipif(not shutil.which("gcc"), reason="needs gcc")
+def test_hints_change_no_byte(tmp_path: Path) -> None:
+    """Those of the frame before, any others, and numbers that are no slots: called from C, as an engine does."""
+    path, source = tmp_path / "hinted.so", Path(__file__).with_name("hinted.c")
+    subprocess.run(gcc(path, f"-I{building.FOLDER}", str(source), "-march=x86-64-v2"), check=True)
+    own = opened(path)
+    own.hinted.argtypes = (ctypes.c_void_p, ctypes.c_void_p)
+    for seed in range(12):
+        rng, arrays = np.random.default_rng(seed), drawn(seed)
+        assert not any(arrays.call(own))
+        wanted = {name: arrays.found[name].copy() for name in ("gap", "normal", "triangle")}
+        tree, _, query = arrays.records()
+        assert own.dermis_tree_fit(ctypes.byref(tree)) == 0
+        slots = np.full(len(arrays.points), -1)
+        for hints in (
+            slots,
+            slots,
+            rng.integers(0, arrays.count, slots.size),
+            rng.integers(-(2**62), 2**62, slots.size),
+        ):
+            own.hinted(ctypes.byref(query), address(hints))
+            for name, expected in wanted.items():
+                np.testing.assert_array_equal(arrays.found[name], expected)
+            near = wanted["triangle"] >= 0
+            np.testing.assert_array_equal(arrays.order[hints[near]], wanted["triangle"][near])
+            assert (hints[~near] == -1).all()
 
 
 def test_points_beyond_measure_and_tiny_and_huge_surfaces_are_answered() -> None:
@@ -121,7 +153,7 @@ def test_points_beyond_measure_and_tiny_and_huge_surfaces_are_answered() -> None
     for scale in (1.0, 1e-30, 1e30):
         surface = Surface.build(vertices * scale, triangles)
         for far in (1.0, 1e14, 1e17):
-            found = surface._tree.nearest(points * scale * far, np.inf)
+            found = surface.query(points * scale * far)
             np.testing.assert_array_equal(found.triangle, nearest(surface.table, points * scale * far)[0])
 
 
@@ -130,15 +162,14 @@ def test_what_is_not_finite_is_refused() -> None:
     points = np.zeros((5, 3))
     points[3, 1] = np.nan
     with pytest.raises(DermisError, match=r"not finite numbers \(found \[0\.0, nan, 0\.0\]\)"):
-        TriangleTree(surface.table, surface.topology).nearest(points, np.inf)
+        surface._body.query(points, np.inf)
     with pytest.raises(DermisError, match="damaged"):
-        TriangleTree(surface.table, surface.topology).nearest(points[:1], np.nan)
+        surface._body.query(points[:1], np.nan)
 
 
 def test_points_in_any_layout_are_measured_and_wrong_shapes_are_refused() -> None:
     """The kernels read memory by address: 8 bytes a number, row by row."""
     surface = Surface.sphere(5e-3, 500)
-    tree = TriangleTree(surface.table, surface.topology)
     points = np.float32(np.random.default_rng(4).normal(size=(20, 3)) * 1e-2)
     wanted = nearest(surface.table, points.astype(np.float64))[0]
     for layout in (
@@ -147,10 +178,10 @@ def test_points_in_any_layout_are_measured_and_wrong_shapes_are_refused() -> Non
         np.repeat(points, 2, axis=0)[::2],
         points.astype(">f8"),
     ):
-        np.testing.assert_array_equal(tree.nearest(layout, np.inf).triangle, wanted)
-    for some, hints in ((points[:, :2], None), (points[0], None), (points, np.zeros(19, np.int64))):
+        np.testing.assert_array_equal(surface._body.query(layout, np.inf).triangle, wanted)
+    for some in (points[:, :2], points[0]):
         with pytest.raises(DermisError, match="must have the shape"):
-            tree.nearest(some, np.inf, hints)
+            surface._body.query(some, np.inf)
 
 
 @pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, lambda s: pickle.loads(pickle.dumps(s))])
@@ -160,7 +191,7 @@ def test_a_copy_of_a_surface_with_a_tree_answers_as_the_surface(copied: Callable
     surface = Surface.sphere(5e-3, 500)
     expected = surface.query(points)
     other = copied(surface)
-    assert "_tree" in vars(other)
+    assert "_body" in vars(other)
     del surface
     gc.collect()
     for name, value in vars(expected).items():
@@ -181,35 +212,55 @@ def test_triangles_beyond_measure_are_refused(size: float, tree: bool) -> None:
     """The square of their area is no number: a corner would be taken for the closest point."""
     corners, triangles = np.eye(3) * size, np.array([[0, 1, 2]])
     with np.errstate(all="ignore"):
-        table = TriangleTable.build(corners, triangles)
-    assert table.usable.all()
-    with pytest.raises(DermisError, match=r"triangle 0: a triangle is too large or too small to measure"):
-        found = TriangleTree(table, topology_of(corners, triangles) if tree else None)
-        found.nearest(np.zeros((1, 3)), np.inf)
+        surface = Surface.build(corners, triangles)
+        assert surface.table.usable.all()
+        with pytest.raises(DermisError, match=r"triangle 0: a triangle is too large or too small to measure"):
+            surface.query(np.zeros((9 if tree else 1, 3)))
 
 
-@pytest.mark.parametrize("damage", ["count", "depth", "total", "order", "query", "limit"])
-def test_records_that_no_tree_has_are_refused(damage: str) -> None:
+@pytest.mark.parametrize("damage", ["count", "depth", "total", "order", "vertices", "indices", "query", "limit"])
+def test_records_that_none_can_be_are_refused(damage: str) -> None:
     own, arrays = opened(library.kernels().path), drawn(0)
-    assert arrays.call(own) == [0, 0, 0, 0]
+    assert not any(arrays.call(own))
     if damage in ("count", "total", "depth"):
         for value in {"count": (0, -1, 2**40), "total": (0, arrays.count - 1), "depth": (-1, 16, 63)}[damage]:
-            tree, _ = arrays.records()
+            tree, _, _ = arrays.records()
             setattr(tree, damage, value)
             assert own.dermis_tree_split(byref(tree)) == own.dermis_tree_fit(byref(tree)) == records.BAD_RECORD
     elif damage == "order":
         arrays.order[0] = len(arrays.table.usable)
-        tree, _ = arrays.records()
+        tree, _, _ = arrays.records()
         assert own.dermis_tree_split(byref(tree)) == own.dermis_tree_fit(byref(tree)) == records.BAD_RECORD
+    elif damage == "vertices":
+        tree, body, _ = arrays.records()
+        for name, value in (
+            ("vertices", 0),
+            ("parts", -1),
+            ("slabs", -1),
+            ("weld", -1.0),
+            ("weld", np.nan),
+            ("tree", None),
+        ):
+            tree, body, _ = arrays.records()
+            setattr(body, name, value)
+            assert own.dermis_body_fit(byref(body)) == records.BAD_RECORD, (name, tree)
+    elif damage == "indices":
+        count = len(arrays.vertices)
+        for array, wrong in ((arrays.topology.corners, count), (arrays.topology.across, 2**40), (arrays.part, -1)):
+            kept = array.flat[0]
+            array.flat[0] = wrong
+            tree, body, _ = arrays.records()
+            assert own.dermis_body_fit(byref(body)) == records.BAD_RECORD, tree
+            array.flat[0] = kept
     else:
-        tree, query = arrays.records()
+        _, body, query = arrays.records()
         setattr(query, "count" if damage == "query" else "limit", -1)
-        assert own.dermis_closest(byref(query)) == own.dermis_closest_of_all(byref(query)) == records.BAD_RECORD
+        assert own.dermis_distances(byref(query)) == records.BAD_RECORD, body
 
 
 def test_calls_leave_what_they_are_given(tmp_path: Path) -> None:
     arrays = drawn(2)
     before = arrays.points.copy(), arrays.table.rows.copy(), arrays.table.bounds.copy()
-    assert isinstance(arrays, Arrays) and arrays.call(opened(library.kernels().path)) == [0, 0, 0, 0]
+    assert isinstance(arrays, Arrays) and not any(arrays.call(opened(library.kernels().path)))
     for one, other in zip(before, (arrays.points, arrays.table.rows, arrays.table.bounds), strict=True):
         np.testing.assert_array_equal(one, other)

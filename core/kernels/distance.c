@@ -1,0 +1,174 @@
+/* The signed distance to a body.
+
+   Of a closed body that does not run through itself, the side is that of the angle-weighted normal of the closest face, edge
+   or corner (Baerentzen and Aanaes 2005). Where it runs through itself, and where no normal decides, rays count how often it
+   winds round the point. An open sheet is negative behind its faces; what has passed beside its rim is outside. */
+#include "distance.h"
+
+#include "closest.h"
+#include "float_environment.h"
+#include "rays.h"
+
+/* A point is straight above a rim if it is off by less than this fraction of its distance. */
+#define STRAIGHT 1e-6
+/* Nearer than this to a surface the way to its closest point has no direction to speak of [m]. */
+#define ON_SURFACE 1e-9
+/* Vectors shorter than this have no direction. */
+#define NO_LENGTH 1e-9
+
+/* The sum of products in the order of numpy's einsum, by which earlier versions measured: their answers are kept to the bit. */
+static inline double dot(const double *a, const double *b) { return a[0] * b[0] + a[2] * b[2] + a[1] * b[1]; }
+
+/* Add the normals of faces, weighted by their angles, to their vertices; to one vertex alone, unless that is -1. */
+static void add_normals(const dermis_body *body, int64_t vertex, double *out) {
+    const dermis_tree *tree = body->tree;
+    int64_t total = tree->total;
+    const double *ab_ab = tree->rows + AB_AB * total, *ac_ac = tree->rows + AC_AC * total, *ab_ac = tree->rows + AB_AC * total;
+    for (int64_t j = 0; j < total; j++) {
+        const int64_t *corners = body->corners + 3 * j;
+        if (vertex >= 0 && corners[0] != vertex && corners[1] != vertex && corners[2] != vertex) continue;
+        if (!(tree->rows[INVERSE * total + j] > 0.0)) continue;
+        double area = dermis_root(dermis_most(ab_ab[j] * ac_ac[j] - ab_ac[j] * ab_ac[j], 0.0));
+        double angle[3] = {dermis_angle(area, ab_ac[j]), dermis_angle(area, ab_ab[j] - ab_ac[j]), 0.0};
+        angle[2] = PI - angle[0] - angle[1];
+        for (int i = 0; i < 3; i++) {
+            double *sum = vertex < 0 ? out + 3 * corners[i] : out;
+            for (int k = 0; k < 3 && (vertex < 0 || corners[i] == vertex); k++)
+                sum[k] += angle[i] * tree->bounds[(3 + k) * total + j];
+        }
+    }
+}
+
+/* Put the normal of the closest face, edge or corner into `out`, of any length; return its kind. */
+static int pseudonormal(const dermis_body *body, const dermis_closest_point *found, double *out) {
+    const dermis_tree *tree = body->tree;
+    int64_t triangle = (int64_t)found->row[NUMBER];
+    if (found->feature >= 4) {
+        int64_t vertex = body->corners[3 * triangle + found->feature - 4];
+        for (int k = 0; k < 3; k++) out[k] = body->normals != NULL ? body->normals[3 * vertex + k] : 0.0;
+        if (body->normals == NULL) add_normals(body, vertex, out);
+        return body->vertex_kind[vertex];
+    }
+    dermis_facing(found->row, out);
+    if (found->feature == 0) return DERMIS_REGULAR;
+    int64_t edge = 3 * triangle + found->feature - 1, other = body->across[edge];
+    if (other < 0) return body->edge_kind[edge];
+    for (int k = 0; k < 3; k++) out[k] += tree->bounds[(3 + k) * tree->total + other];
+    return tree->rows[INVERSE * tree->total + other] > 0.0 ? body->edge_kind[edge] : DERMIS_IRREGULAR;
+}
+
+/* Fill in the side, and what follows from it. */
+static void measure(const dermis_body *body, const double *x, const dermis_closest_point *found, dermis_distance *out) {
+    double offset[3], pseudo[3], sign;
+    int kind = pseudonormal(body, found, pseudo);
+    for (int k = 0; k < 3; k++) offset[k] = x[k] - found->point[k];
+    double distance = dermis_root(dot(offset, offset)), along = dot(offset, pseudo);
+    sign = along < 0.0 ? -1.0 : 1.0;
+    out->beside = 0;
+    if (kind == DERMIS_BOUNDARY) {
+        double height = along / dermis_most(dermis_root(dot(pseudo, pseudo)), 1e-300);
+        double aside = dermis_root(dermis_most(distance * distance - height * height, 0.0));
+        out->beside = aside > STRAIGHT * distance;
+        if (out->beside) sign = 1.0;
+    } else if (body->closed && body->all != NULL && distance > ON_SURFACE && (body->by_rays || kind == DERMIS_IRREGULAR)) {
+        int64_t winding;
+        if (dermis_winding(body, x, -1, &winding)) sign = winding > body->outside ? -1.0 : 1.0;
+    }
+    out->gap = sign * distance;
+    if (distance <= ON_SURFACE) {
+        double length = dermis_root(dot(pseudo, pseudo));
+        if (!(length > NO_LENGTH)) dermis_facing(found->row, pseudo), length = 1.0;
+        for (int k = 0; k < 3; k++) out->normal[k] = pseudo[k] / length;
+    } else {
+        for (int k = 0; k < 3; k++) out->normal[k] = offset[k] * (sign / distance);
+    }
+    for (int k = 0; k < 3; k++) out->point[k] = found->point[k], out->weights[k] = found->weights[k];
+    out->triangle = (int64_t)found->row[NUMBER], out->slot = found->slot, out->feature = found->feature;
+}
+
+/* Tell whether a point lies so far within all slabs that it may be inside, though no triangle is within the limit [m]. */
+static int may_be_inside(const dermis_body *body, const double *x, double limit) {
+    for (int64_t i = 0; i < body->slabs; i++) {
+        const double *slab = body->slab + 5 * i;
+        double along = dermis_dot(x, slab);
+        if (dermis_most(along - slab[4], slab[3] - along) > -limit) return 0;
+    }
+    return 1;
+}
+
+void dermis_signed_distance(const dermis_body *body, const double *x, double limit, int64_t hint, dermis_distance *out) {
+    dermis_closest_point found;
+    if (dermis_find_closest(body->tree, x, limit, hint, &found)) {
+        measure(body, x, &found, out);
+        return;
+    }
+    if (body->closed && limit <= DBL_MAX && may_be_inside(body, x, limit) &&
+        dermis_find_closest(body->tree, x, __builtin_inf(), hint, &found)) {
+        measure(body, x, &found, out);
+        if (out->gap < 0.0) return;
+    }
+    out->gap = __builtin_inf(), out->triangle = out->slot = -1;
+    for (int k = 0; k < 3; k++) out->normal[k] = 0.0;
+}
+
+static int sound_tree(const dermis_tree *tree) {
+    return tree != NULL && tree->count >= 1 && tree->count <= tree->total && tree->depth >= 0 && tree->depth <= 15;
+}
+
+static int sound_body(const dermis_body *body) {
+    return body != NULL && sound_tree(body->tree) && (body->all == NULL || sound_tree(body->all)) && body->vertices >= 1 &&
+           body->parts >= 0 && body->slabs >= 0 && body->weld >= 0.0;
+}
+
+static int sound(const dermis_query *query) { return sound_body(query->body) && query->count >= 0 && query->limit >= 0.0; }
+
+DERMIS_NOINLINE static int32_t fit(dermis_body *body) {
+    int64_t total = body->tree->total;
+    if (body->all != NULL && body->all->total != total) return DERMIS_BAD_RECORD;
+    for (int64_t i = 0; i < 3 * total; i++) {
+        if (body->corners[i] < 0 || body->corners[i] >= body->vertices) return DERMIS_BAD_RECORD;
+        if (body->across[i] < -1 || body->across[i] >= total) return DERMIS_BAD_RECORD;
+    }
+    for (int64_t i = 0; i < body->parts; i++)
+        if (body->part[i] < 0 || body->part[i] >= total) return DERMIS_BAD_RECORD;
+    if (body->normals == NULL) return DERMIS_DONE;
+    for (int64_t i = 0; i < 3 * body->vertices; i++) body->normals[i] = 0.0;
+    add_normals(body, -1, body->normals);
+    return DERMIS_DONE;
+}
+
+/* Refuse triangles that have numbers beyond measure: without `packed` they were not looked at before. */
+static int32_t known_triangles(dermis_query *query) {
+    const dermis_tree *tree = query->body->tree;
+    for (int64_t j = 0; j < tree->count && tree->packed == NULL; j++) {
+        double inverse = tree->rows[INVERSE * tree->total + tree->order[j]];
+        query->wrong = -1 - tree->order[j];
+        if (!(inverse > 0.0 && dermis_finite(inverse))) return DERMIS_NOT_FINITE;
+    }
+    return DERMIS_DONE;
+}
+
+DERMIS_NOINLINE static int32_t distances(dermis_query *query) {
+    int32_t status = known_triangles(query);
+    int64_t slot = -1; /* of the point before: points in a row are neighbours as a rule */
+    for (int64_t i = 0; i < query->count && status == DERMIS_DONE; i++) {
+        const double *x = query->points + 3 * i;
+        dermis_distance found;
+        query->wrong = i;
+        if (!(dermis_finite(x[0]) && dermis_finite(x[1]) && dermis_finite(x[2]))) return DERMIS_NOT_FINITE;
+        dermis_signed_distance(query->body, x, query->limit, slot, &found);
+        int met = found.triangle >= 0;
+        if (met) slot = found.slot;
+        query->gap[i] = found.gap, query->triangle[i] = found.triangle;
+        query->feature[i] = (int8_t)(met ? found.feature : 0), query->beside[i] = (int8_t)(met && found.beside);
+        for (int k = 0; k < 3; k++) {
+            query->normal[3 * i + k] = found.normal[k];
+            query->closest[3 * i + k] = met ? found.point[k] : __builtin_nan("");
+            query->weights[3 * i + k] = met ? found.weights[k] : 0.0;
+        }
+    }
+    return status;
+}
+
+DERMIS_FUNCTION(dermis_body_fit, dermis_body, sound_body, fit)
+DERMIS_FUNCTION(dermis_distances, dermis_query, sound, distances)

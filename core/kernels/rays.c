@@ -1,0 +1,80 @@
+/* Winding numbers: how often triangles lie round a point, counted along a ray.
+
+   A ray that leaves by the front of a triangle counts 1, one that enters counts -1. Rays that pass so near an edge that
+   rounding, or a gap between welded corners, could miscount them are replaced by others. */
+#include "rays.h"
+
+#include "boxes.h"
+
+/* So many rays are tried. */
+#define RAYS 16
+
+/* Add what a triangle counts along a ray; return 0 where that is not sure. */
+static inline int counted(const double *row, const double *x, const double *way, double apart, int64_t without, int64_t *winding) {
+    double along, depth;
+    if (row[NUMBER] == (double)without) {
+        double normal[3];
+        dermis_cross(row + AB, row + AC, normal);
+        *winding += dermis_dot(way, normal) > 0.0;
+        return 1;
+    }
+    int met = dermis_meets(row, x, way, apart, &along, &depth);
+    if (met == DERMIS_MET) *winding += along > 0.0 ? 1 : -1;
+    return met != DERMIS_UNSURE;
+}
+
+/* Count along one ray. place: of the point in the tree's units, null where each triangle is looked at. */
+static int count(const dermis_body *body, const double *x, const dermis_place *place, const double *way, int64_t without, int64_t *winding) {
+    const dermis_tree *tree = body->all;
+    double apart = body->weld + DERMIS_ROUNDING * (tree->largest + dermis_size(x)), row[DERMIS_ROW];
+    *winding = 0;
+    if (place == NULL) {
+        for (int64_t j = 0; j < tree->count; j++) {
+            dermis_gather(tree, tree->order[j], row);
+            if (!counted(row, x, way, apart, without, winding)) return 0;
+        }
+        return 1;
+    }
+    int64_t inner = (((int64_t)1 << 2 * tree->depth) - 1) / 3, blocks = (tree->count + DERMIS_LANES - 1) / DERMIS_LANES;
+    int64_t nodes[64];
+    dermis_lanes none = {0.0f, 0.0f, 0.0f, 0.0f}, ways[3] = {none + (float)way[0], none + (float)way[1], none + (float)way[2]};
+    int open = 1;
+    nodes[0] = 0;
+    while (open) {
+        int64_t node = nodes[--open];
+        if (node < inner) {
+            dermis_bits met = dermis_pierced(tree->boxes + node * DERMIS_BOXES, place, ways);
+            for (int k = 0; k < DERMIS_LANES; k++)
+                if (met[k]) nodes[open++] = 4 * node + 1 + k;
+            continue;
+        }
+        int64_t j = node - inner, low = j * blocks >> 2 * tree->depth, high = (j + 1) * blocks >> 2 * tree->depth;
+        for (int64_t b = low; b < high; b++) {
+            dermis_bits met = dermis_pierced(tree->boxes + (inner + b) * DERMIS_BOXES, place, ways);
+            for (int k = 0; k < DERMIS_LANES; k++) {
+                int64_t slot = b * DERMIS_LANES + k;
+                if (!met[k] || slot >= tree->count) continue;
+                if (!counted(tree->packed + slot * DERMIS_ROW, x, way, apart, without, winding)) return 0;
+            }
+        }
+    }
+    return 1;
+}
+
+int dermis_winding(const dermis_body *body, const double *x, int64_t without, int64_t *winding) {
+    /* Directions that fill space evenly: powers of the root of t^4 = t + 1 (Roberts 2018). */
+    static const double step[3] = {0.8191725133961645, 0.6710436067037893, 0.5497004779019703};
+    const dermis_tree *tree = body->all;
+    dermis_place place;
+    int near = tree->packed != NULL && dermis_placed(tree, x, &place);
+    if (tree->packed != NULL && !near) { /* too far away to be inside */
+        *winding = 0;
+        return 1;
+    }
+    for (int ray = 1; ray <= RAYS; ray++) {
+        double way[3];
+        for (int k = 0; k < 3; k++) way[k] = ray * step[k] - (double)(int64_t)(ray * step[k]) - 0.5;
+        if (count(body, x, near ? &place : NULL, way, without, winding)) return 1;
+    }
+    return 0;
+}

@@ -1,0 +1,101 @@
+"""KernelBody: a surface as the kernels take it, and signed distances to it.
+
+`core/kernels/distance.c` has the method.
+"""
+
+from __future__ import annotations
+
+from ctypes import addressof, byref
+
+import numpy as np
+
+from ..arrays import Array, Indices
+from ..errors import DermisError
+from ..kernels import records
+from ..kernels.library import kernels
+from .gap_query import GapQuery
+from .topology import Topology
+from .tree import TriangleTree, address
+
+
+class KernelBody:
+    """A surface in a record for the kernels.
+
+    Args:
+        tree: its triangles. rays: all triangles of the surface, for rays that tell sides; None where none are cast.
+        topology: how the triangles hang together. slabs: directions, and how far it reaches along them, shape (k, 5).
+        outside: its winding number outside.
+
+    Attributes:
+        by_rays: whether rays tell the sides of all points; else the closest triangle does, where it can.
+    """
+
+    def __init__(
+        self,
+        tree: TriangleTree,
+        rays: TriangleTree | None,
+        topology: Topology,
+        slabs: Array,
+        outside: int,
+        by_rays: bool,
+    ) -> None:
+        self._kernels, self._given = kernels(), (tree, rays, topology, slabs, outside)
+        self._tree = tree
+        vertices = len(topology.vertex_kind)
+        self.record = record = records.BodyRecord(addressof(tree.record), None, vertices, topology.closed, by_rays)
+        if rays is not None:
+            record.all = addressof(rays.record)
+        record.outside, record.slabs, record.weld = outside, len(slabs), topology.weld
+        fixed = topology.corners, topology.across, topology.edge_kind, topology.vertex_kind, slabs
+        self._arrays = [np.ascontiguousarray(array) for array in fixed]
+        record.corners, record.across, record.edge_kind, record.vertex_kind, record.slab = map(address, self._arrays)
+        if tree.record.packed:
+            normals = np.empty((vertices, 3))
+            record.normals = address(normals)
+            self._arrays.append(normals)
+        tree.done(self._kernels.fit_body(byref(record)), -1)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (*self._given, self.by_rays)  # records hold addresses: a copy makes its own
+
+    @property
+    def by_rays(self) -> bool:
+        return bool(self.record.by_rays)
+
+    @by_rays.setter
+    def by_rays(self, value: bool) -> None:
+        self.record.by_rays = value
+
+    def tangled(self, parts: Indices) -> bool:
+        """Return whether rays must tell sides: the surface runs through itself, or a part lies in another one's solid.
+
+        Args:
+            parts: a triangle of each part, shape (k,).
+        """
+        parts = np.ascontiguousarray(parts, dtype=np.int64)
+        own = records.BodyRecord.from_buffer_copy(self.record)
+        own.part, own.parts = address(parts), len(parts)
+        self._tree.done(self._kernels.judge(byref(own)), -1)
+        return bool(own.by_rays)
+
+    def query(self, points: Array, limit: float) -> GapQuery:
+        """Return the signed gap, closest point and normal of each point.
+
+        Args:
+            points: [m], shape (n, 3). limit: largest distance of interest outside [m], may be inf.
+
+        Raises:
+            DermisError: points that are not finite numbers, or wrong shapes.
+        """
+        n, points = len(points), np.ascontiguousarray(points, dtype=np.float64)
+        if points.shape != (n, 3):
+            raise DermisError("points must have the shape (n, 3)", value=points.shape)
+        gap, normal, point, weights = np.empty(n), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
+        triangle, feature, beside = np.empty(n, np.int64), np.empty(n, np.int8), np.empty(n, np.bool_)
+        out = [address(array) for array in (points, gap, normal, point, weights, triangle, feature, beside)]
+        query = records.QueryRecord(addressof(self.record), n, limit, *out)
+        status = self._kernels.distances(byref(query))
+        if status == records.NOT_FINITE and query.wrong >= 0:
+            raise DermisError("points to measure from are not finite numbers", value=points[query.wrong].tolist())
+        self._tree.done(status, -1 - query.wrong)
+        return GapQuery(gap, normal, point, triangle, weights, beside)

@@ -8,6 +8,8 @@
 
 /* So many rays are tried. */
 #define RAYS 16
+/* Lengths that bound others give way by this share for rounding. */
+#define SLACK 1e-9
 
 /* Add what a triangle counts along a ray; return 0 where that is not sure. */
 static inline int counted(const double *row, const double *x, const double *way, double apart, int64_t without, int64_t *winding) {
@@ -23,6 +25,14 @@ static inline int counted(const double *row, const double *x, const double *way,
     return met != DERMIS_UNSURE;
 }
 
+/* Tell whether a line from x passes beside the ball about a triangle. */
+static inline int passed(const dermis_tree *tree, int64_t triangle, const double *x, const double *way, double apart) {
+    double d[3], turned[3], reach = tree->bounds[6 * tree->total + triangle] * (1.0 + SLACK) + apart;
+    for (int k = 0; k < 3; k++) d[k] = tree->bounds[k * tree->total + triangle] - x[k];
+    dermis_cross(d, way, turned);
+    return dermis_dot(turned, turned) > reach * reach * dermis_dot(way, way) * (1.0 + SLACK);
+}
+
 /* Count along one ray. place: of the point in the tree's units, null where each triangle is looked at. */
 static int count(const dermis_body *body, const double *x, const dermis_place *place, const double *way, int64_t without, int64_t *winding) {
     const dermis_tree *tree = body->all;
@@ -30,6 +40,7 @@ static int count(const dermis_body *body, const double *x, const dermis_place *p
     *winding = 0;
     if (place == NULL) {
         for (int64_t j = 0; j < tree->count; j++) {
+            if (passed(tree, tree->order[j], x, way, apart)) continue;
             dermis_gather(tree, tree->order[j], row);
             if (!counted(row, x, way, apart, without, winding)) return 0;
         }

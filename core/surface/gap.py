@@ -41,9 +41,9 @@ from .winding import winding
 
 __all__ = ["GapQuery", "Surface"]
 
-# So many points are measured to all triangles where these are in no tree yet: one shape of an object that deforms may
-# be asked about a pad's centre only.
-FEW = 4
+# So many points in all are measured to all triangles before these are put into a tree: one shape of an object that
+# deforms may be asked about a pad's centre only.
+FEW = 16
 # To try whether a triangle runs through others takes a sixth of a ray: after so many rays for each triangle of a closed
 # surface, all are tried, and rays may stop. The answers are the same.
 PAYS = 1 / 6
@@ -64,13 +64,15 @@ class Surface:
     array([ 0.003, -0.001])
     """
 
-    _by_rays = 0  # points whose side rays have told
+    _asked = 0  # points that were measured
 
     def __init__(self, vertices: Array, triangles: NDArray[np.int64], topology: Topology) -> None:
         self.vertices = vertices
         self.triangles = triangles
         self.topology = topology
         self.table = TriangleTable.build(vertices, triangles)
+        if topology.doubled is not None:
+            self.table = self.table.without(topology.doubled)
 
     @classmethod
     def build(cls, vertices: NDArray[np.floating], triangles: NDArray[np.integer]) -> Surface:
@@ -78,13 +80,13 @@ class Surface:
 
         Args:
             vertices: [m], shape (V, 3).
-            triangles: vertex indices, counter-clockwise seen from outside, shape (T, 3). Those without area
-                are ignored and counted.
+            triangles: vertex indices, counter-clockwise seen from outside, shape (T, 3). Those without area, and those
+                that lie on others, are ignored and counted.
 
         Raises:
             DermisError: no triangle, wrong shapes, values that are not finite, or indices outside the vertices.
         """
-        points = np.ascontiguousarray(vertices, dtype=np.float64)
+        points = np.array(vertices, dtype=np.float64, order="C")  # what happens to the caller's does not matter
         corners = np.asarray(triangles)
         if points.ndim != 2 or points.shape[1:] != (3,) or corners.ndim != 2 or corners.shape[1:] != (3,):
             raise DermisError(
@@ -157,7 +159,12 @@ class Surface:
     @cached_property
     def degenerate(self) -> int:
         """Number of triangles without area, which are ignored."""
-        return int((~self.table.usable).sum())
+        return int((~self.table.usable).sum()) - self.doubled
+
+    @property
+    def doubled(self) -> int:
+        """Number of triangles that lie on others, which are ignored."""
+        return 0 if self.topology.doubled is None else int(self.topology.doubled.sum())
 
     @cached_property
     def box(self) -> Array:
@@ -178,6 +185,10 @@ class Surface:
                 Finding(
                     "info", "degenerate-triangles", "triangles without area are ignored", where, count=self.degenerate
                 )
+            )
+        if self.doubled:
+            found.append(
+                Finding("info", "doubled-triangles", "triangles on others are ignored", where, count=self.doubled)
             )
         if self.topology.irregular_edges:
             found.append(
@@ -289,16 +300,15 @@ class Surface:
         return self._body.tangled(usable[first])
 
     def _measurer(self, count: int) -> KernelBody | PlainTriangles:
-        """Return what measures the gaps of so many points: a tree is not worth growing for a few."""
+        """Return what measures the gaps of so many points."""
         if not have_kernels():
             return PlainTriangles(self.table, self.topology, self.vertices[self.triangles])
-        if count <= FEW and "_body" not in self.__dict__:
+        self._asked += count
+        if self._asked <= FEW and "_body" not in self.__dict__:
             return self._kernel_body(TriangleTree(self.table, None))
         body = self._body
-        if body.by_rays:
-            self._by_rays += count
-            if self._by_rays > PAYS * len(self.triangles):
-                body.by_rays = self.tangled
+        if body.by_rays and self._asked > PAYS * len(self.triangles):
+            body.by_rays = self.tangled
         return body
 
     @cached_property

@@ -6,15 +6,18 @@ It depends on the triangles (and on which vertices coincide), not on the shape, 
 from __future__ import annotations
 
 import weakref
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array
+from .triangles import TriangleTable
 
 REGULAR, BOUNDARY, IRREGULAR = 0, 1, 2
+# Single precision has a point that was computed twice, by two steps each time, so many steps apart.
+STEPS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +35,7 @@ class Topology:
         vertex_kind: the worst kind among the edges at each vertex, BOUNDARY before IRREGULAR, shape (V,).
         closed: every edge is used as often in one direction as in the other, so inside and outside exist.
         boundary_edges, irregular_edges: how many there are.
+        ignored: triangles that have no part in it, shape (T,). doubled: those of them that lie on others, shape (T,).
         weld: vertices that were merged lie so far apart at most [m].
     """
 
@@ -43,15 +47,43 @@ class Topology:
     closed: bool
     boundary_edges: int
     irregular_edges: int
+    ignored: NDArray[np.bool_]
+    doubled: NDArray[np.bool_] | None = None
     weld: float = 0.0
 
     @classmethod
     def build(cls, vertices: Array, triangles: NDArray[np.integer]) -> Topology:
-        """Read the topology off triangles, shape (T, 3), merging vertices [m], shape (V, 3), that coincide."""
-        merged = merge_coincident(vertices)
-        corners = merged[triangles].astype(np.int64)
-        count = vertices.shape[0]
-        start, end = corners, np.roll(corners, -1, axis=1)
+        """Read the topology off triangles, shape (T, 3), merging vertices [m], shape (V, 3), that coincide.
+
+        Vertices of rims are merged where single precision may have parted them. Triangles that lie on others, and
+        those without area at rims, have no part in it.
+        """
+        found = cls._of(merge_coincident(vertices), triangles, np.zeros(len(triangles), dtype=np.bool_))
+        if found.boundary_edges:
+            welded, weld = _welded(vertices, found)
+            if weld > 0.0:
+                found = replace(cls._of(welded, triangles, found.ignored), weld=weld)
+        across = found.across
+        if found.irregular_edges or ((across[:, 0] == across[:, 1]) & (across[:, 0] >= 0)).any():
+            doubled = _doubled(found.corners)
+            if doubled.any():
+                found = replace(cls._of(found.merged, triangles, doubled), weld=found.weld, doubled=doubled)
+        flat = None
+        while found.boundary_edges:
+            flat = ~TriangleTable.build(vertices, triangles).usable if flat is None else flat
+            loose = flat & (found.edge_kind == BOUNDARY).any(axis=1)
+            if not loose.any():
+                break
+            again = cls._of(found.merged, triangles, found.ignored | loose)
+            found = replace(again, weld=found.weld, doubled=found.doubled)
+        return found
+
+    @classmethod
+    def _of(cls, merged: NDArray[np.int64], triangles: NDArray[np.integer], ignored: NDArray[np.bool_]) -> Topology:
+        count, corners = len(merged), merged[triangles].astype(np.int64)
+        start = corners.copy()
+        start[ignored] = start[ignored, :1]  # one point, which has no edges
+        end = np.roll(start, -1, axis=1)
         low, high = np.minimum(start, end).ravel(), np.maximum(start, end).ravel()
         forward = (start < end).ravel()
         collapsed = low == high
@@ -75,7 +107,7 @@ class Topology:
             edges = edge_kind == wanted
             vertex_kind[low[edges]] = wanted
             vertex_kind[high[edges]] = wanted
-        _mark_pinched(corners, across.reshape(-1, 3), vertex_kind)
+        _mark_pinched(start, across.reshape(-1, 3), vertex_kind)
         closed = bool(np.all(ups[real] * 2 == size[real])) and bool(real.any())
         return cls(
             corners,
@@ -86,6 +118,7 @@ class Topology:
             closed,
             int(single.sum()),
             int((real & ~pair & ~single).sum()),
+            ignored,
         )
 
     @cached_property
@@ -105,12 +138,14 @@ class Topology:
         return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
     def fits(self, vertices: Array, triangles: NDArray[np.integer]) -> bool:
-        """Whether these are the triangles it was built of, and the vertices that were merged coincide in this shape."""
-        return (
-            vertices.shape[0] == self.merged.shape[0]
-            and np.array_equal(vertices[self.merged], vertices)
-            and np.array_equal(self.merged[triangles], self.corners)
-        )
+        """Whether these are the triangles it was built of, and what was merged or ignored is so in this shape too."""
+        if vertices.shape[0] != self.merged.shape[0] or not np.array_equal(self.merged[triangles], self.corners):
+            return False
+        apart = np.abs(vertices[self.merged] - vertices).max()
+        if apart > (_rounding(vertices) if self.weld else 0.0):
+            return False
+        loose = self.ignored if self.doubled is None else self.ignored & ~self.doubled
+        return not loose.any() or not TriangleTable.build(vertices, triangles[loose]).usable.any()
 
 
 def merge_coincident(vertices: Array) -> NDArray[np.int64]:
@@ -125,6 +160,65 @@ def merge_coincident(vertices: Array) -> NDArray[np.int64]:
     merged = np.empty(order.size, dtype=np.int64)
     merged[order] = lowest[group]
     return merged
+
+
+def _rounding(vertices: Array) -> float:
+    """Return how far apart single precision may put one point that was computed twice [m]: four steps of it."""
+    return float(STEPS * np.finfo(np.float32).eps * np.abs(vertices).max())
+
+
+def _welded(vertices: Array, found: Topology) -> tuple[NDArray[np.int64], float]:
+    """Return merged vertices, those of rims that rounding may have parted included, and how far apart they are [m]."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    rim = np.unique(found.corners[(found.edge_kind == BOUNDARY).any(axis=1)])
+    pairs = cKDTree(vertices[rim]).query_pairs(_rounding(vertices), output_type="ndarray")
+    if not len(pairs):
+        return found.merged, 0.0
+    graph = coo_array((np.ones(len(pairs), np.bool_), rim[pairs].T), shape=(len(vertices),) * 2)
+    group = connected_components(graph, directed=False)[1][found.merged]
+    merged = np.unique(group, return_index=True)[1][group]
+    return merged, float(np.linalg.norm(vertices[merged] - vertices, axis=1).max())
+
+
+def _doubled(corners: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return which triangles lie on others of the same corners, shape (T,).
+
+    Of those that look the same way, all but the first. Those that look opposite ways cancel out, unless the part has no
+    others: it is a sheet with two sides, of which one is kept.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    count = len(corners)
+    live = (corners != np.roll(corners, -1, axis=1)).all(axis=1)
+    row, lowest = np.arange(count), corners.argmin(axis=1)
+    even = corners[row, (lowest + 1) % 3] < corners[row, (lowest + 2) % 3]
+    _, group = np.unique(np.sort(corners, axis=1), axis=0, return_inverse=True)
+    group = group.reshape(-1)
+    out = np.zeros(count, dtype=np.bool_)
+    kept = []  # the first of each group that looks one way, and of each that looks the other
+    for way in (even, ~even):
+        those = np.flatnonzero(way & live)
+        names, first = np.unique(group[those], return_index=True)
+        out[np.setdiff1d(those, those[first])] = True
+        kept.append(dict(zip(names.tolist(), those[first].tolist(), strict=True)))
+    both = sorted(kept[0].keys() & kept[1].keys())
+    if not both:
+        return out
+    pairs = np.array([[kept[0][name], kept[1][name]] for name in both])
+    ends = np.stack([np.repeat(row, 3), count + corners.ravel()])
+    graph = coo_array((np.ones(3 * count, np.bool_), ends), shape=(count + corners.max() + 1,) * 2)
+    part = connected_components(graph, directed=False)[1][:count]
+    alone = np.ones(part.max() + 1, dtype=np.bool_)
+    single = live & ~out
+    single[pairs] = False
+    alone[part[single]] = False
+    out[pairs.max(axis=1)] = True
+    out[pairs[~alone[part[pairs[:, 0]]]]] = True
+    return out
 
 
 def _mark_pinched(corners: NDArray[np.int64], across: NDArray[np.int64], vertex_kind: NDArray[np.int8]) -> None:

@@ -61,6 +61,12 @@ class TriangleTable:
         normal[:, ~usable] = 0.0
         return cls(rows, bounds, usable, slivers if slivers.any() else None)
 
+    def without(self, ignored: NDArray[np.bool_]) -> TriangleTable:
+        """Return the same table with some triangles, shape (T,), as if they had no area."""
+        rows, bounds = self.rows.copy(), self.bounds.copy()
+        rows[13, ignored] = bounds[3:6, ignored] = 0.0
+        return TriangleTable(rows, bounds, self.usable & ~ignored, self.slivers)
+
 
 def _dot(a: Array, b: Array) -> Array:
     """Return products of columns, shapes (..., 3, n)."""

@@ -433,6 +433,101 @@ def test_faces_that_are_folded_over_do_not_swallow_what_is_outside():
     assert gap[outside].min() > -0.3e-3
 
 
+def joined(*parts):
+    """One mesh of several: vertices and triangles."""
+    first = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
+    return np.concatenate([v for v, _ in parts]), np.concatenate(
+        [t + k for (_, t), k in zip(parts, first, strict=False)]
+    )
+
+
+def overlapping(kind):
+    """A closed mesh, whether or not it runs through itself: vertices and triangles."""
+    rng = np.random.default_rng(21)
+    vertices, faces = shapes.sphere(5e-3, 320)
+    ball = vertices @ np.linalg.qr(rng.normal(size=(3, 3)))[0].T
+    cube, room = (CUBE_VERTICES, CUBE_TRIANGLES), (CUBE_VERTICES, CUBE_TRIANGLES[:, ::-1])
+    if kind == "eight balls":
+        return joined(*((ball + rng.uniform(-6e-3, 6e-3, 3), faces) for _ in range(8)))
+    if kind == "cubes":
+        return two_cubes(np.array([0.011, 0.007, 0.003]))
+    if kind == "corner through the other side":
+        return np.where(np.arange(8)[:, None] == 7, [0.004, -0.002, -0.016], CUBE_VERTICES), CUBE_TRIANGLES
+    other = {
+        "two balls": ((ball, faces), (ball + [4e-3, 1e-3, 0.0], faces)),
+        "ball in a cube": (cube, (ball + [0, 0, 5e-3], faces)),
+        "ball through a cube": (cube, (ball + [0, 0, 0.013], faces)),
+        "hollow cube": (cube, (ball + [0, 0, 5e-3], faces[:, ::-1])),
+        "room with a ball": (room, (ball + [0, 0, 5e-3], faces)),
+        "apart": (cube, (ball + [0, 0, 0.04], faces)),
+    }
+    return joined(*other[kind])
+
+
+OVERLAPPING = {
+    "two balls": True,
+    "eight balls": True,
+    "ball in a cube": True,
+    "ball through a cube": True,
+    "cubes": True,
+    "corner through the other side": True,
+    "hollow cube": False,
+    "room with a ball": False,
+    "apart": False,
+}
+
+
+@pytest.mark.parametrize("kind", OVERLAPPING)
+def test_the_side_is_right_where_a_closed_mesh_runs_through_itself(kind):
+    """Solid angles tell; rays are needed where the closest triangle would not tell, and only there."""
+    vertices, triangles = overlapping(kind)
+    surface = Surface.build(vertices, triangles)
+    low, high = surface.box
+    rng = np.random.default_rng(4)
+    points = rng.uniform(low - 2e-3, high + 2e-3, (2000, 3))
+    points[:600] = vertices[rng.integers(0, len(vertices), 600)] + rng.normal(size=(600, 3)) * 3e-4
+    surface._body.by_rays = True
+    first = surface._body.query(points, np.inf)
+    assert surface.closed and surface.tangled == OVERLAPPING[kind]
+    outside = -1.0 if surface.volume < 0.0 else 0.0
+    inside = surface.winding(points) > outside + 0.5
+    assert 0.02 < inside.mean() < 0.98
+    for _ in range(3):
+        found = surface.query(points)
+        away = np.abs(found.gap) > 1e-9
+        np.testing.assert_array_equal((found.gap < 0.0)[away], inside[away])
+    assert surface._body.by_rays == OVERLAPPING[kind]
+    np.testing.assert_array_equal(first.gap, found.gap)
+    np.testing.assert_array_equal(first.normal, found.normal)
+    few = Surface.build(vertices, triangles)
+    np.testing.assert_array_equal(np.concatenate([few.query(p[None]).gap for p in points[:4]]), found.gap[:4])
+    np.testing.assert_allclose(found.point + found.gap[:, None] * found.normal, points, atol=1e-15)
+
+
+@pytest.mark.parametrize("kind", ["sphere", "fine", "far", "ribs", "fillet", "bowl"])
+def test_solids_that_do_not_run_through_themselves_need_no_rays(kind):
+    vertices, triangles = meshes(kind)
+    surface = Surface.build(vertices, triangles)
+    points = vertices[np.random.default_rng(1).integers(0, len(vertices), 3000)]
+    points = points + np.random.default_rng(2).normal(size=points.shape) * 1e-3
+    surface._body.by_rays = True
+    by_rays = surface._body.query(points, np.inf)
+    assert not surface.tangled
+    surface._body.by_rays = False
+    for name, value in vars(surface._body.query(points, np.inf)).items():
+        np.testing.assert_array_equal(getattr(by_rays, name), value)
+
+
+def test_what_becomes_of_the_callers_vertices_does_not_matter():
+    vertices = CUBE_VERTICES.copy()
+    surface = Surface.build(vertices, CUBE_TRIANGLES)
+    wanted = surface.query(np.full((9, 3), 3e-3)).gap
+    vertices *= 2.0
+    assert surface.volume == pytest.approx(0.02**3)
+    np.testing.assert_array_equal(surface.query(np.full((9, 3), 3e-3)).gap, wanted)
+    np.testing.assert_array_equal(surface.vertices, CUBE_VERTICES)
+
+
 def test_a_few_points_need_no_tree():
     """Measured to all triangles, bit for bit as by the tree."""
     rng = np.random.default_rng(3)

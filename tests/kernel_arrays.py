@@ -65,7 +65,7 @@ class Arrays:
         if table.slivers is not None:
             tree.slivers = address(table.slivers)
         body = records.BodyRecord(ctypes.addressof(tree), ctypes.addressof(tree), len(self.vertices), topology.closed)
-        body.by_rays, body.parts, body.slabs = self.by_rays, len(self.part), len(self.slab)
+        body.by_rays, body.parts, body.slabs = self.by_rays or not packed, len(self.part), len(self.slab)
         if packed:
             tree.packed, tree.boxes, body.normals = address(self.packed), address(self.boxes), address(self.normals)
         else:
@@ -111,6 +111,9 @@ def drawn(seed: int) -> Arrays:
     kind, count = seed % 4, int(rng.integers(1, 200))
     if kind == 0:
         vertices, triangles = shapes.sphere(5e-3, int(rng.integers(20, 900)))
+        if seed % 8 == 0:  # two that run through each other
+            triangles = np.concatenate([triangles, triangles + len(vertices)])
+            vertices = np.concatenate([vertices, vertices + rng.uniform(-6e-3, 6e-3, 3)])
     elif kind == 1:
         vertices, triangles = Surface.edge().vertices, Surface.edge().triangles
     else:

@@ -127,7 +127,8 @@ def _smallest(pieces: _Squares | _Triangles, body: ContactBody, side: int) -> tu
     assert isinstance(body.surface, Surface)
     while True:
         local = (pieces.middles - body.translation) @ body.rotation
-        sizes, gaps = pieces.sizes, side * body.surface.query(local).gap
+        sizes, found = pieces.sizes, body.surface.query(local)
+        gaps = (found if side > 0 else found.flipped()).gap  # what is beside a rim is outside of either side
         most, least = float(gaps.min()), gaps - sizes
         some = np.flatnonzero(least <= most)
         if len(some) > MOST_PIECES:

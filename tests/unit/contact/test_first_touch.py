@@ -94,6 +94,21 @@ def test_a_sheet_is_touched_from_either_side(contact: str, skin: SkinModel) -> N
     assert not [f for f in behind.findings if f.code == "smaller-than-mesh"]
 
 
+@pytest.mark.parametrize("crack", [1e-9, 1e-6, 1e-5])
+def test_a_ridge_of_a_sheet_that_is_not_welded_is_felt_from_either_side(crack: float, skin: SkinModel) -> None:
+    """What lies above the slit is beside a rim, and outside of either side: from behind it was taken for inside."""
+    ends = np.array([[-0.014, -0.02, -0.014], [0.0, -0.02, 0.0], [0.014, -0.02, -0.014]])
+    corners = np.concatenate([ends, ends * [1, -1, 1]])
+    triangles = np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]])
+    parted = corners[triangles]
+    inward = parted.mean(axis=1, keepdims=True) - parted
+    parted = (parted + crack * inward / np.linalg.norm(inward, axis=2, keepdims=True)).reshape(-1, 3)
+    wanted = press(skin, Surface.build(corners, triangles)).normal_force
+    for numbers in (np.arange(12).reshape(-1, 3), np.arange(12).reshape(-1, 3)[:, ::-1]):
+        found = press(skin, Surface.build(parted, numbers)).normal_force
+        assert found == pytest.approx(wanted, rel=0.01) and wanted > 0.1
+
+
 @pytest.mark.parametrize("name", sorted(BODIES))
 def test_on_a_mesh_it_touches_between_nodes_too(name: str, skin: SkinModel) -> None:
     surface, envelope = BODIES[name]

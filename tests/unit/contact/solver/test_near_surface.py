@@ -15,15 +15,21 @@ from core.surface.gap import Surface
 REACH = 2.5e-3
 
 
-def two_shapes():
+def two_shapes(balls=1):
+    """Return a shape and another one of it: of balls that run through each other, or of one."""
     ball = Surface.sphere(0.02, 20_000)
+    if balls > 1:
+        other = ball.vertices + [6e-3, 0.0, -5e-4]
+        triangles = np.concatenate([ball.triangles, ball.triangles + len(other)])
+        ball = Surface.build(np.concatenate([ball.vertices, other]), triangles)
     waves = 2e-4 * np.sin(900.0 * ball.vertices[:, [1, 2, 0]])
     return ball, Surface.build(1.02 * ball.vertices + waves, ball.triangles)
 
 
+@pytest.mark.parametrize("balls", [1, 2])
 @pytest.mark.parametrize("share", [0.25, 0.9])
-def test_near_the_finger_it_says_what_the_whole_surface_says(share):
-    start, end = two_shapes()
+def test_near_the_finger_it_says_what_the_whole_surface_says(share, balls):
+    start, end = two_shapes(balls)
     points = np.random.default_rng(0).uniform([-4e-3, -4e-3, -1e-3], [4e-3, 4e-3, 1e-3], (300, 3))
     box = np.stack([points.min(axis=0) - REACH, points.max(axis=0) + REACH])
     near = NearTriangles.about(start, end, box)
@@ -31,6 +37,7 @@ def test_near_the_finger_it_says_what_the_whole_surface_says(share):
     vertices = (1.0 - share) * start.vertices + share * end.vertices
     whole, part = (s.query(points, REACH) for s in (Surface.build(vertices, end.triangles), near.at(share)))
     assert (whole.gap < 0.0).any() and (whole.gap > 0.0).any()
+    assert end.tangled == (balls > 1)
     for name in ("gap", "normal", "point"):
         np.testing.assert_allclose(getattr(part, name), getattr(whole, name), atol=1e-12)
 

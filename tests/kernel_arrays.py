@@ -64,8 +64,9 @@ class Arrays:
             setattr(tree, name, address(array))
         if table.slivers is not None:
             tree.slivers = address(table.slivers)
-        body = records.BodyRecord(ctypes.addressof(tree), ctypes.addressof(tree), len(self.vertices), topology.closed)
-        body.by_rays, body.parts, body.slabs = self.by_rays or not packed, len(self.part), len(self.slab)
+        body = records.BodyRecord(None, ctypes.addressof(tree), ctypes.addressof(tree), len(self.vertices))
+        body.closed, body.by_rays = topology.closed, self.by_rays or not packed
+        body.parts, body.slabs = len(self.part), len(self.slab)
         if packed:
             tree.packed, tree.boxes, body.normals = address(self.packed), address(self.boxes), address(self.normals)
         else:

@@ -2,7 +2,7 @@
 
    Of a closed body that does not run through itself, the side is that of the angle-weighted normal of the closest face, edge
    or corner (Baerentzen and Aanaes 2005). Where it runs through itself, and where no normal decides, rays count how often it
-   winds round the point. An open sheet is negative behind its faces; what has passed beside its rim is outside. */
+   winds round the point. Of solids that run through each other the smallest distance counts. An open sheet is negative behind its faces; what has passed beside its rim is outside. */
 #include "distance.h"
 
 #include "closest.h"
@@ -96,7 +96,8 @@ static int may_be_inside(const dermis_body *body, const double *x, double limit)
     return 1;
 }
 
-void dermis_signed_distance(const dermis_body *body, const double *x, double limit, int64_t hint, dermis_distance *out) {
+/* Measure the distance to one solid. */
+static void one(const dermis_body *body, const double *x, double limit, int64_t hint, dermis_distance *out) {
     dermis_closest_point found;
     if (dermis_find_closest(body->tree, x, limit, hint, &found)) {
         measure(body, x, &found, out);
@@ -111,6 +112,19 @@ void dermis_signed_distance(const dermis_body *body, const double *x, double lim
     for (int k = 0; k < 3; k++) out->normal[k] = 0.0;
 }
 
+void dermis_signed_distance(const dermis_body *body, const double *x, double limit, int64_t hint, dermis_distance *out) {
+    int64_t before = body->tree->count;
+    one(body, x, limit, hint, out);
+    for (const dermis_body *next = body->next; next != NULL; next = next->next) {
+        dermis_distance other;
+        /* What is farther does not count; what is inside is found however deep, but for the walls of a room. */
+        double nearer = next->outside < 0 ? limit : dermis_most(dermis_least(limit, out->gap), 0.0);
+        one(next, x, nearer, hint - before, &other);
+        if (other.gap < out->gap) *out = other, out->slot += before;
+        before += next->tree->count;
+    }
+}
+
 static int sound_tree(const dermis_tree *tree) {
     return tree != NULL && tree->count >= 1 && tree->count <= tree->total && tree->depth >= 0 && tree->depth <= 15;
 }
@@ -120,7 +134,12 @@ static int sound_body(const dermis_body *body) {
            body->parts >= 0 && body->slabs >= 0 && body->weld >= 0.0;
 }
 
-static int sound(const dermis_query *query) { return sound_body(query->body) && query->count >= 0 && query->limit >= 0.0; }
+static int sound(const dermis_query *query) {
+    if (query->body == NULL) return 0;
+    for (const dermis_body *body = query->body; body != NULL; body = body->next)
+        if (!sound_body(body)) return 0;
+    return query->count >= 0 && query->limit >= 0.0;
+}
 
 DERMIS_NOINLINE static int32_t fit(dermis_body *body) {
     int64_t total = body->tree->total;

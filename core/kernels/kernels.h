@@ -51,7 +51,8 @@ typedef struct {
 } dermis_tree;
 
 /* A body: its triangles, how they hang together, and how the side of a point is told. */
-typedef struct {
+typedef struct dermis_body {
+    const struct dermis_body *next; /* another solid that runs through this one: both are the body; null for no more */
     const dermis_tree *tree;    /* the triangles that may be closest; without `packed`, each of them is looked at */
     const dermis_tree *all;     /* all triangles of the body, for rays, as a rule the same; null where none are cast */
     int64_t vertices;           /* how many there are */

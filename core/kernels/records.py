@@ -38,6 +38,7 @@ class BodyRecord(ctypes.Structure):
     """`dermis_body`."""
 
     _fields_ = [
+        ("next", ctypes.c_void_p),
         ("tree", ctypes.c_void_p),
         ("all", ctypes.c_void_p),
         ("vertices", ctypes.c_int64),

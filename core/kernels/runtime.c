@@ -11,8 +11,8 @@
     FIELD(dermis_tree, packed) FIELD(dermis_tree, boxes) FIELD(dermis_tree, middle) FIELD(dermis_tree, scale) \
     FIELD(dermis_tree, largest) FIELD(dermis_tree, wrong)
 #define BODY(FIELD)                                                                                          \
-    FIELD(dermis_body, tree) FIELD(dermis_body, all) FIELD(dermis_body, vertices) FIELD(dermis_body, closed) \
-    FIELD(dermis_body, by_rays) FIELD(dermis_body, outside) FIELD(dermis_body, parts)                        \
+    FIELD(dermis_body, next) FIELD(dermis_body, tree) FIELD(dermis_body, all) FIELD(dermis_body, vertices)   \
+    FIELD(dermis_body, closed) FIELD(dermis_body, by_rays) FIELD(dermis_body, outside) FIELD(dermis_body, parts)                        \
     FIELD(dermis_body, slabs) FIELD(dermis_body, weld) FIELD(dermis_body, corners)                           \
     FIELD(dermis_body, across)                                                                               \
     FIELD(dermis_body, edge_kind) FIELD(dermis_body, vertex_kind) FIELD(dermis_body, part)                   \

@@ -5,10 +5,11 @@ Which side a point is on:
 * At a closed mesh that does not run through itself the sign follows the angle-weighted pseudonormal of the closest
   face, edge or corner, which is provably the inside (Baerentzen and Aanaes 2005). Concave and thin meshes need nothing
   more.
-* At a closed mesh that runs through itself, has folded faces, or parts within one another's solid, rays count how often
-  it winds round the point. The same decides where more than two faces share an edge, faces disagree about the outside,
-  or two sheets touch in a single point. The distance is still that to the closest triangle, also where this lies inside
-  another part.
+* A closed mesh of solids that run through each other, such as balls that were joined, is their union: the smallest of
+  their gaps counts, and walls inside are not felt.
+* At a closed mesh that runs through itself in another way, or has folded faces, rays count how often it winds round the
+  point. The same decides where more than two faces share an edge, faces disagree about the outside, or two sheets touch
+  in a single point. The distance is still that to the closest triangle, also where this lies inside.
 * An open mesh (a plane, a cup of one layer) is negative behind its faces. A point whose closest point lies on the
   rim, and that is not straight above or below it, has passed beside the sheet: it is outside, and its gap positive.
   `Surface.side_of` tells on which side of a sheet a finger's bone is, so that a sheet can be touched from both.
@@ -47,6 +48,8 @@ FEW = 16
 # To try whether a triangle runs through others takes a sixth of a ray: after so many rays for each triangle of a closed
 # surface, all are tried, and rays may stop. The answers are the same.
 PAYS = 1 / 6
+# A surface of more solids is taken as a whole: to measure to each would take longer than a ray.
+MOST_SOLIDS = 64
 # Towards the faces, edges and corners of a cube, and not their opposites; unit length, shape (13, 3).
 DIRECTIONS = np.array(list(np.ndindex(3, 3, 3)), dtype=np.float64)[14:] - 1.0
 DIRECTIONS /= np.sqrt((DIRECTIONS * DIRECTIONS).sum(axis=1))[:, None]
@@ -174,8 +177,13 @@ class Surface:
     @cached_property
     def volume(self) -> float:
         """Enclosed volume [m^3]; negative where a closed surface is inside out."""
+        return float(self._volumes.sum())
+
+    @cached_property
+    def _volumes(self) -> Array:
+        """Volume of each triangle's tetrahedron with the origin [m^3], shape (T,)."""
         a, ab, ac = (self.table.rows[k : k + 3] for k in (0, 3, 6))
-        return float((a * np.cross(ab, ac, axis=0)).sum() / 6.0)
+        return np.asarray((a * np.cross(ab, ac, axis=0)).sum(axis=0) / 6.0)
 
     def findings(self, where: str = "") -> tuple[Finding, ...]:
         """Return what is doubtful about the surface, for the panel."""
@@ -290,35 +298,72 @@ class Surface:
 
     @cached_property
     def tangled(self) -> bool:
-        """Whether a closed surface runs through itself, is folded, or has parts within others: rays tell its sides."""
+        """Whether a closed surface runs through itself, is folded, or has parts within others."""
         if not self.closed or not self.table.usable.any():
             return False
         if self.topology.irregular:
             return True
-        usable = np.flatnonzero(self.table.usable)
-        first = np.unique(self.topology.parts[usable], return_index=True)[1]
-        return self._body.tangled(usable[first])
+        return self._whole.tangled(self._first_of_parts(np.flatnonzero(self.table.usable)))
+
+    @cached_property
+    def solids(self) -> tuple[Indices, ...]:
+        """The triangles of each solid, where the surface is several that run through each other; else none."""
+        topology, usable = self.topology, np.flatnonzero(self.table.usable)
+        if not self.closed or topology.irregular or topology.parts.max() == 0:
+            return ()
+        names, part = np.unique(topology.parts[usable], return_inverse=True)
+        if not 1 < len(names) <= MOST_SOLIDS:
+            return ()
+        solids = [usable[part == k] for k in range(len(names))]
+        corners = [self.vertices[self.triangles[own]].reshape(-1, 3) for own in solids]
+        low, high = (np.array([end(points, axis=0) for points in corners]) for end in (np.min, np.max))
+        meet = (low[:, None] <= high).all(axis=2)
+        if not np.triu(meet & meet.T, 1).any() or not self.tangled:
+            return ()
+        hollow = int((self._volumes[usable] @ (part[:, None] == np.arange(len(names))) < 0.0).sum())
+        return tuple(solids) if hollow == (self.volume < 0.0) else ()
 
     def _measurer(self, count: int) -> KernelBody | PlainTriangles:
         """Return what measures the gaps of so many points."""
         if not have_kernels():
             return PlainTriangles(self.table, self.topology, self.vertices[self.triangles])
         self._asked += count
-        if self._asked <= FEW and "_body" not in self.__dict__:
-            return self._kernel_body(TriangleTree(self.table, None))
+        if self._asked <= FEW and "_body" not in self.__dict__ and not self.solids:
+            return self._kernel_body(TriangleTree(self.table, None), self._slabs)
         body = self._body
-        if body.by_rays and self._asked > PAYS * len(self.triangles):
+        if body.by_rays and not self.solids and self._asked > PAYS * len(self.triangles):
             body.by_rays = self.tangled
         return body
 
     @cached_property
     def _body(self) -> KernelBody:
-        return self._kernel_body(TriangleTree(self.table, self.topology))
+        body = None
+        for own in self.solids:
+            tree = TriangleTree(self.table, self.topology, own)
+            slabs = _slabs_of(self.vertices[np.unique(self.triangles[own])])
+            body = self._kernel_body(tree, slabs, bool(self._volumes[own].sum() < 0.0), body)
+            body.by_rays = body.by_rays and body.tangled(self._first_of_parts(own))
+        return self._whole if body is None else body
 
-    def _kernel_body(self, tree: TriangleTree) -> KernelBody:
-        """Return the surface for the kernels; rays tell the sides of a closed one until it is known to do without."""
-        rays, outside = self._rays(tree), -1 if self.closed and self.volume < 0.0 else 0
-        return KernelBody(tree, rays, self.topology, self._slabs, outside, self.closed and rays is not None)
+    @cached_property
+    def _whole(self) -> KernelBody:
+        return self._kernel_body(TriangleTree(self.table, self.topology), self._slabs)
+
+    def _kernel_body(
+        self, tree: TriangleTree, slabs: Array, room: bool | None = None, other: KernelBody | None = None
+    ) -> KernelBody:
+        """Return triangles for the kernels; rays tell the sides of closed ones until they are known to do without.
+
+        Args:
+            room: whether they are inside out, as the surface is where None. other: a solid that runs through them.
+        """
+        rays, room = self._rays(tree), self.volume < 0.0 if room is None else room
+        by_rays = self.closed and rays is not None
+        return KernelBody(tree, rays, self.topology, slabs, -1 if self.closed and room else 0, by_rays, other)
+
+    def _first_of_parts(self, triangles: Indices) -> Indices:
+        """Return a triangle of each part that some belong to."""
+        return triangles[np.unique(self.topology.parts[triangles], return_index=True)[1]]
 
     def _rays(self, tree: TriangleTree) -> TriangleTree | None:
         """Return all triangles of the surface for rays, given those that may be closest; None where none are cast."""
@@ -326,6 +371,10 @@ class Surface:
 
     @cached_property
     def _slabs(self) -> Array:
-        """The `DIRECTIONS`, and how far the surface extends along them, down and up [m], shape (13, 5)."""
-        along = self.vertices @ DIRECTIONS.T
-        return np.column_stack([DIRECTIONS, along.min(axis=0), along.max(axis=0)])
+        return _slabs_of(self.vertices)
+
+
+def _slabs_of(points: Array) -> Array:
+    """Return the `DIRECTIONS`, and how far points extend along them, down and up [m], shape (13, 5)."""
+    along = points @ DIRECTIONS.T
+    return np.column_stack([DIRECTIONS, along.min(axis=0), along.max(axis=0)])

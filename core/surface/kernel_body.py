@@ -24,7 +24,7 @@ class KernelBody:
     Args:
         tree: its triangles. rays: all triangles of the surface, for rays that tell sides; None where none are cast.
         topology: how the triangles hang together. slabs: directions, and how far it reaches along them, shape (k, 5).
-        outside: its winding number outside.
+        outside: its winding number outside. other: a solid that runs through this one; both are the body.
 
     Attributes:
         by_rays: whether rays tell the sides of all points; else the closest triangle does, where it can.
@@ -38,13 +38,17 @@ class KernelBody:
         slabs: Array,
         outside: int,
         by_rays: bool,
+        other: KernelBody | None = None,
     ) -> None:
-        self._kernels, self._given = kernels(), (tree, rays, topology, slabs, outside)
+        self._kernels, self._given, self._other = kernels(), (tree, rays, topology, slabs, outside), other
         self._tree = tree
         vertices = len(topology.vertex_kind)
-        self.record = record = records.BodyRecord(addressof(tree.record), None, vertices, topology.closed, by_rays)
+        self.record = record = records.BodyRecord(None, addressof(tree.record), None, vertices)
+        record.closed, record.by_rays = topology.closed, by_rays
         if rays is not None:
             record.all = addressof(rays.record)
+        if other is not None:
+            record.next = addressof(other.record)
         record.outside, record.slabs, record.weld = outside, len(slabs), topology.weld
         fixed = topology.corners, topology.across, topology.edge_kind, topology.vertex_kind, slabs
         self._arrays = [np.ascontiguousarray(array) for array in fixed]
@@ -56,7 +60,7 @@ class KernelBody:
         tree.done(self._kernels.fit_body(byref(record)), -1)
 
     def __reduce__(self) -> tuple[object, ...]:
-        return type(self), (*self._given, self.by_rays)  # records hold addresses: a copy makes its own
+        return type(self), (*self._given, self.by_rays, self._other)  # records hold addresses: a copy makes its own
 
     @property
     def by_rays(self) -> bool:

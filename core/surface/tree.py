@@ -28,17 +28,18 @@ class TriangleTree:
         table: the triangles.
         topology: the order of triangles in leaves is kept with it: another shape of the same triangles only measures
             the boxes anew. None: no tree is made, and every triangle is looked at; for a few points.
+        among: which of the usable triangles, all where None, shape (k,).
 
     Raises:
         DermisError: there are no compiled kernels, or the triangles have numbers beyond measure.
     """
 
-    def __init__(self, table: TriangleTable, topology: Topology | None) -> None:
+    def __init__(self, table: TriangleTable, topology: Topology | None, among: Indices | None = None) -> None:
         self._kernels = kernels()
-        self._table, self._topology = table, topology
-        usable = np.flatnonzero(table.usable)
+        self._table, self._topology, self._among = table, topology, among
+        usable = np.flatnonzero(table.usable) if among is None else np.array(among, dtype=np.int64)
         count, total = usable.size, table.usable.size
-        kept = None if topology is None else _ORDERS.get(topology)
+        kept = None if topology is None or among is not None else _ORDERS.get(topology)
         order = usable if kept is None or kept.size != count else usable[kept]
         blocks = -(-count // records.LANES)
         depth = next(k for k in range(16) if blocks >> 2 * k <= 2)  # a leaf holds one or two blocks, as a rule
@@ -59,11 +60,12 @@ class TriangleTree:
             record.order = address(order)
             self._arrays.append(order)
             self.done(self._kernels.split(byref(record)), record.wrong)
-            _ORDERS[topology] = np.searchsorted(usable, order)
+            if among is None:
+                _ORDERS[topology] = np.searchsorted(usable, order)
         self.done(self._kernels.fit(byref(record)), record.wrong)
 
-    def __reduce__(self) -> tuple[type[TriangleTree], tuple[TriangleTable, Topology | None]]:
-        return type(self), (self._table, self._topology)  # records hold addresses: a copy makes its own
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (self._table, self._topology, self._among)  # records hold addresses: a copy makes its own
 
     def done(self, status: int, triangle: int) -> None:
         """Raise the error that a status stands for; a triangle whose numbers are not finite is named."""

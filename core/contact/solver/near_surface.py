@@ -69,9 +69,11 @@ class NearSurface(Surface):
         self.box = (1.0 - share) * start.box + share * end.box
         self._slabs = (1.0 - share) * start._slabs + share * end._slabs
         self.volume, self.tangled = end.volume, start.tangled or end.tangled
+        near_ones = (own[usable[own]] for own in end.solids or start.solids)
+        self.solids = tuple(own for own in near_ones if own.size)
 
     def _rays(self, tree: TriangleTree) -> TriangleTree | None:
         """Return all triangles of the shape, where rays must tell sides: those that are near do not enclose it."""
-        if not self.tangled:
+        if self.solids or not self.tangled:
             return None
         return TriangleTree(TriangleTable.build(self.vertices, self.triangles), replace(self.topology))

@@ -76,6 +76,9 @@ def test_the_numpy_way_agrees(seed: int) -> None:
         np.testing.assert_array_equal(np.sign(plain.gap[away]), np.sign(gap[away]))
 
 
+needs_gcc = pytest.mark.skipif(not shutil.which("gcc"), reason="needs gcc")
+
+
 def fan(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return so many triangles about one corner: above it all of them are equally close."""
     angle = np.arange(count) * 2 * np.pi / count
@@ -117,13 +120,19 @@ def test_neither_batches_nor_order_change_a_byte() -> None:
     same(again.query(points, 2e-3), np.arange(len(points)))
 
 
-@pytest.mark.skipif(not shutil.which("gcc"), reason="needs gcc")
-def test_hints_change_no_byte(tmp_path: Path) -> None:
-    """Those of the frame before, any others, and numbers that are no slots: called from C, as an engine does."""
-    path, source = tmp_path / "hinted.so", Path(__file__).with_name("hinted.c")
+def hinted(folder: Path) -> ctypes.CDLL:
+    """Return the library with a function that asks for distances as its own files do: point by point, with hints."""
+    path, source = folder / "hinted.so", Path(__file__).with_name("hinted.c")
     subprocess.run(gcc(path, f"-I{building.FOLDER}", str(source), "-march=x86-64-v2"), check=True)
     own = opened(path)
     own.hinted.argtypes = (ctypes.c_void_p, ctypes.c_void_p)
+    return own
+
+
+@needs_gcc
+def test_hints_change_no_byte(tmp_path: Path) -> None:
+    """Those of the frame before, any others, and numbers that are no slots."""
+    own = hinted(tmp_path)
     for seed in range(12):
         rng, arrays = np.random.default_rng(seed), drawn(seed)
         assert not any(arrays.call(own))
@@ -143,6 +152,26 @@ def test_hints_change_no_byte(tmp_path: Path) -> None:
             near = wanted["triangle"] >= 0
             np.testing.assert_array_equal(arrays.order[hints[near]], wanted["triangle"][near])
             assert (hints[~near] == -1).all()
+
+
+@needs_gcc
+def test_hints_change_no_byte_of_solids_that_run_through_each_other(tmp_path: Path) -> None:
+    own, ball, rng = hinted(tmp_path), Surface.sphere(5e-3, 500), np.random.default_rng(0)
+    vertices = np.concatenate([ball.vertices + shift for shift in ([0, 0, 0], [4e-3, 0, 0], [2e-3, 3e-3, 1e-3])])
+    surface = Surface.build(vertices, np.concatenate([ball.triangles + k * len(ball.vertices) for k in range(3)]))
+    points = rng.uniform(*surface.box, (300, 3))
+    wanted, count = surface.query(points, 1e-3), len(surface.triangles)
+    gap, normal, triangle = np.empty(300), np.empty((300, 3)), np.empty(300, np.int64)
+    query = records.QueryRecord(ctypes.addressof(surface._body.record), 300, 1e-3, address(points))
+    query.gap, query.normal, query.triangle = address(gap), address(normal), address(triangle)
+    slots = np.full(300, -1)
+    assert len(surface.solids) == 3
+    for hints in (slots, slots, rng.integers(-1, count, 300), rng.integers(-(2**62), 2**62, 300)):
+        own.hinted(ctypes.byref(query), address(hints))
+        np.testing.assert_array_equal(gap, wanted.gap)
+        np.testing.assert_array_equal(normal, wanted.normal)
+        np.testing.assert_array_equal(triangle, wanted.triangle)
+        assert ((hints >= 0) == np.isfinite(gap)).all() and hints.max() < count
 
 
 def test_points_beyond_measure_and_tiny_and_huge_surfaces_are_answered() -> None:

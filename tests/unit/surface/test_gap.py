@@ -460,20 +460,25 @@ def overlapping(kind):
         "hollow cube": (cube, (ball + [0, 0, 5e-3], faces[:, ::-1])),
         "room with a ball": (room, (ball + [0, 0, 5e-3], faces)),
         "apart": (cube, (ball + [0, 0, 0.04], faces)),
+        "hollow cube with a ball through its side": (cube, (ball, faces[:, ::-1]), (ball + [0, 0, 0.012], faces)),
+        "room with a ball in its wall": (room, (ball + [0, 0, 0.009], faces)),
     }
     return joined(*other[kind])
 
 
+# How many solids run through each other, 1 where it is one that runs through itself, 0 where none does.
 OVERLAPPING = {
-    "two balls": True,
-    "eight balls": True,
-    "ball in a cube": True,
-    "ball through a cube": True,
-    "cubes": True,
-    "corner through the other side": True,
-    "hollow cube": False,
-    "room with a ball": False,
-    "apart": False,
+    "two balls": 2,
+    "eight balls": 8,
+    "ball in a cube": 2,
+    "ball through a cube": 2,
+    "cubes": 2,
+    "corner through the other side": 1,
+    "hollow cube with a ball through its side": 1,
+    "hollow cube": 0,
+    "room with a ball": 0,
+    "room with a ball in its wall": 2,
+    "apart": 0,
 }
 
 
@@ -481,27 +486,50 @@ OVERLAPPING = {
 def test_the_side_is_right_where_a_closed_mesh_runs_through_itself(kind):
     """Solid angles tell; rays are needed where the closest triangle would not tell, and only there."""
     vertices, triangles = overlapping(kind)
-    surface = Surface.build(vertices, triangles)
+    surface, solids = Surface.build(vertices, triangles), OVERLAPPING[kind]
     low, high = surface.box
     rng = np.random.default_rng(4)
     points = rng.uniform(low - 2e-3, high + 2e-3, (2000, 3))
     points[:600] = vertices[rng.integers(0, len(vertices), 600)] + rng.normal(size=(600, 3)) * 3e-4
-    surface._body.by_rays = True
-    first = surface._body.query(points, np.inf)
-    assert surface.closed and surface.tangled == OVERLAPPING[kind]
+    assert surface.closed and surface.tangled == (solids > 0) and len(surface.solids) == (solids if solids > 1 else 0)
     outside = -1.0 if surface.volume < 0.0 else 0.0
     inside = surface.winding(points) > outside + 0.5
     assert 0.02 < inside.mean() < 0.98
+    first = surface.query(points[:4])
     for _ in range(3):
         found = surface.query(points)
         away = np.abs(found.gap) > 1e-9
         np.testing.assert_array_equal((found.gap < 0.0)[away], inside[away])
-    assert surface._body.by_rays == OVERLAPPING[kind]
-    np.testing.assert_array_equal(first.gap, found.gap)
-    np.testing.assert_array_equal(first.normal, found.normal)
+    np.testing.assert_array_equal(first.gap, found.gap[:4])
+    np.testing.assert_allclose(found.point + found.gap[:, None] * found.normal, points, atol=1e-15)
+    assert surface._body.by_rays == (solids == 1)
+    if solids < 2:
+        surface._body.by_rays = True
+        np.testing.assert_array_equal(surface._body.query(points, np.inf).gap, found.gap)
     few = Surface.build(vertices, triangles)
     np.testing.assert_array_equal(np.concatenate([few.query(p[None]).gap for p in points[:4]]), found.gap[:4])
-    np.testing.assert_allclose(found.point + found.gap[:, None] * found.normal, points, atol=1e-15)
+
+
+@pytest.mark.parametrize("reach", [1e-3, np.inf])
+@pytest.mark.parametrize("kind", [kind for kind, solids in OVERLAPPING.items() if solids > 1])
+def test_solids_that_run_through_each_other_are_their_union(kind, reach):
+    """The smallest gap counts, whatever the order: no wall inside is felt."""
+    vertices, triangles = overlapping(kind)
+    surface = Surface.build(vertices, triangles)
+    rng = np.random.default_rng(5)
+    points = rng.uniform(*surface.box, (1500, 3))
+    points[:500] = vertices[rng.integers(0, len(vertices), 500)] + rng.normal(size=(500, 3)) * 3e-4
+    own = [Surface.build(vertices, triangles[solid]).query(points, reach) for solid in surface.solids]
+    gaps, found = np.array([solid.gap for solid in own]), surface.query(points, reach)
+    np.testing.assert_array_equal(found.gap, gaps.min(axis=0))
+    clear = np.sort(gaps, axis=0)[1] > gaps.min(axis=0) + 1e-12  # no two are as near
+    of, which = gaps.argmin(axis=0), np.arange(len(points))
+    for name in ("normal", "point", "weights"):
+        wanted = np.array([getattr(solid, name) for solid in own])[of, which]
+        np.testing.assert_array_equal(getattr(found, name)[clear], wanted[clear])
+    order = rng.permutation(len(triangles))
+    again = Surface.build(vertices, triangles[order]).query(points, reach)
+    np.testing.assert_allclose(again.gap, found.gap, atol=1e-15)
 
 
 @pytest.mark.parametrize("kind", ["sphere", "fine", "far", "ribs", "fillet", "bowl"])

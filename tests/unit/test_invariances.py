@@ -83,9 +83,13 @@ BY_NAME = {family.name.partition("_")[2]: family for family in FAMILIES}
 WAYS = ("back", "slid", "work", "gradient")  # that are gone without friction
 
 
-@lru_cache(maxsize=64)
 def judged(name: str, on_plane: bool = False) -> Verdict:
-    """Return the verdict of an invariance on the edge or the ball, or on the plane."""
+    """Return the verdict of an invariance on the edge or the ball, or on the plane; each is found once."""
+    return _judged(name, on_plane)
+
+
+@lru_cache(maxsize=64)
+def _judged(name: str, on_plane: bool) -> Verdict:
     values = PLANE if on_plane else BALL if name == "strides" else EDGE
     return BY_NAME[name].judge({**values, "friction": 0.0} if name in WAYS else values)
 

@@ -1,4 +1,4 @@
-"""What every level of the tests shares: the --long switch, real time, and an exit that Blender cannot hang."""
+"""What every level of the tests shares: the switches, real time, and an exit that Blender cannot hang."""
 
 from __future__ import annotations
 
@@ -18,22 +18,47 @@ _status = 1
 STARVED = 0.03  # [s] by which a thread that only sleeps may wake too late before the machine is to blame
 CROWDED = 0.1  # part of a test's time in which somebody waited for a processor, from which the machine is to blame
 TRIES = 5
+LINES = ("3.11", "3.13")
+LEFT = pytest.StashKey[int]()  # how many tests the other line runs
 PRESSURE = Path("/proc/pressure/cpu")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add --long, which also runs the tests marked `long`."""
+    """Add --long, which also runs the tests marked `long`, and --beside, which leaves some to the other line."""
     parser.addoption("--long", action="store_true", default=False, help="also run the tests that take minutes")
+    parser.addoption("--beside", metavar="PYTHON", help="leave to this Python, which runs too, what is marked for it")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Skip what is marked `long` unless it was asked for."""
-    if config.getoption("--long"):
-        return
-    skip = pytest.mark.skip(reason="runs with --long only")
-    for item in items:
-        if item.get_closest_marker("long"):
-            item.add_marker(skip)
+    """Skip what is marked `long` unless it was asked for; leave out what the other line runs."""
+    if not config.getoption("--long"):
+        skip = pytest.mark.skip(reason="runs with --long only")
+        for item in items:
+            if item.get_closest_marker("long"):
+                item.add_marker(skip)
+    beside = config.getoption("--beside")
+    left = [item for item in items if line_of(item) == beside] if beside else []
+    if left:
+        config.hook.pytest_deselected(items=left)
+        items[:] = [item for item in items if line_of(item) != beside]
+        config.stash[LEFT] = len(left)
+
+
+def line_of(item: pytest.Item) -> str | None:
+    """Return the Python whose line alone has to run a test, None where each line has to."""
+    mark = item.get_closest_marker("one_line")
+    if mark is None:
+        return None
+    python, why = mark.args
+    assert python in LINES and why, f"{item.nodeid}: one_line names a Python of {', '.join(LINES)}, and why"
+    return str(python)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """Say how many tests the other line has to run."""
+    if count := config.stash.get(LEFT, 0):
+        terminalreporter.write_line(f"left to Python {config.getoption('--beside')}: {count} tests")
 
 
 class _Sleeper(threading.Thread):

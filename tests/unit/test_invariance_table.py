@@ -11,6 +11,8 @@ from tests.stress import invariance_table
 from tests.stress.invariance_table import COLUMNS, FAMILY, PAGE, STORED, Measured, page_with, read, tables, write
 from tests.stress.solids import SHAPES
 
+pytestmark = pytest.mark.one_line("3.13", "a tool of developers: the product does not use it")
+
 TOUCH = {"shape": "block", "contact": "points", "friction": 0.3}
 
 

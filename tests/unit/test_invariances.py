@@ -23,6 +23,8 @@ from tests.stress.placed import RATE, Touch, draw, draw_without_friction, first_
 from tests.stress.setups import CHANNELS, CONTACT, Record, Series, compare
 from tests.stress.solids import SHAPES, parts_of
 
+pytestmark = pytest.mark.one_line("3.13", "its equations decide; tests/unit/contact runs on both lines")
+
 # An edge that is dragged fast; and a plane, by which the judge's own error is known.
 EDGE: Values = {
     "shape": "edge_90",

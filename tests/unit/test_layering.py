@@ -9,6 +9,8 @@ import pytest
 
 from core.devices.kinds import KINDS
 
+pytestmark = pytest.mark.one_line("3.11", "the text of the sources is read")
+
 ROOT = Path(__file__).resolve().parents[2]
 CORE = ROOT / "core"
 ADDON = ROOT / "blender_addon"

@@ -16,6 +16,8 @@ from tests.benchmarks.fingers.numbers import _rim, width
 from tests.benchmarks.fingers.page import page
 from tests.benchmarks.fingers.plate import MM, TOLERANCE, Moment, Plate, _stretch
 
+pytestmark = pytest.mark.one_line("3.11", "a tool of developers: the product does not use it")
+
 PRESETS = Path(__file__).resolve().parents[2] / "presets"
 PAGE = PRESETS / "skins" / "measured_fingers.md"
 FRICTION = 0.6

@@ -8,6 +8,8 @@ import pytest
 
 from tests.mutate import imported
 
+pytestmark = pytest.mark.one_line("3.11", "the text of the sources is read")
+
 ROOT = Path(__file__).resolve().parents[2]
 CORE, UNIT = ROOT / "core", ROOT / "tests" / "unit"
 # Folders of tests about the engine as a whole, which no folder of it mirrors.

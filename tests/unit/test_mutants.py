@@ -14,6 +14,8 @@ import pytest
 from tests import mutate
 from tests.mutants import Mutation, mutations
 
+pytestmark = pytest.mark.one_line("3.11", "a tool of developers: the product does not use it")
+
 ROOT = Path(__file__).resolve().parents[2]
 SOURCE = b'''"""Docstring with 1 and 2."""
 from typing import TYPE_CHECKING

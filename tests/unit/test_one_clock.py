@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.one_line("3.11", "the text of the sources is read")
+
 ADDON = Path(__file__).resolve().parents[2] / "blender_addon"
 CLOCK = ADDON / "scene_time.py"
 OTHERS = sorted(path for path in ADDON.rglob("*.py") if path != CLOCK and "core" not in path.relative_to(ADDON).parts)

@@ -13,6 +13,8 @@ from tests.benchmarks.references.shapes import Ball, Edge, Flat, Ribs
 from tests.benchmarks.references.tissue import MATERIAL, Tissue
 from tests.unit.test_references import box
 
+pytestmark = pytest.mark.one_line("3.11", "a tool of developers: the product does not use it")
+
 PROBES = np.array([[0.2, 0.1, 0.5], [0.6, 0.1, 0.8], [0.2, 0.6, 1.2]])
 ROUNDS, SETTLED = 200, 1e-5  # of linearisations, and the last change [mm]
 FINER = 2  # than the judge, whose bricks are quadratic

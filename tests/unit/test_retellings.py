@@ -17,6 +17,8 @@ from tests.stress.setups import Setup, computed
 from tests.stress.solids import SHAPES, parts_of
 from tests.unit.test_invariances import BALL, EDGE, PLANE, touch_positions
 
+pytestmark = pytest.mark.one_line("3.13", "its equations decide; tests/unit/contact runs on both lines")
+
 
 def test_the_finger_is_its_own_mirror_image_and_a_mirrored_scene_is_another() -> None:
     positions = touch_positions()

@@ -24,6 +24,8 @@ from tests.stress.known import CHANCE, COVERED, KNOWN, MENDED, Known, beyond, ch
 from tests.stress.paths import PLAIN, Press, dragged, pressing
 from tests.stress.run import judged, simple
 
+pytestmark = pytest.mark.one_line("3.13", "a tool of developers: the product does not use it")
+
 # Of each family the first seed and how many: those that are quick, the others are for `build_addon.py stress`.
 SHORT = {
     "touch": (501, 1),

@@ -20,6 +20,8 @@ from tests.benchmarks.work_precision.matched import LIMIT, _solved
 from tests.benchmarks.work_precision.measured import Noise, Panel, Point, machine, panel_of
 from tests.benchmarks.work_precision.on_shapes import Setting
 
+pytestmark = pytest.mark.one_line("3.13", "a tool of developers: the product does not use it")
+
 POINTS = [
     Point("nodes", "draft", 0.1, 0.2, 0.5, 1e-6, False, {"force": 0.1}),
     Point("nodes", "fine", 10.0, 20.0, 0.05, 1e-7),

@@ -19,11 +19,25 @@ from core.steps import drain
 from .test_platforms import own_folders, shown  # noqa: F401  a fixture
 
 ROWS = 512
+_SWEPT: dict[tuple[str, str], object] = {}
+
+
+def once(swept):
+    """Return a sweep that is worked out once for the same device, skin and rows."""
+
+    def known(spec, *skin):
+        key = spec.hash, json.dumps(skin, sort_keys=True)
+        if key not in _SWEPT:
+            _SWEPT[key] = yield from swept(spec, *skin)
+        return _SWEPT[key]
+
+    return known
 
 
 @pytest.fixture
 def baked(own_folders, monkeypatch):  # noqa: F811
-    """Return the tip interaction, its first touch baked, added to its own panel."""
+    """Return the tip interaction, its first touch baked, added to its own panel; tables are swept once."""
+    monkeypatch.setattr(platform_devices, "swept", once(platform_devices.swept))
     monkeypatch.setattr(design_results, "presets_folder", lambda: own_folders / "presets")
     scene, finger = shown("tip")
     scene.frame_end = 70
@@ -44,6 +58,7 @@ def test_the_answer_is_the_engines_for_the_same_bake_and_table(baked) -> None:
     found = design_results.current(scene).design
     spec = library().device("cable_platform")
     values = store.current(scene).skins["Index"]
+    _SWEPT.clear()
     _, table = drain(platform_devices.swept(spec, values["skin"], values["level"], ROWS, "linear"))
     direct = drain(core.design.task.answer(spec, table, {"t": sensed(scene)}, noise=2.0))
     assert found.names == ("Tip, Flat, Tip",)
@@ -167,6 +182,7 @@ def test_a_coupled_device_is_not_reduced_again(baked) -> None:
 
 def test_stopping_half_way_changes_nothing(baked) -> None:
     scene, _, folder = baked
+    _SWEPT.clear()
     before = set(core.work.child._owners)
     steps = design_results.find(scene)
     for _ in range(4):

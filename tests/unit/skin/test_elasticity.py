@@ -116,9 +116,8 @@ def test_rigid_motion_costs_nothing_and_stiffness_is_symmetric(element: str) -> 
 @pytest.mark.parametrize("element", ELEMENTS)
 @pytest.mark.parametrize("case", [Bulge, Swirl])
 def test_manufactured_solution_converges_with_second_order(element: str, case: type) -> None:
-    errors = [l2_error(cells, case, 0.3, element, warp=0.03) for cells in (4, 8, 16)]
-    rates = np.log2(np.array(errors[:-1]) / errors[1:])
-    assert rates[-1] == pytest.approx(2.0, abs=0.2), (errors, rates)
+    errors = [l2_error(cells, case, 0.3, element, warp=0.03) for cells in (6, 12)]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1), errors
 
 
 def test_averaged_pressure_does_not_lock_and_p1_does() -> None:
@@ -128,8 +127,11 @@ def test_averaged_pressure_does_not_lock_and_p1_does() -> None:
     assert max(anp.values()) < 1.1 * min(anp.values())
     assert p1[0.48] > 2.0 * p1[0.3] and p1[0.499] > 4.0 * p1[0.3]
     # it goes on converging with full order where P1 has hardly begun to
-    fine = {element: l2_error(16, Swirl, 0.499, element, kuhn=True) for element in ("anp", "p1")}
-    assert np.log2(anp[0.499] / fine["anp"]) > 1.8 and np.log2(p1[0.499] / fine["p1"]) < 0.5
+    rates = {
+        element: np.log2(np.divide(*(l2_error(cells, Swirl, 0.499, element, kuhn=True) for cells in (6, 12))))
+        for element in ("anp", "p1")
+    }
+    assert rates["anp"] > 1.8 and rates["p1"] < 0.5
 
 
 def test_p1_locks_on_the_finger_under_a_flat_press() -> None:

@@ -95,6 +95,7 @@ def every_reader() -> set[str]:
     return found
 
 
+@pytest.mark.one_line("3.11", "the text of the sources is read")
 def test_no_reader_is_missing_in_the_table() -> None:
     covered = {place for reader in READERS for place in reader.covers}
     known = covered | set(OWN)

@@ -179,6 +179,7 @@ def test_links_that_cannot_close_are_refused_by_name(tmp_path, capsys):
         assert words in capsys.readouterr().err
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("touching", [True, False])
 def test_the_plot_of_a_sampled_scene(tmp_path, capsys, touching):
     fingertip_skin(level="draft")

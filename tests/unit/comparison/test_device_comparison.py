@@ -134,6 +134,7 @@ def test_what_is_told_of_a_touch_is_told_once_and_in_a_line(cache: Cache, monkey
     assert sum("sinks deeper" in line for line in head) == 1
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_what_devices_are_matched_on_is_told(cache: Cache, tmp_path: Path) -> None:
     """Tissue that stiffens, of a Poisson's ratio that no table is of: felt so, and matched on linear skin."""
     scene, told = touch(), "devices are matched on linear skin"
@@ -147,6 +148,7 @@ def test_what_devices_are_matched_on_is_told(cache: Cache, tmp_path: Path) -> No
     assert csv.DictReader(line for line in table.read_text().splitlines() if not line.startswith("#")).fieldnames
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_floors_stand_beside_the_devices_that_are_searched(
     found: device_comparison.Comparison, cache: Cache, monkeypatch: pytest.MonkeyPatch
 ) -> None:

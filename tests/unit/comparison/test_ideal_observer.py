@@ -40,6 +40,7 @@ def test_only_what_tells_the_real_touches_apart_counts_for_one_who_knows_them():
     assert backwards.as_real == pytest.approx(-2.0) and backwards.right == pytest.approx(0.15866, abs=1e-5)
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 def test_the_noise_is_such_that_people_tell_seven_percent_of_a_force(afferents):
     """Presses of 1 N and 7 % more, found here by bisection, held for a second: d' is 1."""
     plate, held = Surface.block(0.1, 0.1), []

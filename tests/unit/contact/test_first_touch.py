@@ -76,6 +76,7 @@ def height_over_mesh(skin: SkinModel, envelope: Envelope, at: tuple[float, float
     return float((points[:, 2] + envelope(points[:, :2] - at)).min())
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("at", [(0.0, 0.0), (0.7e-3, 1.1e-3), (-2.3e-3, -3.0e-3)])
 @pytest.mark.parametrize("name", sorted(BODIES))
 def test_it_touches_where_its_envelope_does(name: str, at: tuple[float, float], skin: SkinModel) -> None:

@@ -72,6 +72,7 @@ def test_what_has_no_load_is_held_still(skin, steps, given):
     obeys_coulomb(steps)
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("gravity", [(0, -9.81, 0), (6, 0, -7.7), (0, 0, 9.81), (9.81, 0, 0)])
 def test_gravity_may_pull_any_way(skin, steps, gravity):
     block, fingers = carried(STILL)
@@ -192,6 +193,7 @@ def test_kinks_that_are_left_as_they_are_are_told(skin, steps):
     assert jumps(steps)[0] <= 4e-3
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("count", [240, pytest.param(480, marks=pytest.mark.long)])
 def test_what_is_shaken_at_its_limit_creeps_and_is_kept_near_its_path(skin, steps, count):
     times = np.arange(count) / RATE

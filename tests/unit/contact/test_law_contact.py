@@ -66,6 +66,7 @@ def off(a: Array, b: Array) -> float:
 # -- against the law in double precision -------------------------------------------------------------------------
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize(("shape", "friction"), [(s, 0.6) for s in SHAPES] + [("plane", 0.0), ("ball", 0.0)])
 def test_forces_and_displacement_are_those_of_newtons_method(
     skin: SkinModel, exact: ExactFinger, monkeypatch: pytest.MonkeyPatch, shape: str, friction: float

@@ -19,6 +19,7 @@ def skin() -> SkinModel:
     return fingertip(level="draft")
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("depth", [0.5e-3, 1.5e-3])
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("contact", ["points", "nodes"])

@@ -164,6 +164,7 @@ def test_an_objects_scale_equals_scaled_vertices(reference, skin, mirror):
     assert np.linalg.norm(again.force - reference.force) <= 1e-4 * np.linalg.norm(reference.force)
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize(
     ("kind", "contact"),
     [("stretched", "nodes"), ("sheared", "nodes"), ("scaled from the start", "nodes"), ("sheared", "points")],

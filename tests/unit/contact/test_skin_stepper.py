@@ -80,6 +80,7 @@ def step(posed, stepper, given):
     return stepper.step(stepper.approach(), 0)
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("parameters", [{}, SPRING], ids=["animated", "compliant"])
 def test_samples_one_by_one_give_what_a_sweep_gives(skin, parameters):
     """Bit for bit in double precision; the bake keeps forces in single precision."""
@@ -107,6 +108,7 @@ def test_a_surface_that_deforms_gives_what_a_sweep_gives(skin):
         np.testing.assert_allclose(got.force, bake.force_at(i), atol=1e-4 * scale)
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("parameters", [{}, SPRING], ids=["animated", "compliant"])
 def test_a_sample_may_be_solved_anew(skin, parameters):
     """A detour, and back to the saved state: this sample and those after it are what they are without the detour."""

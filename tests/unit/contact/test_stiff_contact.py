@@ -171,6 +171,7 @@ def test_points_and_nodes_agree_as_they_do_on_linear_skin(skin: SkinModel) -> No
     assert (apart[1] <= apart[0] + 0.05).all()
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("shape", ["plane", "tilted", "ball"])
 @pytest.mark.parametrize(("depth", "slide"), [(4e-3, 0.0), (2e-3, 6e-3)])
 def test_far_beyond_its_range_it_is_graceful_and_no_worse_than_linear(

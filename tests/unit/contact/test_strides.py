@@ -108,6 +108,7 @@ WAYS = {
 MESHES = {"plane": PLATE, "ball": BALL}
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("kind", WAYS)
 @pytest.mark.parametrize("shape", MESHES)
 def test_what_is_flat_or_gentle_feels_as_if_every_sample_were_solved(skin: SkinModel, kind: str, shape: str) -> None:
@@ -179,6 +180,7 @@ SCALED = way()
 SCALED[:, 0, 0] = SCALED[:, 1, 1] = eased(1.0, 1.3)
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize(
     "given",
     [
@@ -284,6 +286,7 @@ def test_beside_fingers_that_hold_others_go_their_way(skin: SkinModel, cuts: tup
     assert found[2].force.tobytes() == alone.force.tobytes() and alone.normal_force.min() > 0.05
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_a_step_that_comes_under_the_finger_is_gone_back_for(skin: SkinModel) -> None:
     """Where a stride ends on an edge that was not there when it began, all its samples are solved."""
     vertices, triangles = shapes.block(16e-3, 0.06, 0.3e-3)

@@ -119,6 +119,7 @@ def test_too_small_a_sweep_is_refused(spec, skin):
         sweep(spec, skin.positions, 7)
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 def test_friction_is_what_makes_the_reversed_sweep_differ(spec, skin):
     smooth = replace(spec, parameters={**spec.parameters, "friction": 0.0})
     spread, none = reversed_spread(spec, skin, 125), reversed_spread(smooth, skin, 125)
@@ -162,6 +163,7 @@ def test_interactions_press_where_they_say(skin):
     assert back[1] > 0.3 and left[0] > 0.3  # higher at the back, higher at the left
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_where_an_interaction_touches_is_where_its_name_says(skin, short_touches):
     for name, axis, sign in (("back", 1, -1), ("tip", 1, 1), ("left", 0, -1), ("right", 0, 1)):
         touch = felt(skin, name, 0, Wobble(0.0, 0.0, 0.0, 0.0))

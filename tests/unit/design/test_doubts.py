@@ -150,6 +150,7 @@ def test_no_original_motor_goes_faster_than_it_could(spec, table):
         assert (fastest <= own * (1 + 1e-9)).all() and (fastest / own).max() == pytest.approx(1.0)
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_a_coupling_beyond_the_original_range_is_found(spec, skin, table, short_touches):
     from core.design.trial import felt
     from core.matching.lookup import render

@@ -138,6 +138,7 @@ def test_batches_are_of_rows_that_are_near_each_other(count):
         assert np.mean([np.ptp(where[rows], axis=0).prod() for rows in batches]) < 0.5
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_platforms_sweep_every_skin_that_ships():
     """Poses out of the motors' reach are left out: never so many that the table is refused. Points know no level."""
     library = Library()

@@ -103,6 +103,7 @@ def test_the_thimbles_safe_pose_is_firm_and_on_its_own_side() -> None:
 # -- the way there
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("key", PLATFORMS)
 def test_the_way_never_presses_deeper_and_never_gives_way(key: str) -> None:
     wire, moving = Wire.of(LIBRARY.device(key)), devices(key)
@@ -123,6 +124,7 @@ def test_cables_let_out_one_by_one_do_not_press_either() -> None:
     assert max(deepened(poses, pad(s), moving.radius)[0].max() for s in shapes().values()) <= DEEPENING
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("key", ["thimble_3rrs", "hexapod"])
 def test_why_channels_must_arrive_together(key: str) -> None:
     """One by one, some platforms pass a singular pose on the way: the servos no longer say where they are."""

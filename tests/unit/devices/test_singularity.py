@@ -76,6 +76,7 @@ def test_of_two_poses_with_the_same_servo_angles_one_is_feasible_at_most():
     assert not DEVICE.feasible(one) and inverse_kinematics(DEVICE, *one)[1] < 0 < inverse_kinematics(DEVICE, *other)[1]
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_every_feasible_pose_is_the_one_that_its_servos_hold():
     """The round trip over the whole workspace, from the level pose each time."""
     count, steepest = 0, 0.0

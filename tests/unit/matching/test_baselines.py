@@ -61,6 +61,7 @@ def test_force_only_reproduces_a_reachable_force_and_nothing_else(skin, device):
     np.testing.assert_allclose(observation_matrix @ made.ravel(), made.sum(axis=0), rtol=1e-12)
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 def test_geometry_knows_no_friction_and_force_no_place(skin, device):
     """The two things that S0 finds missing in them: sliding leaves the plane still; front and back feel alike."""
     slide = touches.slide(40).forces(skin)

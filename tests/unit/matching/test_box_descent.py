@@ -86,6 +86,7 @@ def made_by_six_legs(device, skin, count=16):
     return np.array(forces), np.array(path)
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_what_six_legs_made_is_found_again():
     spec, skin = Library().device("hexapod"), fingertip_skin(level="draft")
     use = prepare(spec, skin, {"platform_method": "stress"})

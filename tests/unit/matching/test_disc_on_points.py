@@ -71,6 +71,7 @@ def off(ours, theirs):
     return float(np.linalg.norm(ours - theirs) / np.linalg.norm(theirs))
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_a_disc_presses_as_the_same_disc_is_touched(skin, device):
     target, points = touched(skin, device)
     contact = contact_of(device, skin, FRICTION)
@@ -119,6 +120,7 @@ def test_a_skin_on_nodes_is_pressed_there(device):
     assert point_forces(skin, np.zeros((contact.count, 3))) is None
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_the_same_touch_gives_the_same_bytes_whatever_was_solved_before(device):
     """The first to follow a touch makes the table that searches start from; a preview takes steps back."""
     skin = fingertip_skin(level="draft")

@@ -60,6 +60,7 @@ def test_a_search_of_a_frame_comes_near_the_best_of_several_ways(skin, matching)
     np.testing.assert_array_equal([f.x for f in many.frames], [f.x for f in again.frames])
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 def test_several_ways_leave_less_than_one(skin):
     """Six legs can get round a ball by more ways than a search of a frame looks at."""
     use = prepare(Library().device("hexapod"), skin, {"platform_method": "stress"})
@@ -83,6 +84,7 @@ def test_a_way_keeps_the_servos_speed(matching, edge):
     assert np.abs(np.diff(angles, axis=0)).max() <= 0.03 + 1e-12
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_the_floor_of_a_thimble(spec, skin, edge):
     use = prepare(spec, skin, {})
     found = drain(floor_of(use, edge))

@@ -125,6 +125,7 @@ def test_without_a_screen_the_fingers_own_axes_count():
     assert following.signals["contact"].sum() > 0.98 * COUNT and following.signals["friction"].max() <= CLOSE
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 def test_a_deforming_mesh_needs_no_map():
     """The bump grows to twice its height under the finger; the friction is that of the moment."""
     grows = 0.5 + 0.5 * np.linspace(0, 1, COUNT)

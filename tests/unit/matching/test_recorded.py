@@ -64,6 +64,7 @@ def learned():
     return learn(recording(), DEVICE, contact_of(DEVICE, fingertip_skin(level="draft"), 0.6))
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 def test_depth_tells_what_the_pose_alone_does_not():
     """Held out in whole runs, in time: 0.08 is asked for, of which a quadratic of the pose is far."""
     found, table = learned(), recording()
@@ -99,6 +100,7 @@ def test_a_recording_of_one_run_is_cut_into_stretches_of_time_and_few_rows_will_
     assert found.table.memory.shape == (8, 0) and found.runs == 8
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("unit", [1.0, 1000.0, -3e-5])
 def test_poses_come_back_in_any_unit_of_the_channels(tmp_path, unit, capsys):
     write_table(tmp_path / "table.npz", recording(unit))

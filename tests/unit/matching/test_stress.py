@@ -69,6 +69,7 @@ def probe_observation(skin, points):
     return np.array(columns).T
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 def test_a_reachable_target_of_another_mesh_is_recovered(device):
     """No inverse crime: the target's skin has other and twice as many elements, and stress is compared at points.
 
@@ -107,6 +108,7 @@ def test_a_frame_begins_where_its_target_has_gone(skin, device, observation_matr
     assert left[0] < 1.01 * left[1]
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize(
     "touch", [touches.ball_roll(40), touches.edge_press(40), touches.slide(40)], ids=lambda t: t.name
 )
@@ -157,6 +159,7 @@ def test_a_faint_touch_begins_on_the_side_that_renders_it_strong(skin, device, o
     assert left(None) <= min(sides) / 0.9 * (1 + 1e-9)  # for less gain the side that promised most is kept
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_sliding_makes_the_platform_roll_only_with_friction(skin, device):
     """[S0] figure 10."""
     rolls = {}
@@ -220,6 +223,7 @@ def test_methods_are_named(skin, device, observation_matrix):
         matcher(device, skin, "network", observation_matrix=observation_matrix)
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_rendering_fills_the_track_at_the_devices_rate(skin):
     spec = Library().device("thimble_3rrs")
     touch = touches.ball_roll(31)

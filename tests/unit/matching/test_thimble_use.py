@@ -198,6 +198,7 @@ def narrowed(spec, **changes):
     return from_preset("narrow", own)
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 def test_a_channels_narrower_limits_are_the_servos(skin, spec):
     """The pose in the track is the one that the angles in the track hold, whichever of both limits is the tighter."""
     scene = TactileScene("s", Fraction(30), (0, 30), 30.0, (Finger("index"),), (), (), ())

@@ -176,6 +176,7 @@ def cut(scene: TactileScene) -> list[Chunk]:
     return out
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("what", CHANGES)
 def test_only_whom_a_change_concerns_is_rendered(
     what: str, baked: KeptShares, far_baked: KeptShares, solved: list[str]
@@ -188,6 +189,7 @@ def test_only_whom_a_change_concerns_is_rendered(
     same(changed, run(change(three())))
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 def test_who_holds_together_is_rendered_together() -> None:
     before = KeptShares()
     again(holding(), before)

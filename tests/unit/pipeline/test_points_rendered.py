@@ -28,6 +28,7 @@ def rendered(device: str, surface: Surface, **given: object) -> Bake:
     return run(scene_from_poses(RATE, [(finger, (0.0, 0.0, 0.0))], [(body, way)]), Library())
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("device", ["pin_array_128", "thimble_3rrs"])
 def test_devices_follow_points_as_they_follow_nodes(device: str) -> None:
     ball = Surface.sphere(12e-3)

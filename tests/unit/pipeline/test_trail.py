@@ -111,6 +111,7 @@ SCENES = {
 }
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("name", SCENES)
 def test_what_is_played_is_what_is_baked(name: str) -> None:
     scene = SCENES[name]

@@ -199,6 +199,7 @@ def test_a_punch_with_ribs() -> None:
     assert found[middle] / found[middle].mean() == pytest.approx(exact[middle] / exact[middle].mean(), rel=0.01)
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 def test_errors_fall_with_the_size_of_the_cells() -> None:
     """Of force, halving the cells: below a twentieth of their share of the contact's radius, so as fast as they."""
     depth, slope, radius = 0.4e-3, 0.3, 6e-3

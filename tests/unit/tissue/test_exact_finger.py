@@ -29,6 +29,7 @@ def finger() -> ExactFinger:
     return ExactFinger(fingertip_skin(level="draft"))
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("shape", ["plane", "tilted", "ball", "edge"])
 def test_tissue_and_contact_are_both_in_balance_while_pressed_and_dragged(finger: ExactFinger, shape: str) -> None:
     surface = {"plane": flat, "tilted": flat, "ball": lambda: ball(3e-3), "edge": lambda: edge(0.2e-3)}[shape]()
@@ -59,6 +60,7 @@ def test_forces_scale_with_stiffness(finger: ExactFinger) -> None:
     assert np.linalg.norm(stiff.displacement - soft.displacement) <= 1e-5 * np.linalg.norm(soft.displacement)
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 def test_the_work_of_a_press_without_friction_is_what_the_tissue_stores(finger: ExactFinger) -> None:
     touch = press(finger.skin, flat(), 1.5e-3, friction=0.0, pitch=0.15, step=0.05e-3)
     pad, work, force, moved = finger.skin.mesh.pad, 0.0, 0.0, 0.0
@@ -78,6 +80,7 @@ def test_without_friction_the_way_does_not_matter(finger: ExactFinger) -> None:
     assert difference(stress[0], stress[1], finger.skin.mesh.volumes) <= 1e-4
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_a_frame_too_far_is_walked_in_parts(finger: ExactFinger) -> None:
     finger.reset()
     near, far = (press(finger.skin, flat(), 4e-3, friction=0.0, pitch=0.3, step=s).bodies(0) for s in (0.1e-3, 4e-3))

@@ -49,6 +49,7 @@ def follow(half_space, way, frames, mu=0.5):
     return np.array(found)
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("way", [oblique, curved])
 def test_friction_is_right_to_the_second_order_of_the_step(half_space, way):
     fine = follow(half_space, way, 64 * CALLED[0])

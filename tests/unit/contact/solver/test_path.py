@@ -99,6 +99,7 @@ def test_energy_balance(skin):
     assert work == pytest.approx(stored + heat, rel=0.01)
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_no_creep_in_ten_thousand_frames(skin, solver):
     for depth, shift in press_and_slide(10):
         step = solver.step([plane(skin, depth, (0.0, shift))])

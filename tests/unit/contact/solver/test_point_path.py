@@ -131,6 +131,7 @@ def test_the_frame_rate_does_not_matter(pad):
     assert np.linalg.norm(fast - slow) < 0.01 * np.linalg.norm(slow)
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("name", ["edge", "ball"])
 def test_a_touch_after_a_lift_is_the_touch_before_to_the_bit(pad, name):
     """Skin that was lifted remembers nothing: neither where points were, nor what friction held."""
@@ -165,6 +166,7 @@ def test_a_state_can_be_gone_back_to(pad):
         assert walked() == first
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("seed", [2, 3, 6])
 def test_a_leap_that_is_tried_and_taken_back_leaves_no_trace(pad, seed):
     """Up to three things jump about by millimetres, and come and go: each frame is solved twice from the same state."""
@@ -303,6 +305,7 @@ def test_the_smallest_gap_is_that_of_all_skin(pad, height):
         assert solver.outside(bodies) == pytest.approx(all_of_it, abs=1e-15)
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize(("angle", "most"), [(60, 0.35), (90, 0.25)])
 def test_a_finger_without_friction_that_slid_over_an_edge_is_as_one_that_was_pressed_there(pad, angle, most):
     """Nothing remembers where it came from: the way back asks for as much. Cells that caught were 0.7 and 0.6 off."""

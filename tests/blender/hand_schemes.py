@@ -88,7 +88,7 @@ def _reference(kind: str, side: str) -> dict[str, tuple[int, np.ndarray]]:
 
 def _attached(kind: str, name: Name, side: str) -> dict[str, tuple[int, np.ndarray]]:
     """Return the place along its finger of the bone that carries each fingertip, and its pad in metres (3,)."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     if kind.startswith("metarig"):
         places = _metarig(name, ends=kind != "metarig")
     else:

@@ -23,6 +23,13 @@ WORKERS = {  # as presets/scale.md starts workers, where it says why
     "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
 }
 
+CALM = {  # one cluster serves all tests of a run, and looks after itself in vain: 8 % of a processor, so 1 %
+    "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "500ms",
+    "DASK_DISTRIBUTED__ADMIN__SYSTEM_MONITOR__INTERVAL": "10s",
+    "DASK_DISTRIBUTED__WORKER__MEMORY__MONITOR_INTERVAL": "2s",
+    "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
+}
+
 
 def has_dask() -> bool:
     """Return whether dask.distributed is installed."""
@@ -86,7 +93,12 @@ class Cluster:
         with (self.folder / f"{len(self._started)}-{words[0]}.log").open("wb") as log:
             line = [sys.executable, "-m", "dask", *words]
             started = subprocess.Popen(
-                line, env={**environment(), **more}, cwd=self.folder, stdin=subprocess.DEVNULL, stdout=log, stderr=log
+                line,
+                env={**environment(), **CALM, **more},
+                cwd=self.folder,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
             )
         self._started.append(started)
 

@@ -156,6 +156,7 @@ def test_what_cannot_be_pressed_is_refused(skin: SkinModel) -> None:
         fingertip("toe")
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 def test_a_step_is_a_length_and_a_slide_ends_where_the_surface_has_left(skin: SkinModel) -> None:
     assert press(skin, Surface.block(0.02, 0.02), 0.3e-3, slide=[0, 0.06]).normal_force == 0.0
 
@@ -205,6 +206,7 @@ def test_an_exact_match_is_optimal(skin: SkinModel) -> None:
     assert found.error < 1e-6 and found.optimality < 1e-6
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("device", ["pin_array_128", "thimble_3rrs"])
 def test_a_match_becomes_a_track_that_a_file_gives_back(device: str, skin: SkinModel, tmp_path: Path) -> None:
     found = match(press(skin, Surface.sphere(5e-3, 5_000), 1e-3), device)

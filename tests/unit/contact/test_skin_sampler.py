@@ -126,6 +126,7 @@ def test_chunks_do_not_matter(reference, skin):
         np.testing.assert_array_equal(again.contact, reference.contact)
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("near", [slice(0, 20), slice(20, 40), slice(10, 25)], ids=["leaves", "comes", "passes"])
 def test_a_body_that_comes_or_goes_leaves_the_friction_of_the_others_alone(reference, skin, near):
     """What a node sticks to is told by a body's number: it is the same in every chunk, whoever else is about."""

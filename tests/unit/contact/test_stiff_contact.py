@@ -138,6 +138,7 @@ def test_a_step_that_is_taken_back_and_taken_again_gives_the_same(skin: SkinMode
     assert [a.tobytes() for a in first] == [b.tobytes() for b in again]
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("shape", SHAPES)
 def test_tissue_is_in_balance_and_the_laws_hold_where_it_lies(skin: SkinModel, shape: str) -> None:
     """Each frame against the law in double precision, at the displacement that is found again from what is kept."""

@@ -154,6 +154,7 @@ def test_who_slows_down_on_a_straight_way_is_followed_by_the_way(skin: SkinModel
     assert np.abs(once.total - every.total).max() < 2e-3 * np.abs(every.total).max()
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("cuts", [(1,), (3, 4, 9, 50), tuple(range(1, COUNT)), tuple(range(7, COUNT, 7))], ids=len)
 def test_cuts_change_no_byte(skin: SkinModel, cuts: tuple[int, ...]) -> None:
     came = way(0.0)

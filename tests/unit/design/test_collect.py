@@ -54,6 +54,7 @@ def test_the_sweep_is_the_papers(spec, skin):
     assert len(np.unique(commands.round(9), axis=0)) == len(commands)
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_rows_that_touch_nothing_are_one_rest_row(spec, skin, tmp_path):
     table, _ = drain(collect(spec, SHAPE, tmp_path, rows=512))
     assert table.meta["asked"] == 512 and table.meta["rest_rows"] >= 64  # the first of eight depths is above the skin

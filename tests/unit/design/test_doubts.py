@@ -68,6 +68,7 @@ def test_a_recorded_table_is_told_from_one_to_render_with(tmp_path):
         SkinTable.load(tmp_path / "t.csv")
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 def test_a_scene_is_felt_by_its_fingers_own_skin(skin, tmp_path):
     scene = interaction("flat", skin.positions, seed=0, repetitions=1)
     soft = {**Library().skin("index_medium"), "young": 5e4}

@@ -82,6 +82,7 @@ def test_rows_do_not_depend_on_each_other() -> None:
     assert np.linalg.norm(together.force[-1] - alone.force[0]) < 2e-3 * size
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_cables_give_way_until_skin_and_springs_are_in_balance() -> None:
     spec = Library().device("cable_platform")
     press = press_of(skin(), spec)

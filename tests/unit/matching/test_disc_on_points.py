@@ -95,6 +95,7 @@ def test_a_disc_presses_as_the_same_disc_is_touched(skin, device):
     assert off(mine, wanted) < 0.2  # 0.3 mm deep the parts themselves show
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 def test_the_pose_is_found_that_made_a_touch(skin, device):
     """Touched by the very disc, the finger is matched nearly to nothing: what is left is that of 1.6 mm parts."""
     target, _ = touched(skin, device)

@@ -195,6 +195,7 @@ def test_no_table_is_refused(tmp_path):
         SkinTable.load(tmp_path / "y.npz")
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("device", ["cable_platform", "hexapod"])
 def test_a_scene_is_rendered_and_the_track_makes_the_skin_feel_alike(device):
     """Through the whole pipeline: rest where nothing touches, within the device's range, and felt as wanted."""

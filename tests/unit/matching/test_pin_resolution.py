@@ -84,6 +84,7 @@ def felt(level):
     return sampler.finish()[0]
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_inverse_methods_press_on_a_coarse_skin_as_on_the_standard_one():
     """Both meshes are of the same finger, so relative to the target a method presses alike."""
     ratios = {}

@@ -91,6 +91,7 @@ def test_a_reachable_target_of_another_mesh_is_recovered(device):
     assert np.abs(found.x - path)[pressed, 2].max() < 0.1e-3
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_a_frame_begins_where_its_target_has_gone(skin, device, observation_matrix):
     """What the last slope says of the target's change is nearly all: fewer poses are looked at, for the same answer."""
     targets = touches.ball_roll(160).forces(skin, points=True).reshape(160, -1) @ observation_matrix.T

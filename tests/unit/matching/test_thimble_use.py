@@ -142,6 +142,7 @@ def test_a_network_of_other_size_or_without_numbers_is_a_finding(tmp_path, skin,
     assert prepare(spec, skin, {**use, "thimble_method": "ridge"}).method == ("stress" if more else "ridge")
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_a_wrong_surrogate_says_in_how_many_frames_it_was_replaced(tmp_path, skin, spec, made):
     """A network of random numbers, in a file that is right in every other way."""
     pytest.importorskip("onnxruntime")

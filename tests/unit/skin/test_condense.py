@@ -75,6 +75,7 @@ def test_modulus_only_scales() -> None:
     assert np.array_equal(again.compliance, personal.compliance) and again.unit_compliance is soft.unit_compliance
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 def test_mirrored_load_gives_mirrored_answer() -> None:
     skin = fingertip_skin(level="standard")
     mesh = skin.mesh

@@ -93,6 +93,7 @@ def test_rows_and_blocks_agree(pad: SurfaceCompliance) -> None:
     assert len(pad.apply(members, force, at=members[:0])) == 0
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_it_stores_energy_whatever_cells_carry_it() -> None:
     """Positive definite on any leaves of every skin that ships: the smallest eigenvalue is a quarter of a self term."""
     for number, entry in enumerate(Library().list("skins")):

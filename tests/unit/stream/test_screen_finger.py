@@ -68,6 +68,7 @@ def test_a_resting_finger_keeps_its_voltage_through_the_sender() -> None:
     assert lab.at[0] == pytest.approx(FULL, rel=1e-3), "a second after the finger stopped"
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("kind", ["uniform", "normal"])
 @pytest.mark.parametrize("size", [1e-6, 1e-5, 1e-4])
 @pytest.mark.parametrize("rate", [60.0, 120.0, 240.0])

@@ -72,6 +72,7 @@ def exact_crossing(start, end, corners, side):
     return t if 0 <= t <= 1 and u >= 0 and w >= 0 and u + w <= 1 else None
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("kind", [*THIN, "slivers"])
 @pytest.mark.parametrize("side", [1, -1])
 def test_ways_enter_what_they_enter_in_exact_fractions(kind, side):

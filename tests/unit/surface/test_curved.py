@@ -56,6 +56,7 @@ def test_a_ball_of_few_triangles_becomes_round():
     np.testing.assert_array_equal(made.mesh.vertices[: len(flat.vertices)], flat.vertices)
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 def test_a_ball_of_few_triangles_pushes_back_as_a_round_one_does():
     skin = fingertip(level="draft")
 

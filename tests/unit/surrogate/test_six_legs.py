@@ -20,6 +20,8 @@ from core.surrogate.forward import DirectModel
 from core.surrogate.store import adapt, contact_of, load, save
 from tests import touches
 
+pytestmark = pytest.mark.one_line("3.13", "numbers alone; the folder's models are tested on both lines")
+
 
 @pytest.fixture(scope="module")
 def spec():

@@ -34,6 +34,8 @@ from core.surrogate.trial import TrialForce
 from tests import touches
 from tests.thimbles import match_sequence
 
+pytestmark = pytest.mark.one_line("3.11", "numbers alone; the folder's models are tested on both lines")
+
 
 @pytest.fixture(scope="module")
 def device():

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from core.design.interactions import NAMES
 from core.design.trial import felt, sense
@@ -42,6 +43,7 @@ class Counting(InlineExecutor):
         return future
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_what_is_read_is_what_the_trial_reads(skin: SkinModel, short_touches: None) -> None:
     wanted = sense(felt(skin, "flat", 3), seed=300 + NAMES.index("flat"))
     assert np.array_equal(sensed(row(0).given), wanted)

@@ -212,6 +212,7 @@ def test_leaving_early_writes_the_table_of_what_is_there(spec: Path, tmp_path: P
 # -- motors
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 def test_the_trial_through_a_sweep_is_the_trial_to_the_bit(
     skin: SkinModel, tmp_path: Path, short_touches: None
 ) -> None:

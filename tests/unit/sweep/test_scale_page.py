@@ -21,6 +21,10 @@ from tests.clusters import MISSING, WORKERS, has_dask
 from tests.unit.library.test_pages import understood
 from tests.unit.pipeline.test_shots import files, press
 
+pytestmark = pytest.mark.one_line(
+    "3.13", "the page's commands are those of every Python; verbs and clusters are tested on both lines"
+)
+
 ROOT = Path(__file__).resolve().parents[3]
 PAGE = (ROOT / "presets" / "scale.md").read_text(encoding="utf-8")
 SCRIPT = ROOT / "presets" / "slurm_array.sh"

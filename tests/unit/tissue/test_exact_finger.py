@@ -72,6 +72,7 @@ def test_the_work_of_a_press_without_friction_is_what_the_tissue_stores(finger: 
     assert work == pytest.approx(stored, rel=2e-3)
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 def test_without_friction_the_way_does_not_matter(finger: ExactFinger) -> None:
     fine = follow(finger, press(finger.skin, flat(), 2e-3, friction=0.0, pitch=0.2, step=0.2e-3))[-1]
     once = follow(finger, press(finger.skin, flat(), 2e-3, friction=0.0, pitch=0.2, step=1e-3))[-1]

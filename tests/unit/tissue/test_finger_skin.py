@@ -184,6 +184,7 @@ def test_a_script_asks_for_tissue_and_a_device_for_its_table(cache: Cache) -> No
     assert np.array_equal(made.compliance, fingertip(level="draft", width=WIDTH).compliance)
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_skin_that_stiffens_holds_a_plane_that_is_drawn_across_it_as_far_as_friction_does() -> None:
     """1 mm deep and drawn to and fro by 3 mm: it sticks, then slips, and gives way to no drag in between."""
     skin = of_tissue(fingertip_skin(), NEO_HOOKEAN)

@@ -92,6 +92,7 @@ def test_work_that_is_stopped_leaves_nothing(tmp_path: Path) -> None:
     assert find_stiffening(SHAPE, RATIO, cache=cache) is None
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_the_same_touches_make_the_same_numbers() -> None:
     first, second = (drain(make_stiffening(SHAPE, RATIO)) for _ in range(2))
     np.testing.assert_array_equal(first.energy.cubic, second.energy.cubic)

@@ -151,6 +151,7 @@ def test_a_ball_that_rolls_needs_little_friction(pad):
     assert abs(pull) < 0.3 * press
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("seed", range(5))
 def test_pressing_deeper_never_pulls(pad, seed):
     """A convex body turned anyhow: its force never falls while it is pressed in.

@@ -76,6 +76,7 @@ def test_points_are_as_fine_as_what_presses(pad):
 
 
 # what ever smaller cells go to, down to 0.0125 mm across the edge, solved at once and to 1e-4
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize(("angle", "force"), [(60, 0.440), (90, 0.484), (120, 0.557)])
 def test_forces_converge_as_cells_are_halved(pad, angle, force):
     surface, errors = Surface.edge(np.radians(angle)), []
@@ -334,6 +335,7 @@ def test_skin_that_slid_over_an_edge_comes_to_rest(pad, there):
     assert "same" in [steps.step([body(edge, 1e-3, 0.02, (there, 0.0))]).work for _ in range(30)]
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize("since", [0, 2, 5])
 def test_what_is_away_changes_nothing_wherever_it_is_first_seen(pad, since):
     """Which boxes meet depends on how the scene lies in the world, and must not be felt."""

@@ -217,6 +217,7 @@ SCRIPTS: dict[str, Script] = {
 }
 
 
+@pytest.mark.one_line("3.11", "bytes of a seeded draw; the rest of this file runs on both lines")
 @every_chip
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_all_receivers_say_the_same(chip: Chip, name: str) -> None:

@@ -355,7 +355,6 @@ def _counters(stepper: core.contact.skin_stepper.SkinStepper) -> dict[str, int]:
         "skipped, same pose": c["same"],
         "skipped, nothing near": c["idle"],
         "skipped, objects far away": stepper.far,
-        "solved by the fallback": c["fallback"],
         "not converged": c["unconverged"],
     }
 

@@ -25,6 +25,9 @@ enum {
     DERMIS_NOT_FINITE = 2    /* a number, or an area's square, that is not finite; `wrong` of the record says at which index */
 };
 
+/* Pairs of sweeps that are remembered. */
+enum { DERMIS_KEPT = 3 };
+
 /* Doubles of a triangle in a tree; boxes that are looked at at once, and floats of so many. */
 enum { DERMIS_ROW = 16, DERMIS_LANES = 4, DERMIS_BOXES = 64 };
 
@@ -90,6 +93,28 @@ typedef struct {
     int64_t wrong;        /* out: the point that is not finite, or -1 - the triangle */
 } dermis_query;
 
+/* Nodes that may touch, and the forces on them: w = C f + softness f + offset obeys Coulomb's law with f.
+
+   Where a normal is zero, nothing is near and no force acts. */
+typedef struct {
+    int64_t count;           /* nodes */
+    int64_t single;          /* 1: the compliance is of floats; 0: of doubles */
+    int64_t stride;          /* numbers from one row of the compliance to the next */
+    const void *compliance;  /* C, symmetric positive definite (3 count, stride) [m/N] */
+    const double *offset;    /* (count, 3) [m] */
+    const double *normals;   /* of length 1 or 0 (count, 3) */
+    const double *friction;  /* coefficients (count) */
+    const double *softness;  /* compliance of what lies below each node (count) [m/N] */
+    double tolerance;        /* of the residual */
+    int64_t most;            /* sweeps */
+    double *force;           /* in: to start from; out (count, 3) [N] */
+    double *image;           /* out: C f (count, 3) [m] */
+    double *room;            /* to work in (3 DERMIS_KEPT + 4, count, 3) */
+    double residual;         /* out: |f - P(f - w / own)| / |f|, own the mean compliance of a node to its own force */
+    int64_t sweeps;          /* out */
+    int64_t wrong;           /* out: the node that is not finite */
+} dermis_contact;
+
 /* Put the triangles `order` into the order of a tree's slots, so that neighbours share leaves. */
 DERMIS_API int32_t dermis_tree_split(dermis_tree *tree);
 
@@ -105,6 +130,9 @@ DERMIS_API int32_t dermis_body_judge(dermis_body *body);
 
 /* Measure the signed distances of points to a body that was fitted. */
 DERMIS_API int32_t dermis_distances(dermis_query *query);
+
+/* Find the forces of contact from those to start from. */
+DERMIS_API int32_t dermis_sweep(dermis_contact *contact);
 
 /* The ABI number, and the size and offsets of each record; the last number is UINT64_MAX. */
 DERMIS_API const uint64_t *dermis_layout(void);

@@ -45,6 +45,7 @@ class Kernels:
             self.split, self.fit = _function(library.dermis_tree_split), _function(library.dermis_tree_fit)
             self.fit_body, self.judge = _function(library.dermis_body_fit), _function(library.dermis_body_judge)
             self.distances = _function(library.dermis_distances)
+            self.sweep = _function(library.dermis_sweep)
             sources = bytes(library.dermis_sources()).decode("ascii", "replace")
             fields = bytes(library.dermis_fields()).decode("ascii", "replace")
             told = library.dermis_layout()

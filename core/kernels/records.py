@@ -11,6 +11,7 @@ ROW, LANES, BOXES = (
     4,
     64,
 )  # doubles of a triangle in a tree; boxes that are looked at at once, and floats of so many
+KEPT = 3  # pairs of sweeps that are remembered
 DONE, BAD_RECORD, NOT_FINITE = 0, 1, 2
 
 
@@ -77,10 +78,33 @@ class QueryRecord(ctypes.Structure):
     ]
 
 
+class ContactRecord(ctypes.Structure):
+    """`dermis_contact`."""
+
+    _fields_ = [
+        ("count", ctypes.c_int64),
+        ("single", ctypes.c_int64),
+        ("stride", ctypes.c_int64),
+        ("compliance", ctypes.c_void_p),
+        ("offset", ctypes.c_void_p),
+        ("normals", ctypes.c_void_p),
+        ("friction", ctypes.c_void_p),
+        ("softness", ctypes.c_void_p),
+        ("tolerance", ctypes.c_double),
+        ("most", ctypes.c_int64),
+        ("force", ctypes.c_void_p),
+        ("image", ctypes.c_void_p),
+        ("room", ctypes.c_void_p),
+        ("residual", ctypes.c_double),
+        ("sweeps", ctypes.c_int64),
+        ("wrong", ctypes.c_int64),
+    ]
+
+
 def layout() -> Iterator[int]:
     """Yield what `dermis_layout` returns of a library that fits."""
-    yield from (ABI, ROW, LANES, BOXES)
-    for record in (TreeRecord, BodyRecord, QueryRecord):
+    yield from (ABI, ROW, LANES, BOXES, KEPT)
+    for record in (TreeRecord, BodyRecord, QueryRecord, ContactRecord):
         yield ctypes.sizeof(record)
         yield from (getattr(record, field[0]).offset for field in record._fields_)
     yield 2**64 - 1
@@ -88,5 +112,5 @@ def layout() -> Iterator[int]:
 
 def fields() -> str:
     """Return what `dermis_fields` returns of a library that fits."""
-    records = (("tree", TreeRecord), ("body", BodyRecord), ("query", QueryRecord))
+    records = (("tree", TreeRecord), ("body", BodyRecord), ("query", QueryRecord), ("contact", ContactRecord))
     return " ".join(word for kind, record in records for word in (kind, *(field[0] for field in record._fields_)))

@@ -22,19 +22,28 @@
     FIELD(dermis_query, points) FIELD(dermis_query, gap) FIELD(dermis_query, normal)                         \
     FIELD(dermis_query, closest) FIELD(dermis_query, weights) FIELD(dermis_query, triangle)                  \
     FIELD(dermis_query, feature) FIELD(dermis_query, beside) FIELD(dermis_query, wrong)
+#define CONTACT(FIELD)                                                                                       \
+    FIELD(dermis_contact, count) FIELD(dermis_contact, single) FIELD(dermis_contact, stride)                 \
+    FIELD(dermis_contact, compliance) FIELD(dermis_contact, offset) FIELD(dermis_contact, normals)           \
+    FIELD(dermis_contact, friction) FIELD(dermis_contact, softness) FIELD(dermis_contact, tolerance)         \
+    FIELD(dermis_contact, most) FIELD(dermis_contact, force) FIELD(dermis_contact, image)                    \
+    FIELD(dermis_contact, room) FIELD(dermis_contact, residual) FIELD(dermis_contact, sweeps)                \
+    FIELD(dermis_contact, wrong)
 #define OFFSET(record, field) offsetof(record, field),
 #define NAME(record, field) " " #field
 
 DERMIS_API const uint64_t *dermis_layout(void) {
     static const uint64_t layout[] = {
-        DERMIS_ABI,          DERMIS_ROW,    DERMIS_LANES,         DERMIS_BOXES,
-        sizeof(dermis_tree), TREE(OFFSET)   sizeof(dermis_body),  BODY(OFFSET)
-        sizeof(dermis_query), QUERY(OFFSET) UINT64_MAX,
+        DERMIS_ABI,           DERMIS_ROW,    DERMIS_LANES,           DERMIS_BOXES,    DERMIS_KEPT,
+        sizeof(dermis_tree),  TREE(OFFSET)   sizeof(dermis_body),    BODY(OFFSET)
+        sizeof(dermis_query), QUERY(OFFSET)  sizeof(dermis_contact), CONTACT(OFFSET) UINT64_MAX,
     };
     return layout;
 }
 
-DERMIS_API const char *dermis_fields(void) { return "tree" TREE(NAME) " body" BODY(NAME) " query" QUERY(NAME); }
+DERMIS_API const char *dermis_fields(void) {
+    return "tree" TREE(NAME) " body" BODY(NAME) " query" QUERY(NAME) " contact" CONTACT(NAME);
+}
 
 DERMIS_API const char *dermis_sources(void) { return DERMIS_SOURCES; }
 

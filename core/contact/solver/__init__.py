@@ -2,10 +2,9 @@
 
 bodies           what is near a finger, and the gaps to it
 cone             Coulomb's law and the residual that proves an answer
-admm, newton, gauss_seidel   three ways to solve one problem
-solve            one problem, the best way for it
+sweeps           one problem, solved by compiled sweeps from node to node
+solve            the same with checks and a proof, for whoever has no path
 compliance, halfspace        of a skin, and of an endless block
-candidates       the nodes that may touch, and their inverse
 history          what friction remembers
 notes            findings, each kind once
 path, path_step  frame after frame along a path

@@ -16,7 +16,7 @@ from ...arrays import Array, Indices
 from .between import matter_moved
 from .bodies import ContactBody, NodeGaps, owned
 from .law_skin import LawSkin
-from .solved_frame import Begin, SolvedFrame
+from .solved_frame import SolvedFrame
 
 ROUNDS = 80  # of both
 USABLE = 0.1  # of what the law leaves: what is nearer to it than that is better than linear skin
@@ -37,7 +37,7 @@ class LinearContact(Protocol):
         """What was near in the last frame."""
         ...
 
-    def iterated(self, b: Array, gaps: NodeGaps, soft: Array, begin: Begin) -> SolvedFrame:
+    def iterated(self, b: Array, gaps: NodeGaps, soft: Array, start: Array) -> SolvedFrame:
         """Solve a frame, from the offset b [m], shape (n, 3), and what lies below each point [m/N], shape (n,)."""
         ...
 
@@ -51,23 +51,23 @@ class LinearContact(Protocol):
 
 
 def solved_by_law(
-    solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, begin: Begin
+    solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, start: Array
 ) -> SolvedFrame:
     """Solve a frame.
 
     Args:
         solver: of linear skin. law: of the same, at the last frame.
-        b, gaps, soft: as in `PathSolver.iterated`. begin: forces to begin with, and their displacement on linear skin.
+        b, gaps, soft: as in `PathSolver.iterated`. start: forces to start from [N], shape (n, 3).
     """
     before = law.save()
-    found = _agreed(solver, law, b, gaps, soft, begin, _went(solver, gaps, begin.reference))
+    found = _agreed(solver, law, b, gaps, soft, start, _went(solver, gaps, start))
     if law.settled:
         return found
     best, least = found, law.save()
     way = np.nan_to_num(_moved(solver, gaps, gaps.body))
     for parts in PARTS if way.any() else PARTS[:1]:
         law.restore(before)
-        found, ends = _walked(solver, law, b, gaps, soft, begin, way, parts)
+        found, ends = _walked(solver, law, b, gaps, soft, start, way, parts)
         if law.settled:
             return found
         if ends and law.left < least.left:
@@ -76,7 +76,7 @@ def solved_by_law(
     tried = before.left == np.inf  # given up in the last frame: to try it in every one would take seconds each
     for parts in STRAIGHT if least.left > USABLE and not tried else ():
         law.reset()
-        found, ends = _walked(solver, law, b, gaps, soft, Begin(none, none, none, none), _depth(gaps), parts)
+        found, ends = _walked(solver, law, b, gaps, soft, none, _depth(gaps), parts)
         if ends and law.left < least.left:
             best, least = found, law.save()
         if law.settled:
@@ -85,33 +85,33 @@ def solved_by_law(
         law.restore(least)
         return best
     law.give_up()
-    found = solver.iterated(b, gaps, soft, begin)
+    found = solver.iterated(b, gaps, soft, start)
     return found._replace(solution=replace(found.solution, residual=max(found.solution.residual, 1.0)))
 
 
 def _walked(
-    solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, begin: Begin, way: Array, parts: int
+    solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, start: Array, way: Array, parts: int
 ) -> tuple[SolvedFrame, bool]:
     """Lead what presses along a way to its end [m], shape (n, 3); return where that ends, and whether it is the end."""
     going = way.any(axis=1)
     went = np.append(way[going].mean(axis=0), np.zeros(3)) / parts if going.any() else None
     for part in range(1, parts + 1):
-        found = _agreed(solver, law, b + (1.0 - part / parts) * way, gaps, soft, begin, went)
+        found = _agreed(solver, law, b + (1.0 - part / parts) * way, gaps, soft, start, went)
         if not law.settled:
             break
-        begin = Begin(found.solution.force, found.image + solver.beyond(), found.solution.force, found.y)
+        start = found.solution.force
     return found, part == parts
 
 
 def _agreed(
-    solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, begin: Begin, went: Array | None
+    solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, start: Array, went: Array | None
 ) -> SolvedFrame:
     """Take turns until the law has what it wants, or no step leads nearer to it."""
     law.begin(went)
     iterations, told = 0, False
     for again in range(ROUNDS):
         less = solver.beyond()
-        found = solver.iterated(b - less, gaps, soft, begin)
+        found = solver.iterated(b - less, gaps, soft, start)
         iterations += found.solution.iterations
         if told:  # that no step leads nearer: this is where least was left
             break
@@ -122,11 +122,11 @@ def _agreed(
         if again == ROUNDS - 2 and not told:
             law.take_best()
             told = True
-        begin = Begin(found.solution.force, found.image, found.solution.force, found.y)
+        start = found.solution.force
     solution = replace(found.solution, iterations=iterations)
     if not law.settled:
         solution = replace(solution, residual=max(solution.residual, law.left))
-    return SolvedFrame(solution, found.y, found.image - less, found.work)
+    return SolvedFrame(solution, found.image - less, found.work)
 
 
 def _depth(gaps: NodeGaps) -> Array:

@@ -1,9 +1,9 @@
 """Contact along a path: frame after frame, with friction's history, and without work where nothing happens.
 
 Each frame goes: gaps, the offset b from the anchors, shifted where slip turns (`frame_friction.py`), a start
-extrapolated from the last two frames, the alternating method on the nodes that may touch, a float64 check against the
-whole compliance, and float64 with every method there is where that fails. Where tissue follows the neo-Hookean law,
-that is done on linear skin from where the law leaves it, until both agree (`law_frame.py`).
+extrapolated from the last two frames, and compiled sweeps from node to node (`sweeps.py`) until Coulomb's law holds.
+Where tissue follows the neo-Hookean law, that is done on linear skin from where the law leaves it, until both agree
+(`law_frame.py`).
 """
 
 from __future__ import annotations
@@ -18,41 +18,34 @@ from numpy.typing import NDArray
 from ...arrays import Array, Indices
 from ...errors import DermisError, Finding
 from ...kernels.library import kernels
-from .admm import State, iterate
 from .bodies import BONE, ContactBody, Expected, NodeGaps, node_gaps, same_places
-from .candidates import CandidateInverse
-from .compliance import Compliance, Linear, ends, own_compliance
-from .cone import along, assess
+from .compliance import Compliance, Linear, own_compliance, refuse_indefinite
+from .cone import assess
 from .frame_friction import UNMOVED, FrameFriction
 from .history import ContactHistory
 from .law_frame import solved_by_law
 from .law_skin import LawSkin
 from .notes import Notes
 from .path_step import PathStep
-from .solve import Solution, solve, status_of
-from .solved_frame import Begin, SolvedFrame
+from .solve import MOST_SWEEPS, Solution, status_of
+from .solved_frame import SolvedFrame
+from .sweeps import sweep
 
 __all__ = ["DEPTH_LIMIT", "TOLERANCE", "Compliance", "Linear", "PathSolver", "PathStep"]
 
 TOLERANCE = 3e-5
-# The check that a frame must pass, as a multiple of the tolerance of its iteration.
+# A frame whose residual is above this multiple of the tolerance is a finding.
 CHECK = 10.0
 # The last forces serve again while their residual is below this multiple of it.
 UNCHANGED = 1.0
-MAX_ITERATIONS = 300
-# An iteration that stands still at once, while the check fails, so many times in a frame gets no further.
-MAX_ROUNDS = 30
-# Where nothing helps, a frame is not worth more sweeps from node to node; and one that is solved from a guess of what
-# skin with a law leaves, which may be far off, is worth none.
-FAIRLY, GUESSED = {"last_resort": 100}, {"last_resort": 0, "max_iterations": 1000}
-# Iterations up to which a frame counts as easy: the next may need none.
+# Sweeps up to which a frame counts as easy: the next may need none.
 EASY = 3
 # Depth that linear skin is still trusted at [m]: against a neo-Hookean one its stress is then off by a third.
 DEPTH_LIMIT = 2e-3
 # In a frame skin comes out by no more than this multiple of its displacement in the last, and a margin [m].
 BULGE, MARGIN = 1.5, 0.3e-3
 # What a frame changes, besides the history; each is replaced, never written into.
-_STATE = ("_force", "_y", "_last", "_image", "_step", "_bodies", "_at_rest", "frames", "_soft", "_rho", "_rubbing")
+_STATE = ("_force", "_last", "_image", "_step", "_bodies", "_at_rest", "frames", "_rubbing")
 
 
 class PathSolver:
@@ -62,16 +55,15 @@ class PathSolver:
         compliance: of the pad nodes [m/N], shape (3 m, 3 m), or a `Compliance` with a state-dependent offset.
         points: undeformed pad nodes in the finger's frame [m], shape (m, 3).
         areas: skin of each node [m^2], shape (m,); needed where a body is soft.
-        tolerance: of the iteration, relative to the forces of a frame.
+        tolerance: of the residual, see `Solution.residual`.
         bone: a point inside the finger [m]: open surfaces are touched on the side where it lies.
         name: for findings.
         depth_limit: depth of the undeformed skin beyond which a frame is a finding [m].
         law: what the skin gives way less than by its compliance; None where it is linear.
 
     Attributes:
-        counters: how many frames were 'solved', 'unchanged', 'same', 'idle' and 'held' (see `adopt`); 'fallback',
-            'unconverged' and 'deep' ones; 'rebuilds' and 'updates' of the candidate inverse; 'parts' of frames that
-            `SubStepper` divided.
+        counters: how many frames were 'solved', 'unchanged', 'same', 'idle' and 'held' (see `adopt`); 'unconverged' and
+            'deep' ones; 'parts' of frames that `SubStepper` divided.
         frames: how many there were.
 
     Raises:
@@ -102,15 +94,11 @@ class PathSolver:
             )
         self._c = c
         self._own = own_compliance(c)
-        low, high = ends(c, name)
-        self._skin_rho = self._rho = np.full((m, 1), np.sqrt(low * high))
-        self._soft = np.zeros(m)  # of what lies below each node [m/N]
+        refuse_indefinite(c, name)
         extent = np.sort(np.ptp(self.points, axis=0))
         spacing = float(np.sqrt(max(extent[-1] * extent[-2], 1e-12) / m))
-        self._spacing = np.full(m, spacing)
         # skin cannot bulge out of what presses into it by more than it is pressed: nodes farther off stay open
         self.search_radius = max(2.5 * spacing, 2.5e-3)
-        self._candidates = CandidateInverse(c, self._rho[:, 0])
         self.history = ContactHistory(m)
         self._zero = np.zeros((m, 3))
         self._status = np.zeros(m, dtype=np.int8)
@@ -124,20 +112,7 @@ class PathSolver:
         self.depth_limit = depth_limit
         self.law = law
         self.counters = dict.fromkeys(
-            (
-                "solved",
-                "unchanged",
-                "same",
-                "idle",
-                "fallback",
-                "unconverged",
-                "rebuilds",
-                "updates",
-                "deep",
-                "held",
-                "parts",
-            ),
-            0,
+            ("solved", "unchanged", "same", "idle", "unconverged", "deep", "held", "parts"), 0
         )
         self.notes = Notes(name)
         self.frames = 0
@@ -148,8 +123,7 @@ class PathSolver:
         """Forget the history: the next frame is solved from rest."""
         self.history.clear()
         self._force = self._zero
-        self._y = self._zero
-        self._last: tuple[Array, Array] | None = None
+        self._last: Array | None = None  # forces of the frame before
         self._image = self._zero
         self._rubbing = UNMOVED
         self._step: PathStep | None = None
@@ -162,7 +136,6 @@ class PathSolver:
         """Return the state between two frames, for `restore`: a step may then be tried and taken back."""
         state = {name: getattr(self, name) for name in _STATE}
         state.update(history=self.history.copy(), counters=dict(self.counters), _notes=self.notes.copy())
-        state["inverse"] = self._candidates.save()
         return state if self.law is None else {**state, "law": self.law.save()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -171,7 +144,6 @@ class PathSolver:
             setattr(self, name, state[name])
         self.history = state["history"].copy()
         self.counters, self.notes = dict(state["counters"]), state["_notes"].copy()
-        self._candidates.restore(state["inverse"], self._matrix, self._rho[:, 0])
         if self.law is not None:
             self.law.restore(state["law"])
 
@@ -302,13 +274,10 @@ class PathSolver:
         b = self.history.offset(gaps, self.points)
         b += self.operator.offset(self._force)
         soft = gaps.compliance(self.areas, self.name)
-        if not np.array_equal(soft, self._soft):
-            self._weigh(soft)
         friction = FrameFriction(gaps, self.history, self.loaded, self._matrix, self._own, soft)
         if not from_rest:
             friction.foresee(self._force, b, self._image, self._rubbing.changing)
-        with np.errstate(over="ignore", invalid="ignore"):  # what goes astray is told by what it leaves, and begun anew
-            solved = self._solve(b, gaps, soft)
+        solved = self._solve(b, gaps, soft)
         solution, image, work = solved.solution, solved.image, solved.work
         if not from_rest and work == "solved":
             friction.notice(solution)
@@ -322,7 +291,6 @@ class PathSolver:
             self._report(step, self.frames if scene_frame is None else scene_frame)
             self.counters[work] += 1
             self.frames += 1
-        self.counters["rebuilds"], self.counters["updates"] = self._candidates.rebuilds, self._candidates.updates
         self._step = step
         return step
 
@@ -338,9 +306,17 @@ class PathSolver:
         from_rest = self._step is None or self._step.work == "idle"
         status = status_of(force, displacement, gaps.normal, gaps.friction)
         solution = Solution(
-            force, displacement, gaps.normal, gaps.friction, status, EASY + 1, residual, CHECK * self.tolerance, "admm"
+            force,
+            displacement,
+            gaps.normal,
+            gaps.friction,
+            status,
+            EASY + 1,
+            residual,
+            CHECK * self.tolerance,
+            "sweeps",
         )
-        self._last, self._force, self._y, self._image = None, force, displacement / -self._rho, self._apply(force)
+        self._last, self._force, self._image = None, force, self._apply(force)
         self._bodies, self._at_rest, self._rubbing = gaps.bodies, False, UNMOVED
         self.counters["held"] += 1
         self._step = PathStep(solution, self._image, gaps, "solved", from_rest, self.nodal(force), self.amounts)
@@ -350,83 +326,37 @@ class PathSolver:
 
     # -- one frame -----------------------------------------------------------------------------------------------
 
-    def _weigh(self, soft: Array) -> None:
-        """Weigh steps by what lies below the nodes, too: a soft thing gives way by far more than the skin."""
-        rho = self._skin_rho + soft[:, None]
-        share = self._rho / rho
-        self._y = self._y * share
-        self._last = self._last and (self._last[0], self._last[1] * share)
-        self._soft, self._rho, self._candidates.rho = soft, rho, rho[:, 0]
-
     def _solve(self, b: Array, gaps: NodeGaps, soft: Array) -> SolvedFrame:
-        normal, mu, rho = gaps.normal, gaps.friction, self._rho
-        goal = CHECK * self.tolerance
+        normal, mu = gaps.normal, gaps.friction
         start, image = self._force, self._image
         gone = (gaps.body < 0) & start.any(axis=1)
         if gone.any():  # nothing is near any more: these forces vanish before anything else
             start = np.where(gone[:, None], 0.0, start)
             image = self._apply(start)
-        w = image + soft[:, None] * start + b
         allowed = self._allowed(gaps.bodies)
-        residual, status = assess(start, w, normal, mu, 1.0 / rho) if allowed else (np.inf, self._status)
-        if residual <= allowed:
-            method = "admm" if start.any() else "none"
-            solution = Solution(start, w, normal, mu, status, 0, residual, goal, method)
-            return SolvedFrame(solution, w / -rho, image, "unchanged")
-        self._candidates.follow(gaps.clearance, self.loaded, self._spacing, soft)
-        force, y = self._extrapolated(start, w)
-        if self.law is not None:
-            return solved_by_law(self, self.law, b, gaps, soft, Begin(start, image + self.beyond(), force, y))
-        return self.iterated(b, gaps, soft, Begin(start, image, force, y))
+        if allowed:
+            w = image + soft[:, None] * start + b
+            residual, status = assess(start, w, normal, mu, 1.0 / (self._own + soft)[:, None])
+            if residual <= allowed:
+                method = "sweeps" if start.any() else "none"
+                solution = Solution(start, w, normal, mu, status, 0, residual, CHECK * self.tolerance, method)
+                return SolvedFrame(solution, image, "unchanged")
+        begin = self._extrapolated(start)
+        return (
+            self.iterated(b, gaps, soft, begin)
+            if self.law is None
+            else solved_by_law(self, self.law, b, gaps, soft, begin)
+        )
 
-    def iterated(self, b: Array, gaps: NodeGaps, soft: Array, begin: Begin) -> SolvedFrame:
-        """Solve a frame on linear skin, in single precision by turns, then exactly where that fails."""
-        normal, mu, rho = gaps.normal, gaps.friction, self._rho
+    def iterated(self, b: Array, gaps: NodeGaps, soft: Array, start: Array) -> SolvedFrame:
+        """Solve a frame on linear skin from forces to start from [N], shape (m, 3)."""
+        normal, mu = gaps.normal, gaps.friction
+        found = sweep(self._matrix, b, normal, mu, soft, start, self.tolerance, MOST_SWEEPS)
+        w = found.image + soft[:, None] * found.force + b
+        status = status_of(found.force, w, normal, mu)
         goal = CHECK * self.tolerance
-        start, image, force, y = begin
-        reference, iterations, rounds = start, 0, 0
-        while True:
-            members = self._candidates.members
-            z = reference.take(members, axis=0)
-            iteration = iterate(
-                self._candidates.matrix,
-                np.repeat(rho.take(members), 3),
-                b.take(members, axis=0).reshape(-1),
-                normal.take(members, axis=0),
-                mu.take(members),
-                State(force.take(members, axis=0), y.take(members, axis=0)),
-                State(z, z),
-                (image.take(members, axis=0) + soft.take(members)[:, None] * z).reshape(-1),
-                self.tolerance,
-                MAX_ITERATIONS,
-            )
-            iterations += iteration.iterations
-            rounds += 1
-            force = np.zeros_like(self._zero)
-            force[members] = iteration.state.z
-            if iteration.lost:
-                if not self._candidates.drifts():
-                    return self._fall_back(start, b, gaps, soft, iterations)
-                self._candidates.rebuild(members, soft)  # many updates in single precision can go wrong
-                reference, image, force, y, iterations, rounds = start, begin.image, start, self._y, 0, 0
-                continue
-            image = self.linear(force)
-            w = image + soft[:, None] * force + b
-            y = w / -rho
-            y[members] = iteration.state.y
-            reference = force
-            residual, status = assess(force, w, normal, mu, 1.0 / rho)
-            if residual <= goal:
-                solution = Solution(force, w, normal, mu, status, iterations, residual, goal, "admm")
-                return SolvedFrame(solution, y, image, "solved")
-            missed = np.flatnonzero(np.logical_not(self._candidates.inside) & (along(w, normal) < 0.0))
-            if missed.size:
-                self._candidates.add(missed, soft)
-            elif iterations >= MAX_ITERATIONS or rounds >= MAX_ROUNDS:
-                if not self._candidates.drifts():
-                    return self._fall_back(force, b, gaps, soft, iterations)
-                self._candidates.rebuild(members, soft)  # many updates in single precision can go wrong
-                force, y, iterations, rounds = start, self._y, 0, 0
+        solution = Solution(found.force, w, normal, mu, status, found.sweeps, found.residual, goal, "sweeps")
+        return SolvedFrame(solution, found.image, "solved")
 
     def _allowed(self, bodies: tuple[ContactBody, ...]) -> float:
         """Return the residual up to which the last forces serve again; zero where that is not worth asking."""
@@ -436,42 +366,9 @@ class PathSolver:
         easy = self._step is None or self._step.solution.iterations <= EASY
         return UNCHANGED * self.tolerance if easy else 0.0
 
-    def _fall_back(self, force: Array, b: Array, gaps: NodeGaps, soft: Array, iterations: int) -> SolvedFrame:
-        """Solve the frame in float64 with every method there is."""
-        self.counters["fallback"] += 1
-        near = np.flatnonzero(gaps.body >= 0)
-        exact, more, method = self._exactly(near, b[near], gaps, soft[near], force[near])
-        force = np.zeros_like(self._zero)
-        force[near] = exact
-        image = self.linear(force)
-        w = image + soft[:, None] * force + b
-        residual, status = assess(force, w, gaps.normal, gaps.friction, 1.0 / self._rho)
-        found = Solution(
-            force, w, gaps.normal, gaps.friction, status, iterations + more, residual, CHECK * self.tolerance, method
-        )
-        return SolvedFrame(found, w / -self._rho, image, "solved")
-
-    def _exactly(self, near: Indices, b: Array, gaps: NodeGaps, soft: Array, start: Array) -> tuple[Array, int, str]:
-        """Return forces on some nodes [N], the iterations they took and the method."""
-        rows = (3 * near[:, None] + np.arange(3)).reshape(-1)
-        found = solve(
-            self._c[rows[:, None], rows],
-            b,
-            gaps.friction[near],
-            normals=gaps.normal[near],
-            softness=soft,
-            start=start,
-            tolerance=self.tolerance,
-            **(FAIRLY if self.law is None or np.isinf(self.law.left) else GUESSED),
-        )
-        return found.force, found.iterations, found.method
-
-    def _extrapolated(self, force: Array, w: Array) -> tuple[Array, Array]:
+    def _extrapolated(self, force: Array) -> Array:
         """Start where the last two frames point to; paths are smoother than their frames are long."""
-        if self._last is None:
-            return force, -w / self._rho
-        last_force, last_y = self._last
-        return 2.0 * force - last_force, 2.0 * self._y - last_y
+        return force if self._last is None else 2.0 * force - self._last
 
     def _remember(self, solved: SolvedFrame, friction: FrameFriction) -> None:
         """Keep a frame, its history as friction has it."""
@@ -479,8 +376,8 @@ class PathSolver:
         slides = friction.keep(solution, self.points, solved.image)
         self._rubbing = friction.left(solution, self._force, solved.image - self._image)
         self._at_rest = not slides
-        self._last = (self._force, self._y) if self._force.any() else None
-        self._force, self._y, self._image = solution.force, solved.y, solved.image
+        self._last = self._force if self._force.any() else None
+        self._force, self._image = solution.force, solved.image
         self._bodies = friction.gaps.bodies
 
     # -- small parts ---------------------------------------------------------------------------------------------

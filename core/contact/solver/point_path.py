@@ -18,15 +18,12 @@ from ...arrays import Array, Indices
 from ...skin.nodal_forces import NodalForces
 from ...skin.surface_compliance import SurfaceCompliance
 from ...surface.plane import Plane
-from .admm import State, iterate
 from .asked import Asked
 from .between import matter_moved
 from .bodies import ContactBody, NodeGaps, node_gaps, owned, paired, same_places, travel
 from .bodies import moved as body_moved
-from .candidates import CandidateInverse
 from .cell_gaps import CellGaps
 from .compliance import Linear, own_compliance
-from .cone import project
 from .history import ContactHistory
 from .law_skin import LawSkin
 from .moved_skin import MovedSkin
@@ -41,13 +38,8 @@ from .point_tree import MANY, OFTEN, PointTree
 from .rims import over_rims
 
 TOLERANCE = 3e-4
-# Points join the iteration ahead of time below the first of these shares of their cell's side, and leave it above the
-# second: they have rows of the compliance already, so it takes little to join. At most so many do at once, and ahead
-# of time so many, when there are half as many; or this share of them, where that is more.
-MEMBERS = (0.1, 0.3, 48, 24, 12, 0.3)
 # Skin is looked for this far out [m].
 REACH = 2.5e-3
-MOST_ITERATIONS = 3000
 # The points are changed before a frame is looked at where it moves less than this [m]; else on its way.
 SLOW = 0.15e-3
 
@@ -83,7 +75,6 @@ class PointSolver(PathSolver):
         self._cell_gaps = CellGaps(REACH, self.bone)
         self._points = PointSet(surface)
         self.operator = Linear(np.zeros((0, 0)))
-        self._candidates = CandidateInverse(self._points.matrix.matrix, np.zeros(0), *MEMBERS)
         self.history = ContactHistory(0)
         self._asked: Asked | None = None
         self._calm: NodeGaps | None = None  # the last that were measured, where the tree asked for no other points
@@ -91,7 +82,6 @@ class PointSolver(PathSolver):
         self._pad = surface.cells.positions[starts[1] : starts[2]]
         self._sample = self._pad[:: max(len(self._pad) // 32, 1)]
         self._reach = PointReach(self._points)
-        self._soft = np.zeros(0)
         self._number()
         self.reset()
 
@@ -145,7 +135,6 @@ class PointSolver(PathSolver):
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go back to a saved state, its points and all."""
         self._points.restore(state["points"])
-        self._soft = state["_soft"]
         self._number()
         self._tree.restore(state["tree"])
         self._asked, self._new, self._cell_gaps.last = state["asked"], state["new"], state["turned"]
@@ -284,18 +273,14 @@ class PointSolver(PathSolver):
         """Go over to other cells; return where each point that stays was."""
         count = len(self.cells)
         order = self._points.change(leaving, entering)
-        self._soft = np.concatenate([self._soft[order], np.zeros(len(entering))])
         self._number()
         self._cell_gaps.renumber(order, count)
-        self._candidates.renumber(order, self._points.matrix.matrix, self._rho[:, 0])
         return order
 
     def _number(self) -> None:
         """Set what belongs to the points."""
         self.points, self.areas = self._points.positions, self._points.areas
-        self._skin_rho, self._rho = self._points.rho, self._points.rho + self._soft[:, None]
         self._own = own_compliance(self._points.matrix.matrix)
-        self._spacing = self._tree.sides[self.cells]
         self._zero, self._status = np.zeros((len(self.cells), 3)), np.zeros(len(self.cells), dtype=np.int8)
 
     def _inherit(self, passed: Succession, order: Indices) -> None:
@@ -310,8 +295,7 @@ class PointSolver(PathSolver):
         self._force = kept(force)
         passed.force(force, self._force[count:])
         self._image = self._apply(self._force)
-        self._y = kept(self._y)
-        self._last = self._last and (kept(self._last[0]), kept(self._last[1]))
+        self._last = None if self._last is None else kept(self._last)
         self._new = count if len(passed.heirs) else n
         self.history = history.rearranged(order, n - count)
         heirs, main = passed.main(np.einsum("ij,ij->i", force, force))
@@ -335,12 +319,12 @@ class PointSolver(PathSolver):
         stands = self._step is not None and same_places(bodies, self._bodies)
         return CHECK * self.tolerance if stands else super()._allowed(bodies)
 
-    def _extrapolated(self, force: Array, w: Array) -> tuple[Array, Array]:
-        start, y = super()._extrapolated(force, w)
+    def _extrapolated(self, force: Array) -> Array:
+        start = super()._extrapolated(force)
         if self._last is not None:  # points that have come since have no past
             new, self._new = slice(self._new, None), len(force)
-            start[new], y[new] = force[new], -w[new] / self._rho[new]
-        return start, y
+            start[new] = force[new]
+        return start
 
     def _report(self, step: PathStep, where: float) -> None:
         super()._report(step, where)
@@ -360,18 +344,3 @@ class PointSolver(PathSolver):
 
     def linear(self, force: Array) -> Array:
         return self._points.matrix.displacement(force)
-
-    def _exactly(self, near: Indices, b: Array, gaps: NodeGaps, soft: Array, start: Array) -> tuple[Array, int, str]:
-        """Iterate in double precision; what else there is takes minutes on so many points."""
-        cells, rho = self.cells[near], np.repeat(self._rho[near, 0], 3)
-        matrix = self.surface.block(cells, cells).reshape(rho.size, -1)
-        matrix[np.diag_indices(rho.size)] += np.repeat(soft, 3)
-        normal, friction = gaps.normal[near], gaps.friction[near]
-        first = project(start, normal, friction)[0]
-        image = matrix @ first.reshape(-1)
-        state = State(first, -(image + b.reshape(-1)).reshape(-1, 3) / self._rho[near])
-        inverse = np.linalg.inv(matrix + np.diag(rho))
-        found = iterate(
-            inverse, rho, b.reshape(-1), normal, friction, state, state, image, self.tolerance, MOST_ITERATIONS
-        )
-        return found.state.z, found.iterations, "admm"

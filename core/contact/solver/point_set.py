@@ -12,9 +12,6 @@ from .point_map import NONE, PointMap
 from .point_matrix import PointMatrix
 from .point_tree import CORNERS
 
-# The shift of the iteration over a cell's own compliance.
-WEIGHT = 0.75
-
 
 class PointSet:
     """Points that come and go.
@@ -26,14 +23,12 @@ class PointSet:
         matrix: the compliance between them. map: tells which of them lies where on the pad.
         positions, normals, areas: of the points, shapes (n, 3), (n, 3) and (n,).
         sides: of their cells [m], shape (n, 2, 3). beside: as `PointMap.beside`, shape (n, 4).
-        rho: the shift of the iteration at each of them [m/N], shape (n, 1).
     """
 
     def __init__(self, pad: SurfaceCompliance) -> None:
         self.pad = pad
         self.matrix, self.map = PointMatrix(pad), PointMap(pad.chart, CORNERS)
         self._place = np.full(len(pad.chart.places), NONE)  # of each cell in `cells`
-        self.rho = np.zeros((0, 1))
         self._number()
 
     def __len__(self) -> int:
@@ -54,20 +49,17 @@ class PointSet:
         """Take points out by their place and put cells in at the end; return where each that stays was."""
         self._place[self.cells] = NONE
         order = self.matrix.change(leaving, entering)
-        own = self.matrix.matrix.diagonal()[3 * len(order) :].reshape(-1, 3).astype(np.float64)
-        self.rho = np.concatenate([self.rho[order], WEIGHT * own.mean(axis=1, keepdims=True)])
         self._number()
         return order
 
     def save(self) -> tuple[Any, ...]:
         """Return the state, for `restore`."""
-        return self.matrix.save(), self.rho
+        return self.matrix.save()
 
     def restore(self, state: tuple[Any, ...]) -> None:
         """Go back to a saved state."""
         self._place[self.cells] = NONE
-        matrix, self.rho = state
-        self.matrix.restore(matrix)
+        self.matrix.restore(state)
         self._number()
 
     def _number(self) -> None:

@@ -14,15 +14,12 @@ from numpy.typing import NDArray
 
 from ...arrays import Array
 from ...errors import DermisError
-from .admm import State, iterate
-from .cone import OPEN, SLIP, STICK, along, natural_residual, project
-from .gauss_seidel import gauss_seidel
-from .newton import newton
+from .compliance import refuse_indefinite
+from .cone import OPEN, SLIP, STICK, along
+from .sweeps import sweep
 
 ACCURATE = 1e-10
-COARSE = 1e-5
-SWITCH_ITERATIONS = 400
-LAST_RESORT_SWEEPS = 2000
+MOST_SWEEPS = 3000  # of a problem that does not converge
 
 
 @dataclass(frozen=True)
@@ -35,10 +32,10 @@ class Solution:
         normals: unit normals, from the object into the skin, shape (m, 3).
         friction: coefficients, shape (m,).
         status: OPEN (0), STICK (1) or SLIP (2) at each node, shape (m,).
-        iterations: of all methods together.
-        residual: |f - P(f - w / rho)| / |f|, see `cone.natural_residual`.
+        iterations: sweeps from node to node, or whatever else was repeated.
+        residual: |f - P(f - w / own)| / |f|, own the mean compliance of each node to its own force, see `cone.assess`.
         tolerance: what the residual was held against.
-        method: 'none' (nothing touches), 'admm', 'newton' or 'gauss-seidel': the one that gave the result.
+        method: 'none' (nothing touches) or 'sweeps'.
     """
 
     force: Array
@@ -71,8 +68,7 @@ def solve(
     softness: Array | float = 0.0,
     start: Array | None = None,
     tolerance: float = ACCURATE,
-    max_iterations: int = 20_000,
-    last_resort: int = LAST_RESORT_SWEEPS,
+    most: int = MOST_SWEEPS,
 ) -> Solution:
     """Return the forces of frictional contact.
 
@@ -85,7 +81,7 @@ def solve(
         softness: compliance of the object's own surface at each node [m/N], added to the diagonal.
         start: forces to start from [N], shape (m, 3).
         tolerance: of the residual, see `Solution.residual`.
-        last_resort: sweeps from node to node where all else fails, some milliseconds each.
+        most: sweeps from node to node.
 
     Raises:
         DermisError: shapes that do not fit, values that are not finite, negative friction or softness, or a
@@ -94,50 +90,15 @@ def solve(
     Source: [S1] section IV.C (Coulomb's law); Alart and Curnier 1991.
     """
     matrix, b, axes, mu, soft = _checked(compliance, offset, friction, normals, softness)
-    count = axes.shape[0]
-    if soft.any():
-        matrix = matrix + np.diag(np.repeat(soft, 3))
-    zero = np.zeros((count, 3))
-    if count == 0 or bool((along(b.reshape(-1, 3), axes) >= 0.0).all()):
-        return _solution(zero, b.reshape(-1, 3), axes, mu, 0, 0.0, tolerance, "none")
-    low, high = _spectrum(matrix)
-    rho = float(np.sqrt(low * high))
-    inverse = np.linalg.inv(matrix + rho * np.eye(matrix.shape[0]))
-    z = zero if start is None else project(np.asarray(start, dtype=np.float64).reshape(-1, 3), axes, mu)[0]
-    image = matrix @ z.reshape(-1)
-    y = -(image + b).reshape(-1, 3) / rho
-    best, best_residual, method, iterations = z, np.inf, "admm", 0
-
-    def consider(force: Array, name: str) -> bool:
-        nonlocal best, best_residual, method
-        force = project(force, axes, mu)[0]
-        w = (matrix @ force.reshape(-1) + b).reshape(-1, 3)
-        residual = natural_residual(force, w, axes, mu, 1.0 / rho)
-        if residual < best_residual:
-            best, best_residual, method = force, residual, name
-        return best_residual <= tolerance
-
-    done = False
-    for goal, limit in ((max(COARSE, tolerance), SWITCH_ITERATIONS), (0.2 * tolerance, max_iterations)):
-        state = State(z, y)
-        sweep = iterate(inverse, rho, b, axes, mu, state, state, image, goal, limit)
-        z, y = sweep.state
-        image = matrix @ z.reshape(-1)
-        iterations += sweep.iterations
-        done = consider(z, "admm")
-        if done:
-            break
-        polished, steps, _ = newton(matrix, b, axes, mu, z, 1.0 / rho, 0.1 * tolerance)
-        iterations += steps
-        done = consider(polished, "newton")
-        if done:
-            break
-    if not done and last_resort:
-        force, sweeps = gauss_seidel(matrix, b, axes, mu, best, 0.1 * tolerance, last_resort)
-        iterations += sweeps
-        consider(force, "gauss-seidel")
-    w = (matrix @ best.reshape(-1) + b).reshape(-1, 3)
-    return _solution(best, w, axes, mu, iterations, best_residual, tolerance, method)
+    zero = np.zeros((axes.shape[0], 3))
+    b = b.reshape(-1, 3)
+    if bool((along(b, axes) >= 0.0).all()):
+        return _solution(zero, b, axes, mu, 0, 0.0, tolerance, "none")
+    refuse_indefinite(matrix, "contact")
+    first = zero if start is None else np.asarray(start, dtype=np.float64).reshape(-1, 3)
+    found = sweep(matrix, b, axes, mu, soft, first, tolerance, most)
+    w = found.image + soft[:, None] * found.force + b
+    return _solution(found.force, w, axes, mu, found.sweeps, found.residual, tolerance, "sweeps")
 
 
 def status_of(force: Array, displacement: Array, normals: Array, friction: Array) -> NDArray[np.int8]:
@@ -160,15 +121,6 @@ def _solution(
 ) -> Solution:
     status = status_of(force, w, normals, friction)
     return Solution(force, w, normals, friction, status, iterations, residual, tolerance, method)
-
-
-def _spectrum(matrix: Array) -> tuple[float, float]:
-    """Smallest and largest eigenvalue; refuses what is not positive definite."""
-    values = np.linalg.eigvalsh(matrix)
-    low, high = float(values[0]), float(values[-1])
-    if not low > 0.0:
-        raise DermisError("the compliance is not positive definite", where="contact", value=low, limit="> 0 m/N")
-    return low, high
 
 
 def _checked(

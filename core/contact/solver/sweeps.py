@@ -1,0 +1,83 @@
+"""Block Gauss-Seidel for frictional contact, compiled: one node's own contact after the other, until the law holds."""
+
+from __future__ import annotations
+
+from ctypes import byref
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...arrays import Array
+from ...errors import DermisError
+from ...kernels import records
+from ...kernels.library import kernels
+from ...surface.tree import address
+
+
+class Swept(NamedTuple):
+    """What sweeping came to.
+
+    Attributes:
+        force: [N], shape (n, 3). image: C f [m], shape (n, 3).
+        residual: |f - P(f - w / own)| / |f|, own the mean compliance of a node to its own force, see `cone.assess`.
+        sweeps: how many there were.
+    """
+
+    force: Array
+    image: Array
+    residual: float
+    sweeps: int
+
+
+def sweep(
+    compliance: NDArray[np.floating[Any]],
+    offset: Array,
+    normals: Array,
+    friction: Array,
+    softness: Array,
+    start: Array,
+    tolerance: float,
+    most: int,
+) -> Swept:
+    """Solve for the forces of contact, w = C f + softness f + offset and f obeying Coulomb's law.
+
+    Args:
+        compliance: C, symmetric positive definite [m/N], float32 or float64, shape (3 n, 3 n); rows may be apart.
+        offset: [m], shape (n, 3). normals: unit, or zero where nothing is near, shape (n, 3).
+        friction: coefficients, shape (n,). softness: of what lies below each node [m/N], shape (n,).
+        start: forces to start from [N], shape (n, 3).
+        tolerance: of the residual. most: sweeps.
+
+    Raises:
+        DermisError: a number that is not finite.
+    """
+    n = len(start)
+    step = compliance.itemsize
+    if compliance.dtype not in (np.float32, np.float64) or compliance.strides[-1:] != (step,):
+        compliance = np.ascontiguousarray(compliance, dtype=np.float64)
+        step = compliance.itemsize
+    force, image = np.array(start, dtype=np.float64, order="C"), np.empty((n, 3))
+    room = np.empty((3 * records.KEPT + 4, n, 3))
+    values = [np.ascontiguousarray(v, dtype=np.float64) for v in (offset, normals, friction, softness)]
+    if compliance.shape != (3 * n, 3 * n) or [v.size for v in values] != [3 * n, 3 * n, n, n]:
+        raise DermisError("the compliance and the nodes do not fit", where="contact", value=compliance.shape)
+    record = records.ContactRecord(
+        n,
+        int(compliance.dtype == np.float32),
+        compliance.strides[0] // step if n else 0,
+        address(compliance),
+        *map(address, values),
+        tolerance,
+        most,
+        address(force),
+        address(image),
+        address(room),
+    )
+    status = kernels().sweep(byref(record))
+    if status == records.NOT_FINITE:
+        raise DermisError("contact is asked about numbers that are not finite", where=f"node {record.wrong}")
+    if status != records.DONE:
+        raise DermisError("a record for the kernels is damaged", where=kernels().path.name, value=status)
+    return Swept(force, image, record.residual, record.sweeps)
+

@@ -1,0 +1,230 @@
+/* Unilateral contact with Coulomb friction on a dense compliance: Alart and Curnier's fixed point f = P(f - w / r), node after
+   node there and back (Gauss-Seidel), accelerated by Anderson's method (Walker and Ni, SIAM J. Numer. Anal. 49, 2011). */
+#include "float_environment.h"
+#include "kernels.h"
+#include "numbers.h"
+
+/* Where the residual is missed although forces stand still, they are to stand this much stiller. */
+#define STILLER 0.25
+/* Anderson's weights are of changes that may be nearly the same ones: by this share of their sum they are told apart. */
+#define APART 1e-10
+/* A change whose square grew by more than this was led astray. */
+#define ASTRAY 4.0
+
+/* A compliance of either precision. */
+typedef struct {
+    const float *narrow;
+    const double *wide;
+    int64_t stride;
+} rows_of;
+
+static inline double entry(const rows_of *c, int64_t row, int64_t column) {
+    int64_t at = row * c->stride + column;
+    return c->narrow != NULL ? (double)c->narrow[at] : c->wide[at];
+}
+
+/* Add the displacement for a force on one node to that of all. */
+static void move_all(const rows_of *c, int64_t count, int64_t node, const double *force, double *image) {
+    int64_t first = 3 * node * c->stride;
+    double x = force[0], y = force[1], z = force[2];
+    if (c->narrow != NULL) {
+        const float *a = c->narrow + first, *b = a + c->stride, *d = b + c->stride;
+        for (int64_t k = 0; k < 3 * count; k++) image[k] += (x * (double)a[k] + y * (double)b[k]) + z * (double)d[k];
+    } else {
+        const double *a = c->wide + first, *b = a + c->stride, *d = b + c->stride;
+        for (int64_t k = 0; k < 3 * count; k++) image[k] += (x * a[k] + y * b[k]) + z * d[k];
+    }
+}
+
+static void move_anew(const dermis_contact *contact, const rows_of *c) {
+    int64_t count = contact->count;
+    for (int64_t k = 0; k < 3 * count; k++) contact->image[k] = 0.0;
+    for (int64_t i = 0; i < count; i++) {
+        const double *force = contact->force + 3 * i;
+        if (force[0] != 0.0 || force[1] != 0.0 || force[2] != 0.0) move_all(c, count, i, force, contact->image);
+    }
+}
+
+/* Alart and Curnier's projection: no tension, and no more tangential force than friction allows. */
+static void project(double *force, const double *normal, double friction) {
+    double along = dermis_dot(force, normal), press = dermis_most(along, 0.0);
+    for (int k = 0; k < 3; k++) force[k] -= along * normal[k];
+    double length = dermis_root(dermis_dot(force, force)), most = friction * press;
+    double share = length > most ? most / length : 1.0;
+    for (int k = 0; k < 3; k++) force[k] = press * normal[k] + share * force[k];
+}
+
+/* The trace of a node's own compliance, with that of the surface below it: it is above every eigenvalue. */
+static double own_of(const rows_of *c, int64_t node, double softness) {
+    double sum = 3.0 * softness;
+    for (int64_t k = 3 * node; k < 3 * node + 3; k++) sum += entry(c, k, k);
+    return sum;
+}
+
+/* Take a node's step towards its own contact, the forces on all others held; return the square of how its force changes.
+
+   An exact answer of each node's own contact takes more sweeps, and with much friction it jumps: nodes answer each other for ever. */
+static double visit(const dermis_contact *contact, const rows_of *c, int64_t i) {
+    double *force = contact->force + 3 * i, free[3], found[3] = {0.0, 0.0, 0.0}, change[3];
+    const double *normal = contact->normals + 3 * i, *image = contact->image + 3 * i, *offset = contact->offset + 3 * i;
+    int loaded = force[0] != 0.0 || force[1] != 0.0 || force[2] != 0.0;
+    if (dermis_dot(normal, normal) > 0.5) {
+        for (int k = 0; k < 3; k++) free[k] = image[k] + offset[k];
+        if (!loaded && dermis_dot(free, normal) >= 0.0) return 0.0;
+        double soft = contact->softness[i], trace = own_of(c, i, soft);
+        for (int k = 0; k < 3; k++) found[k] = force[k] - (free[k] + soft * force[k]) / trace;
+        project(found, normal, contact->friction[i]);
+    } else if (!loaded) {
+        return 0.0;
+    }
+    for (int k = 0; k < 3; k++) change[k] = found[k] - force[k], force[k] = found[k];
+    double square = dermis_dot(change, change);
+    if (square > 0.0) move_all(c, contact->count, i, change, contact->image);
+    return square;
+}
+
+/* Return the distance from the fixed point f = P(f - w / own), over the size of the forces, as `cone.assess` does. */
+static double residual_of(const dermis_contact *contact, const rows_of *c) {
+    double error = 0.0, size = 0.0, projected = 0.0;
+    for (int64_t i = 0; i < contact->count; i++) {
+        const double *force = contact->force + 3 * i, *normal = contact->normals + 3 * i;
+        const double *image = contact->image + 3 * i, *offset = contact->offset + 3 * i;
+        double soft = contact->softness[i], own = own_of(c, i, soft) / 3.0, v[3];
+        for (int k = 0; k < 3; k++) v[k] = force[k] - (image[k] + soft * force[k] + offset[k]) / own;
+        project(v, normal, contact->friction[i]);
+        size += dermis_dot(force, force), projected += dermis_dot(v, v);
+        for (int k = 0; k < 3; k++) v[k] -= force[k];
+        error += dermis_dot(v, v);
+    }
+    size = dermis_most(size, projected);
+    return size > 0.0 ? dermis_root(error / size) : 0.0;
+}
+
+static int known(dermis_contact *contact) {
+    for (int64_t i = 0; i < contact->count; i++) {
+        const double *given[] = {contact->offset + 3 * i, contact->normals + 3 * i, contact->force + 3 * i};
+        contact->wrong = i;
+        for (int a = 0; a < 3; a++)
+            for (int k = 0; k < 3; k++)
+                if (!dermis_finite(given[a][k])) return 0;
+        if (!(contact->friction[i] >= 0.0 && dermis_finite(contact->friction[i]))) return 0;
+        if (!(contact->softness[i] >= 0.0 && dermis_finite(contact->softness[i]))) return 0;
+    }
+    return 1;
+}
+
+/* The last pairs of sweeps: where each led to, force and image, and by how much it changed the forces. */
+typedef struct {
+    int64_t size;    /* 3 count */
+    int kept;        /* pairs of sweeps that are known */
+    double *store;   /* (DERMIS_KEPT + 1, 3, size) */
+    double last;     /* the square of the last change */
+} past;
+
+static double *told(const past *known, int which, int what) { return known->store + (3 * (int64_t)which + what) * known->size; }
+
+/* Find the weights of the earlier changes with which the last one cancels best: least squares, by Cholesky's factor. */
+static void weigh(const past *known, const double *now, double *right) {
+    double matrix[DERMIS_KEPT][DERMIS_KEPT], trace = 0.0;
+    int m = known->kept;
+    for (int a = 0; a < m; a++) {
+        const double *ra = told(known, a, 2);
+        right[a] = 0.0;
+        for (int64_t k = 0; k < known->size; k++) right[a] += (now[k] - ra[k]) * now[k];
+        for (int b = 0; b <= a; b++) {
+            const double *rb = told(known, b, 2);
+            matrix[a][b] = 0.0;
+            for (int64_t k = 0; k < known->size; k++) matrix[a][b] += (now[k] - ra[k]) * (now[k] - rb[k]);
+        }
+        trace += matrix[a][a];
+    }
+    for (int a = 0; a < m; a++) {
+        matrix[a][a] += APART * trace + DBL_MIN;
+        for (int b = 0; b <= a; b++) {
+            for (int k = 0; k < b; k++) matrix[a][b] -= matrix[a][k] * matrix[b][k];
+            matrix[a][b] = a == b ? dermis_root(dermis_most(matrix[a][b], DBL_MIN)) : matrix[a][b] / matrix[b][b];
+        }
+        for (int k = 0; k < a; k++) right[a] -= matrix[a][k] * right[k];
+        right[a] /= matrix[a][a];
+    }
+    for (int a = m - 1; a >= 0; a--) {
+        for (int k = a + 1; k < m; k++) right[a] -= matrix[k][a] * right[k];
+        right[a] /= matrix[a][a];
+    }
+}
+
+/* Anderson's acceleration: go to where the changes of the last pairs of sweeps cancel best. */
+static void accelerate(dermis_contact *contact, past *known, const double *before) {
+    int64_t size = known->size;
+    double *force = contact->force, *image = contact->image, square = 0.0;
+    int m = known->kept;
+    double *now[3] = {told(known, m, 0), told(known, m, 1), told(known, m, 2)};
+    for (int64_t k = 0; k < size; k++) {
+        now[0][k] = force[k], now[1][k] = image[k], now[2][k] = force[k] - before[k];
+        square += now[2][k] * now[2][k];
+    }
+    if (m > 0 && square > ASTRAY * known->last) { /* begin anew from here */
+        for (int what = 0; what < 3; what++)
+            for (int64_t k = 0; k < size; k++) told(known, 0, what)[k] = now[what][k];
+        known->kept = 1, known->last = square;
+        return;
+    }
+    known->last = square;
+    double right[DERMIS_KEPT];
+    weigh(known, now[2], right);
+    for (int a = 0; a < m; a++) {
+        const double *fa = told(known, a, 0), *ua = told(known, a, 1);
+        for (int64_t k = 0; k < size; k++) {
+            force[k] -= right[a] * (now[0][k] - fa[k]);
+            image[k] -= right[a] * (now[1][k] - ua[k]);
+        }
+    }
+    if (m < DERMIS_KEPT) {
+        known->kept++;
+        return;
+    }
+    for (int a = 0; a < m; a++)
+        for (int what = 0; what < 3; what++)
+            for (int64_t k = 0; k < size; k++) told(known, a, what)[k] = told(known, a + 1, what)[k];
+}
+
+DERMIS_NOINLINE static int32_t sweep(dermis_contact *contact) {
+    if (!known(contact)) return DERMIS_NOT_FINITE;
+    rows_of compliance = {contact->single ? contact->compliance : NULL, contact->single ? NULL : contact->compliance, contact->stride};
+    const rows_of *c = &compliance;
+    int64_t count = contact->count;
+    double still = contact->tolerance, *before = contact->room + 3 * (DERMIS_KEPT + 1) * 3 * count;
+    past last = {3 * count, 0, contact->room, 0.0};
+    move_anew(contact, c);
+    contact->sweeps = 0;
+    contact->residual = residual_of(contact, c);
+    /* what it starts from need not lie within the cones: it is swept once at least */
+    while (contact->residual > (contact->sweeps ? contact->tolerance : 0.0) && contact->sweeps < contact->most) {
+        double change = 0.0, size = 0.0;
+        for (int64_t k = 0; k < 3 * count; k++) before[k] = contact->force[k];
+        for (int64_t k = 0; k < count; k++) visit(contact, c, k);
+        for (int64_t k = 0; k < count; k++) change += visit(contact, c, count - 1 - k);
+        for (int64_t k = 0; k < 3 * count; k++) size += contact->force[k] * contact->force[k];
+        contact->sweeps += 2;
+        if (!dermis_finite(size)) { /* a compliance that gives way leads beyond all numbers */
+            for (int64_t k = 0; k < 3 * count; k++) contact->force[k] = contact->image[k] = 0.0;
+            contact->residual = __builtin_inf();
+            break;
+        }
+        if (change > still * still * size && contact->sweeps < contact->most) {
+            accelerate(contact, &last, before);
+            continue;
+        }
+        move_anew(contact, c);
+        contact->residual = residual_of(contact, c);
+        still *= STILLER;
+    }
+    return DERMIS_DONE;
+}
+
+static int sound(const dermis_contact *contact) {
+    return contact->count >= 0 && contact->stride >= 3 * contact->count && contact->most >= 0 && contact->tolerance >= 0.0 &&
+           (contact->single == 0 || contact->single == 1);
+}
+
+DERMIS_FUNCTION(dermis_sweep, dermis_contact, sound, sweep)

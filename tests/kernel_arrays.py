@@ -15,7 +15,16 @@ from core.surface.gap import DIRECTIONS, Surface
 from core.surface.topology import Topology
 from core.surface.triangles import TriangleTable
 
-FUNCTIONS = "dermis_tree_split", "dermis_tree_fit", "dermis_body_fit", "dermis_body_judge", "dermis_distances"
+FUNCTIONS = (
+    "dermis_tree_split",
+    "dermis_tree_fit",
+    "dermis_body_fit",
+    "dermis_body_judge",
+    "dermis_distances",
+    "dermis_sweep",
+)
+
+GIVEN = "compliance", "offset", "normals", "friction", "softness", "force"  # of a contact
 
 
 def address(array: Array) -> int:
@@ -139,6 +148,62 @@ def drawn(seed: int) -> Arrays:
     points = np.ascontiguousarray(np.concatenate([on, away]))
     limit = np.inf if seed % 3 else size * 10.0 ** float(rng.uniform(-3, 0))
     return Arrays(vertices, np.ascontiguousarray(triangles), points, limit)
+
+
+@dataclass
+class Contact:
+    """The arrays of a contact; the library gets every change that is made before a call."""
+
+    compliance: Array
+    offset: Array
+    normals: Array
+    friction: Array
+    softness: Array
+    force: Array
+    tolerance: float = 1e-9
+    most: int = 60
+
+    def call(self, own: ctypes.CDLL, **changed: float) -> list[int]:
+        """Return the status, with fields of the record changed; force, image, residual and sweeps stay."""
+        n = len(self.force)
+        self.image, room = np.full((n, 3), np.nan), np.full((3 * records.KEPT + 4, n, 3), np.nan)
+        self.record = record = records.ContactRecord(
+            n,
+            self.compliance.dtype == np.float32,
+            self.compliance.strides[0] // self.compliance.itemsize,
+            *(address(getattr(self, name)) for name in GIVEN[:5]),
+            self.tolerance,
+            self.most,
+            address(self.force),
+            address(self.image),
+            address(room),
+        )
+        for name, value in changed.items():
+            setattr(record, name, value)
+        return [int(own.dermis_sweep(ctypes.byref(record)))]
+
+    def answer(self) -> bytes:
+        """Return everything that a call has filled."""
+        told = np.array([self.record.residual, self.record.sweeps])
+        return self.force.tobytes() + self.image.tobytes() + told.tobytes()
+
+
+def drawn_contact(seed: int) -> Contact:
+    """Return nodes of all kinds: few and many, without friction and with much, soft ones, and some far from all."""
+    rng = np.random.default_rng(seed)
+    n, scale = int(rng.integers(1, 40)), 10.0 ** rng.uniform(-5, -1)
+    basis = rng.normal(size=(3 * n, 6 * n))
+    compliance = scale * (basis @ basis.T / (6 * n) + 0.1 * np.eye(3 * n))
+    room = np.full((3 * n, 3 * n + int(rng.integers(0, 9))), np.nan)
+    room[:, : 3 * n] = compliance
+    normals = rng.normal(size=(n, 3))
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    normals[rng.random(n) < 0.1] = 0.0
+    offset = rng.normal(size=(n, 3)) * 1e-3 - 5e-4 * normals
+    friction = rng.choice([0.0, 0.3, 1.0, 5.0], n)
+    softness = np.where(rng.random(n) < 0.3, scale * rng.random(n), 0.0)
+    start = rng.normal(size=(n, 3)) * (seed % 2)
+    return Contact(room.astype(np.float32) if seed % 3 else room, offset, normals, friction, softness, start)
 
 
 def opened(path: Path) -> ctypes.CDLL:

@@ -80,4 +80,3 @@ def sweep(
     if status != records.DONE:
         raise DermisError("a record for the kernels is damaged", where=kernels().path.name, value=status)
     return Swept(force, image, record.residual, record.sweeps)
-

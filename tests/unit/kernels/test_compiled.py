@@ -16,7 +16,7 @@ import pytest
 
 import build_addon
 from core.kernels import building, library
-from tests.kernel_arrays import Arrays, drawn, gcc, opened
+from tests.kernel_arrays import GIVEN, Arrays, Contact, drawn, drawn_contact, gcc, opened
 
 ROOT = Path(__file__).resolve().parents[3]
 LINUX = sys.platform.startswith("linux") and platform.machine() == "x86_64"
@@ -25,7 +25,6 @@ needs_gcc = pytest.mark.skipif(
 )
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Werror")
 WINE = shutil.which("wine64") or next((p for p in ("/usr/lib/wine/wine64",) if Path(p).exists()), None)
-SEEDS = range(0, 40, 3)
 CONTROL = """
 unsigned control(void) { return __builtin_ia32_stmxcsr(); }
 void set_control(unsigned bits) { __builtin_ia32_ldmxcsr(bits); }
@@ -36,11 +35,15 @@ ROUND_UP, FLUSH, ZERO = 0x4000, 0x8000, 0x0040  # towards infinity, denormal res
 def answers(own: ctypes.CDLL) -> list[bytes]:
     """Return a library's answers for arrays of all kinds."""
     out = []
-    for seed in SEEDS:
-        arrays = drawn(seed)
+    for arrays in cases():
         assert not any(arrays.call(own))
         out.append(arrays.answer())
     return out
+
+
+def cases() -> list[Arrays | Contact]:
+    """Return arrays of all kinds for all functions."""
+    return [drawn(seed) for seed in range(0, 40, 3)] + [drawn_contact(seed) for seed in range(20)]
 
 
 @pytest.fixture(scope="module")
@@ -79,8 +82,7 @@ def test_a_changed_floating_point_environment_changes_no_byte_and_is_left_as_it_
     own = opened(library.kernels().path)
     before = control.control()
     small, third = np.full(1, 1e-310), np.ones(1)
-    for seed, answer in zip(SEEDS, wanted, strict=True):
-        arrays = drawn(seed)
+    for arrays, answer in zip(cases(), wanted, strict=True):
         control.set_control(before | bits)
         try:
             changed = (third / 3.0)[0], (small * 1.0)[0]
@@ -151,7 +153,12 @@ def sanitized(path: str, short: bool = False) -> None:
         if seed % 7 == 0:
             arrays.limit = float(rng.choice([0.0, 1e-300, 1e300, np.inf, np.nan, -1.0]))
         refused += any(arrays.call(own))
-    assert 0 < refused < 100
+        contact = drawn_contact(seed)
+        for name in GIVEN if seed % 2 else ():
+            array = getattr(contact, name)
+            array.flat[rng.integers(0, array.size)] = rng.choice(bad)
+        refused += any(contact.call(own))
+    assert 0 < refused < 200
     print("tried; refused", refused)
 
 
@@ -217,8 +224,7 @@ def test_windows_library_needs_no_other_one_and_runs(zig: list[str], tmp_path: P
     subprocess.run([*command, str(source), "-lkernel32", "-o", str(program)], check=True)
     shutil.copyfile(path, tmp_path / "kernels.dll")
     variables = {**os.environ, "WINEPREFIX": str(tmp_path / "wine"), "WINEDEBUG": "-all"}
-    for seed, answer in zip(SEEDS, wanted, strict=True):
-        arrays = drawn(seed)
+    for arrays, answer in zip(cases(), wanted, strict=True):
         if arrays.table.slivers is not None:
             continue
         table, topology, n = arrays.table, arrays.topology, len(arrays.points)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.contact.solver.cone import assess
 from core.contact.solver.compliance import own_compliance
+from core.contact.solver.cone import assess
 from core.contact.solver.sweeps import sweep
 from core.errors import DermisError
 

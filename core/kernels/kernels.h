@@ -95,14 +95,14 @@ typedef struct {
 
 /* Nodes that may touch, and the forces on them: w = C f + softness f + offset obeys Coulomb's law with f.
 
-   Where a normal is zero, nothing is near and no force acts. */
+   Where a normal is shorter than 0.7, nothing is near and no force acts. */
 typedef struct {
     int64_t count;           /* nodes */
     int64_t single;          /* 1: the compliance is of floats; 0: of doubles */
     int64_t stride;          /* numbers from one row of the compliance to the next */
     const void *compliance;  /* C, symmetric positive definite (3 count, stride) [m/N] */
     const double *offset;    /* (count, 3) [m] */
-    const double *normals;   /* of length 1 or 0 (count, 3) */
+    const double *normals;   /* of length 1, or 0 where nothing is near (count, 3) */
     const double *friction;  /* coefficients (count) */
     const double *softness;  /* compliance of what lies below each node (count) [m/N] */
     double tolerance;        /* of the residual */

@@ -45,8 +45,15 @@ static void move_anew(const dermis_contact *contact, const rows_of *c) {
     }
 }
 
+/* Whether anything is near: of what is not, the normal is zero, or rounding has left next to nothing of it. */
+static int near(const double *normal) { return dermis_dot(normal, normal) > 0.5; }
+
 /* Alart and Curnier's projection: no tension, and no more tangential force than friction allows. */
 static void project(double *force, const double *normal, double friction) {
+    if (!near(normal)) {
+        force[0] = force[1] = force[2] = 0.0;
+        return;
+    }
     double along = dermis_dot(force, normal), press = dermis_most(along, 0.0);
     for (int k = 0; k < 3; k++) force[k] -= along * normal[k];
     double length = dermis_root(dermis_dot(force, force)), most = friction * press;
@@ -68,7 +75,7 @@ static double visit(const dermis_contact *contact, const rows_of *c, int64_t i) 
     double *force = contact->force + 3 * i, free[3], found[3] = {0.0, 0.0, 0.0}, change[3];
     const double *normal = contact->normals + 3 * i, *image = contact->image + 3 * i, *offset = contact->offset + 3 * i;
     int loaded = force[0] != 0.0 || force[1] != 0.0 || force[2] != 0.0;
-    if (dermis_dot(normal, normal) > 0.5) {
+    if (near(normal)) {
         for (int k = 0; k < 3; k++) free[k] = image[k] + offset[k];
         if (!loaded && dermis_dot(free, normal) >= 0.0) return 0.0;
         double soft = contact->softness[i], trace = own_of(c, i, soft);

@@ -157,12 +157,15 @@ def test_stress_near_the_skin_is_read_from_the_points(skin: SkinModel) -> None:
 
 @pytest.mark.parametrize("where", [POINTS, NODES], ids=["points", "nodes"])
 def test_what_is_kept_is_packed_and_says_the_same(skin: SkinModel, where: dict[str, str]) -> None:
-    """All but the forces stays exact; those are off by 1 / 65,536 of the largest, and by nothing once they were."""
+    """All but the forces stays exact; those are off by 1 / 65,536 of the largest, and by nothing once they were.
+
+    A node collects the rounding, half of that each, of eight cells at most.
+    """
     touch = felt(skin, ball(5e-3), where, slide=2e-3)
     kept, most = touch.packed(), float(np.abs((touch.points or touch).force).max())
     assert kept.packed() is kept and not isinstance(kept.held, np.ndarray) and kept.nbytes < 0.6 * touch.nbytes
     assert kept.force.shape == touch.force.shape and kept.force.dtype == np.float32
-    np.testing.assert_allclose(kept.force, touch.force, rtol=0, atol=3 * most / 65536)
+    np.testing.assert_allclose(kept.force, touch.force, rtol=0, atol=4 * most / 65536)
     assert len(touch.contact) > 8 and np.abs(kept.force - touch.force).max() > 0
     for i in (int(touch.contact[0]), 15):
         before, after = touch.at(i), kept.at(i)

@@ -154,7 +154,8 @@ def test_tissue_is_in_balance_and_the_laws_hold_where_it_lies(skin: SkinModel, s
         assert np.linalg.norm(left.ravel()[free]) <= 2e-2 * np.linalg.norm(force) + 1e-9
         apart = moved[skin.mesh.pad] - step.displacement
         assert np.linalg.norm(apart) <= 1e-5 * np.linalg.norm(moved[skin.mesh.pad])
-        near = step.gaps.body >= 0
+        # above an edge a normal of no length is left where nothing is felt yet
+        near = (step.gaps.body >= 0) & (np.einsum("ij,ij->i", found.normals, found.normals) > 0.5)
         relative = found.displacement + apart
         assert natural_residual(force[near], relative[near], found.normals[near], found.friction[near], 1 / rho) < 2e-4
         assert not force[~near].any()

@@ -29,13 +29,14 @@ static inline void dermis_cross(const double *a, const double *b, double *out) {
 
 /* Return the angle [rad], 0 to pi, of a sine and a cosine in the same unit; the sine is 0 or more.
 
-   The tangent of the angle's half is halved four times, to .0985 at most; eight terms of the series are then exact to 5e-18. */
+   The angle is halved until its tangent is .1 or less; eight terms of the series are then exact to 6e-18. */
 static inline double dermis_angle(double sine, double cosine) {
     double size = dermis_root(sine * sine + cosine * cosine), t = cosine > 0.0 ? sine / (size + cosine) : (size - cosine) / sine;
-    for (int halving = 0; halving < 4; halving++) t = t / (1.0 + dermis_root(1.0 + t * t));
-    double square = t * t, sum = 0.0;
+    double times = 2.0, square, sum = 0.0;
+    for (; t > 0.1; times *= 2.0) t = t / (1.0 + dermis_root(1.0 + t * t));
+    square = t * t;
     for (int n = 8; n--;) sum = 1.0 / (2 * n + 1) - square * sum;
-    return 32.0 * t * sum;
+    return times * t * sum;
 }
 
 #endif

@@ -376,5 +376,5 @@ class Surface:
 
 def _slabs_of(points: Array) -> Array:
     """Return the `DIRECTIONS`, and how far points extend along them, down and up [m], shape (13, 5)."""
-    along = points @ DIRECTIONS.T
-    return np.column_stack([DIRECTIONS, along.min(axis=0), along.max(axis=0)])
+    along = DIRECTIONS @ points.T
+    return np.column_stack([DIRECTIONS, along.min(axis=1), along.max(axis=1)])

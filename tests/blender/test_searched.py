@@ -109,6 +109,7 @@ def test_six_legs_that_are_coupled_are_refused_in_words(legs):
         core.matching.thimble_use.by_stress(spec, {"platform_method": "stress"})
 
 
+@pytest.mark.one_line("3.13", "the engine searches in a child; the rest of this file runs on both lines")
 def test_six_legs_learn_a_finger(legs, tmp_path, monkeypatch):
     scene, finger, device = legs
     monkeypatch.setattr(

@@ -1,4 +1,4 @@
-"""Gaps to any surface, held to the closest of its triangles one by one, and to a convex body's faces."""
+"""Gaps to any surface, held to the closest of its triangles, solid by solid, and to the faces of a convex body."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from core.errors import DermisError
 from core.surface.gap import Surface
+from core.surface.winding import winding
 
 from . import tolerances
 from .bodies import ANY, draw_body, mesh_of
@@ -52,8 +53,11 @@ def judge(values: Values) -> Verdict:
     verdict.hold("finite", int((~np.isfinite(found.gap)).sum() + (~np.isfinite(found.normal)).sum()), 0)
     if verdict.missed:
         return verdict
-    closest = np.array([distance(p, corners[surface.table.usable]) for p in points])
-    verdict.hold("distance", float(np.abs(np.abs(found.gap) - closest).max()) / size, tolerances.DISTANCE)
+    if surface.solids:  # that run through each other: the smallest signed distance counts
+        told, closest = found.gap, np.min([signed(points, corners[own]) for own in surface.solids], axis=0)
+    else:
+        told, closest = np.abs(found.gap), np.array([distance(p, corners[surface.table.usable]) for p in points])
+    verdict.hold("distance", float(np.abs(told - closest).max()) / size, tolerances.DISTANCE)
     length = np.linalg.norm(found.normal, axis=1)
     verdict.hold("unit", float(np.abs(length - 1.0).max()), tolerances.UNIT)
     convex = values["shape"] in ("block", "ball", "edge", "hull", "pillar", "card") and (
@@ -88,6 +92,12 @@ def spoil(vertices: Array, triangles: Array, how: str, rng: np.random.Generator)
     elif how == "empty":
         triangles = triangles[:0]
     return vertices, triangles
+
+
+def signed(points: Array, corners: Array) -> Array:
+    """Return the distances of points to a solid [m], below zero inside by the solid angles of its triangles."""
+    far = np.array([distance(point, corners) for point in points])
+    return np.where(winding(corners, points) > 0.5, -far, far)
 
 
 def distance(point: Array, corners: Array) -> float:

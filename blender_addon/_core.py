@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     import core.matching.stimulus_plot
     import core.matching.table
     import core.matching.thimble
+    import core.matching.thimble_job
     import core.matching.thimble_use
     import core.motion.recorded_poses
     import core.number_rows
@@ -88,6 +89,8 @@ if TYPE_CHECKING:
     import core.skin.shape
     import core.skin.stimulus
     import core.skin.store
+    import core.skin.surface_compliance
+    import core.skin.surface_store
     import core.skin.stress_table
     import core.steps
     import core.stream.client

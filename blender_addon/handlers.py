@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
-from . import baking, changes, identity, reporting
+from . import baking, changes, identity, redraw, reporting
 from .devices import skin_models
 from .preview import skin_preview
 from .properties import skin_properties
@@ -34,7 +34,7 @@ def _on_depsgraph(_scene: bpy.types.Scene, depsgraph: Any = None) -> None:
 @persistent
 def _on_frame(scene: bpy.types.Scene, depsgraph: Any = None) -> None:
     # Without a window nobody looks; a sweep or a render job must not pay for a preview.
-    if changes.sweeping() or depsgraph is None or bpy.app.background or bpy.app.is_job_running("RENDER"):
+    if changes.sweeping() or depsgraph is None or not redraw.watched() or bpy.app.is_job_running("RENDER"):
         return
     changes.note_clock(scene)
     shown.on_frame(scene)

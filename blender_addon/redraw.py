@@ -14,13 +14,18 @@ DRAWN = ("VIEW_3D", "DOPESHEET_EDITOR", "GRAPH_EDITOR")  # the editors that show
 SETTLE = 0.05  # [s] from the first request to the work; those that come meanwhile are the same one
 
 
+def watched() -> bool:
+    """Return whether somebody looks at a window; in background nobody waits for a view."""
+    return not bpy.app.background
+
+
 work: Callable[[], None] | None = None
 """Works out what the views show."""
 
 
 def request() -> None:
     """Ask for what is shown to be worked out anew and drawn soon; many requests give one."""
-    if not bpy.app.background and not bpy.app.timers.is_registered(_on_timer):
+    if watched() and not bpy.app.timers.is_registered(_on_timer):
         bpy.app.timers.register(_on_timer, first_interval=SETTLE)
 
 

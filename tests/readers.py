@@ -19,6 +19,7 @@ from core.design.collect import _whole
 from core.devices import calibration
 from core.errors import DermisError
 from core.files import read_bytes
+from core.matching import description
 from core.matching.screen_map import ScreenMap
 from core.matching.table import SkinTable
 from core.motion import recorded_poses
@@ -241,6 +242,7 @@ DEVICES = ("haptip", "thimble_3rrs", "hexapod", "electrovibration", "cable_platf
 MODEL = {name: np.zeros((3, 3)) for name in skin_store.MESH_ARRAYS} | {"compliance": np.zeros((27, 27))}
 REMAINDER = {"centres": np.zeros((4, 3)), "mixing": np.ones((4, 2)), "surface": np.ones((2, 3, 2, 3), "<f4")}
 REMAINDER["beneath"] = np.ones((3, 1, 9, 1, 3), "<f4")
+DESCRIPTION = {"schema": description.SCHEMA, "key": "key", "sources": [], "digest": description.digest_of(())}
 STIFFENING = {"version": np.array(3), "key": np.array("ab"), "cubic": np.ones(1, "<f4"), "signs": np.ones(2)}
 STIFFENING |= {"cubic_across": np.ones((1, 1), "<f4"), "reach": np.ones(2)}
 STIFFENING |= {"centres": 1e-3 * np.eye(3), "displacement": np.ones((3, 3, 2), "<f4"), "nodes": np.zeros((4, 3))}
@@ -357,6 +359,13 @@ READERS = (
         ".npz",
         lambda: [ex.npz(table=np.zeros((3, 3), "<f4"))],
         lambda path: skin_store.read_arrays(path, {"table": (3, 3)}),
+    ),
+    _reader(
+        "description that ships",
+        "core.matching.description:read_shipped",
+        ".npz",
+        lambda: [ex.npz(matrix=np.eye(3), meta=np.frombuffer(json.dumps(DESCRIPTION).encode(), np.uint8))],
+        lambda path: description.read_shipped(path, "key", 3),
     ),
     _reader(
         "remainder of a skin",

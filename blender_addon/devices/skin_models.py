@@ -1,9 +1,9 @@
 """The skins at hand: made once, shared by all fingers of the same size, kept on disk in the extension's user folder.
 
-Draft and standard skins are made where they are first asked for (some tenths of a second, once per size). A fine one
-takes seconds: in a window a child process makes it, and whoever asked gets None until it is there. So does the table of
-a smooth pad, for lengths that no preset has, and where devices follow skin that stiffens the series that these are
-matched by: a preview goes on without them, a bake waits.
+In a window a child process makes a skin that nobody has made before, a thread reads it from the disk, and whoever asked
+gets None until it is there. A child process also makes the table of a smooth pad, for lengths that no preset has, and
+where devices follow skin that stiffens the series that these are matched by: a preview goes on without them, a bake
+waits.
 """
 
 from __future__ import annotations
@@ -16,12 +16,13 @@ from typing import Any, Literal, NamedTuple, overload
 
 import bpy
 
+from .. import loading, redraw
 from .._core import DermisError, core
 from ..preferences import user_folder
 
 LIMIT_BYTES = 4_000_000_000
-SLOW = ("fine",)
 PAD, STIFFENING = "pad", "stiffening"  # in place of a level, and jobs: tables of the smooth pad, and of its tissue
+THIMBLE = "thimble"  # the same, of tables that a thimble is followed by on a skin
 POLL = 0.1
 
 
@@ -35,6 +36,9 @@ class _Stiff(NamedTuple):
 
 on_made: Callable[[], None] | None = None
 """Called whenever a skin that is being made has come further: `handlers` hooks the preview in."""
+
+on_read: Callable[[core.skin.model.SkinModel], None] | None = None
+"""Called in the thread that reads a skin: `viewport/shown` hooks in what is drawn of it."""
 
 _models: core.recent.Recent[str, core.skin.model.SkinModel] = core.recent.Recent(8)
 _making: dict[str, core.work.executor.JobFuture] = {}
@@ -99,8 +103,7 @@ def get(
     if key not in _models:
         if key in _failed:
             raise _failed.pop(key)
-        if level in SLOW and not wait and not bpy.app.background and not _finished(key):
-            _begin(key, skin, level)
+        if not wait and redraw.watched() and not _read(key, skin, level, tissue, where):
             return None
     model = _models.make(
         key, lambda: core.skin.model.skin_from_parameters(skin, level=level, cache=cache(), where=where)
@@ -110,6 +113,35 @@ def get(
         model = model.with_material(young=young, alpha=alpha)
         _models[key] = model
     return model if tissue == "linear" else _stiffened(key, model, tissue, _key(skin, STIFFENING) in _there)
+
+
+def _read(key: str, skin: Mapping[str, float], level: str, tissue: str, where: str) -> bool:
+    """Let a skin be made where it never was, and be read; return whether it is there."""
+    kept, core_skin = cache(), core.skin.model
+    if not _finished(key) and not core_skin.is_kept(skin, level=level, cache=kept, where=where):
+        _begin(key, skin, level)
+        return False
+
+    def read() -> tuple[core.skin.model.SkinModel, bool, bool]:
+        model = core_skin.skin_from_parameters(skin, level=level, cache=kept, where=where)
+        assert model.unit_response.size and model.operator
+        smooth = core.skin.surface_store.smooth_pad(model)
+        if smooth is not None:
+            chart = smooth.chart
+            assert smooth.cells.extent and chart.tiles.quarters.size and chart.tiles.ways.size and chart.levels.size
+            assert smooth.coarse[chart.base].size
+        if on_read is not None:
+            on_read(model)
+        pad = smooth is not None
+        return model, pad, tissue != "linear" and core.tissue.stiffening_store.find_series(model) is not None
+
+    found = loading.value(("skin", key, tissue), read)
+    if found is None:
+        return False
+    model, pad, series = found[0]
+    _there.update(_key(skin, table) for table, there in ((PAD, pad), (STIFFENING, series)) if there)
+    _models.make(key, lambda: model)
+    return True
 
 
 def of(parameters: Mapping[str, Any], *, where: str = "skin", wait: bool = False) -> core.skin.model.SkinModel | None:
@@ -143,13 +175,9 @@ def wants_pad(parameters: Mapping[str, Any]) -> bool:
     Raises:
         DermisError: a size that leaves no room for tissue.
     """
-    skin = parameters["skin"]
-    if parameters["contact"] != "points" or "mesh" in skin or _key(skin, PAD) in _there:
+    if parameters["contact"] != "points":
         return False
-    if core.skin.surface_store.surface_compliance(skin, shipped=core.skin.surface_store.SHIPPED, cache=cache()) is None:
-        return True
-    _there.add(_key(skin, PAD))
-    return False
+    return _unmade(parameters["skin"], PAD, core.skin.surface_store.find_remainder)
 
 
 def wants_series(parameters: Mapping[str, Any]) -> bool:
@@ -202,6 +230,24 @@ def refusal(skin: Mapping[str, float], table: str) -> str:
     """Return why a table could not be made, or ''."""
     error = _failed.get(_key(skin, table))
     return "" if error is None else str(error)
+
+
+def make_followed(skin: Mapping[str, float], parameters: Mapping[str, Any]) -> float | None:
+    """Let a child process make the tables of a thimble on a skin; return how far it is.
+
+    Args:
+        parameters: of the job but for the skin and its cache.
+
+    Raises:
+        DermisError: they could not be made; tried anew when it is asked for again.
+    """
+    key = _key(skin, json.dumps([THIMBLE, parameters], sort_keys=True))
+    if key in _failed:
+        raise _failed.pop(key)
+    if _finished(key):
+        return None
+    _begin(key, skin, THIMBLE, parameters)
+    return _progress[key]
 
 
 def _made(skin: Mapping[str, float], table: str) -> float | None:
@@ -287,18 +333,26 @@ def _finished(key: str) -> bool:
     return _progress.get(key) == 1.0 and key not in _making
 
 
-def _begin(key: str, skin: Mapping[str, float], level: str) -> None:
+def _begin(key: str, skin: Mapping[str, float], level: str, told: Mapping[str, Any] | None = None) -> None:
     """Let a child process put something into the cache, and look after it now and then."""
     if key in _making:
         return
     executor = core.work.processes.ProcessExecutor()
     parameters = {"skin": dict(skin), "folder": str(cache().folder), "limit": LIMIT_BYTES}
-    job, more = (level, {}) if level in (PAD, STIFFENING) else ("skin", {"level": level})
-    _making[key] = executor.submit(job, {}, parameters | more)
+    job, more = (level, told or {}) if level in (PAD, STIFFENING, THIMBLE) else ("skin", {"level": level})
+    _making[key] = executor.submit(job, {}, {**more, **parameters})
     executor.shutdown(wait=False)  # its process ends with the job
     _progress[key] = 0.0
     if not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=POLL)
+
+
+def _reread(key: str) -> None:
+    """Forget the skins that a new table belongs to, so that a thread reads them again, and the table with them."""
+    level, geometry = json.loads(key)
+    if level in (PAD, STIFFENING) and redraw.watched():
+        for other in [k for k in _models if json.loads(k)[1] == geometry]:
+            del _models[other]
 
 
 def _tick() -> float | None:
@@ -309,6 +363,7 @@ def _tick() -> float | None:
         if job.done():
             del _making[key]
             _progress[key] = 1.0
+            _reread(key)
             if (error := job.exception()) is not None:
                 _failed[key] = error
                 del _progress[key]

@@ -8,12 +8,14 @@ from typing import Any
 
 import bpy
 
+from .. import loading, redraw
 from .._core import DermisError, core
 from ..preferences import user_folder
-from ..properties import object_properties
+from ..properties import object_properties, skin_properties
 from . import active_presets, skin_models
 
 _uses: core.recent.Recent[str, Any] = core.recent.Recent(8)
+_there: core.recent.Recent[str, bool] = core.recent.Recent(8)  # uses whose tables are in memory
 
 
 def folder(*, create: bool = False) -> Path:
@@ -58,10 +60,64 @@ def prepared(device: Any, model: Any) -> Any:
     if spec is None:
         raise DermisError("no such thimble", where="thimble", value=device.preset)
     values = use_of(device)
-    on = core.surrogate.press_points.pressed_on(model)
-    key = json.dumps([spec.hash, model.key, model.tissue, on, repr(model.material), values], sort_keys=True)
+    make = core.matching.thimble_use.prepare
     with skin_models.one_thread():
-        return _uses.make(key, lambda: core.matching.thimble_use.prepare(spec, model, values, device.preset))
+        return _uses.make(_key(spec, model, values), lambda: make(spec, model, values, device.preset))
+
+
+def _key(spec: Any, model: Any, values: dict[str, Any]) -> str:
+    on = core.surrogate.press_points.pressed_on(model)
+    return json.dumps([spec.hash, model.key, model.tissue, on, repr(model.material), values], sort_keys=True)
+
+
+def waits(finger: bpy.types.Object, device: Any, model: Any) -> str:
+    """Return what a thimble on a finger waits for, '' where all that it is followed by is there.
+
+    A child process makes the tables where they never were, and a thread reads them. Without a window nothing waits.
+
+    Args:
+        model: the finger's skin, see `pressed`.
+
+    Raises:
+        DermisError: a preset or settings that cannot be used.
+    """
+    spec = active_presets.searched(device)
+    if spec is None or not redraw.watched():
+        return ""
+    use = use_of(device)
+    key = _key(spec, model, use)
+    if key in _there:
+        return ""
+    thimble_job = core.matching.thimble_job
+    if not _kept(thimble_job.tables_key(spec, model, use)):
+        skin = skin_properties.parameters(finger.dermis.finger.skin)
+        told = {
+            "device": dict(spec.source),
+            "device_key": spec.key,
+            "level": skin["skin_level"],
+            "contact": skin["contact"],
+            "tissue": model.tissue,
+            "use": use,
+        }
+        done = skin_models.make_followed(skin["skin"], told)
+        if done is not None:
+            return f"preparing {spec.name}: {done:.0%}"
+    where = device.preset
+
+    def read() -> Any:
+        found = core.matching.thimble_use.prepare(spec, model, use, where)
+        return core.matching.thimble.follower(found) and found
+
+    found = loading.value(("thimble", key), read)
+    if found is None:
+        return f"reading what {spec.name} needs"
+    _uses.make(key, lambda: found[0])
+    _there.make(key, lambda: True)
+    return ""
+
+
+def _kept(mark: str) -> bool:
+    return skin_models.cache().get(mark) is not None
 
 
 def adapted(device: Any, model: Any) -> Path | None:
@@ -85,3 +141,4 @@ def forget() -> None:
     """Read everything anew: a surrogate came or went."""
     active_presets.forget()
     _uses.clear()
+    _there.clear()

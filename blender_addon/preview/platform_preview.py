@@ -15,7 +15,10 @@ from . import followers
 from .rows import Row, by_channel, row_of
 from .skin_state import SkinState
 
+NO_TABLE = "no look-up table of this finger yet: Bake makes it"
+
 _commands: dict[str, tuple[SkinState, tuple[Any, ...], NDArray[np.float64] | None]] = {}
+_refused: dict[str, str] = {}  # by finger, why its table cannot be used
 
 
 def live_rows(scene: bpy.types.Scene, skins: Sequence[SkinState]) -> tuple[Row, ...]:
@@ -26,6 +29,9 @@ def live_rows(scene: bpy.types.Scene, skins: Sequence[SkinState]) -> tuple[Row, 
         values = commands(obj, device, spec, target) if looked_up else None
         if values is not None:
             rows.append(row_of(target.finger, device.preset, spec, by_channel(spec, values), float(target.touching)))
+        elif looked_up:
+            note = _refused.get(target.finger) or NO_TABLE
+            rows.append(row_of(target.finger, device.preset, spec, {}, None, note=note))
     return tuple(rows)
 
 
@@ -36,6 +42,7 @@ def commands(obj: Any, device: Any, spec: Any, target: SkinState) -> NDArray[np.
     if kept is not None and kept[0] is target and kept[1] == key and kept[2] is not None:
         return kept[2]
     lookup, values = core.matching.lookup, None
+    _refused.pop(target.finger, None)
     try:
         table = platform_devices.table(obj, device)
         if table is not None:
@@ -43,8 +50,8 @@ def commands(obj: Any, device: Any, spec: Any, target: SkinState) -> NDArray[np.
                 force = np.asarray(target.force)[None] if target.touching else np.zeros((0, *np.shape(target.force)))
                 own = target.matched
                 values = lookup.commands_now(table, spec, own.model, force, own.amounts)
-    except DermisError:
-        values = None  # the panel and the bake say why
+    except DermisError as error:
+        _refused[target.finger] = str(error)
     _commands[target.finger] = (target, key, values)
     return values
 
@@ -52,3 +59,4 @@ def commands(obj: Any, device: Any, spec: Any, target: SkinState) -> NDArray[np.
 def reset() -> None:
     """Forget what was looked up."""
     _commands.clear()
+    _refused.clear()

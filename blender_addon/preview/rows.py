@@ -49,6 +49,7 @@ class Row:
         path: the tactor's positions over the last moments [m], oldest first, shape (n, 2); empty for screens.
         contact: 1 while the finger touches, 0 while not, None where unknown.
         signals: diagnostic values by name, such as 'mismatch'.
+        note: in words, why there are no values.
     """
 
     finger: str
@@ -62,6 +63,7 @@ class Row:
     path: Array
     contact: float | None
     signals: Mapping[str, float] = field(default_factory=dict)
+    note: str = ""
 
     @property
     def numbers(self) -> Array:
@@ -102,6 +104,7 @@ def row_of(
     *,
     path: Array = NO_PATH,
     signals: Mapping[str, float] | None = None,
+    note: str = "",
 ) -> Row:
     """Return the row of a device with values for its channels, by name [SI]; channels without one are left out."""
     return Row(
@@ -116,6 +119,7 @@ def row_of(
         path=path,
         contact=contact,
         signals=signals or {},
+        note=note,
     )
 
 

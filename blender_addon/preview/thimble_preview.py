@@ -80,7 +80,11 @@ def live_rows(scene: bpy.types.Scene, skins: Sequence[SkinState]) -> tuple[Row, 
     """Return what the thimbles of fingers whose skin is shown do at the current frame, without a bake."""
     rows = []
     for target, obj, device, spec in followers.searched_of(scene, skins):
-        if target.source != "live" or (path := follow(scene, target, obj, device)).rendered is None:
+        if target.source != "live":
+            continue
+        path = follow(scene, target, obj, device)
+        if path.rendered is None:
+            rows += [row_of(target.finger, device.preset, spec, {}, None, note=path.error)] if path.error else []
             continue
         if spec.kind == "thimble":
             values = core.devices.thimble.channel_values(path.rendered.angles, path.rendered.x)
@@ -111,6 +115,14 @@ def follow(scene: bpy.types.Scene, target: SkinState, obj: bpy.types.Object, dev
     if skin_preview.revisited() and frame in path.seen:
         path.target, path.rendered, path.error = target, path.seen[frame], ""
         return path
+    if path.follower is None:
+        try:
+            path.error = thimble_devices.waits(obj, device, model)
+        except DermisError as error:
+            path.error = str(error)
+        if path.error:
+            path.rendered = None
+            return path
     with skin_models.one_thread():
         try:
             if path.follower is None:

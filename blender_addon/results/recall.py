@@ -16,7 +16,7 @@ DELAY = 0.05  # [s] after the file: it is seen first
 
 def request() -> None:
     """Ask for the stored bakes of all scenes."""
-    if not bpy.app.background and not bpy.app.timers.is_registered(_on_timer):
+    if redraw.watched() and not bpy.app.timers.is_registered(_on_timer):
         bpy.app.timers.register(_on_timer, first_interval=DELAY)
 
 

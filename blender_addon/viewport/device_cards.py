@@ -36,6 +36,8 @@ def card(row: Row, twin: Twin | None, place: Box, scale: float) -> None:
     state = twin.state if twin is not None else None
     width, low = place.width - 2 * MARGIN * scale, bottom + 0.7 * MARGIN * scale
     paint.text(f"{row.finger}   {row.title}", x, top, INK, scale, width=width)
+    if row.note:
+        paint.text(row.note, x, top - 1.6 * LINE * scale, paint.FAINT, scale, width=width)
     match row.drawn:
         case "tactor":
             _dial(row, x, bottom + MARGIN * scale, scale)
@@ -61,6 +63,8 @@ def line(row: Row, place: Box, scale: float) -> None:
 
 def in_words(row: Row) -> str:
     """Return what a device does now in a few words."""
+    if row.note:
+        return row.note
     if row.contact is not None and row.contact < 0.5:
         return "in the air"
     if row.drawn == "tactor":

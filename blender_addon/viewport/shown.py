@@ -13,15 +13,16 @@ from typing import Any, NamedTuple
 
 import bpy
 
-from .. import changes, choices, identity, redraw
+from .. import changes, choices, identity, loading, redraw
 from .. import doubts as doubtful
-from ..devices import readiness, thimble_devices
+from ..devices import readiness, skin_models, thimble_devices
 from ..preview import device_preview, live_lanes, moment, pin_preview, platform_preview, skin_preview, thimble_preview
 from ..preview.rows import Preview
 from ..preview.skin_state import SkinState
 from ..results import store
+from ..sampling import instances, scene_header, scene_sweep, simulated_motion
 from ..streaming import built_devices, reported_values, streamed_track
-from . import skin_shown, slices, twins
+from . import platform_twin, skin_field, skin_shown, skin_surface, slices, tactor_twin, thimble_twin, twins
 from .twin import Twin
 
 
@@ -53,6 +54,18 @@ _doubts: dict[int, tuple[doubtful.Doubt, ...]] = {}  # about the scene itself
 _keys: dict[int, tuple[Any, ...]] = {}  # what they were worked out for
 _drawn = {"kept": 0}  # how often a view was drawn from what was worked out
 _slices = slices.Slices(lambda: _steps())
+_LIGHT = (
+    scene_sweep,
+    scene_header,
+    simulated_motion,
+    instances,
+    device_preview,
+    twins,
+    tactor_twin,
+    readiness,
+    doubtful,
+)
+_MODULES = (*_LIGHT, skin_field, skin_surface, skin_shown, platform_twin, thimble_twin, thimble_preview, skin_preview)
 
 
 def devices(scene: bpy.types.Scene) -> Preview | None:
@@ -72,10 +85,16 @@ def skins(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
 def on_frame(scene: bpy.types.Scene) -> None:
     """Work out what is shown at a new frame for as long as a view may wait; go on in a timer."""
     if scene == bpy.context.scene and skin_preview.any_finger(scene):
-        _slices.start(scene)
+        if _loaded(skins=skin_preview.any_solved(scene)):
+            _slices.start(scene)
     else:
         _doubts.pop(scene.session_uid, None)
         renew(scene)
+
+
+def _loaded(*, skins: bool) -> bool:
+    """Return whether the modules are there that the work needs; a thread reads them, so that no view waits."""
+    return loading.engine(_MODULES if skins else _LIGHT, skins=skins)
 
 
 def _steps() -> slices.Steps:
@@ -92,6 +111,8 @@ def _steps() -> slices.Steps:
     for state in skins(scene) if scene.dermis.skin_view.show else ():
         view = scene.dermis.skin_view
         if state.model is not None:
+            for _ in skin_field.learn(state, view.quantity):
+                scene = yield
             skin_shown.values(state, view.quantity, view.exaggeration)
         scene = yield
     renew(scene)
@@ -197,11 +218,12 @@ def forget() -> None:
 def register() -> None:
     """Work from now on when somebody asks for a redraw."""
     redraw.work = work
+    skin_models.on_read = skin_field.prepare
 
 
 def unregister() -> None:
     """Work no more, and forget everything."""
-    redraw.work = None
+    redraw.work = skin_models.on_read = None
     redraw.cancel()
     for kept in (pin_preview, platform_preview, thimble_preview):
         kept.reset()

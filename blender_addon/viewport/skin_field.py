@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import weakref
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -107,6 +107,23 @@ def kit(mesh: Any) -> _Kit:
     return own
 
 
+def prepare(model: core.skin.model.SkinModel) -> None:
+    """Make what is drawn of a skin besides its values, so that no view waits for it. Needs nothing of Blender."""
+    own, pad = kit(model.mesh), core.skin.surface_store.smooth_pad(model)
+    if model.pad_count <= SMALL:
+        _shortcut_of(own, model)
+    else:
+        _stress_of(own, model)
+    if pad is not None:
+        _below_of(own, pad)
+
+
+def learn(state: SkinState, quantity: str) -> Iterator[None]:
+    """Work out piece by piece what `draw_of` would work out at once, for a touch in places that are new."""
+    if state.points is not None and (quantity == "von_mises" or quantity in SIGNED) and state.force.any():
+        yield from _below_of(kit(state.model.mesh), state.points.surface).table.learn(state.points.cells)
+
+
 def draw_of(state: SkinState, quantity: str, exaggeration: float = 1.0) -> Drawn:
     """Return a skin's deformed surface with the values of a quantity; only what that needs is computed."""
     own = kit(state.model.mesh)
@@ -174,14 +191,7 @@ def _beneath(
     """
     from scipy.spatial import cKDTree
 
-    cells, surface = points.surface.cells.positions, points.surface
-    below = own.below.get(id(surface.remainder))
-    if below is None:
-        over = cKDTree(cells[surface.chart.base]).query(own.surface.rest)[0] < NEAR
-        vertices = np.flatnonzero(over)
-        places, _ = surface.chart.project(own.surface.rest[vertices])
-        probes = surface.probes(places, core.skin.stress.RECEPTOR_DEPTHS[0])
-        below = own.below[id(surface.remainder)] = _Below(vertices, core.skin.stress_table.StressTable(surface, probes))
+    cells, below = points.surface.cells.positions, _below_of(own, points.surface)
     apart = cKDTree(cells[points.cells]).query(own.surface.rest[below.vertices], distance_upper_bound=NEAR)[0]
     near = np.flatnonzero(apart < NEAR)
     stress = below.table.stress(points.cells, points.force, near)
@@ -189,6 +199,20 @@ def _beneath(
         # what stiffening adds is smooth, and varies no more over the first receptors' depth than between nodes
         stress = stress + own.surface.refine[below.vertices[near]] @ more
     return below.vertices[near], stress
+
+
+def _below_of(own: _Kit, surface: core.skin.surface_compliance.SurfaceCompliance) -> _Below:
+    """Return the drawn vertices over or beside a smooth pad, with the table of the stress below them, made once."""
+    below = own.below.get(id(surface.remainder))
+    if below is None:
+        from scipy.spatial import cKDTree
+
+        over = cKDTree(surface.cells.positions[surface.chart.base]).query(own.surface.rest)[0] < NEAR
+        vertices = np.flatnonzero(over)
+        places, _ = surface.chart.project(own.surface.rest[vertices])
+        probes = surface.probes(places, core.skin.stress.RECEPTOR_DEPTHS[0])
+        below = own.below[id(surface.remainder)] = _Below(vertices, core.skin.stress_table.StressTable(surface, probes))
+    return below
 
 
 def _read(quantity: str, stress: Array) -> Array:
@@ -204,9 +228,7 @@ def _by_shortcut(own: _Kit, model: Any, force: Array) -> tuple[Array, Array]:
     Both are linear in the forces, and of all skins but fine ones the whole map is small: a third of the time of going
     through all elements. Displacement goes with 1 / E; stress for given forces does not depend on E.
     """
-    table = own.shortcuts.get(model.key)
-    if table is None:
-        table = own.shortcuts[model.key] = _kept_shortcut(own, model)
+    table = _shortcut_of(own, model)
     scale = float(np.abs(force).max())
     touched = np.flatnonzero(force.any(axis=1))
     if 4 * len(touched) < len(force):  # read only what is touched
@@ -215,6 +237,13 @@ def _by_shortcut(own: _Kit, model: Any, force: Array) -> tuple[Array, Array]:
         rows = force
     nodal = ((rows.reshape(-1) / scale).astype(np.float32) @ table).astype(np.float64).reshape(-1, 9)
     return nodal[:, :3] * (scale / model.material.modulus), nodal[:, 3:] * scale
+
+
+def _shortcut_of(own: _Kit, model: Any) -> NDArray[np.float32]:
+    table = own.shortcuts.get(model.key)
+    if table is None:
+        table = own.shortcuts[model.key] = _kept_shortcut(own, model)
+    return table
 
 
 def _kept_shortcut(own: _Kit, model: Any) -> NDArray[np.float32]:

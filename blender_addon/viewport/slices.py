@@ -32,12 +32,12 @@ Steps = Generator[None, bpy.types.Scene, None]
 
 def budget() -> float:
     """Return how long a view waits [s]; without a window nobody does."""
-    return math.inf if bpy.app.background else BUDGET
+    return BUDGET if redraw.watched() else math.inf
 
 
 def rest() -> float:
     """Return after how long the scene rests [s]; without a window nobody passes a frame."""
-    return 0.0 if bpy.app.background else REST
+    return REST if redraw.watched() else 0.0
 
 
 def plays() -> bool:

@@ -34,9 +34,10 @@ from ..surrogate.learned import descriptors
 from ..surrogate.press_points import pressed_on
 from ..surrogate.store import contact_of, device_key
 from ..version import version
+from .description import movements_of, observation_of
 from .felt_errors import MEASURES, FeltErrors
 from .stress import StressMatcher, ThimbleFrame
-from .thimble import Follower, follower, movements_of, observation_of
+from .thimble import Follower, follower
 from .thimble_use import ThimbleUse
 from .trajectory import trajectory
 

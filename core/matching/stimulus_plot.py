@@ -19,7 +19,7 @@ from ..skin.model import SkinModel
 from ..steps import drain
 from ..surrogate.dataset import MAX_DEPTH, MAX_TILT, record
 from ..surrogate.store import contact_of
-from .thimble import describe
+from .description import describe
 from .thimble_sequence import ThimbleSequence
 from .thimble_use import ThimbleUse
 

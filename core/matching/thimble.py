@@ -22,22 +22,17 @@ from ..devices.spec import DeviceSpec
 from ..devices.thimble import MIN_MARGIN
 from ..errors import DermisError, Finding, Severity
 from ..parameters.material import FRICTION
-from ..parameters.skin import TISSUE
 from ..recent import Recent
 from ..scene.tactile_scene import DeviceUse, TactileScene, device_times
-from ..skin.felt_state import felt_key, observed, state_size, stress_components
+from ..skin.felt_state import felt_key, observed
 from ..skin.model import SkinModel
-from ..skin.store import kept
-from ..steps import drain
-from ..surrogate.dataset import Dataset, record
 from ..surrogate.forward import DirectModel, ForwardModel
-from ..surrogate.learned import Descriptors, descriptors
 from ..surrogate.press_points import pressed_on
 from ..surrogate.store import contact_of, device_key
-from ..surrogate.subspace import TOLERANCE
 from ..track.command_track import CommandTrack
 from ..version import version
 from .baselines import contact_patch, fit_plane, total_force
+from .description import observation_of
 from .rendered import Rendered
 from .stress import MISTRUST, StressMatcher, ThimbleFrame
 from .thimble_sequence import ThimbleSequence, collect
@@ -49,43 +44,12 @@ if TYPE_CHECKING:
     from ..contact.skin_contact import SkinContact
 
 
-DESCRIPTOR_MOVEMENTS = 240  # enough for the subspace: more change its size by one component at most
 LATE = 0.05  # of the touched samples: if the disc is not there yet in more, a person should know
 MAX_STEEP = 0.05  # of the touched samples: the same for touches that are too steep for the mechanism
 DOUBTFUL = 0.1  # of the touched samples: a surrogate that is replaced more often is not worth its name
 UNFINISHED = 0.05  # a KKT residual above it is worth a finding
 
-_known: Recent[tuple[str, str, str, float, float], Descriptors] = Recent(8)
-_movements: Recent[tuple[str, str, str, str, float, int], Dataset] = Recent(1)
 _tables: Recent[str, WarmStartTable] = Recent(8)
-
-
-def movements_of(device: DiscDevice, skin: SkinModel, friction: float) -> Dataset:
-    """Return what a device does to a skin between random configurations; the last is kept, since a floor asks again."""
-    key = (felt_key(skin), pressed_on(skin), repr(skin.material), device_key(device), friction, DESCRIPTOR_MOVEMENTS)
-    return _movements.make(key, lambda: drain(record(device, contact_of(device, skin, friction), DESCRIPTOR_MOVEMENTS)))
-
-
-def describe(device: DiscDevice, skin: SkinModel, friction: float, tolerance: float = TOLERANCE) -> Descriptors:
-    """Return the descriptors of a device on a skin, kept in memory for the next finger of the same kind."""
-
-    def made() -> Descriptors:
-        # no part of the key: movements end at a force, so that without one stiffness for all the first finger decided
-        nominal = skin.with_material(young=TISSUE["young"].default, alpha=1.0)
-        data = movements_of(device, nominal, friction)
-        return descriptors(data, stress_components(skin), tolerance=tolerance)
-
-    return _known.make((felt_key(skin), pressed_on(skin), device_key(device), friction, tolerance), made)
-
-
-def observation_of(device: DiscDevice, skin: SkinModel, friction: float) -> Array:
-    """Return the observation matrix of `describe`, from the skin's cache where it is there; shape (k, state)."""
-
-    def made() -> dict[str, Array]:
-        return {"table": describe(device, skin, friction).observation_matrix}
-
-    key = cache_key(version(), felt_key(skin), pressed_on(skin), device_key(device), repr(friction), "observation")
-    return kept(skin.cache, key, {"table": (None, state_size(skin))}, made)["table"]
 
 
 def matcher(
@@ -103,7 +67,7 @@ def matcher(
     """Return what follows targets by a method.
 
     Args:
-        observation_matrix: stress components of forces; those of `describe` where None. Not used by 'force'.
+        observation_matrix: stress components of forces; those of `observation_of` where None. Not used by 'force'.
         model: learned model for 'network' and 'ridge'.
         change: largest change of a joint from frame to frame [rad, or m of legs].
         hover: distance kept while nothing is touched [m].

@@ -60,6 +60,8 @@ class SkinModel:
         stiffening: a series of what its tissue does beyond linear skin, which devices are matched by; None where there
             is none. What is said of displacement, stress and energy here is of linear skin: `Stimulus` adds the rest.
         follows_law: its tissue follows the neo-Hookean law itself, node by node (`law`).
+        rounded_key: as `key`, of lengths to the nanometre, so that a length is the same in metres and in millimetres;
+            '' of any other mesh.
     """
 
     mesh: TetraMesh
@@ -71,6 +73,7 @@ class SkinModel:
     shape: FingertipShape | None = None
     stiffening: Stiffening | None = None
     follows_law: bool = False
+    rounded_key: str = ""
 
     def __repr__(self) -> str:
         size = f"{len(self.mesh.nodes)} nodes, {self.pad_count} on the pad"
@@ -322,11 +325,22 @@ def fingertip_skin(
         DermisError: an unknown level or element, or a shape that cannot be meshed.
     """
     shape, material = shape or FingertipShape(), material or Elastic()
+    made = _cached(
+        _told(asdict(shape), level), "fingertip", lambda: fingertip_mesh(shape, level), material, element, cache
+    )
+    rounded = {name: round(length, 9) for name, length in asdict(shape).items()}
+    return replace(made, shape=shape, rounded_key=_key_of(_told(rounded, level), material, element))
+
+
+def _told(lengths: Mapping[str, float], level: str) -> str:
+    """Return what a fingertip's mesh depends on."""
     if level not in LEVELS:
         raise DermisError("unknown accuracy", where="skin", value=level, limit=", ".join(LEVELS))
-    what = json.dumps({"shape": asdict(shape), "level": asdict(LEVELS[level])}, sort_keys=True)
-    made = _cached(what, "fingertip", lambda: fingertip_mesh(shape, level), material, element, cache)
-    return replace(made, shape=shape)
+    return json.dumps({"shape": dict(lengths), "level": asdict(LEVELS[level])}, sort_keys=True)
+
+
+def _key_of(what: str, material: Elastic, element: Element) -> str:
+    return cache_key(f"dermis-skin-model {MODEL_VERSION}", what, repr(material.poisson), element)
 
 
 def mesh_skin(
@@ -358,6 +372,19 @@ def skin_from_parameters(
     return fingertip_skin(shape, material, level=level, cache=cache)
 
 
+def is_kept(parameters: Mapping[str, Any], *, level: str, cache: Cache, where: str = "skin") -> bool:
+    """Return whether the skin that parameters describe, and its table of responses, lie in a cache.
+
+    Raises:
+        DermisError: an unknown parameter or level, or values out of range.
+    """
+    shape, material = shape_and_material(parameters, where)
+    if shape is None:
+        return True  # a mesh of one's own is hashed to know its key: whoever reads it finds out
+    key = _key_of(_told(asdict(shape), level), material, "anp")
+    return cache.get(key) is not None and cache.get(cache_key(key, "response")) is not None
+
+
 def shape_and_material(parameters: Mapping[str, Any], where: str = "skin") -> tuple[FingertipShape | None, Elastic]:
     """Return the fingertip that a skin's parameters describe, None where they name a mesh, and its tissue.
 
@@ -381,7 +408,7 @@ def shape_and_material(parameters: Mapping[str, Any], where: str = "skin") -> tu
 def _cached(
     what: str, name: str, build: Callable[[], TetraMesh], material: Elastic, element: Element, cache: Cache | None
 ) -> SkinModel:
-    key = cache_key(f"dermis-skin-model {MODEL_VERSION}", what, repr(material.poisson), element)
+    key = _key_of(what, material, element)
     if cache is not None:
         path = cache.get(key)
         arrays = None if path is None else read_model(path)

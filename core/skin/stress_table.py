@@ -6,6 +6,7 @@ Cells that are finer than those are seen as what they lie in, but from near, whe
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,15 @@ class StressTable:
         self._feet, self._frames = probes.plane.feet, probes.plane.frames
         self._sides = np.sqrt(cells.areas)
         self._reach = NEAR * float(self._sides[surface.chart.base].max())
+
+    def learn(self, cells: Indices) -> Iterator[None]:
+        """Work out, a few cells at a time, what `stress` needs of cells that carry force and has not seen before."""
+        parts, _ = self._surface.chart.tiles.squares(cells)
+        roots = np.unique(self._surface.chart.tiles.root[parts])
+        new = [root for root in roots.tolist() if root not in self._known]
+        for start in range(0, len(new), TOGETHER):
+            self._learn(new[start : start + TOGETHER])
+            yield
 
     def stress(self, cells: Indices, force: Floats, which: Indices | None = None) -> Array:
         """Return the stress at the probes, xx, yy, zz, yz, xz, xy [Pa], shape (k, 6).

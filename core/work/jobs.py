@@ -31,6 +31,7 @@ JOBS: Table = {
     "shot": ".pipeline.shot:work",
     "sweep-reading": ".sweep.readings:work",
     "sweep-row": ".sweep.job:work",
+    "thimble": ".matching.thimble_job:make",
     "tell-apart": ".comparison.job:tell_job",
 }
 _CORE = __package__.rpartition(".")[0]

@@ -21,7 +21,7 @@ COMPONENTS = 60
 @functools.cache
 def parts(key: str) -> tuple[Any, Any, Any, Any]:
     """A device by its preset, the skin, sixty components of stress fitted to both, and the operator of all stress."""
-    from core.matching.thimble import DESCRIPTOR_MOVEMENTS
+    from core.matching.description import DESCRIPTOR_MOVEMENTS
     from core.matching.thimble_use import prepare
     from core.presets import Library
     from core.skin.felt_state import stress_components

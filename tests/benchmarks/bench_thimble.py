@@ -46,7 +46,7 @@ def skin(level: str) -> Any:
 @functools.cache
 def observation_matrix(level: str) -> Any:
     """Sixty stress components, fitted to the device."""
-    from core.matching.thimble import DESCRIPTOR_MOVEMENTS
+    from core.matching.description import DESCRIPTOR_MOVEMENTS
     from core.skin.felt_state import stress_components
     from core.steps import drain
     from core.surrogate.dataset import record

@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from core.devices.disc_device import DiscDevice
+from core.matching.description import describe
 from core.matching.felt_errors import MEASURES, FeltErrors
 from core.matching.floor import Floor, floor_of
-from core.matching.thimble import Follower, describe, matcher
+from core.matching.thimble import Follower, matcher
 from core.matching.thimble_use import METHODS, ThimbleUse, prepare
 from core.matching.trajectory import trajectory
 from core.presets import Library

@@ -155,7 +155,7 @@ def test_from_a_bake_the_rendered_skin_is_what_the_track_does(demo, monkeypatch)
     assert row.signals["mismatch"] == pytest.approx(found.mismatch[125], abs=1e-9)
     # and that mismatch is the one of the two skins that are shown side by side
     target, rendered = views.skins(demo)
-    observation_matrix = core.matching.thimble.describe(use.device, use.skin, use.friction).observation_matrix
+    observation_matrix = core.matching.description.describe(use.device, use.skin, use.friction).observation_matrix
     a, b = (observation_matrix @ s.force.ravel() for s in (target, rendered))
     assert np.linalg.norm(b - a) / np.linalg.norm(a) == pytest.approx(found.mismatch[125], abs=1e-3)
     assert f"{100 * found.mismatch[125]:.0f} % off" in rendered.note

@@ -96,8 +96,9 @@ SEES_ALL = {"__init__", "__main__", "command_line"}
 # imports inside functions and for types count.
 ROOMS = (
     # the ground: who knows nothing of scenes, or only how to ask one
-    "on_demand", "_core", "compat", "registration", "scene_time", "action_content", "changes", "redraw", "quantities",
-    "layouts", "polls", "animation_paths", "fingertip_mesh", "identity", "preferences", "reporting", "choices",
+    "on_demand", "_core", "compat", "registration", "scene_time", "action_content", "changes", "redraw", "loading",
+    "quantities", "layouts", "polls", "animation_paths", "fingertip_mesh", "identity", "preferences", "reporting",
+    "choices",
     # what the artist sets, which preset and skin that means, and what the engine is told
     "properties", "devices", "hands", "sampling", "placing", "doubts",
     # what came of it, what is shown meanwhile, and what is sent

@@ -191,8 +191,8 @@ def thimble_components() -> Panel:
 
     The product takes as many as leave a tenth of the stress that its own movements make.
     """
+    from core.matching.description import DESCRIPTOR_MOVEMENTS
     from core.matching.stress import StressMatcher
-    from core.matching.thimble import DESCRIPTOR_MOVEMENTS
     from core.skin.felt_state import stress_components
     from core.steps import drain
     from core.surrogate.dataset import record

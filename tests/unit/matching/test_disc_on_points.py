@@ -10,7 +10,8 @@ from core.devices.disc import DiscContact
 from core.devices.disc_pose import Disc, FrictionState, placed
 from core.devices.press_problem import PressPoints
 from core.devices.thimble import mechanism
-from core.matching.thimble import follower, observation_of
+from core.matching.description import observation_of
+from core.matching.thimble import follower
 from core.matching.thimble_use import prepare
 from core.presets import Library
 from core.skin.model import fingertip_skin

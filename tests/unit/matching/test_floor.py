@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from core.errors import DermisError
+from core.matching.description import describe
 from core.matching.felt_errors import COUNT, MEASURES, FeltErrors, _cells
 from core.matching.floor import MOST, Floor, floor_of, looked_at
 from core.matching.stress import StressMatcher
-from core.matching.thimble import describe
 from core.matching.thimble_use import prepare
 from core.matching.trajectory import trajectory
 from core.presets import Library

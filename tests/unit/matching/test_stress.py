@@ -12,8 +12,9 @@ from core.contact.skin_contact import SkinContact
 from core.devices.disc_pose import FrictionState, placed
 from core.devices.thimble import mechanism
 from core.errors import DermisError
+from core.matching.description import describe
 from core.matching.stress import StressMatcher
-from core.matching.thimble import describe, match_stimuli, matcher, render
+from core.matching.thimble import match_stimuli, matcher, render
 from core.presets import Library
 from core.scene.tactile_scene import DeviceUse, Finger, TactileScene
 from core.skin.fingertip import Level, fingertip_mesh

@@ -11,9 +11,9 @@ from core.cache import Cache
 from core.devices.disc_pose import FrictionState, placed
 from core.devices.thimble import mechanism
 from core.errors import DermisError
-from core.matching import thimble
+from core.matching import description
 from core.matching.adapt import adapt_job
-from core.matching.thimble import describe
+from core.matching.description import describe
 from core.matching.thimble_use import calibrated_mechanism, prepare
 from core.presets import Library
 from core.recent import Recent
@@ -365,11 +365,11 @@ def test_a_calibrated_thimble_touches_where_the_person_feels_it(skin, device):
 
 def test_what_a_device_can_make_felt_does_not_depend_on_whose_finger_was_first(device, monkeypatch):
     """It is kept for a shape: a stiffer finger described before must leave no trace in this one's tracks."""
-    monkeypatch.setattr(thimble, "DESCRIPTOR_MOVEMENTS", 30)
-    monkeypatch.setattr(thimble, "_known", Recent(2))
+    monkeypatch.setattr(description, "DESCRIPTOR_MOVEMENTS", 30)
+    monkeypatch.setattr(description, "_known", Recent(2))
     skin = skin_from_parameters(Library().skin("index_medium"), level="draft")
     stiff_first = describe(device, skin.with_material(young=2.5e5), 0.6).observation_matrix
-    thimble._known.clear()
+    description._known.clear()
     np.testing.assert_array_equal(describe(device, skin, 0.6).observation_matrix, stiff_first)
 
 

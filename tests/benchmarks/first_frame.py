@@ -1,0 +1,174 @@
+"""One demo of `bench_first_frame`, in its own process: `python -m tests.benchmarks.first_frame FILE made|cold DEMO`.
+
+'made' builds the demo and saves it; 'cold' opens the file as a window would, goes to frames of its first touch, and
+prints the longest call as JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import bpy
+
+FRAMES, QUIET = (20, 21, 22, 30), 1.0  # frames that are looked at; [s] without a timer after which all is done
+MOST = 240.0  # [s] that a frame may take until it is shown
+
+
+class Clock:
+    """Keeps the longest call."""
+
+    def __init__(self) -> None:
+        self.wall, self.cpu, self.what = 0.0, 0.0, ""
+        self.all: list[tuple[float, float, str]] = []
+
+    def timed(self, what: str, call: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a call that is timed."""
+
+        def called(*given: Any, **named: Any) -> Any:
+            wall, cpu = time.perf_counter(), time.thread_time()
+            try:
+                return call(*given, **named)
+            finally:
+                took, used = 1e3 * (time.perf_counter() - wall), 1e3 * (time.thread_time() - cpu)
+                self.all.append((took, used, what))
+                if took > self.wall:
+                    self.wall, self.cpu, self.what = took, used, what
+
+        return called
+
+
+class Timers:
+    """Stands for Blender's timers, which fire in a window alone."""
+
+    def __init__(self, clock: Clock) -> None:
+        self.due: dict[Any, float] = {}
+        self.clock = clock
+
+    def register(self, function: Any, *, first_interval: float = 0.0, persistent: bool = False) -> None:
+        """See `bpy.app.timers`."""
+        self.due[function] = time.perf_counter() + first_interval
+
+    def is_registered(self, function: Any) -> bool:
+        """See `bpy.app.timers`."""
+        return function in self.due
+
+    def unregister(self, function: Any) -> None:
+        """See `bpy.app.timers`."""
+        del self.due[function]
+
+    def fire(self) -> bool:
+        """Call the timers that are due; return whether there was one."""
+        now = time.perf_counter()
+        ready = [function for function, at in self.due.items() if at <= now]
+        for function in ready:
+            if function not in self.due:
+                continue
+            name = f"{function.__module__}.{function.__qualname__}"
+            again = self.clock.timed(name, function)()
+            if again is None:
+                self.due.pop(function, None)
+            elif function in self.due:
+                self.due[function] = time.perf_counter() + again
+        return bool(ready)
+
+
+def build(demo: str) -> None:
+    """Build a demo in this window."""
+    import blender_addon
+
+    from .bench_first_frame import DEMOS
+
+    blender_addon.register()
+    operator, given = DEMOS[demo]
+    getattr(bpy.ops.dermis, operator)(**given)
+
+
+def measure(path: str) -> dict[str, Any]:
+    """Open a demo as a window does, and return the longest call."""
+    import pytest
+
+    import blender_addon
+
+    clock = Clock()
+    timers = Timers(clock)
+    patch = pytest.MonkeyPatch()
+    for name in ("register", "unregister", "is_registered"):
+        patch.setattr(bpy.app.timers, name, getattr(timers, name))
+    from blender_addon import handlers, redraw
+
+    patch.setattr(redraw, "watched", lambda: True)
+    lists = [(on, function) for on, function in handlers.table()]
+    patch.setattr(handlers, "table", lambda: tuple((on, _persistent(clock.timed(f.__name__, f))) for on, f in lists))
+    blender_addon.register()
+    from tests.blender import stand_in
+
+    graphics, modules = stand_in.graphics_card()
+    for module, content in modules.items():
+        patch.setitem(sys.modules, module, content)
+    callbacks = stand_in.draw_callbacks(patch)
+    layout = stand_in.Anything()
+    drawn = [clock.timed(f"draw of {c.__module__}", c) for c in callbacks]
+    panels = clock.timed("panels", lambda: stand_in.draw_panels(layout))
+
+    def draw() -> None:
+        window = bpy.context.window_manager.windows[0]
+        area = next(a for a in window.screen.areas if a.type == "VIEW_3D")
+        region = next(r for r in area.regions if r.type == "WINDOW")
+        with bpy.context.temp_override(window=window, area=area, region=region):
+            for callback in drawn:
+                graphics.boxes.clear()  # the stand-in compares texts with all of them
+                callback()
+            panels()
+
+    def settle() -> None:
+        started = last = time.perf_counter()
+        while time.perf_counter() - last < QUIET and time.perf_counter() - started < MOST:
+            if timers.fire():
+                draw()
+                last = time.perf_counter()
+            time.sleep(1e-3)  # others may have the interpreter
+
+    bpy.ops.wm.open_mainfile(filepath=path)
+    draw()
+    settle()
+    scene = bpy.context.scene
+    for frame in FRAMES:
+        scene.frame_set(frame)
+        draw()
+        settle()
+    from blender_addon.viewport import shown
+
+    now = shown.now(scene)
+    notes = [] if now is None else [s.note for s in now.skins.states]
+    rows = [] if now is None or now.devices is None else [r.finger for r in now.devices.rows]
+    longest = sorted(clock.all, reverse=True)[:12]
+    return {
+        "wall": clock.wall,
+        "cpu": clock.cpu,
+        "what": clock.what,
+        "shown": bool(rows),
+        "notes": notes,
+        "longest": longest,
+    }
+
+
+def _persistent(call: Any) -> Any:
+    from bpy.app.handlers import persistent
+
+    return persistent(call)
+
+
+if __name__ == "__main__":
+    file, profile, which = sys.argv[1:]
+    if profile == "made":
+        build(which)
+        bpy.ops.wm.save_as_mainfile(filepath=file)
+        print("TOOK {}", flush=True)
+    else:
+        print("TOOK", json.dumps(measure(file)), flush=True)
+    os._exit(0)

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     import core.devices.thimble
     import core.effects.depth_map
     import core.effects.map_repair
+    import core.effects.transient
     import core.files
     import core.foreign
     import core.images

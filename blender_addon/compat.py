@@ -98,6 +98,16 @@ def stored(obj: bpy.types.Object, name: str) -> dict[str, Any]:
     return {} if group is None else group.to_dict()
 
 
+def taken(owner: bpy.types.ID, name: str, key: str) -> Any:
+    """Return what an ID stores under a key of a registered group, None for nothing, and store it no more."""
+    holder = owner.bl_system_properties_get() if bpy.app.version >= (5, 0, 0) else owner
+    group = None if holder is None else holder.get(name)
+    value = None if group is None else group.get(key)
+    if group is not None and value is not None:
+        del group[key]
+    return value
+
+
 def action_holders(animation: Any) -> Iterator[Any]:
     """Yield what refers to actions: the animation data itself, and the strips of its NLA tracks."""
     yield animation

@@ -13,8 +13,7 @@ from bpy.app.handlers import persistent
 from . import baking, changes, identity, redraw, reporting
 from .devices import skin_models
 from .preview import skin_preview
-from .properties import skin_properties
-from .properties.scene_properties import stamp
+from .properties import scene_properties, skin_properties
 from .results import exported, recall, store, trusted
 from .streaming import streamed_track
 from .viewport import shown
@@ -48,6 +47,7 @@ def _on_history(*_: Any) -> None:
 @persistent
 def _on_load(*_: Any) -> None:
     skin_properties.settle()
+    scene_properties.settle()
     changes.note_file()
     store.forget()
     baking.forget()
@@ -62,6 +62,7 @@ def _on_load(*_: Any) -> None:
 @persistent
 def _on_import(*_: Any) -> None:
     skin_properties.settle()
+    scene_properties.settle()
 
 
 @persistent
@@ -69,7 +70,7 @@ def _on_save(*_: Any) -> None:
     identity.settle()
     for scene in bpy.data.scenes:
         if any(obj.dermis.role != "NONE" for obj in scene.objects):
-            stamp(scene)
+            scene_properties.stamp(scene)
 
 
 def table() -> tuple[tuple[list[Any], Any], ...]:

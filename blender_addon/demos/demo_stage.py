@@ -42,7 +42,7 @@ def finish(scene: bpy.types.Scene, at: Sequence[float], target: Sequence[float],
     camera.rotation_euler = (Vector(target) - camera.location).to_track_quat("-Z", "Y").to_euler()
     scene.collection.objects.link(camera)
     scene.camera = camera
-    scene_properties.stamp(scene)
+    scene_properties.begin(scene)
     scene.frame_set(scene.frame_start)
     return scene
 

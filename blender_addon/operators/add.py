@@ -19,7 +19,7 @@ def _place(context: bpy.types.Context, obj: bpy.types.Object) -> None:
     context.collection.objects.link(obj)
     obj.matrix_world = Matrix.LocRotScale(context.scene.cursor.location, Euler((0.0, 0.0, 0.0)), None)
     select_only(context, obj)
-    scene_properties.stamp(context.scene)
+    scene_properties.begin(context.scene)
 
 
 @needs(lambda context: context.mode == "OBJECT", "Leave edit mode first")

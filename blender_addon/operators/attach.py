@@ -198,7 +198,7 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
             for obj in made:
                 obj.select_set(True)
             zoom(context)
-        scene_properties.stamp(context.scene)
+        scene_properties.begin(context.scene)
 
 
 CLASSES: tuple[type, ...] = (DermisTip, DERMIS_OT_attach_fingers)

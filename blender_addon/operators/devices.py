@@ -67,7 +67,7 @@ class DERMIS_OT_add_device(Work, bpy.types.Operator):
             object_properties.apply_parameters(device, settings)
             each.dermis.finger.active_device = len(devices) - 1
             changes.mark_dirty(each.name)
-        scene_properties.stamp(context.scene)
+        scene_properties.begin(context.scene)
         return None
 
 

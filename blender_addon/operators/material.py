@@ -36,7 +36,7 @@ class DERMIS_OT_make_touchable(Work, bpy.types.Operator):
             object_properties.apply_parameters(obj.dermis.material, values)
             if self.preset:
                 obj.dermis.material.preset = self.preset
-        scene_properties.stamp(context.scene)
+        scene_properties.begin(context.scene)
         return f"Left {fingers} selected finger(s) or screen(s) as they are" if fingers else None
 
 

@@ -42,7 +42,7 @@ class DERMIS_OT_set_role(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Set it."""
         context.object.dermis.role = self.role
-        scene_properties.stamp(context.scene)
+        scene_properties.begin(context.scene)
         changes.mark_dirty(context.object.name)
         return {"FINISHED"}
 

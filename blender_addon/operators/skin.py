@@ -44,7 +44,7 @@ class DERMIS_OT_apply_skin(Work, bpy.types.Operator):
             skin_properties.apply_preset(obj.dermis.finger.skin, values)
             obj.dermis.finger.skin.preset = self.preset
             changes.mark_dirty(obj.name)
-        scene_properties.stamp(context.scene)
+        scene_properties.begin(context.scene)
         return None
 
 

@@ -46,8 +46,8 @@ class DERMIS_PT_bake_settings(DermisPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw rate and range."""
         settings = context.scene.dermis
-        column = properties(self.layout, settings, "sample_rate", "use_range", keys=False)
-        if settings.use_range:
+        column = properties(self.layout, settings, "sample_rate", "bake_range", keys=False)
+        if settings.bake_range == "OWN":
             column.prop(settings, "frame_start")
             column.prop(settings, "frame_end")
 

@@ -3,18 +3,36 @@
 # mypy: disable-error-code="valid-type"
 # No postponed annotations here: Blender reads the properties from them when a class is registered.
 
+from typing import Any
+
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
+from .. import compat
 from .._core import core
-from ..compat import BLEND_RELATIVE
 from ..registration import registration
 from .fields import redrawn, touched, unfelt
 from .skin_properties import DermisSkinView
 from .thimble_view_properties import DermisThimbleView
 
 FORMATS = tuple((name, form.title, form.text) for name, form in core.track.formats.FORMATS.items())
+RANGES = (
+    (
+        "TOUCHED",
+        "Touched Frames",
+        "From the first to the last key of fingers, of what they touch and of all that these hang on, within the "
+        "scene's range. Where drivers, NLA strips, simulations or scripts move something, the scene's range",
+    ),
+    ("SCENE", "Scene", "The scene's frame range"),
+    ("PREVIEW", "Preview", "The preview range while it is on, else the scene's"),
+    ("OWN", "Own", "A range of its own"),
+)
 FILE_VERSION = 1  # raise it when a property is renamed or means something else, and migrate older files on loading
+
+
+def _choose(settings: Any, own: bool) -> None:
+    """Choose the range that a script of before the choice means."""
+    settings.bake_range = "OWN" if own else "PREVIEW"
 
 
 class DermisScene(bpy.types.PropertyGroup):
@@ -34,12 +52,16 @@ class DermisScene(bpy.types.PropertyGroup):
         options=set(),
         update=touched,
     )
+    # the default is what files of before the choice mean; `begin` chooses for scenes that are new to Dermis
+    bake_range: EnumProperty(
+        name="Range", description="Frames to bake", items=RANGES, default="PREVIEW", options=set(), update=touched
+    )
     use_range: BoolProperty(
         name="Own Range",
-        description="Bake another range than the scene's frame range",
-        default=False,
-        options=set(),
-        update=touched,
+        description="What older files and scripts say for Range: on for Own, off for Preview",
+        get=lambda settings: settings.bake_range == "OWN",
+        set=_choose,
+        options={"HIDDEN"},
     )
     frame_start: IntProperty(name="Start", description="First frame to bake", default=1, options=set(), update=touched)
     frame_end: IntProperty(name="End", description="Last frame to bake", default=250, options=set(), update=touched)
@@ -48,7 +70,7 @@ class DermisScene(bpy.types.PropertyGroup):
         description="Folder for exported tracks",
         default="//tracks/",
         subtype="DIR_PATH",
-        options=BLEND_RELATIVE,
+        options=compat.BLEND_RELATIVE,
         update=unfelt,
     )
     export_format: EnumProperty(
@@ -118,6 +140,20 @@ class DermisScene(bpy.types.PropertyGroup):
     bake_key: StringProperty(description="Which stored result the last bake gave", options={"HIDDEN"})
     bake_owners: StringProperty(description="The fingers and devices that it belongs to", options={"HIDDEN"})
     active_finding: IntProperty(description="Place in the list of findings", default=-1, options={"HIDDEN"})
+
+
+def settle() -> None:
+    """Choose the range that files of before the choice mean."""
+    for scene in bpy.data.scenes:
+        if scene.is_editable and compat.taken(scene, "dermis", "use_range"):
+            scene.dermis.bake_range = "OWN"
+
+
+def begin(scene: bpy.types.Scene) -> None:
+    """Choose for a scene that is new to Dermis what older ones do not have, and stamp it."""
+    if not scene.dermis.file_version and scene.dermis.bake_range == "PREVIEW":
+        scene.dermis.bake_range = "TOUCHED"
+    stamp(scene)
 
 
 def stamp(scene: bpy.types.Scene) -> None:

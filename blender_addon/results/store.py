@@ -105,7 +105,7 @@ def fingerprint(scene: bpy.types.Scene) -> tuple[Any, ...]:
         scene.use_gravity,
         tuple(scene.gravity),
         mine.sample_rate,
-        mine.use_range,
+        mine.bake_range,
         mine.frame_start,
         mine.frame_end,
         *script_changes.functions(),

@@ -2,20 +2,71 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import bpy
 import numpy as np
 
-from .. import scene_time
-from .._core import Array, core
+from .. import changes, scene_time
+from .._core import Array, Finding, core
+from . import touched_frames
+
+Span = tuple[int, int]
+
+_touched: core.recent.Recent[tuple[int, int, int], touched_frames.Touched] = core.recent.Recent(4)
 
 
-def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:
-    """Return the range to bake: Dermis' own, else the preview range where it is on, else the scene's."""
-    settings = scene.dermis
-    if settings.use_range:
-        return settings.frame_start, settings.frame_end
-    if scene.use_preview_range:
-        return scene.frame_preview_start, scene.frame_preview_end
+def frame_range(scene: bpy.types.Scene) -> Span:
+    """Return the range to bake, as the setting *Range* says."""
+    return _range(scene, touched_frames.of)
+
+
+def frame_range_now(scene: bpy.types.Scene) -> Span:
+    """Return the range as `frame_range` does, looked up once after each change: for what is asked at every frame."""
+
+    def kept(_scene: bpy.types.Scene) -> touched_frames.Touched:
+        key = (scene.session_uid, changes.edits(), len(bpy.data.objects))
+        return _touched.make(key, lambda: touched_frames.of(scene))
+
+    return _range(scene, kept)
+
+
+def range_finding(scene: bpy.types.Scene) -> Finding | None:
+    """Return what a person should know about the range that is baked, None for nothing."""
+    how, where, whole = scene.dermis.bake_range, f"scene '{scene.name_full}'", _scene_range(scene)
+    if how == "PREVIEW" and scene.use_preview_range:
+        span = f"{scene.frame_preview_start} to {scene.frame_preview_end}"
+        return Finding("info", "preview-range", "the preview range is on, so only that is baked", where, value=span)
+    if how != "TOUCHED":
+        return None
+    touched = touched_frames.of(scene)
+    if not touched.why and _within(touched, whole) is not None:
+        return None
+    why = touched.why or f"the keys, from frame {touched.first} to {touched.last}, are outside it"
+    what = f"the scene's whole range is baked, since keys alone do not say which frames are touched: {why}"
+    return Finding("info", "whole-range", what, where, value=f"{whole[0]} to {whole[1]}")
+
+
+def _range(scene: bpy.types.Scene, touched_of: Callable[[bpy.types.Scene], touched_frames.Touched]) -> Span:
+    settings, whole = scene.dermis, _scene_range(scene)
+    match settings.bake_range:
+        case "OWN":
+            return settings.frame_start, settings.frame_end
+        case "PREVIEW" if scene.use_preview_range:
+            return scene.frame_preview_start, scene.frame_preview_end
+        case "TOUCHED":
+            touched = touched_of(scene)
+            return (None if touched.why else _within(touched, whole)) or whole
+    return whole
+
+
+def _within(touched: touched_frames.Touched, whole: Span) -> Span | None:
+    """Return the touched frames that the scene's range has; None where these have no duration."""
+    first, last = max(touched.first, whole[0]), min(touched.last, whole[1])
+    return (first, last) if first < last else None
+
+
+def _scene_range(scene: bpy.types.Scene) -> Span:
     return scene.frame_start, scene.frame_end
 
 

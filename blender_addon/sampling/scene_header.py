@@ -13,7 +13,7 @@ from .._core import Array, DermisError, Finding, core
 from ..devices import platform_devices, thimble_devices
 from ..properties import object_properties, scene_properties, skin_properties
 from ..quantities import metres_per_unit
-from . import curved_surfaces, height_maps, participants, script_changes, unfelt
+from . import curved_surfaces, frames, height_maps, participants, script_changes, unfelt
 from .instance_survey import Instances, Present
 from .instances import InstanceReader
 from .meshes import SURFACE_TYPES, MeshReader, zero_area_finding
@@ -64,17 +64,8 @@ def scene_findings(scene: bpy.types.Scene) -> list[Any]:
                 remedy="If you trust the file, allow its scripts (-y)",
             )
         )
-    if scene.use_preview_range and not scene.dermis.use_range:
-        findings.append(
-            Finding(
-                "info",
-                "preview-range",
-                "the preview range is on, so only that is baked",
-                where=where,
-                value=f"{scene.frame_preview_start} to {scene.frame_preview_end}",
-            )
-        )
-    return findings
+    told = frames.range_finding(scene)
+    return findings if told is None else [*findings, told]
 
 
 def gravity(scene: bpy.types.Scene, findings: list[Any]) -> tuple[float, float, float]:

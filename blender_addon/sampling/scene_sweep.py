@@ -32,7 +32,7 @@ from . import (
     single_precision,
 )
 from .changes_seen import ChangesSeen
-from .frames import frame_range, sweep_frames
+from .frames import frame_range, frame_range_now, sweep_frames
 from .instance_samples import InstanceSamples
 from .instance_survey import Instances, Present, only_now
 from .instances import InstanceReader
@@ -211,7 +211,7 @@ def sample_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> core.s
     if _forms != changes.forms():
         forget()
         _forms = changes.forms()
-    span = frame_range(scene)
+    span = frame_range_now(scene)
     clock = scene_time.clock(scene, span[0])
     key = (
         scene.session_uid,

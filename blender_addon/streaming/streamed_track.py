@@ -14,7 +14,7 @@ from ..identity import Device, Place
 from ..preferences import library
 from ..preview.rows import Row
 from ..results import store
-from ..sampling.frames import frame_range
+from ..sampling.frames import frame_range_now
 from . import agreed_paths
 from .calibration_rows import quietly
 
@@ -240,7 +240,7 @@ def origin(scene: bpy.types.Scene) -> scene_time.Clock:
         started = _sent if _sent is not None and _sent.scene == scene.session_uid else store.current(scene)
         if started is not None:
             return started.clock
-    return scene_time.clock(scene, frame_range(scene)[0])
+    return scene_time.clock(scene, frame_range_now(scene)[0])
 
 
 def loaded() -> Any:

@@ -141,7 +141,7 @@ def test_what_is_shown_and_written_of_a_scene_does_not(thing: bpy.types.Object, 
     del thing
     settings = bpy.context.scene.dermis
     settings = getattr(settings, group) if group else settings
-    felt = {"sample_rate", "use_range", "frame_start", "frame_end"}
+    felt = {"sample_rate", "bake_range", "frame_start", "frame_end"}
     counted = set()
     for prop in settings.bl_rna.properties:
         name = prop.identifier

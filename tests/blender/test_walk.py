@@ -45,7 +45,8 @@ LEFT_OUT = {
     ),
 }
 # Settings that make a step take long, or name files; of the others any value that they take is tried.
-KEPT = {"level", "sample_rate", "table_rows", "live_trail", "url", "frame_start", "frame_end", "use_range", "rna_type"}
+KEPT = {"level", "sample_rate", "table_rows", "live_trail", "url", "frame_start", "frame_end", "rna_type"}
+KEPT |= {"use_range", "bake_range"}
 
 
 class Sink:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import core.contact.skin_contact
     import core.contact.skin_stepper
     import core.contact.solver.cone
+    import core.comparison.told_apart
     import core.comparison.trust_band
     import core.design.collect
     import core.design.coupled_preset

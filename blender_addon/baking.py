@@ -10,7 +10,7 @@ from typing import Any
 
 import bpy
 
-from . import changes
+from . import changes, reporting
 from ._core import DermisError, core
 from .devices import platform_devices, skin_models
 from .film import film_objects
@@ -48,6 +48,34 @@ def bake(
     """
     with film_objects.paused(scene):
         return (yield from _baked(scene, library, span, cores, noted))
+
+
+def keep(scene: bpy.types.Scene, made: Any, taken: store.Taken) -> list[Any]:
+    """Keep a bake in memory and outside the .blend; return its findings, and why it could not be stored if so.
+
+    Args:
+        taken: what the scene was when it was sampled.
+    """
+    kept, found = store.keep(scene, made, taken), list(made.all_findings)
+    try:
+        store.store(scene, kept)
+    except ValueError as error:  # a full disk must not cost the bake
+        found.append(reporting.as_finding(error))
+    return found
+
+
+def prepared(scene: bpy.types.Scene, library: Any) -> Steps:
+    """Bake a scene where it has no bake, or one that is out of date; yield progress, return whether it did.
+
+    Raises:
+        DermisError: the scene cannot be sampled or rendered.
+    """
+    if store.state(scene) not in ("none", "stale"):
+        return False
+    taken: list[store.Taken] = []
+    made = yield from bake(scene, library, noted=taken.append)
+    reporting.show(tuple(keep(scene, made, taken[0])), f"Bake of {scene.name}")
+    return True
 
 
 def verified(scene: bpy.types.Scene, library: Any) -> Steps:

@@ -361,7 +361,7 @@ READERS = (
         lambda path: skin_store.read_arrays(path, {"table": (3, 3)}),
     ),
     _reader(
-        "description that ships",
+        "cached description",
         "core.matching.description:read_shipped",
         ".npz",
         lambda: [ex.npz(matrix=np.eye(3), meta=np.frombuffer(json.dumps(DESCRIPTION).encode(), np.uint8))],
@@ -498,6 +498,9 @@ READERS = (
 
 # What reads, and reads nothing of others: functions, or whole modules, and why they are in no table.
 OWN = {
+    "blender_addon.devices.skin_models:_reread": "the keys that the module makes itself",
+    "core.matching.description:digest_of": "the engine's own sources, of which a digest is made",
+    "core.matching.description:write_shipped": "what it writes itself",
     "blender_addon.comparison.compared:find": "its own child's answer",
     "blender_addon.comparison.told:find": "its own child's answer",
     "core.comparison.job:_encoded": "its own words; scenes and presets have readers in the table",

@@ -14,6 +14,7 @@ from .. import changes
 from .._core import core
 from ..identity import Place
 from ..jobs import Steps
+from ..results import store
 from . import compared
 
 
@@ -42,6 +43,19 @@ def current(scene: bpy.types.Scene) -> Told | None:
 def keep(scene: bpy.types.Scene, made: Told) -> None:
     """Keep it for the session."""
     _told[scene.session_uid] = replace(made, edits=changes.edits())
+
+
+def check_touches(scene: bpy.types.Scene, finger: str) -> None:
+    """Refuse a finger that touches too seldom or too often, as far as the scene's bake knows its skin.
+
+    Raises:
+        DermisError: it does.
+    """
+    result = store.current(scene)
+    skin = None if result is None else result.bake.skins.get(finger)
+    if skin is not None and store.state(scene) == "fresh":
+        told_apart = core.comparison.told_apart
+        told_apart.check_count(finger, told_apart.touches_of(skin))
 
 
 def find(scene: bpy.types.Scene, finger: str) -> Steps:

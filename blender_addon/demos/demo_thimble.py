@@ -23,7 +23,8 @@ FPS, LAST = 24, 73
 BALL, ROD, CUP, RIM = 15e-3, 3e-3, 35e-3, 1.5e-3  # radii [m]
 FOAM = 8.0  # [MPa/m]: it yields 1 mm under 8 kPa
 HELD = (14, 68)  # frames in which the block counts as held
-SHARP = ("edge", "cup")  # things that a draft's nodes miss: contact on points, at three times the price
+SHARP = ("edge", "cup", "rod")  # things that nodes miss: contact on points, at twice the price
+ROUND = ("ball",)  # things that turn too far between a draft's nodes, and not between a standard skin's
 GRIP, BLOCK, SHAKE, SHAKES = 1.0e-3, 24e-3, 5e-3, 4  # depth of both fingers, thickness [m], stroke [m], how often
 
 Keys = list[tuple[float, float]]
@@ -119,6 +120,8 @@ def _touched(scene: bpy.types.Scene, what: Scene) -> None:
     finger = _finger(scene, "Index")
     if what.thing in SHARP:
         finger.dermis.finger.skin.contact = "points"
+    if what.thing in ROUND:
+        finger.dermis.finger.skin.level = "standard"
     _key(finger, poses(what))
 
 

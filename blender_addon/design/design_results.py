@@ -40,6 +40,25 @@ def current(scene: bpy.types.Scene) -> Answer | None:
     return _answers.get(scene.session_uid)
 
 
+def checked_spec(scene: bpy.types.Scene) -> core.devices.spec.DeviceSpec:
+    """Return the preset whose motors shall become fewer.
+
+    Raises:
+        DermisError: it is no platform's, or its motors are coupled already.
+    """
+    device = scene.dermis_design.device
+    spec = active_presets.spec_of(device, "platform")
+    if spec is None:
+        raise DermisError(
+            "not a platform's preset",
+            where="How Many Motors?",
+            value=device,
+            limit="a cable platform or a six-leg platform",
+        )
+    core.devices.coupling.refuse_coupled(spec)
+    return spec
+
+
 def find(scene: bpy.types.Scene) -> Generator[Any, None, Any]:
     """Find the fewest motors for the touches of a scene's panel; yield progress, return the engine's `Design`.
 
@@ -47,17 +66,8 @@ def find(scene: bpy.types.Scene) -> Generator[Any, None, Any]:
         DermisError: nothing to render, a scene without a bake, a recording or table that cannot be used, skins of
             different fingers, or a touch that never touches.
     """
-    settings = scene.dermis_design
+    settings, spec = scene.dermis_design, checked_spec(scene)
     task, progress = core.design.task, core.pipeline.bake.Progress
-    spec = active_presets.spec_of(settings.device, "platform")
-    if spec is None:
-        raise DermisError(
-            "not a platform's preset",
-            where="How Many Motors?",
-            value=settings.device,
-            limit="a cable platform or a six-leg platform",
-        )
-    core.devices.coupling.refuse_coupled(spec)
     yield progress("touches", 0, 1)
     sensed, skin = touches(scene)
     model = None

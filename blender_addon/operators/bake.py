@@ -30,12 +30,7 @@ class DERMIS_OT_bake(jobs.Job, bpy.types.Operator):
         scene = context.scene
         device_preview.reset()
         result, taken = result
-        kept = store.keep(scene, result, taken)
-        found = list(result.all_findings)
-        try:
-            store.store(scene, kept)
-        except ValueError as error:  # a full disk must not cost the bake
-            found.append(reporting.as_finding(error))
+        found = baking.keep(scene, result, taken)
         tracks, skins = len(result.outputs), len(result.skins)
         done = f"Baked {tracks} track{'' if tracks == 1 else 's'}"
         done += f" and {skins} skin{'' if skins == 1 else 's'}." if skins else "."

@@ -6,10 +6,12 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty
 
-from .. import changes, jobs, reporting
+from .. import baking, changes, jobs, reporting
 from ..design import design_results
 from ..devices import platform_devices
+from ..panels import summary
 from ..polls import needs
+from ..preferences import library
 from ..preview import device_preview, platform_preview
 from ..results import store
 from .work import File, Folder, Work, active_device, counted, listed
@@ -94,9 +96,13 @@ class DERMIS_OT_remove_design_touch(bpy.types.Operator):
         return {"FINISHED"}
 
 
-@needs(lambda context: context.scene.dermis_design.touches, "Add a baked scene or a recording first")
+@needs(
+    lambda context: context.scene.dermis_design.touches or summary.of(context.scene).fingers,
+    "Add a finger to this scene, or a recording to the list",
+)
 class DERMIS_OT_design(jobs.Job, bpy.types.Operator):
-    """Find the fewest motors, and their coupling, with which the device renders the touches; Esc cancels"""
+    """Find the fewest motors, and their coupling, with which the device renders the touches: this scene's where none \
+are listed. Scenes without a fresh bake are baked first; Esc cancels"""
 
     bl_idname = "dermis.design"
     bl_label = "How Many Motors?"
@@ -105,7 +111,7 @@ class DERMIS_OT_design(jobs.Job, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context) -> Any:
         """Return the work."""
-        return design_results.find(context.scene)
+        return _designed(context.scene)
 
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Write the new preset, draw the picture, and say the number."""
@@ -116,7 +122,21 @@ class DERMIS_OT_design(jobs.Job, bpy.types.Operator):
         done = f"{motors} of {n} motors. New device preset: {key}"
         findings = (*result.findings, *design_results.preset_findings(key))
         reporting.report_findings(self, findings, self.bl_label, done)
+        if not bpy.app.background:
+            bpy.ops.dermis.show_design()
         return {"FINISHED"}
+
+
+def _designed(scene: bpy.types.Scene) -> jobs.Steps:
+    """Bake what is listed and has no fresh bake, then look for the motors; without a list it is this scene."""
+    settings = scene.dermis_design
+    design_results.checked_spec(scene)  # nothing is worked for nothing
+    if not settings.touches:
+        settings.touches.add().scene = scene
+    for item in settings.touches:
+        if item.scene is not None:
+            yield from baking.prepared(item.scene, library())
+    return (yield from design_results.find(scene))
 
 
 @needs(lambda context: design_results.current(context.scene) is not None)

@@ -4,9 +4,11 @@ from typing import Any
 
 import bpy
 
-from .. import jobs, redraw
+from .. import baking, jobs, redraw
 from ..comparison import told
+from ..devices import active_presets
 from ..polls import active_finger, needs
+from ..preferences import library
 from .work import Folder, counted
 
 
@@ -21,7 +23,7 @@ class DERMIS_OT_tell_apart(jobs.Job, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context) -> Any:
         """Return the work."""
-        return told.find(context.scene, context.object.name_full)
+        return _found(context.scene, context.object.name_full)
 
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Keep it."""
@@ -30,6 +32,18 @@ class DERMIS_OT_tell_apart(jobs.Job, bpy.types.Operator):
         self.report({"INFO"}, f"{touches} touches, {counted(devices, 'way')} to render them")
         redraw.request()
         return {"FINISHED"}
+
+
+def _found(scene: bpy.types.Scene, finger: str) -> jobs.Steps:
+    """Look in a fresh bake whether the finger touches often enough, and tell its touches apart.
+
+    A finger whose skin no bake solves is looked at where it is worked out.
+    """
+    own = scene.objects[finger].dermis.finger
+    if own.skin.shown or any(device.enabled and active_presets.follows_skin(device.preset) for device in own.devices):
+        yield from baking.prepared(scene, library())
+        told.check_touches(scene, finger)
+    return (yield from told.find(scene, finger))
 
 
 @needs(lambda context: told.current(context.scene) is not None, "Tell touches apart first")

@@ -97,14 +97,8 @@ def tell_apart(
     skin = bake.skins.get(name)
     skin = None if skin is None else skin.matched
     touches = () if skin is None else touches_of(skin)
-    if skin is None or not 2 <= len(touches) <= MOST:
-        raise DermisError(
-            "touches are compared in pairs",
-            where=f"finger '{name}'",
-            value=f"{len(touches)} touches",
-            limit=f"2 to {MOST}",
-            remedy="Let the finger touch, lift for a tenth of a second, and touch again",
-        )
+    check_count(name, touches)
+    assert skin is not None
     yield Progress("judging", 0, 1 + len(bake.outputs))
     afferents = Afferents.of(skin.model)
     looked = looked_at(skin, touches)
@@ -139,6 +133,22 @@ def tell_apart(
         tuple(rows),
         tuple(skipped),
     )
+
+
+def check_count(finger: str, touches: Sequence[TouchTime]) -> None:
+    """Refuse a finger that touches too seldom or too often for its touches to be compared in pairs.
+
+    Raises:
+        DermisError: it does.
+    """
+    if not 2 <= len(touches) <= MOST:
+        raise DermisError(
+            "touches are compared in pairs",
+            where=f"finger '{finger}'",
+            value="1 touch" if len(touches) == 1 else f"{len(touches)} touches",
+            limit=f"2 to {MOST}",
+            remedy="Let the finger touch, lift for a tenth of a second, and touch again",
+        )
 
 
 def touches_of(skin: SkinContact) -> tuple[TouchTime, ...]:

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import choices
+from blender_addon import changes, choices
 from blender_addon._core import core
 from blender_addon.design import design_results
 from blender_addon.devices import platform_devices
@@ -154,13 +154,34 @@ def test_what_cannot_be_answered_is_said(baked) -> None:
     own.finger = "Thumb"
     with pytest.raises(RuntimeError, match="no such skin"):
         bpy.ops.dermis.design()
-    own.finger = ""
-    store.forget()
-    with pytest.raises(RuntimeError, match="not baked"):
-        bpy.ops.dermis.design()
     while own.touches:
         bpy.ops.dermis.remove_design_touch()
-    assert not bpy.ops.dermis.design.poll() and not bpy.ops.dermis.remove_design_touch.poll()
+    assert not bpy.ops.dermis.remove_design_touch.poll()
+    for obj in scene.objects:
+        obj.dermis.role = "NONE"
+    changes.mark_dirty(finger.name)
+    assert not bpy.ops.dermis.design.poll()
+
+
+def test_a_press_of_the_button_is_enough(baked) -> None:
+    """It takes this scene where none is listed, and bakes what has no fresh bake."""
+    scene, _, _ = baked
+    bpy.ops.dermis.remove_design_touch()
+    store.forget()
+    assert bpy.ops.dermis.design() == {"FINISHED"}
+    assert [item.scene for item in scene.dermis_design.touches] == [scene]
+    first = store.current(scene)
+    assert store.state(scene) == "fresh" and design_results.current(scene) is not None
+    assert bpy.ops.dermis.design() == {"FINISHED"} and store.current(scene) is first, "it is baked once"
+
+
+def test_what_is_no_platform_is_refused_before_anything_is_baked(baked) -> None:
+    scene, _, _ = baked
+    store.forget()
+    scene.dermis_design.device = "haptip"
+    with pytest.raises(RuntimeError, match="not a platform"):
+        bpy.ops.dermis.design()
+    assert store.state(scene) == "none"
 
 
 def test_a_scene_that_never_touches_is_told(baked) -> None:

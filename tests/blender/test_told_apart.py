@@ -52,6 +52,15 @@ def test_a_child_tells_two_touches_apart_and_a_table_is_written(tmp_path: Path) 
     assert (tmp_path / "Finger.told-apart.csv").read_bytes() == made.csv
 
 
+def test_a_single_touch_is_refused_before_its_devices_are_worked_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = pressing([0.6])
+    scene.objects["Finger"].dermis.finger.skin.shown = True
+    monkeypatch.setattr(told, "find", lambda *_: pytest.fail("it was begun"))
+    with pytest.raises(RuntimeError, match=r"(?s)compared in pairs.*found 1 touch\b"):
+        bpy.ops.dermis.tell_apart()
+    assert store.state(scene) == "fresh"
+
+
 def test_a_single_touch_is_refused_in_words() -> None:
     pressing([0.6])
     with pytest.raises(RuntimeError, match="compared in pairs"):

@@ -305,6 +305,8 @@ def _solve(f: int, finger: Any, posed: core.contact.posed_scene.PosedScene, fram
         followed = _followed(finger)
         model = skin_models.of(finger.parameters, where=f"{where}, skin")
         lacking = model is not None and followed and skin_models.wants_series(finger.parameters)
+        if model is not None and followed and not lacking:  # the series may have come since
+            model = skin_models.of(finger.parameters, where=f"{where}, skin")
     except DermisError as error:  # the other fingers go on
         return SkinState(finger.name, None, np.zeros((0, 3)), note=str(error))
     if model is None:

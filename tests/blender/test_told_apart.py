@@ -56,7 +56,7 @@ def test_a_single_touch_is_refused_before_its_devices_are_worked_out(monkeypatch
     scene = pressing([0.6])
     scene.objects["Finger"].dermis.finger.skin.shown = True
     monkeypatch.setattr(told, "find", lambda *_: pytest.fail("it was begun"))
-    with pytest.raises(RuntimeError, match=r"(?s)compared in pairs.*found 1 touch\b"):
+    with pytest.raises(RuntimeError, match=r"(?s)compared in pairs.*found '1 touch'"):
         bpy.ops.dermis.tell_apart()
     assert store.state(scene) == "fresh"
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import bpy
@@ -17,6 +17,7 @@ from .quantities import metres_per_unit
 from .sampling import participants
 
 HUGE = 3.0  # [m] things that a fingertip touches are smaller, as a rule
+OUTLIER = 2.0  # times as wide or as narrow as the others of its hand that a finger is doubted
 UNLIKE = 4.0  # times as long or as short as its bone that a fingertip is doubted
 _KEYS = 40  # of a finger that are looked at
 _DEEPEST = 2e-3  # [m] that linear skin is trusted to, as the engine's finding 'too-deep' says
@@ -51,7 +52,7 @@ def look(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> tuple[Doubt
     unit, solids = metres_per_unit(scene), bodies(scene, view_layer)
     found = [*_units(unit, solids)]
     for finger in fingers:
-        found += _finger(finger, unit)
+        found += [*_finger(finger, unit), *_unlike(finger, fingers)]
         if view_layer.depsgraph is not None:
             found += _swallowed(finger, solids, view_layer.depsgraph, unit)
             found += _pressed(finger, solids, view_layer.depsgraph, unit)
@@ -91,6 +92,11 @@ def mend(context: bpy.types.Context, code: str, name: str) -> None:
         if not lengths:
             raise DermisError("its bone says no length", where=f"finger '{name}'")
         scale = lengths[0] * metres_per_unit(scene) / skin_properties.lengths(skin)["length"]
+        values = skin_properties.shape_and_material(skin)
+        skin_properties.apply_preset(skin, {n: v * (scale if n in _LENGTHS else 1.0) for n, v in values.items()})
+    elif code == "finger-unlike":
+        skin = obj.dermis.finger.skin
+        scale = _others_width(obj, list(scene.objects)) / skin_properties.lengths(skin)["width"]
         values = skin_properties.shape_and_material(skin)
         skin_properties.apply_preset(skin, {n: v * (scale if n in _LENGTHS else 1.0) for n, v in values.items()})
     elif code == "inside":
@@ -151,6 +157,27 @@ def _finger(finger: bpy.types.Object, unit: float) -> Iterator[Doubt]:
     if bones and all(not 1.0 / UNLIKE < own / bone < UNLIKE for bone in bones):
         text = f"{finger.name} is {1e3 * own:.3g} mm long, its bone {1e3 * bones[0]:.3g} mm"
         yield Doubt("finger-size", finger.name, text, "Make It as Long as Its Bone")
+
+
+def _unlike(finger: bpy.types.Object, fingers: Sequence[bpy.types.Object]) -> Iterator[Doubt]:
+    """Doubt a finger that is much wider or narrower than the others of its hand."""
+    others = _others_width(finger, fingers)
+    width = skin_properties.lengths(finger.dermis.finger.skin)["width"]
+    if others and not 1.0 / OUTLIER < width / others < OUTLIER:
+        text = f"{finger.name} is {1e3 * width:.3g} mm wide, the other fingers of its hand {1e3 * others:.3g} mm"
+        yield Doubt("finger-unlike", finger.name, text, "Make It as Wide as the Others")
+
+
+def _others_width(finger: bpy.types.Object, objects: Sequence[bpy.types.Object]) -> float:
+    """Return the median width of the other fingers on the same armature [m]; 0 where fewer than two are there."""
+    if finger.parent is None or finger.parent_type != "BONE":
+        return 0.0
+    widths = sorted(
+        skin_properties.lengths(obj.dermis.finger.skin)["width"]
+        for obj in objects
+        if obj != finger and obj.dermis.role == "FINGER" and obj.parent == finger.parent
+    )
+    return widths[len(widths) // 2] if len(widths) > 1 else 0.0
 
 
 def _bone_lengths(finger: bpy.types.Object) -> list[float]:

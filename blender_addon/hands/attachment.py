@@ -32,6 +32,7 @@ PRESETS: Mapping[str, tuple[str, ...]] = {
 }
 HUMAN = (0.25, 4.0)  # scale of presets: a hand beyond it is no person's, and units may be wrong
 POINTS = (0.5, 2.0)  # scale of presets at which points of the skin, 0.1 to 0.8 mm apart, are as fine as it wants
+OFF = 0.1  # of a finger's width: 1 mm is asked of a pad that is placed well, and wrong ones were off by 0.18 and more
 _LENGTHS = core.parameters.skin.LENGTHS
 _Values = Mapping[str, Any]  # of a skin preset, in SI
 
@@ -47,8 +48,8 @@ class Tip:
 
 def attach(
     context: bpy.types.Context, rig: Rig, hand: Hand, tips: Sequence[Tip]
-) -> tuple[list[bpy.types.Object], list[Finding]]:
-    """Put fingers on bones; return them, and what may be wrong about them.
+) -> tuple[list[bpy.types.Object], list[Finding], list[Fit]]:
+    """Put fingers on bones; return them, what may be wrong about them, and how each fits.
 
     Args:
         hand: which the tips are of; a tip whose bone the hand does not know takes the bones that carry it.
@@ -72,7 +73,20 @@ def attach(
         _hang(rig, obj, tip.bone, fitted)
         _collection(context, obj.parent).objects.link(obj)
         made.append(obj)
-    return made, _doubts(rig, hand, found, tips, fits)
+    return made, _doubts(rig, hand, found, tips, fits), fits
+
+
+def misses(fitted: Fit) -> bool:
+    """Return whether a pad is off the skin by more than a tenth of the finger's width."""
+    return fitted.miss is not None and fitted.miss > OFF * fitted.width
+
+
+def told(fitted: Fit) -> str:
+    """Return in words how wide a finger is, and whether its pad lies on skin."""
+    wide = f"{1e3 * fitted.width:.1f} mm wide"
+    if fitted.miss is None:
+        return f"{wide}, no skin found"
+    return f"{wide}, {1e3 * fitted.miss:.1f} mm off the skin" if misses(fitted) else f"{wide}, on the skin"
 
 
 def _chain(rig: Rig, hand: Hand, tip: Tip) -> Chain:
@@ -182,6 +196,14 @@ def _doubts(rig: Rig, hand: Hand, found: Nails, tips: Sequence[Tip], fits: Seque
             "no skin was found round some last bones, so the sizes and places of these fingers follow from the bones",
             "Show the hand's mesh, and check that its vertex groups have the names of deforming bones",
             value=", ".join(bare),
+        )
+    off = [f"{tip.finger} {told(fitted)}" for tip, fitted in zip(tips, fits, strict=True) if misses(fitted)]
+    if off:
+        doubt(
+            "pad-off-skin",
+            "some pads do not lie on the skin of the hand",
+            "Move these fingers onto the skin, or choose other bones in the panel of the last operation",
+            value=", ".join(off),
         )
     if not found.sure:
         doubt(

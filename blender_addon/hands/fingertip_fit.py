@@ -24,7 +24,8 @@ class Fit:
         origin: the pad's centre, in scene units, shape (3,).
         axes: columns X, Y to the tip and Z to the nail, shape (3, 3).
         preset: key of the nearest preset. scale: of its lengths.
-        on_skin: the pad lies on a surface; else where a finger round the bone has it.
+        on_skin: the pad was placed by a surface; else where a finger round the bone has it.
+        width: of the finger [m]. miss: from the pad's centre to the nearest skin [m]; None where there is none.
     """
 
     origin: Array
@@ -32,6 +33,8 @@ class Fit:
     preset: str
     scale: float
     on_skin: bool
+    width: float
+    miss: float | None
 
 
 def fit(
@@ -57,7 +60,23 @@ def fit(
         found = _on_skin((triangles - joint) @ axes * unit, length * unit, presets, key, scale)
         if found is not None and _TRUSTED[0] < found[2] / scale < _TRUSTED[1]:
             (place, key, scale), on_skin = found, True
-    return Fit(joint + axes @ place / unit, axes, key, scale, on_skin)
+    origin = joint + axes @ place / unit
+    miss = None if triangles is None or not len(triangles) else unit * distance(origin, triangles)
+    return Fit(origin, axes, key, scale, on_skin, scale * presets[key]["width"], miss)
+
+
+def distance(point: Array, triangles: Array) -> float:
+    """Return how far a point is from the nearest of triangles, shape (t, 3, 3)."""
+    sides = np.roll(triangles, -1, axis=1) - triangles
+    to = point - triangles
+    along = np.einsum("tij,tij->ti", to, sides) / np.maximum(np.einsum("tij,tij->ti", sides, sides), 1e-30)
+    away = np.linalg.norm(to - np.clip(along, 0.0, 1.0)[:, :, None] * sides, axis=2).min(axis=1)
+    normals = np.cross(sides[:, 0], sides[:, 1])
+    sizes = np.linalg.norm(normals, axis=1)
+    flat = sizes > 0.0
+    over = (np.einsum("tij,tij->ti", np.cross(sides, to), normals[:, None]) >= 0.0).all(axis=1) & flat
+    height = np.abs(np.einsum("tj,tj->t", to[:, 0], normals)) / np.where(flat, sizes, 1.0)
+    return float(np.where(over, height, away).min())
 
 
 def section(triangles: Array, height: float) -> Array:

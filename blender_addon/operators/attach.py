@@ -33,6 +33,7 @@ class DermisTip(bpy.types.PropertyGroup):
     bone: StringProperty(name="Bone", description="The last bone of this finger")
     use: BoolProperty(name="Attach", description="Put a finger on this bone", default=True)
     flip: BoolProperty(name="Flip", description="Turn it half round: the nail comes where the pad is")
+    fits: StringProperty(name="Fit", description="How wide it is, and how far its pad is off the skin")
 
 
 @needs(
@@ -96,8 +97,11 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
         made: list[bpy.types.Object] = []
         doubts: list[Finding] = []
         for side, hand in hands.items():
-            tips = [attachment.Tip(t.name, t.bone, t.flip) for t in self.tips if t.use and t.side == side]
-            fingers, said = attachment.attach(context, hung, hand, tips)
+            used = [t for t in self.tips if t.use and t.side == side]
+            tips = [attachment.Tip(t.name, t.bone, t.flip) for t in used]
+            fingers, said, fits = attachment.attach(context, hung, hand, tips)
+            for shown, fitted in zip(used, fits, strict=True):
+                shown.fits = attachment.told(fitted)
             made += fingers
             doubts += said
         self._dress(context, made)
@@ -124,6 +128,10 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
             else:
                 bone.prop_search(tip, "bone", armature.data, "bones", text="")
             bone.prop(tip, "flip", text="", icon="UV_SYNC_SELECT", toggle=True)
+            if tip.use and tip.fits:
+                said = column.row()
+                said.active = False
+                said.label(text=tip.fits, icon="BLANK1" if " off" not in tip.fits else "ERROR")
         column = layout.column()
         column.use_property_split = True
         column.prop(self, "device")

@@ -108,16 +108,18 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
 
     def _tracks(self, bake: Any) -> None:
         fingers = tuple(output.finger for output in bake.outputs)
-        for output in (bake.outputs[i] for i in bone_names.order(fingers, fingers)):
+        names = core.track.file_names.numbered([f"{o.finger}: {o.track.spec.name}" for o in bake.outputs])
+        told = any(finding.code.startswith("limited-") for finding in reporting.findings())
+        for i in bone_names.order(fingers, fingers):
             box = self.layout.box().column(align=True)
-            track = output.track
-            box.label(text=f"{output.finger}: {track.spec.name}", icon=choices.icon(track.spec.kind))
+            track = bake.outputs[i].track
+            box.label(text=names[i], icon=choices.icon(track.spec.kind))
             duration = float(track.times[-1] - track.times[0]) if len(track.times) else 0.0
             row = box.row()
             row.active = False
             row.label(text=f"{len(track.times):,} samples, {duration:.2f} s at {track.spec.rate:g} Hz", icon="BLANK1")
             for name, count in track.limited.items():
-                if count:
+                if count and not told:  # else the findings say it
                     box.label(text=f"{count:,} limited: {name.replace('_', ' ').replace('.', ', ')}", icon="ERROR")
 
     def _ways(self, context: bpy.types.Context) -> None:

@@ -110,21 +110,26 @@ class DERMIS_PT_screen(DermisPanel, bpy.types.Panel):
                 layout.grid_flow(columns=2, align=True).prop(screen, "map_unit", expand=True)
 
 
+def _names(devices: Any) -> list[str]:
+    """Return the names of a finger's devices, of which none is there twice."""
+    return core.track.file_names.numbered([choices.title("devices", device.preset) for device in devices])
+
+
 class DERMIS_UL_devices(bpy.types.UIList):
     """The devices of a finger."""
 
     bl_idname = "DERMIS_UL_devices"
 
     def draw_item(
-        self, _context: Any, layout: Any, _data: Any, item: Any, _icon: int, _active: Any, _property: str, _index: int
+        self, _context: Any, layout: Any, data: Any, item: Any, _icon: int, _active: Any, _property: str, index: int
     ) -> None:
-        """Draw one device with its switch; what cannot be used says so."""
+        """Draw one device with its switch, by the name that results call it; what cannot be used says so."""
         entry = choices.entry("devices", item.preset)
         broken = choices.known() and (entry is None or entry.error is not None)
         icon = "ERROR" if broken else choices.icon(choices.kind_of(item.preset))
         row = layout.row(align=True)
         row.active = item.enabled and not broken
-        row.label(text=choices.title("devices", item.preset) or "No device chosen", icon=icon)
+        row.label(text=_names(data.devices)[index] or "No device chosen", icon=icon)
         row.prop(item, "enabled", text="")
 
 

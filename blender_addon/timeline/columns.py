@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -22,6 +23,7 @@ LETTER = 5.8  # a letter's width at scale 1 [px], about
 STEPS = 12  # of height and of colour: columns that differ by less are one box
 TOUCH = 0.7  # of a lane's height
 PALE = 0.35  # what is out of date is drawn as strongly as this
+KEY = 7.0  # half a key's width at scale 1 [px], about
 MARK = 4.0  # half a mark's size at scale 1 [px]
 
 
@@ -63,12 +65,20 @@ class Layout:
 
 
 def laid_out(
-    lanes: Sequence[Lane], live: Sequence[Lane], marks: Sequence[Mark], view: View, *, pale: bool = False
+    lanes: Sequence[Lane],
+    live: Sequence[Lane],
+    marks: Sequence[Mark],
+    view: View,
+    *,
+    pale: bool = False,
+    keys: Sequence[float] = (),
 ) -> Layout:
     """Lay the strip out along the bottom of a view, the first finger on top.
 
     Args:
         lanes: of a bake. live: of what was seen since; it is drawn over them. pale: the bake is out of date.
+        keys: frames that labels keep clear of; a label has its finger's name alone where that fits, and is left out
+            where nothing does.
     """
     fingers = list(dict.fromkeys([*(lane.finger for lane in lanes), *(lane.finger for lane in live)]))
     room = max(min(view.height - SCRUB * view.scale, max(SHARE * view.height, SCRUB)), 4.0)
@@ -93,11 +103,29 @@ def laid_out(
     labels: list[tuple[str, float, float]] = []
     if high >= LABELLED * view.scale:
         said = {lane.finger: lane.says for lane in (*live, *lanes)}  # a bake's words count, live ones where it has none
-        labels = [(said[f], 6.0 * view.scale, bottoms[f] + 0.5 * high - 3.5 * view.scale) for f in fingers]
-        for words, x, y in labels:
-            width = LETTER * view.scale * len(words) + 8.0 * view.scale
-            boxes.add(x - 4.0, y - 3.0 * view.scale, x + width, y + 10.0 * view.scale, (*PANEL[:3], 0.75))
+        for finger in fingers:
+            y = bottoms[finger] + 0.5 * high - 3.5 * view.scale
+            for words in dict.fromkeys((said[finger], finger)):
+                width = LETTER * view.scale * len(words) + 8.0 * view.scale
+                free = _clear(view, keys, width + 4.0)
+                if free is not None:
+                    labels.append((words, free + 4.0, y))
+                    boxes.add(free, y - 3.0 * view.scale, free + 4.0 + width, y + 10.0 * view.scale, (*PANEL[:3], 0.75))
+                    break
     return Layout(*boxes.arrays(), tuple(labels), tuple(placed), pitch * len(fingers))
+
+
+def _clear(view: View, keys: Sequence[float], width: float) -> float | None:
+    """Return the leftmost place across where so much is free of keys [px], None for none."""
+    edge, half = 2.0 * view.scale, KEY * view.scale
+    places = sorted(view.x(frame) for frame in keys)
+    taken = [(x - half, x + half) for x in places if -half <= x <= view.width + half]
+    left = edge
+    for low, high in (*taken, (view.width - edge, math.inf)):
+        if low - left >= width:
+            return left
+        left = max(left, high)
+    return None
 
 
 def columns(series: Series, view: View) -> Array:

@@ -8,7 +8,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import bpy
+import numpy as np
 
+from .. import changes, compat
 from .._core import core
 from ..layouts import ui_scale
 from ..preview import live_lanes
@@ -23,6 +25,7 @@ KEYMAPS = (("Dopesheet", "DOPESHEET_EDITOR"), ("Graph Editor", "GRAPH_EDITOR"))
 JUMP = "dermis.strip_jump"
 LETTERS = 0.87  # of the usual size
 NOTE = 16.0  # height of the line above the lanes [px at scale 1]
+MOST = 32  # selected objects whose keys are looked for
 NOTES = {**store.NOTES, "fresh": "", "live": "live: frames seen since the last edit"}
 
 
@@ -37,6 +40,7 @@ class Strip(NamedTuple):
 
 _baked: dict[int, tuple[Any, Any, tuple[Lane, ...], tuple[Mark, ...]]] = {}  # by the scene's uid, with what it is of
 _layouts: core.recent.Recent[tuple[Any, ...], tuple[Layout, Any]] = core.recent.Recent(8)
+_key_frames: core.recent.Recent[tuple[Any, ...], tuple[float, ...]] = core.recent.Recent(2)
 _handles: list[tuple[Any, Any]] = []
 _keys: list[tuple[Any, Any]] = []
 
@@ -92,13 +96,36 @@ def draw_toggle(self: Any, context: bpy.types.Context) -> None:
 
 def _kept(shown: Strip, view: View) -> tuple[Layout, Any]:
     lanes, live, marks, state = shown
-    key = (tuple(map(id, lanes)), tuple(map(id, live)), state, view)
+    keys = _keys_shown()
+    key = (tuple(map(id, lanes)), tuple(map(id, live)), state, view, keys)
 
     def make() -> tuple[Layout, Any]:
-        made = laid_out(lanes, live, marks, view, pale=state in ("stale", "earlier"))
+        made = laid_out(lanes, live, marks, view, pale=state in ("stale", "earlier"), keys=keys)
         return made, (lanes, live, [])  # the lanes stay alive with their ids; the last holds the batch
 
     return _layouts.make(key, make)
+
+
+def _keys_shown() -> tuple[float, ...]:
+    """Return the frames of the keys that editors show: those of what is selected."""
+    chosen = tuple(bpy.context.selected_objects or ())[:MOST]
+    key = (changes.edits(), tuple(obj.session_uid for obj in chosen))
+
+    def look() -> tuple[float, ...]:
+        return tuple(sorted({frame for obj in chosen for frame in _keyed(obj)}))
+
+    return _key_frames.make(key, look)
+
+
+def _keyed(obj: bpy.types.Object) -> set[float]:
+    """Return the frames of an object's keys."""
+    animation, found = obj.animation_data, set[float]()
+    for bag in compat.channelbags(animation.action) if animation is not None and animation.action else ():
+        for curve in bag.fcurves:
+            places = np.empty(2 * len(curve.keyframe_points), np.float32)
+            curve.keyframe_points.foreach_get("co", places)
+            found.update(places[::2].tolist())
+    return found
 
 
 def _draw() -> None:

@@ -404,8 +404,12 @@ def test_fingers_without_skin_are_told(skin: bool) -> None:
     if not skin:
         bpy.data.objects.remove(rig.skin)
     bpy.context.view_layer.objects.active = rig.armature
-    bpy.ops.dermis.attach_fingers()
-    assert ("hand-without-skin" in {f.code for f in reporting.findings()}) != skin
+    bpy.ops.dermis.attach_fingers("EXEC_DEFAULT", True)
+    codes = {f.code for f in reporting.findings()}
+    assert ("hand-without-skin" in codes) != skin and "pad-off-skin" not in codes
+    operator = bpy.context.window_manager.operators[-1]
+    words = "on the skin" if skin else "no skin found"
+    assert len(operator.tips) == 5 and all(tip.fits.endswith(f"mm wide, {words}") for tip in operator.tips)
 
 
 def test_the_panel_tells_the_reading_and_offers_the_next_best() -> None:

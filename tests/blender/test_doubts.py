@@ -240,3 +240,20 @@ def test_nothing_is_doubted_about_a_demo(scene: Callable[[], None]) -> None:
     for frame in (1, last // 3, last // 2, last):
         bpy.context.scene.frame_set(frame)
         assert found() == {}
+
+
+def test_a_finger_unlike_the_others_of_its_hand_is_doubted_and_mended() -> None:
+    rig = hand(unreal, "R", wrist="hand_r").armature
+    bpy.context.view_layer.objects.active = rig
+    rig.select_set(True)
+    assert bpy.ops.dermis.attach_fingers() == {"FINISHED"}
+    assert "finger-unlike" not in found()
+    ring = next(obj for obj in bpy.data.objects if obj.dermis.role == "FINGER" and obj.name.startswith("Ring"))
+    skin = ring.dermis.finger.skin
+    whole = skin_properties.lengths(skin)["width"]
+    values = skin_properties.shape_and_material(skin)
+    lengths = skin_properties.lengths(skin)
+    skin_properties.apply_preset(skin, {n: v * (2.2 if n in lengths else 1.0) for n, v in values.items()})
+    assert found()["finger-unlike"] == ring.name
+    mend("finger-unlike")
+    assert skin_properties.lengths(skin)["width"] == pytest.approx(whole, rel=0.25)

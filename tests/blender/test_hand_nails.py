@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from blender_addon.hands import attachment
 from blender_addon.hands.bone_names import FINGERS
-from blender_addon.hands.fingertip_fit import MIDDLE, fit, section
+from blender_addon.hands.fingertip_fit import MIDDLE, distance, fit, section
 from blender_addon.hands.nails import curl, nails
 
 from . import hand_rigs
@@ -107,6 +108,33 @@ def test_a_pad_on_a_skin_lies_on_it_and_has_its_size(size: float) -> None:
     assert found.origin[0] == pytest.approx(1.5 * size, abs=0.1 * size)
     assert found.origin[1] == pytest.approx(23.0 * size - 1e3 * found.scale * lengths["tip"], abs=0.1 * size)
     assert found.origin[2] == pytest.approx(-5.75 * size, abs=0.1 * size)
+
+
+def test_a_fit_says_how_wide_it_is_and_how_far_off_the_skin() -> None:
+    line = np.array([[0.0, -30.0, 0.0], [0.0, 0.0, 0.0], [0.0, 20.0, 0.0]])
+    nail, skin = np.array([0.0, 0.0, 1.0]), tube(7.0, 23.0, thick=11.5 / 14.0)
+    found = fit(line, nail, skin, PRESETS, 1e-3)
+    assert found.width == pytest.approx(14e-3, rel=0.07) and found.miss == pytest.approx(0.0, abs=2e-5)
+    assert not attachment.misses(found) and attachment.told(found).endswith("mm wide, on the skin")
+    bare = fit(line, nail, None, PRESETS, 1e-3)
+    assert bare.miss is None and not attachment.misses(bare) and "no skin" in attachment.told(bare)
+    wide = fit(line, nail, tube(90.0, 200.0), PRESETS, 1e-3)
+    assert wide.miss > 0.05 and attachment.misses(wide) and "mm off the skin" in attachment.told(wide)
+
+
+def test_a_distance_to_triangles_is_that_to_face_edge_or_corner() -> None:
+    one = np.array([[[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]]])
+    flat = np.zeros((1, 3, 3))
+    for point, wanted in (
+        ((1.0, 1.0, 3.0), 3.0),
+        ((1.0, 1.0, -2.0), 2.0),
+        ((2.0, -3.0, 4.0), 5.0),
+        ((-3.0, -4.0, 0.0), 5.0),
+        ((3.0, 3.0, 0.0), np.sqrt(2.0)),
+    ):
+        assert distance(np.array(point), one) == pytest.approx(wanted)
+        assert distance(np.array(point), np.concatenate([flat + 100.0, one])) == pytest.approx(wanted)
+    assert distance(np.array([3.0, 4.0, 0.0]), flat) == pytest.approx(5.0), "a corner thrice"
 
 
 def test_a_surface_that_is_no_fingers_is_not_followed() -> None:

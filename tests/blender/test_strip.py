@@ -109,6 +109,28 @@ def test_lanes_fit_the_region_and_have_labels_where_there_is_room(height: int) -
         assert ys == sorted(ys, reverse=True)
 
 
+def test_a_label_keeps_clear_of_keys() -> None:
+    """It goes to the first gap that is wide enough, else the name alone does, else nothing is written."""
+    made = Lane("Index", lane(force=([0, 10, 20], [0.0, 1.0, 0.0])).series)
+    view = View(400, 80, 0.0, 100.0, 1.0)
+    width = columns.LETTER * len(made.says) + 12.0
+
+    def label(*keys: float) -> tuple[str, float] | None:
+        layout = columns.laid_out([made], (), (), view, keys=keys)
+        boxes = layout.positions.reshape(-1, 4, 2)[np.isclose(layout.colours[::4, 3], 0.75)]
+        for key in keys:
+            assert not ((boxes[:, 0, 0] < 4.0 * key) & (4.0 * key < boxes[:, 1, 0])).any(), "a key is covered"
+        return layout.labels[0][:2] if layout.labels else None
+
+    assert label() == (made.says, 6.0)
+    words, x = label(1.0, 5.0)
+    assert words == made.says and x > 4.0 * 5.0
+    every = np.arange(0.0, 100.0, (columns.LETTER * 5 + 12.0 + 2.5 * columns.KEY) / 4.0)
+    assert width > 2.0 * (columns.LETTER * 5 + 12.0)
+    assert label(*every)[0] == "Index"
+    assert label(*range(0, 100, 4)) is None
+
+
 def test_a_mark_is_hit_at_its_place_and_nowhere_else() -> None:
     marks = (Mark(30.0, "Index", "warning", "slow"), Mark(33.0, "", "error", "bad"))
     layout = columns.laid_out([lane(touch=([0, 10], [1, 1]))], (), marks, VIEW)

@@ -1,4 +1,4 @@
-"""The paper's scenes: each is the touch that it says, and bakes without an error."""
+"""The paper's scenes: each is the touch that it says, and bakes without a warning."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TOUCHES = {
 
 
 @pytest.mark.parametrize("which", list(demo_thimble.SCENES))
-def test_every_scene_bakes_without_an_error_and_touches(which) -> None:
+def test_every_scene_bakes_without_a_warning_and_touches(which) -> None:
     choices.refresh()
     assert bpy.ops.dermis.demo_thimble_scene(touch=which) == {"FINISHED"}
     scene = bpy.context.window.scene
@@ -31,9 +31,7 @@ def test_every_scene_bakes_without_an_error_and_touches(which) -> None:
     assert sum(len(o.data.vertices) for o in scene.objects if o.type == "MESH") < 25_000
     assert bpy.ops.dermis.bake() == {"FINISHED"}
     bake = store.current(scene).bake
-    # a draft's nodes are two millimetres apart, and it is said; what is sharp is felt on points
-    sharp = demo_thimble.SCENES[which].thing in demo_thimble.SHARP
-    assert {f.code for f in bake.all_findings if f.severity != "info"} <= (set() if sharp else {"smaller-than-mesh"})
+    assert not {f.code for f in bake.all_findings if f.severity != "info"}
     fingers = [o for o in scene.objects if o.dermis.role == "FINGER"]
     assert len(bake.outputs) == len(fingers) == (2 if which == "BLOCK" else 1)
     for output in bake.outputs:

@@ -253,7 +253,7 @@ def test_a_finger_unlike_the_others_of_its_hand_is_doubted_and_mended() -> None:
     whole = skin_properties.lengths(skin)["width"]
     values = skin_properties.shape_and_material(skin)
     lengths = skin_properties.lengths(skin)
-    skin_properties.apply_preset(skin, {n: v * (2.2 if n in lengths else 1.0) for n, v in values.items()})
+    skin_properties.apply_preset(skin, {n: v * (2.8 if n in lengths else 1.0) for n, v in values.items()})
     assert found()["finger-unlike"] == ring.name
     mend("finger-unlike")
     assert skin_properties.lengths(skin)["width"] == pytest.approx(whole, rel=0.25)

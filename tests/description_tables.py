@@ -23,8 +23,8 @@ from core.skin.model import skin_from_parameters
 DEVICES, LEVELS = ("thimble_3rrs",), ("draft", "standard")
 ROOTS = ("surrogate/dataset.py", "surrogate/learned.py", "surrogate/press_points.py", "skin/felt_state.py")
 # What decides no number: the ground (errors, files, arrays), rows of settings, whose values are in the key, and what
-# measures surfaces of triangles, with the kernels beneath it: a disc is a plane.
-GROUND = ("parameters", "surface", "kernels", "scene")
+# measures surfaces of triangles: a disc is a plane.
+GROUND = ("parameters", "surface", "scene")
 PLANE = ("surface", "plane.py")
 
 
@@ -39,6 +39,8 @@ def sources() -> tuple[str, ...]:
             found.add(path)
             pending += imported(path)
     found.add(CORE / "matching" / "description.py")
+    if CORE / "kernels" / "library.py" in found:
+        found.update(path for end in ("*.c", "*.h") for path in (CORE / "kernels").glob(end))
     return tuple(sorted(path.relative_to(CORE).as_posix() for path in found))
 
 

@@ -122,7 +122,7 @@ def test_a_thimble_on_a_skin_that_nobody_has_made_says_what_it_waits_for(window,
     scene.frame_set(30)
     shown.on_frame(scene)
     work(ready)
-    assert any(note.startswith("making the draft skin") for note in said), said
+    assert any(note.startswith("making the standard skin") for note in said), said
     assert any(note.startswith("preparing") for note in said), said
     assert not [row.note for row in rows() if row.note]
     known = {state.finger for state in shown.now(scene).skins.states}
@@ -158,10 +158,9 @@ def test_a_thimble_that_cannot_be_prepared_says_why(window, monkeypatch) -> None
     assert [device_cards.in_words(row) for row in rows()] == [row.note for row in rows()]
 
 
-def test_a_platform_without_a_table_says_how_it_comes() -> None:
-    device_preview.reset()
-    skin_preview.reset()
-    platform_preview.reset()
+def test_a_platform_without_a_table_says_how_it_comes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    forget()
+    monkeypatch.setattr(skin_models, "cache", lambda: core.cache.Cache(tmp_path, 10**9))
     scene = demo_motors.build("flat")
     bpy.context.window.scene = scene
     for frame in (20, 21):
@@ -170,3 +169,4 @@ def test_a_platform_without_a_table_says_how_it_comes() -> None:
     (row,) = rows()
     assert not row.values and row.note == platform_preview.NO_TABLE and "Bake" in row.note
     assert device_cards.in_words(row) == row.note and device_cards.height(row) > 0
+    forget()

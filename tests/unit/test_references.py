@@ -14,7 +14,7 @@ from tests.benchmarks.references.hexahedra import Grading, Gradings, HexMesh, ch
 from tests.benchmarks.references.making import Meshed
 from tests.benchmarks.references.neo_hookean import BALANCED, NeoHookean, pressed
 from tests.benchmarks.references.results import PATH, errors, is_judged, load, missing, summary, table
-from tests.benchmarks.references.shapes import Ball, Edge, Flat, Ribs, Rod
+from tests.benchmarks.references.shapes import Ball, Edge, Flat, Pillar, Plate, Ribs, Rod
 from tests.benchmarks.references.tissue import MATERIAL, PA, Condensed, Tissue, cauchy, stiffness
 from tests.benchmarks.references.turned_shapes import Cone, Dot, Peg, Torus
 
@@ -149,6 +149,7 @@ def test_the_residual_of_contact_tells_what_is_wrong():
 SOLIDS = [
     *(Flat(), Ball(2.0), Edge(60.0), Edge(120.0), Ribs(), Rod(3.0), Peg(1.0, 0.1), Peg(6.0, 0.1, 6.0)),
     *(Torus(1.0, 5.0, 5.0), Cone(60.0, 0.5), Dot(0.72, 0.48)),
+    *(Pillar(2.0, 0.1), Pillar(2.0, 0.05), Plate(0.5, 0.1), Plate(2.0, 0.2, turned=True)),
 ]
 
 

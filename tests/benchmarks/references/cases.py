@@ -13,7 +13,7 @@ from core.parameters.error_bands import LINEAR, NEO_HOOKEAN
 from core.skin.shape import FingertipShape
 
 from .hexahedra import Grading, Gradings, chart_below, places
-from .shapes import PERIOD, RIB, RIB_ROUNDING, Ball, Edge, Flat, Ribs, Rod, Shape
+from .shapes import PERIOD, RIB, RIB_ROUNDING, Ball, Edge, Flat, Pillar, Plate, Ribs, Rod, Shape
 from .turned_shapes import Cone, Dot, Peg, Torus
 
 Array = NDArray[np.float64]
@@ -25,6 +25,7 @@ JUDGED_AT = 1  # of the probes' depths: 1.2 mm
 SCALES = (2.0, np.sqrt(2.0), 1.0)  # of a case's meshes, over its gradings
 STEP, NEWTON_STEP = 0.1, 0.25  # longest step of a press, times the scale: of linear tissue, of neo-Hookean
 ASIDE, FRICTION = 0.37, 0.3  # of edges beside the middle, where contact without friction has many answers
+RIMMED = (0.5, 1.0, 1.5, 2.0)  # depths of a pillar [mm]
 
 
 @dataclass(frozen=True)
@@ -135,20 +136,27 @@ def _families() -> Iterator[Family]:
             f"ball {radius:g}", ball, _about(even, half, growth), tuple(1.1 * half * SEVEN), tuple(1.1 * half * SIX)
         )
     edges = tuple((f"edge {angle} degrees at {{:g}} mm", Edge(angle)) for angle in (60, 90, 120))
-    middle, beside = _along(0.035, 0.3), _along(0.05, 0.3, 0.22, 0.5)
+    middle, beside = _along(0.03, 0.3, 0.15, 0.4), _along(0.05, 0.3, 0.22, 0.5)
     for sideways, gradings, friction in ((0.0, middle, 0.0), (ASIDE, beside, FRICTION)):
         own = tuple((name.format(sideways), shape) for name, shape in edges)
         yield Family(f"edge {sideways:g}", own, gradings, ACROSS, LENGTHWISE, sideways, friction)
     ribs = Gradings(Grading(0.11, 0.1, CORNERS, 0.35), Grading(0.7, 4.0), Grading(0.11, 0.1, growth=0.28))
     between = (-2.25, -1.5, -0.75, 0.0, 0.375, 0.9, 1.5)
     yield Family("ribs", (("ribs", Ribs()),), ribs, between, LENGTHWISE, reach=0.1)
-    rim = Gradings(Grading(0.42, 3.5), Grading(0.055, 0.2, ON_RIM, 0.26, 1.0), Grading(0.055, 0.1, growth=0.25))
+    yield Family(
+        "ribs with friction", (("ribs with friction", Ribs()),), ribs, between, LENGTHWISE, 0.0, FRICTION, reach=0.1
+    )
+    rim = Gradings(Grading(0.25, 3.2), Grading(0.055, 0.2, ON_RIM, 0.26, 1.0), Grading(0.055, 0.1, growth=0.25))
     yield Family("coin", (("coin", Peg(6.0, 0.1, 6.0)),), rim, tuple(3.0 * SIX), ACROSS, reach=-0.1)
     ring = Gradings(Grading(0.25, 3.0), Grading(0.1, 0.6, (0.0, 0.6, 1.2)), Grading(0.1, 0.4, growth=0.2))
     yield Family("torus", (("torus 1 mm", Torus(1.0, 5.0, 5.0)),), ring, tuple(3.0 * SIX), ACROSS, reach=-0.1)
     rims = Grading(0.085, 0.25, (-1.0, 1.0), 0.28)
     punch = Gradings(rims, rims, Grading(0.085, 0.1, growth=0.25))
-    yield Family("punch", (("punch 2 mm", Peg(1.0, 0.1)),), punch, tuple(1.5 * SEVEN), tuple(1.5 * SIX), reach=-0.1)
+    about = tuple(1.5 * SEVEN), tuple(1.5 * SIX)
+    for name, friction in (("punch", 0.0), ("punch with friction", FRICTION)):
+        peg = (name.replace("punch", "punch 2 mm"), Peg(1.0, 0.1))
+        yield Family(name, (peg,), punch, *about, 0.0, friction, reach=-0.1)
+    yield from _upright(about)
     yield Family("rod", (("rod 3 mm", Rod(3.0)),), _along(0.09, 1.2), tuple(2.0 * SEVEN), LENGTHWISE)
     cone = ("cone 60 degrees", Cone(60.0, 0.5))
     yield Family("cone", (cone,), _about(0.08, 0.9, 0.25), tuple(1.5 * SEVEN), tuple(1.5 * SIX))
@@ -158,6 +166,26 @@ def _families() -> Iterator[Family]:
     softer = "neo-Hookean ball 5 mm", Ball(5.0)
     wide = tuple(2.75 * SEVEN), tuple(2.75 * SIX)
     yield Family("neo-Hookean ball 5", (softer,), _about(0.42, 2.5), *wide, reach=0.0, tissue=NEO_HOOKEAN)
+
+
+def _upright(about: tuple[tuple[float, ...], tuple[float, ...]]) -> Iterator[Family]:
+    """Yield a pillar and plates, whose rims are as sharp as cells allow.
+
+    Without friction skin slides round a rim; cells that are wider than a tenth of its radius hold it back.
+    """
+    square = Grading(0.05, 0.2, (-1.0, 1.0))
+    pillar = Gradings(square, square, Grading(0.05, 0.1, growth=0.25))
+    rims = tuple((f"pillar 2 mm with a rim of {rim:g} mm", Pillar(2.0, rim)) for rim in (0.1, 0.05))
+    yield Family("pillar", rims, pillar, *about, 0.0, FRICTION, RIMMED, reach=-0.1)
+    for name, friction, even in (("plate", 0.0, 0.016), ("plate with friction", FRICTION, 0.03)):
+        side = Grading(even, 0.1, (-0.2, 0.2), 0.22, 0.8)
+        plate = Gradings(side, Grading(0.5, 4.0), Grading(even, 0.08, growth=0.22))
+        own = (f"{name} along", Plate(0.5, 0.1))
+        yield Family(name, (own,), plate, ACROSS, LENGTHWISE, 0.0, friction, (0.5, 1.0), reach=-0.1)
+    side = Grading(0.03, 0.1, (-0.2, 0.2), 0.22, 0.8)
+    across = Gradings(Grading(0.35, 3.5), side, Grading(0.03, 0.08, growth=0.22))
+    own = ("plate with friction across", Plate(0.5, 0.1, turned=True))
+    yield Family("plate across", (own,), across, tuple(3.0 * SIX), ACROSS, 0.0, FRICTION, (0.5, 1.0), reach=-0.1)
 
 
 FAMILIES = {family.name: family for family in _families()}

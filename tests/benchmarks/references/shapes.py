@@ -20,6 +20,7 @@ ROUNDING = 0.2  # of edges [mm]
 PERIOD, RIB, RIB_ROUNDING, RIB_HEIGHT, RIBS = 1.5, 0.75, 0.1, 3.0, 6  # of ribs [mm]; so many to either side
 ARC = np.radians(3.0)  # of roundings, between triangles
 LONG = 40.0  # of what runs along Y [mm]
+DEEP = 20.0  # of pillars, from the top to the foot [mm]
 MM = 1e-3
 
 
@@ -108,15 +109,89 @@ class Ribs:
 
     def surface(self) -> Surface:
         """Return plates that are closed each for itself."""
-        turns = np.linspace(np.pi / 2, 0.0, round(np.pi / 2 / ARC) + 1)
-        arc = RIB_ROUNDING * np.stack([np.cos(turns), np.sin(turns) - 1.0], axis=1) + [0.5 * RIB - RIB_ROUNDING, 0.0]
-        half = np.vstack([arc, [[0.5 * RIB, -RIB_HEIGHT]]])
+        half = _upper_half(RIB, RIB_ROUNDING, RIB_HEIGHT)
         vertices, triangles = drawn_out(np.vstack([half, half[::-1] * [-1.0, 1.0]])[::-1])
         each = range(-RIBS, RIBS + 1)
         return Surface.build(
             np.vstack([vertices + [k * PERIOD, 0.0, 0.0] for k in each]) * MM,
             np.vstack([triangles + (k + RIBS) * len(vertices) for k in each]),
         )
+
+
+@dataclass(frozen=True)
+class Plate:
+    """An upright plate with a flat top and rounded rims.
+
+    Attributes:
+        width: between its walls [mm]. rim: radius of its rims [mm]. turned: it runs along X in place of Y.
+    """
+
+    width: float
+    rim: float
+    turned: bool = False
+
+    def gap(self, points: Array) -> tuple[Array, Array]:
+        """Return signed distances and gradients (the foot is out of reach)."""
+        x = points[:, 1 if self.turned else 0]
+        gap, normal = along_y(x, *rounded_corner(np.abs(x) - 0.5 * self.width, points[:, 2], self.rim))
+        return gap, normal[:, [1, 0, 2]] if self.turned else normal
+
+    def surface(self) -> Surface:
+        """Return a prism."""
+        half = _upper_half(self.width, self.rim, DEEP)
+        vertices, triangles = drawn_out(np.vstack([half, half[::-1] * [-1.0, 1.0]])[::-1])
+        if self.turned:
+            vertices, triangles = vertices[:, [1, 0, 2]], triangles[:, ::-1]
+        return Surface.build(np.ascontiguousarray(vertices) * MM, np.ascontiguousarray(triangles))
+
+
+@dataclass(frozen=True)
+class Pillar:
+    """An upright square pillar with a flat top; its rims and its upright edges are rounded.
+
+    Attributes:
+        width: between opposite walls [mm]. rim: radius of its edges [mm].
+    """
+
+    width: float
+    rim: float
+
+    def gap(self, points: Array) -> tuple[Array, Array]:
+        """Return signed distances and gradients (the foot is out of reach)."""
+        inner = 0.5 * self.width - self.rim  # a point is as far outside as from the pillar that is smaller by the rim
+        beyond = np.column_stack([np.abs(points[:, :2]) - inner, points[:, 2] + self.rim])
+        sign = np.column_stack([np.where(points[:, :2] < 0.0, -1.0, 1.0), np.ones(len(points))])
+        out = np.maximum(beyond, 0.0)
+        far = np.linalg.norm(out, axis=1)
+        outside = far > 0.0
+        gap = np.where(outside, far, beyond.max(axis=1)) - self.rim
+        face = np.eye(3)[beyond.argmax(axis=1)]
+        return gap, sign * np.where(outside[:, None], out / np.where(outside, far, 1.0)[:, None], face)
+
+    def surface(self) -> Surface:
+        """Return the convex hull of its corners, which are parts of balls."""
+        from scipy.spatial import ConvexHull
+
+        turns = np.linspace(0.0, np.pi / 2, round(np.pi / 2 / ARC) + 1)
+        up, round_ = (a.ravel() for a in np.meshgrid(turns[:-1], turns))
+        corner = np.stack([np.cos(up) * np.cos(round_), np.cos(up) * np.sin(round_), np.sin(up)], axis=1)
+        corner = self.rim * np.vstack([corner, [[0.0, 0.0, 1.0]]])
+        foot = np.where(corner[:, 2:] == 0.0, corner - [0.0, 0.0, DEEP], np.nan)
+        corner = np.vstack([corner, foot[np.isfinite(foot).all(axis=1)]])
+        corner += [0.5 * self.width - self.rim, 0.5 * self.width - self.rim, -self.rim]
+        vertices = np.vstack([corner * [x, y, 1.0] for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
+        hull = ConvexHull(vertices)
+        a, b, c = vertices[hull.simplices].transpose(1, 0, 2)
+        inwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
+        triangles = np.where(inwards[:, None], hull.simplices[:, ::-1], hull.simplices)
+        return Surface.build(vertices * MM, triangles)
+
+
+def _upper_half(width: float, rim: float, height: float) -> Array:
+    """Return half the profile of an upright plate with rounded rims, from the middle of its top [mm], shape (k, 2)."""
+    turns = np.linspace(np.pi / 2, 0.0, round(np.pi / 2 / ARC) + 1)
+    arc = rim * np.stack([np.cos(turns), np.sin(turns) - 1.0], axis=1) + [0.5 * width - rim, 0.0]
+    return np.vstack([arc, [[0.5 * width, -height]]])
 
 
 def wedge(across: Array, z: Array, angle: float, rounding: float) -> tuple[Array, Array, Array]:

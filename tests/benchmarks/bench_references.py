@@ -100,3 +100,25 @@ def _by_tetrahedra(family: Family, place: Sequence[float]) -> Iterator[tuple[flo
                 float(held.force[:, 2].sum()),
                 np.einsum("kj,kjc->kc", weights, nodal[skin.mesh.tetrahedra[element]]),
             )
+
+
+@benchmark("reference_slid_apart", limit=0.01)
+def slid_apart() -> Result:
+    """A frictionless slide against a press in the same place, in plane strain: is there one answer, and from when on?
+
+    An edge of 90 degrees with cells of a tenth of its rounding; beside it wider cells, a plate, and friction.
+    """
+    from .references.shapes import Edge, Plate
+    from .references.slab import slid_apart as study
+
+    edge, plate, peers = Edge(90.0), Plate(2.0, 0.1), {}
+    for cells in (0.08, 0.04, 0.02):
+        slid, pressed, apart = study(edge, (0.2,), cells, 0.6, 0.0)
+        peers[f"edge 90, cells of {cells:g} mm"] = value = float(apart.max())
+        print(f"edge 90, {cells:g} mm: slid {slid.round(4).tolist()}, pressed {pressed.round(4).tolist()}", flush=True)
+    for friction in (0.0, 0.3):
+        for cells in (0.04, 0.02):
+            slid, pressed, apart = study(plate, (-1.0, 1.0), cells, 0.4, friction)
+            peers[f"plate 2 mm, friction {friction:g}, cells of {cells:g} mm: apart"] = float(apart.max())
+            peers[f"plate 2 mm, friction {friction:g}, cells of {cells:g} mm [N/mm]"] = float(pressed[0, 2])
+    return Result("reference_slid_apart", value, "1", None, peers)

@@ -15,6 +15,8 @@ from tests.benchmarks.references.making import Meshed
 from tests.benchmarks.references.neo_hookean import BALANCED, NeoHookean, pressed
 from tests.benchmarks.references.results import PATH, errors, is_judged, load, missing, summary, table
 from tests.benchmarks.references.shapes import Ball, Edge, Flat, Pillar, Plate, Ribs, Rod
+from tests.benchmarks.references.slab import HEIGHT, cells, skin, slid_apart
+from tests.benchmarks.references.sliding import SLIDES, slid
 from tests.benchmarks.references.tissue import MATERIAL, PA, Condensed, Tissue, cauchy, stiffness
 from tests.benchmarks.references.turned_shapes import Cone, Dot, Peg, Torus
 
@@ -225,6 +227,35 @@ def test_the_other_side_of_the_finger_answers_as_its_mirror_image():
     np.testing.assert_allclose(forces[0], forces[1] * [-1.0, 1.0, 1.0], atol=2e-5 * forces[0][2])
 
 
+def test_a_wide_slab_is_squeezed_like_confined_tissue():
+    """Even pressure far from the sides: strain is stress over the modulus of tissue that cannot widen."""
+    points, compliance = skin(*cells((0.0,), 0.1, 0.5), 7.9)
+    x, first, shear = points[:, 0], *(PA * value for value in MATERIAL.lame)
+    force = np.zeros((len(x), 3))
+    force[:, 2] = 1e-3 * np.gradient(x)
+    moved = (compliance @ force.ravel()).reshape(-1, 3)
+    middle = np.abs(x).argmin()
+    assert moved[middle, 2] == pytest.approx(1e-3 * HEIGHT / (first + 2.0 * shear), rel=0.1)
+    assert np.abs(moved[middle, :2]).max() < 0.01 * moved[middle, 2]  # the middle point is half a cell aside
+
+
+def test_sliding_without_friction_ends_where_pressing_does_once_cells_resolve_the_rounding():
+    coarse, fine = (slid_apart(Edge(90.0), (0.2,), even, 0.6, 0.0)[2].max() for even in (0.08, 0.02))
+    assert fine < 0.002 and coarse > 0.1
+
+
+def test_a_slide_is_told_beside_presses_and_drags_by_friction():
+    slide = replace(SLIDES["slid edge 90"], shape=Ball(3.0), gradings=COARSE, way=((0.0, 0.0), (0.1, 0.0)), depth=0.3)
+    found = slid(slide, (4.0, 2.8, 2.0))
+    free, held = found["slid edge 90, friction 0"], found["slid edge 90, friction 0.3"]
+    assert free["slid"][0] == free["pressed"][0] and np.shape(free["apart"]) == (3, 1)
+    assert np.array(free["apart"]).max() < 0.02
+    drag = held["slid"][1][0] - held["pressed"][1][0]
+    assert 0.1 < drag / held["pressed"][1][2] < 0.3
+    assert [mesh["scale"] for mesh in free["meshes"]] == [4.0, 2.8, 2.0]
+    assert all(mesh["contact"] < 1e-4 for case in (free, held) for mesh in case["meshes"])
+
+
 def test_errors_follow_the_order_of_convergence():
     exact = np.random.default_rng(6).standard_normal((6, 6))
     for order in (1.0, 2.0):
@@ -310,6 +341,21 @@ def test_neo_hookean_tissue_is_pressed_like_linear_tissue_where_little_moves():
         small, large = (b[0].force[:, 2].sum() / a.force[:, 2].sum() for a, b in zip(ours, theirs, strict=True))
         assert small == pytest.approx(1.0, abs=0.01) and large > 1.02
         assert all(state.residual < 1e-4 and left < 1e-7 for state, _, left in theirs)
+
+
+def test_slides_in_the_file_follow_the_rule():
+    slides = load()["slides"]
+    assert slides
+    for name, case in slides.items():
+        slide = SLIDES[name.partition(",")[0]]
+        assert case["way"] == [list(place) for place in slide.way], name
+        assert np.shape(case["slid"]) == np.shape(case["pressed"]) == (len(slide.way), 3)
+        assert case["slid"][0] == case["pressed"][0]
+        ratio = np.linalg.norm(np.subtract(case["slid"], case["pressed"]), axis=1) / np.linalg.norm(
+            case["pressed"], axis=1
+        )
+        np.testing.assert_allclose(case["apart"][-1], ratio[1:], atol=0.01 * max(ratio) + 1e-5)
+        assert all(mesh["contact"] < 1e-3 for mesh in case["meshes"]), name
 
 
 def test_a_case_is_a_line_of_the_table():

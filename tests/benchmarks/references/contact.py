@@ -81,18 +81,24 @@ class Press:
         Args:
             start: the shape's origin at depth 0 [mm], shape (3,). depths: rising [mm]. step: longest step [mm].
         """
-        state = Pressed(np.zeros_like(self.points), np.zeros_like(self.points), np.asarray(start, float))
-        found: list[Pressed] = []
-        reached = 0.0
+        state, found = self.untouched(start), list[Pressed]()
         for depth in depths:
-            parts = np.linspace(reached, depth, max(int(np.ceil((depth - reached) / step - 1e-9)), 1) + 1)[1:]
-            for part in parts[:-1]:
-                state = self.settled(start + np.array([0.0, 0.0, part]), state, *self._on_the_way)
-            before = state
-            state = self.settled(start + np.array([0.0, 0.0, depth]), state, TOLERANCE, MAX_ROUNDS)
-            found.append(replace(state, residual=self.residual(state, before)))
-            reached = depth
+            state = self.moved(state, start + np.array([0.0, 0.0, depth]), step)
+            found.append(state)
         return found
+
+    def untouched(self, place: Array) -> Pressed:
+        """Return skin at rest, with the shape's origin where it does not touch [mm], shape (3,)."""
+        return Pressed(np.zeros_like(self.points), np.zeros_like(self.points), np.asarray(place, float))
+
+    def moved(self, state: Pressed, place: Array, step: float) -> Pressed:
+        """Return contact after a straight way of the shape to a place [mm], shape (3,), in steps no longer than one."""
+        count = max(int(np.ceil(float(np.linalg.norm(place - state.place)) / step - 1e-9)), 1)
+        way = state.place + np.linspace(0.0, 1.0, count + 1)[1:-1, None] * (place - state.place)
+        for part in way:
+            state = self.settled(part, state, *self._on_the_way)
+        end = self.settled(np.asarray(place, float), state, TOLERANCE, MAX_ROUNDS)
+        return replace(end, residual=self.residual(end, state))
 
     @property
     def _on_the_way(self) -> tuple[float, int]:

@@ -18,6 +18,7 @@ from .hexahedra import graded_fingertip
 from .neo_hookean import NeoHookean, pressed
 from .results import load, rounded, save, summary
 from .shapes import Shape
+from .sliding import SLIDES, slid
 from .tissue import Tissue
 
 Array = NDArray[np.float64]
@@ -86,27 +87,31 @@ class Meshed:
 
 
 def make(names: Sequence[str]) -> None:
-    """Make the references of the families named, or of all, and write each when it is done.
+    """Make the references of the families and slides named, or of all, and write each when it is done.
 
     Raises:
         SystemExit: an unknown family, or families that could not be made.
     """
-    unknown = [name for name in names if name not in FAMILIES]
+    known = [*FAMILIES, *SLIDES]
+    unknown = [name for name in names if name not in known]
     if unknown:
-        raise SystemExit(f"no such family: {', '.join(unknown)}; there are: {', '.join(FAMILIES)}")
+        raise SystemExit(f"no such family: {', '.join(unknown)}; there are: {', '.join(known)}")
     failed = []
     with one_thread():
-        for name in names or FAMILIES:
+        for name in names or known:
             started = time.process_time()
             try:
-                cases = made(FAMILIES[name])
+                slides = slid(SLIDES[name]) if name in SLIDES else {}
+                cases = made(FAMILIES[name]) if name in FAMILIES else {}
             except ArithmeticError as error:  # the others can be made all the same
                 failed.append(f"{name}: {error}")
                 print(failed[-1], flush=True)
                 continue
             results = load()  # another run may have written meanwhile
-            results["probes"][name] = rounded(FAMILIES[name].probes, 6)
-            results["cases"] = _sorted({**results["cases"], **cases})
+            if cases:
+                results["probes"][name] = rounded(FAMILIES[name].probes, 6)
+                results["cases"] = _sorted({**results["cases"], **cases})
+            results["slides"].update(slides)
             save(results)
             print(f"{name}: {time.process_time() - started:.0f} s of the processor", flush=True)
     if failed:

@@ -33,16 +33,18 @@ ABOUT = {
     "Coulomb's friction by its own coefficient, zero on most shapes",
     "error": "relative, of the finest mesh: its change from the mesh before, over ratio^order - 1, where the order is "
     "that of the last two changes, between 1 and 2; of the force along Z, and of stress by depth of the probes",
+    "slides": "forces on the finger of a shape that was pressed and then moved sideways, and of it pressed in the same "
+    "place; error: relative, as above, of the vectors; apart: |slid - pressed| over |pressed|, coarse to fine by place",
     "meshes": "coarse to fine; contact: how far it is from its laws; balance: force left on a degree of freedom",
 }
 
 
 def load(path: Path = PATH) -> dict[str, Any]:
-    """Return what is known: 'about', 'probes' by family, 'cases' by name; nothing of other versions."""
+    """Return what is known: 'about', 'probes' by family, 'cases' and 'slides' by name; nothing of other versions."""
     known = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     if known.get("about", {}).get("version") != VERSION:
-        return {"about": ABOUT, "probes": {}, "cases": {}}
-    return dict(known)
+        return {"about": ABOUT, "probes": {}, "cases": {}, "slides": {}}
+    return {"slides": {}, **known}
 
 
 def save(results: Mapping[str, Any], path: Path = PATH) -> None:

@@ -40,7 +40,7 @@ def cells(places: Sequence[float], even: float, half: float) -> tuple[Array, Arr
 def skin(across: Array, up: Array, reach: float) -> tuple[Array, Array]:
     """Return the points of the skin with |x| < reach [mm], shape (k, 3), and their compliance [mm/N], (3 k, 3 k).
 
-    Nothing holds or moves points along Y.
+    Along Y a point gives way as along Z, by itself: nothing pushes it there.
     """
     x, z = np.meshgrid(across, up, indexing="ij")
     nodes = np.stack([x.ravel(), z.ravel()], axis=1)
@@ -59,6 +59,8 @@ def skin(across: Array, up: Array, reach: float) -> tuple[Array, Array]:
     plane = splu(total[free][:, free]).solve(loads)[unknowns].reshape(len(touched), 2, len(touched), 2)
     compliance = np.zeros((len(touched), 3, len(touched), 3))
     compliance[:, ::2, :, ::2] = plane
+    each = np.arange(len(touched))
+    compliance[each, 1, each, 1] = compliance[each, 2, each, 2]
     points = np.stack([nodes[touched, 0], 0.0 * touched, 0.5 * nodes[touched, 0] ** 2 / ROUND], axis=1)
     return points, compliance.reshape(3 * len(touched), -1)
 

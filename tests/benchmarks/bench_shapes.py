@@ -1,9 +1,9 @@
 """How right contact is on every shape: the product's standard skin against references that resolve what it touches.
 
 Shapes are pressed into the pad as a scene presses them: triangles that rise by 0.05 mm a sample, without friction but
-on edges beside the middle. The references (`references/`, kept in `references/shapes.json`) touch the exact shapes with
-meshes graded towards them; each figure's own error stands beside it. Force errors are of the force along Z, stress
-errors are relative L2 over 42 points at a depth, shear counted twice.
+on rims and on edges beside the middle. The references (`references/`, kept in `references/shapes.json`) touch the exact
+shapes with meshes graded towards them; each figure's own error stands beside it. Force errors are of the force along Z,
+stress errors are relative L2 over 42 points at a depth, shear counted twice.
 
 Only cases whose reference's own error is within its limits are judged (`references.results.is_judged`), and stress
 nearer the skin only where the reference is as good there; the others are printed, and counted beside each figure with
@@ -43,7 +43,8 @@ CONTACTS = (CONTACT, "points" if CONTACT == "nodes" else "nodes")  # what is jud
 
 
 SOFTER = ("neo-Hookean",)
-SMOOTH, SHARP = ("plane", "ball", "torus", "rod", "cone", "Braille"), ("edge", "ribs", "coin", "punch")
+SMOOTH = ("plane", "ball", "torus", "rod", "cone", "Braille")
+SHARP = ("edge", "ribs", "coin", "punch", "pillar", "plate")
 
 
 class Judged(NamedTuple):

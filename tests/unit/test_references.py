@@ -354,7 +354,7 @@ def test_slides_in_the_file_follow_the_rule():
         ratio = np.linalg.norm(np.subtract(case["slid"], case["pressed"]), axis=1) / np.linalg.norm(
             case["pressed"], axis=1
         )
-        np.testing.assert_allclose(case["apart"][-1], ratio[1:], atol=0.01 * max(ratio) + 1e-5)
+        np.testing.assert_allclose(case["apart"][-1], ratio[1:], rtol=0.06, atol=1e-4)  # of two digits
         assert all(mesh["contact"] < 1e-3 for mesh in case["meshes"]), name
 
 

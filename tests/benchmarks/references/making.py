@@ -110,6 +110,7 @@ def make(names: Sequence[str]) -> None:
             results = load()  # another run may have written meanwhile
             if cases:
                 results["probes"][name] = rounded(FAMILIES[name].probes, 6)
+                results["probes"] = {key: of for key, of in results["probes"].items() if key in FAMILIES}
                 results["cases"] = _sorted({**results["cases"], **cases})
             results["slides"].update(slides)
             save(results)

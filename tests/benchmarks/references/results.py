@@ -83,10 +83,10 @@ def summary(forces: Sequence[Array], stresses: Sequence[Array], scales: Sequence
 
 def table(results: Mapping[str, Any]) -> str:
     """Return a line a case: force and its own error, stress's own errors by depth, the finest mesh."""
-    lines = [f"{'case':36} {'force [N]':>10} {'own error':>10}   {'stress, by depth':22} {'nodes':>7}"]
+    lines = [f"{'case':46} {'force [N]':>10} {'own error':>10}   {'stress, by depth':22} {'nodes':>7}"]
     for name, case in results["cases"].items():
         stress = " ".join(f"{e:6.1%}" for e in case["error"]["stress"])
-        told = f"{name:36} {case['force'][2]:10.4f} {case['error']['force']:10.1%}   {stress:22} "
+        told = f"{name:46} {case['force'][2]:10.4f} {case['error']['force']:10.1%}   {stress:22} "
         lines.append(f"{told}{case['meshes'][-1]['nodes']:7}{'' if is_judged(case) else '  not judged by'}")
     return "\n".join(lines)
 

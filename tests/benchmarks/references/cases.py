@@ -136,7 +136,7 @@ def _families() -> Iterator[Family]:
             f"ball {radius:g}", ball, _about(even, half, growth), tuple(1.1 * half * SEVEN), tuple(1.1 * half * SIX)
         )
     edges = tuple((f"edge {angle} degrees at {{:g}} mm", Edge(angle)) for angle in (60, 90, 120))
-    middle, beside = _along(0.035, 0.3), _along(0.05, 0.3, 0.22, 0.5)
+    middle, beside = _along(0.024, 0.22, 0.2), _along(0.05, 0.3, 0.22, 0.5)
     for sideways, gradings, friction in ((0.0, middle, 0.0), (ASIDE, beside, FRICTION)):
         own = tuple((name.format(sideways), shape) for name, shape in edges)
         yield Family(f"edge {sideways:g}", own, gradings, ACROSS, LENGTHWISE, sideways, friction)

@@ -160,13 +160,17 @@ class Contact:
     friction: Array
     softness: Array
     force: Array
+    nodes: Indices
     tolerance: float = 1e-9
     most: int = 60
 
     def call(self, own: ctypes.CDLL, **changed: float) -> list[int]:
         """Return the status, with fields of the record changed; force, image, residual and sweeps stay."""
         n = len(self.force)
-        self.image, room = np.full((n, 3), np.nan), np.full((3 * records.KEPT + 4, n, 3), np.nan)
+        given, step = self.nodes.size, self.compliance.itemsize
+        few = given < n
+        room = np.full((9 * records.KEPT + 12 + few * (14 + (9 * given * step + 7) // 8)) * given + few, np.nan)
+        self.image = np.full((n, 3), np.nan)
         self.record = record = records.ContactRecord(
             n,
             self.compliance.dtype == np.float32,
@@ -176,6 +180,8 @@ class Contact:
             self.most,
             address(self.force),
             address(self.image),
+            given,
+            address(self.nodes),
             address(room),
         )
         for name, value in changed.items():
@@ -203,7 +209,9 @@ def drawn_contact(seed: int) -> Contact:
     friction = rng.choice([0.0, 0.3, 1.0, 5.0], n)
     softness = np.where(rng.random(n) < 0.3, scale * rng.random(n), 0.0)
     start = rng.normal(size=(n, 3)) * (seed % 2)
-    return Contact(room.astype(np.float32) if seed % 3 else room, offset, normals, friction, softness, start)
+    nodes = np.flatnonzero(rng.random(n) < 0.7) if seed % 4 else np.arange(n)
+    compliance = room.astype(np.float32) if seed % 3 else room
+    return Contact(compliance, offset, normals, friction, softness, start, nodes)
 
 
 def opened(path: Path) -> ctypes.CDLL:

@@ -109,7 +109,9 @@ typedef struct {
     int64_t most;            /* sweeps */
     double *force;           /* in: to start from; out (count, 3) [N] */
     double *image;           /* out: C f (count, 3) [m] */
-    double *room;            /* to work in (3 DERMIS_KEPT + 4, count, 3) */
+    int64_t given;           /* nodes that are swept: those that may come to carry force, and all that do at the start */
+    const int64_t *nodes;    /* which these are (given); not read where all are */
+    double *room;            /* to work in: 9 DERMIS_KEPT + 12 doubles a given node, and unless all are, 14 more and C among them */
     double residual;         /* out: |f - P(f - w / own)| / |f|, own the mean compliance of a node to its own force */
     int64_t sweeps;          /* out */
     int64_t wrong;           /* out: the node that is not finite */

@@ -94,6 +94,8 @@ class ContactRecord(ctypes.Structure):
         ("most", ctypes.c_int64),
         ("force", ctypes.c_void_p),
         ("image", ctypes.c_void_p),
+        ("given", ctypes.c_int64),
+        ("nodes", ctypes.c_void_p),
         ("room", ctypes.c_void_p),
         ("residual", ctypes.c_double),
         ("sweeps", ctypes.c_int64),

@@ -27,7 +27,8 @@
     FIELD(dermis_contact, compliance) FIELD(dermis_contact, offset) FIELD(dermis_contact, normals)           \
     FIELD(dermis_contact, friction) FIELD(dermis_contact, softness) FIELD(dermis_contact, tolerance)         \
     FIELD(dermis_contact, most) FIELD(dermis_contact, force) FIELD(dermis_contact, image)                    \
-    FIELD(dermis_contact, room) FIELD(dermis_contact, residual) FIELD(dermis_contact, sweeps)                \
+    FIELD(dermis_contact, given) FIELD(dermis_contact, nodes) FIELD(dermis_contact, room)                    \
+    FIELD(dermis_contact, residual) FIELD(dermis_contact, sweeps)                \
     FIELD(dermis_contact, wrong)
 #define OFFSET(record, field) offsetof(record, field),
 #define NAME(record, field) " " #field

@@ -195,13 +195,11 @@ static void accelerate(dermis_contact *contact, past *known, const double *befor
             for (int64_t k = 0; k < size; k++) told(known, a, what)[k] = told(known, a + 1, what)[k];
 }
 
-DERMIS_NOINLINE static int32_t sweep(dermis_contact *contact) {
-    if (!known(contact)) return DERMIS_NOT_FINITE;
-    rows_of compliance = {contact->single ? contact->compliance : NULL, contact->single ? NULL : contact->compliance, contact->stride};
-    const rows_of *c = &compliance;
+/* Sweep all nodes of a contact until its residual is small; `work` has room for (3 DERMIS_KEPT + 4, count, 3). */
+static void sweep_all(dermis_contact *contact, const rows_of *c, double *work) {
     int64_t count = contact->count;
-    double still = contact->tolerance, *before = contact->room + 3 * (DERMIS_KEPT + 1) * 3 * count;
-    past last = {3 * count, 0, contact->room, 0.0};
+    double still = contact->tolerance, *before = work + 3 * (DERMIS_KEPT + 1) * 3 * count;
+    past last = {3 * count, 0, work, 0.0};
     move_anew(contact, c);
     contact->sweeps = 0;
     contact->residual = residual_of(contact, c);
@@ -226,12 +224,70 @@ DERMIS_NOINLINE static int32_t sweep(dermis_contact *contact) {
         contact->residual = residual_of(contact, c);
         still *= STILLER;
     }
+}
+
+/* Copy the given nodes' values, `width` a node; return where the room goes on. */
+static double *gathered(const dermis_contact *contact, const double *values, int64_t width, double *room) {
+    for (int64_t i = 0; i < contact->given; i++)
+        for (int64_t k = 0; k < width; k++) room[width * i + k] = values[width * contact->nodes[i] + k];
+    return room + width * contact->given;
+}
+
+/* Copy the compliance between the given nodes; return where the room goes on. */
+static double *gathered_rows(const dermis_contact *contact, const rows_of *c, rows_of *out) {
+    int64_t side = 3 * contact->given;
+    float *narrow = (float *)contact->room;
+    for (int64_t i = 0; i < side; i++) {
+        int64_t row = (3 * contact->nodes[i / 3] + i % 3) * c->stride;
+        for (int64_t j = 0; j < contact->given; j++) {
+            int64_t from = row + 3 * contact->nodes[j], to = i * side + 3 * j;
+            for (int k = 0; k < 3; k++)
+                if (c->narrow != NULL)
+                    narrow[to + k] = c->narrow[from + k];
+                else
+                    contact->room[to + k] = c->wide[from + k];
+        }
+    }
+    out->narrow = c->narrow != NULL ? narrow : NULL, out->wide = c->narrow != NULL ? NULL : contact->room, out->stride = side;
+    return contact->room + (c->narrow != NULL ? (side * side + 1) / 2 : side * side);
+}
+
+/* Sweep the given nodes alone: what they leave on the others is seen in the residual. */
+static void sweep_given(dermis_contact *contact, const rows_of *c) {
+    rows_of own;
+    dermis_contact part = *contact;
+    double *room = gathered_rows(contact, c, &own);
+    part.count = contact->given;
+    part.offset = room, room = gathered(contact, contact->offset, 3, room);
+    part.normals = room, room = gathered(contact, contact->normals, 3, room);
+    part.friction = room, room = gathered(contact, contact->friction, 1, room);
+    part.softness = room, room = gathered(contact, contact->softness, 1, room);
+    part.force = room, room = gathered(contact, contact->force, 3, room);
+    part.image = room, room += 3 * contact->given;
+    sweep_all(&part, &own, room);
+    for (int64_t k = 0; k < 3 * contact->count; k++) contact->force[k] = 0.0;
+    for (int64_t i = 0; i < contact->given; i++)
+        for (int k = 0; k < 3; k++) contact->force[3 * contact->nodes[i] + k] = part.force[3 * i + k];
+    move_anew(contact, c);
+    contact->sweeps = part.sweeps;
+    contact->residual = dermis_finite(part.residual) ? residual_of(contact, c) : part.residual;
+}
+
+DERMIS_NOINLINE static int32_t sweep(dermis_contact *contact) {
+    if (!known(contact)) return DERMIS_NOT_FINITE;
+    for (int64_t i = 0; i < contact->given; i++)
+        if (contact->nodes[i] < 0 || contact->nodes[i] >= contact->count) return DERMIS_BAD_RECORD;
+    rows_of c = {contact->single ? contact->compliance : NULL, contact->single ? NULL : contact->compliance, contact->stride};
+    if (contact->given == contact->count)
+        sweep_all(contact, &c, contact->room);
+    else
+        sweep_given(contact, &c);
     return DERMIS_DONE;
 }
 
 static int sound(const dermis_contact *contact) {
     return contact->count >= 0 && contact->stride >= 3 * contact->count && contact->most >= 0 && contact->tolerance >= 0.0 &&
-           (contact->single == 0 || contact->single == 1);
+           (contact->single == 0 || contact->single == 1) && contact->given >= 0 && contact->given <= contact->count;
 }
 
 DERMIS_FUNCTION(dermis_sweep, dermis_contact, sound, sweep)

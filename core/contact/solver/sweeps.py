@@ -39,6 +39,7 @@ def sweep(
     start: Array,
     tolerance: float,
     most: int,
+    likely: NDArray[np.bool_] | None = None,
 ) -> Swept:
     """Solve for the forces of contact, w = C f + softness f + offset and f obeying Coulomb's law.
 
@@ -48,6 +49,8 @@ def sweep(
         friction: coefficients, shape (n,). softness: of what lies below each node [m/N], shape (n,).
         start: forces to start from [N], shape (n, 3).
         tolerance: of the residual. most: sweeps.
+        likely: nodes that may come to carry force, shape (n,), all where None. It changes the time alone: nodes that
+            turn out to touch are swept, too.
 
     Raises:
         DermisError: a number that is not finite.
@@ -58,7 +61,6 @@ def sweep(
         compliance = np.ascontiguousarray(compliance, dtype=np.float64)
         step = compliance.itemsize
     force, image = np.array(start, dtype=np.float64, order="C"), np.empty((n, 3))
-    room = np.empty((3 * records.KEPT + 4, n, 3))
     values = [np.ascontiguousarray(v, dtype=np.float64) for v in (offset, normals, friction, softness)]
     if compliance.shape != (3 * n, 3 * n) or [v.size for v in values] != [3 * n, 3 * n, n, n]:
         raise DermisError("the compliance and the nodes do not fit", where="contact", value=compliance.shape)
@@ -72,11 +74,29 @@ def sweep(
         most,
         address(force),
         address(image),
-        address(room),
     )
+    swept = np.ones(n, dtype=np.bool_) if likely is None else likely | force.any(axis=1)
+    sweeps = 0
+    while True:
+        nodes = swept.nonzero()[0]
+        few = nodes.size < n
+        room = np.empty((9 * records.KEPT + 12 + few * (14 + (9 * nodes.size * step + 7) // 8)) * nodes.size + few)
+        record.given, record.nodes, record.room = nodes.size, address(nodes), address(room)
+        _done(record)
+        sweeps += record.sweeps
+        if not few or record.residual <= tolerance:
+            break
+        w = image + values[3].reshape(-1, 1) * force + values[0].reshape(-1, 3)
+        missed = ~swept & (np.einsum("ij,ij->i", w, values[1]) < 0.0)
+        if not missed.any():
+            break
+        swept |= missed
+    return Swept(force, image, record.residual, sweeps)
+
+
+def _done(record: records.ContactRecord) -> None:
     status = kernels().sweep(byref(record))
     if status == records.NOT_FINITE:
         raise DermisError("contact is asked about numbers that are not finite", where=f"node {record.wrong}")
     if status != records.DONE:
         raise DermisError("a record for the kernels is damaged", where=kernels().path.name, value=status)
-    return Swept(force, image, record.residual, record.sweeps)

@@ -90,7 +90,9 @@ static double visit(const dermis_contact *contact, const rows_of *c, int64_t i) 
     return square;
 }
 
-/* Return the distance from the fixed point f = P(f - w / own), over the size of the forces, as `cone.assess` does. */
+/* Return the distance from the fixed point f = P(f - w / own), over the size of the forces, as `cone.assess` does.
+
+   It is infinite where any of that is beyond numbers: comparisons with what is no number would pass for no distance at all. */
 static double residual_of(const dermis_contact *contact, const rows_of *c) {
     double error = 0.0, size = 0.0, projected = 0.0;
     for (int64_t i = 0; i < contact->count; i++) {
@@ -103,6 +105,7 @@ static double residual_of(const dermis_contact *contact, const rows_of *c) {
         for (int k = 0; k < 3; k++) v[k] -= force[k];
         error += dermis_dot(v, v);
     }
+    if (!dermis_finite(error + size + projected)) return __builtin_inf();
     size = dermis_most(size, projected);
     return size > 0.0 ? dermis_root(error / size) : 0.0;
 }

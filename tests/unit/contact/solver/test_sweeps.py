@@ -118,6 +118,21 @@ def test_a_compliance_that_gives_way_ends_and_says_so():
     assert not found.residual <= 1e-9
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf, 0.0])
+def test_a_compliance_that_is_no_compliance_never_passes_for_solved(value):
+    c, b, n, mu, soft, zero = given()
+    c[:3], c[:, :3], b[0] = value, value, [-1e-3, 0.0, 0.0]
+    for start in (zero, zero + 0.1):
+        found = sweep(c, b, n, mu, soft, start, 1e-9, 500)
+        assert found.residual == np.inf and not found.force.any() and not found.image.any()
+
+
+def test_a_start_beyond_numbers_is_no_answer():
+    c, b, n, mu, soft, zero = given()
+    found = sweep(c, b, n, mu, soft, zero + 1e200, 1e-9, 500)
+    assert np.isfinite(found.force).all() and (found.residual <= 1e-9 or not found.force.any())
+
+
 def test_shapes_that_do_not_fit_are_refused():
     c, b, n, mu, soft, zero = given()
     with pytest.raises(DermisError, match="do not fit"):

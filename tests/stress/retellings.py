@@ -280,18 +280,16 @@ def _started(begin: str, seed: int) -> Iterator[None]:
     rng = np.random.default_rng(seed)
     at_nodes, on_points = PathSolver._extrapolated, PointSolver._extrapolated
 
-    def elsewhere(self: PathSolver, force: Array, w: Array) -> tuple[Array, Array]:
+    def elsewhere(force: Array) -> Array:
         factors = {"last": 1.0, "zero": 0.0, "random": rng.uniform(0.0, 2.0, force.shape)}
-        first = factors[begin] * force
-        change = first - force
-        return first, -(w + self.linear(change) + self._soft[:, None] * change) / self._rho
+        return factors[begin] * force
 
-    def of_nodes(self: PathSolver, force: Array, w: Array) -> tuple[Array, Array]:
-        return at_nodes(self, force, w) if isinstance(self, PointSolver) else elsewhere(self, force, w)
+    def of_nodes(self: PathSolver, force: Array) -> Array:
+        return at_nodes(self, force) if isinstance(self, PointSolver) else elsewhere(force)
 
-    def of_points(self: PointSolver, force: Array, w: Array) -> tuple[Array, Array]:
-        on_points(self, force, w)  # it notes which points are new
-        return elsewhere(self, force, w)
+    def of_points(self: PointSolver, force: Array) -> Array:
+        on_points(self, force)  # it notes which points are new
+        return elsewhere(force)
 
     with patch.object(PathSolver, "_extrapolated", of_nodes), patch.object(PointSolver, "_extrapolated", of_points):
         yield

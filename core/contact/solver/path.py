@@ -33,7 +33,8 @@ from .sweeps import sweep
 
 __all__ = ["DEPTH_LIMIT", "TOLERANCE", "Compliance", "Linear", "PathSolver", "PathStep"]
 
-TOLERANCE = 3e-5
+# What contact leaves of its laws, see `Solution.residual`: where an iteration starts then changes no force by 1e-4.
+TOLERANCE = 3e-6
 # A frame whose residual is above this multiple of the tolerance is a finding.
 CHECK = 10.0
 # The last forces serve again while their residual is below this multiple of it.

@@ -28,7 +28,7 @@ from .history import ContactHistory
 from .law_skin import LawSkin
 from .moved_skin import MovedSkin
 from .over_edges import HELD, NOTHING, Freed, over_edges
-from .path import BONE, CHECK, DEPTH_LIMIT, PathSolver, PathStep
+from .path import BONE, DEPTH_LIMIT, TOLERANCE, PathSolver, PathStep
 from .point_gaps import completed, passed_on
 from .point_history import Succession, succession
 from .point_reach import PointReach
@@ -37,9 +37,10 @@ from .point_sight import PointSight
 from .point_tree import MANY, OFTEN, PointTree
 from .rims import over_rims
 
-TOLERANCE = 3e-4
 # Skin is looked for this far out [m].
 REACH = 2.5e-3
+# While bodies stand, the last forces serve again up to this residual: gaps follow the skin, which lies ever more exactly.
+STANDS = 3e-3
 # The points are changed before a frame is looked at where it moves less than this [m]; else on its way.
 SLOW = 0.15e-3
 
@@ -317,7 +318,7 @@ class PointSolver(PathSolver):
     def _allowed(self, bodies: tuple[ContactBody, ...]) -> float:
         # what stands is measured ever more exactly where skin lies by now: that is no reason to solve it again
         stands = self._step is not None and same_places(bodies, self._bodies)
-        return CHECK * self.tolerance if stands else super()._allowed(bodies)
+        return STANDS if stands else super()._allowed(bodies)
 
     def _extrapolated(self, force: Array) -> Array:
         start = super()._extrapolated(force)

@@ -61,16 +61,15 @@ class Setting(NamedTuple):
 
 def settings() -> list[Setting]:
     """Return all ways that are compared; those that people get are marked."""
-    from core.contact.solver.path import TOLERANCE as NODES
-    from core.contact.solver.point_path import TOLERANCE as POINTS
+    from core.contact.solver.path import TOLERANCE
 
     levels = [Setting("nodes, by mesh", level, "nodes", level) for level in ("draft", "standard", "fine")]
     nodes = [
-        Setting("nodes, by tolerance", f"{t:.0e}", "nodes", tolerance=t) for t in (30 * NODES, 3 * NODES, NODES / 9)
+        Setting("nodes, by tolerance", f"{t:.0e}", "nodes", tolerance=t) for t in (100 * TOLERANCE, 10 * TOLERANCE)
     ]
-    factors = (30.0, 10.0, 3.0, 1.0, 0.1)
+    factors = (1000.0, 100.0, 10.0, 1.0)
     points = [
-        Setting("points, by tolerance", f"{f * POINTS:.0e}", "points", tolerance=f * POINTS, default=f == 1.0)
+        Setting("points, by tolerance", f"{f * TOLERANCE:.0e}", "points", tolerance=f * TOLERANCE, default=f == 1.0)
         for f in factors
     ]
     spacing = [Setting("points, by spacing", f"{f:g}x", "points", coarser=f) for f in (4.0, 2.0, 0.5)]

@@ -39,7 +39,7 @@ from .rims import over_rims
 
 # Skin is looked for this far out [m].
 REACH = 2.5e-3
-# While bodies stand, the last forces serve again up to this residual: gaps follow the skin, which lies ever more exactly.
+# While bodies stand, the last forces serve up to this residual: gaps follow the skin, which lies ever more exactly.
 STANDS = 3e-3
 # The points are changed before a frame is looked at where it moves less than this [m]; else on its way.
 SLOW = 0.15e-3

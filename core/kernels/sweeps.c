@@ -8,6 +8,9 @@
 #define STILLER 0.25
 /* Anderson's weights are of changes that may be nearly the same ones: by this share of their sum they are told apart. */
 #define APART 1e-10
+/* With much friction acceleration may lead round in circles: where so many pairs of sweeps came no nearer, so many go without. */
+#define PATIENCE 20
+#define ALONE 100
 /* A change whose square grew by more than this was led astray. */
 #define ASTRAY 4.0
 
@@ -203,6 +206,8 @@ static void sweep_all(dermis_contact *contact, const rows_of *c, double *work) {
     int64_t count = contact->count;
     double still = contact->tolerance, *before = work + 3 * (DERMIS_KEPT + 1) * 3 * count;
     past last = {3 * count, 0, work, 0.0};
+    double nearest = __builtin_inf();
+    int waited = 0, alone = 0;
     move_anew(contact, c);
     contact->sweeps = 0;
     contact->residual = residual_of(contact, c);
@@ -220,7 +225,13 @@ static void sweep_all(dermis_contact *contact, const rows_of *c, double *work) {
             break;
         }
         if (change > still * still * size && contact->sweeps < contact->most) {
-            accelerate(contact, &last, before);
+            waited = change < nearest ? 0 : waited + 1;
+            nearest = dermis_least(nearest, change);
+            if (waited > PATIENCE) alone = ALONE, waited = 0;
+            if (alone > 0)
+                alone--, last.kept = 0;
+            else
+                accelerate(contact, &last, before);
             continue;
         }
         move_anew(contact, c);

@@ -73,7 +73,7 @@ def test_the_method_that_a_finger_uses_is_among_them() -> None:
 
 
 def test_one_touch_and_too_many_are_refused() -> None:
-    with pytest.raises(DermisError, match=r"compared in pairs .*found '1 touches'; allowed: 2 to 8"):
+    with pytest.raises(DermisError, match=r"compared in pairs .*found '1 touch'; allowed: 2 to 8"):
         drain(told_apart.tell_apart(scene((0.5e-3,)), Library(), 0))
     with pytest.raises(DermisError, match="no such finger"):
         drain(told_apart.tell_apart(scene((0.5e-3, 0.5e-3)), Library(), "Thumb"))

@@ -39,7 +39,8 @@ def test_what_ships_is_what_is_computed(parts, monkeypatch) -> None:
     made = description.observation_of(*parts)
     assert shipped.shape == made.shape, f"run `{COMMAND}`"
     seen, again = shipped.T @ shipped, made.T @ made
-    assert np.abs(seen - again).max() < 1e-6 * np.abs(again).max(), f"run `{COMMAND}`"
+    # another numpy rounds otherwise, which contact that is solved to 3e-6 makes 4e-6 of
+    assert np.abs(seen - again).max() < 1e-5 * np.abs(again).max(), f"run `{COMMAND}`"
 
 
 def test_what_ships_is_not_computed(parts, monkeypatch) -> None:

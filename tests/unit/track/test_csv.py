@@ -199,7 +199,7 @@ def test_all_that_the_methods_say_of_themselves_can_be_read_back() -> None:
         root / "track" / "export.py",
         *(root / "matching").glob("*.py"),
     ):
-        if path.name in ("table.py", "screen_map.py"):  # meta of other files
+        if path.name in ("table.py", "screen_map.py", "description.py"):  # meta of other files
             continue
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             made: list[ast.expr | None] = []

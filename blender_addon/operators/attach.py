@@ -33,7 +33,6 @@ class DermisTip(bpy.types.PropertyGroup):
     bone: StringProperty(name="Bone", description="The last bone of this finger")
     use: BoolProperty(name="Attach", description="Put a finger on this bone", default=True)
     flip: BoolProperty(name="Flip", description="Turn it half round: the nail comes where the pad is")
-    fits: StringProperty(name="Fit", description="How wide it is, and how far its pad is off the skin")
 
 
 @needs(
@@ -73,6 +72,11 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
     tips: CollectionProperty(
         name="Fingertips", description="Fingers and their bones", type=DermisTip, options={"SKIP_SAVE"}
     )
+    fits: StringProperty(
+        name="Fits",
+        description="A line for each fingertip: how wide it is, and how far its pad is off the skin",
+        options={"HIDDEN", "SKIP_SAVE"},
+    )
     found_for: StringProperty(
         name="Found For", description="Armature and hand that the fingertips are of", options={"HIDDEN", "SKIP_SAVE"}
     )
@@ -96,14 +100,16 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
             )
         made: list[bpy.types.Object] = []
         doubts: list[Finding] = []
+        lines = [""] * len(self.tips)
         for side, hand in hands.items():
-            used = [t for t in self.tips if t.use and t.side == side]
-            tips = [attachment.Tip(t.name, t.bone, t.flip) for t in used]
+            used = [k for k, t in enumerate(self.tips) if t.use and t.side == side]
+            tips = [attachment.Tip(t.name, t.bone, t.flip) for t in (self.tips[k] for k in used)]
             fingers, said, fits = attachment.attach(context, hung, hand, tips)
-            for shown, fitted in zip(used, fits, strict=True):
-                shown.fits = attachment.told(fitted)
+            for k, fitted in zip(used, fits, strict=True):
+                lines[k] = attachment.told(fitted)
             made += fingers
             doubts += said
+        self.fits = "\n".join(lines)
         self._dress(context, made)
         what = f"Attached {counted(len(made), 'finger')} to the {' and '.join(SIDES[side] for side in hands)}"
         reporting.report_findings(self, doubts, self.bl_label, f"{what}.")
@@ -118,7 +124,8 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
         for line in self.told.splitlines():
             column.label(text=line)
         column = layout.column(align=True)
-        for tip in self.tips:
+        lines = self.fits.split("\n")
+        for k, tip in enumerate(self.tips):
             row = column.row(align=True)
             row.prop(tip, "use", text=f"{tip.name.title()} {tip.side}")
             bone = row.row(align=True)
@@ -128,10 +135,10 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
             else:
                 bone.prop_search(tip, "bone", armature.data, "bones", text="")
             bone.prop(tip, "flip", text="", icon="UV_SYNC_SELECT", toggle=True)
-            if tip.use and tip.fits:
+            if tip.use and k < len(lines) and lines[k]:
                 said = column.row()
                 said.active = False
-                said.label(text=tip.fits, icon="BLANK1" if " off" not in tip.fits else "ERROR")
+                said.label(text=lines[k], icon="BLANK1" if " off" not in lines[k] else "ERROR")
         column = layout.column()
         column.use_property_split = True
         column.prop(self, "device")

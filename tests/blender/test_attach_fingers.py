@@ -409,7 +409,8 @@ def test_fingers_without_skin_are_told(skin: bool) -> None:
     assert ("hand-without-skin" in codes) != skin and "pad-off-skin" not in codes
     operator = bpy.context.window_manager.operators[-1]
     words = "on the skin" if skin else "no skin found"
-    assert len(operator.tips) == 5 and all(tip.fits.endswith(f"mm wide, {words}") for tip in operator.tips)
+    lines = operator.fits.splitlines()
+    assert len(operator.tips) == len(lines) == 5 and all(line.endswith(f"mm wide, {words}") for line in lines)
 
 
 def test_the_panel_tells_the_reading_and_offers_the_next_best() -> None:

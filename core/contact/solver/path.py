@@ -342,7 +342,8 @@ class PathSolver:
             residual, status = assess(start, w, normal, mu, 1.0 / (self._own + soft)[:, None])
             if residual <= allowed:
                 method = "sweeps" if start.any() else "none"
-                solution = Solution(start, w, normal, mu, status, 0, residual, CHECK * self.tolerance, method)
+                goal = max(CHECK * self.tolerance, allowed)
+                solution = Solution(start, w, normal, mu, status, 0, residual, goal, method)
                 return SolvedFrame(solution, image, "unchanged")
         begin = self._extrapolated(start)
         return (

@@ -223,7 +223,9 @@ def test_what_rests_is_not_solved_again(pad):
     aside = [body(edge, 0.8e-3, 0.6, (2e-5 * k, 0.0)) for k in range(10)]
     for way in aside:
         solver.step([way])
-    work = [solver.step(aside[-1:]).work for _ in range(6)]
+    steps = [solver.step(aside[-1:]) for _ in range(6)]
+    work = [step.work for step in steps]
+    assert "unchanged" in work and all(step.solution.converged for step in steps) and not solver.findings
     assert set(work[3:]) <= {"same", "unchanged"} and work[-1] == "same"
     settled = solver.step(aside[-1:]).solution.force
     assert solver.step(aside[-1:]).solution.force is settled

@@ -161,6 +161,7 @@ def test_a_thimble_that_cannot_be_prepared_says_why(window, monkeypatch) -> None
 def test_a_platform_without_a_table_says_how_it_comes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     forget()
     monkeypatch.setattr(skin_models, "cache", lambda: core.cache.Cache(tmp_path, 10**9))
+    monkeypatch.setattr(core.matching.lookup, "_TABLES", core.recent.Recent(1))  # another test may have made it
     scene = demo_motors.build("flat")
     bpy.context.window.scene = scene
     for frame in (20, 21):

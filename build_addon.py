@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import base64
-import contextlib
 import ctypes
 import hashlib
 import importlib.util
@@ -26,7 +25,6 @@ import time
 import xml.etree.ElementTree as ElementTree
 import zipfile
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -62,11 +60,6 @@ LIBRARIES = (".so", ".dll", ".dylib")  # compiled ones, which the zip has in a w
 INSTALL_PYTHON = "python.org, your system's packages, `pyenv install 3.13`, or `uv python install 3.13`"
 LEVELS = ("unit", "blender", "extension")
 LEVEL_LIMIT = 70 * 60  # [s] a level that takes longer hangs
-# Most of their time the tests of streams wait for a clock, so a whole run has them beside all others. These give way:
-# a sender must act within milliseconds.
-STREAMS = "tests/unit/stream"
-GIVING_WAY = 10  # the niceness of other unit tests
-UNIT_MORE = ("dask", "sweep")  # lists that unit tests can do without
 # Blender's undo can crash by itself (tests/blender/undo_defect.py): its tests have a process of their own, and so many
 # tries where Blender dies. A test that fails has failed.
 UNDO_TRIES = 3
@@ -556,29 +549,18 @@ def test(options: argparse.Namespace) -> int:
     started = time.monotonic()
     paths = [a for a in options.pytest if not a.startswith("-") and (ROOT / a.split("::")[0]).exists()]
     others = [a for a in options.pytest if a not in paths] + (["--long"] if options.long else [])
+    failed = [] if paths else lint(env)
     counts = {"passed": 0, "failed": 0, "skipped": 0}
-    with tempfile.TemporaryDirectory(prefix="dermis-test-") as folder, ThreadPoolExecutor(1) as aside:
-        scratch, log = Path(folder), Path(folder) / "streams.log"
-        failed, streamed, streams = [], dict(counts), None
-        if not paths:
-            beside(env, *UNIT_MORE)  # before both look for it
-            streams = aside.submit(level_passed, env, "unit", [STREAMS, *others], scratch, streamed, log=log)
-            failed = lint(env)
+    with tempfile.TemporaryDirectory(prefix="dermis-test-") as scratch:
         for level in LEVELS:
             mine = [p for p in paths if f"tests/{level}" in Path(p).as_posix()] if paths else [f"tests/{level}"]
             if not mine or not (ROOT / "tests" / level).is_dir():
                 continue
-            shared = streams is not None and level == "unit"
-            mine += [f"--ignore={STREAMS}"] * shared
-            passed = level_passed(env, level, mine + others, scratch, counts, niceness=GIVING_WAY * shared)
+            passed = level_passed(env, level, mine + others, Path(scratch), counts)
             if level == "blender":
-                passed &= level_passed(env, level, mine + others, scratch, counts, undo=True)
+                passed &= level_passed(env, level, mine + others, Path(scratch), counts, undo=True)
             if not passed:
                 failed.append(level)
-        if streams is not None:
-            failed += [] if streams.result() else ["streams"]
-            say(f"== unit, streams\n{log.read_text(encoding='utf-8', errors='replace')}")
-            counts = {kind: count + streamed[kind] for kind, count in counts.items()}
     if not counts["passed"] and not failed:
         failed.append("no test ran")
     if failed:
@@ -614,38 +596,25 @@ def lint(env: Environment) -> list[str]:
 
 
 def level_passed(
-    env: Environment,
-    level: str,
-    arguments: list[str],
-    scratch: Path,
-    counts: dict[str, int],
-    *,
-    undo: bool = False,
-    log: Path | None = None,
-    niceness: int = 0,
+    env: Environment, level: str, arguments: list[str], scratch: Path, counts: dict[str, int], *, undo: bool = False
 ) -> bool:
-    """Run pytest on one level in a process of its own and add to the counts; of Blender's, without or with undo.
-
-    Args:
-        log: what pytest prints goes to this file. niceness: by which it gives way to others.
-    """
-    if log is None:
-        say(f"== {level}" + ", undo" * undo)
-    report = scratch / f"{level}{'-undo' * undo}{'-aside' * bool(log)}.xml"
+    """Run pytest on one level in a process of its own and add to the counts; of Blender's, without or with undo."""
+    say(f"== {level}" + ", undo" * undo)
+    report = scratch / f"{level}{'-undo' * undo}.xml"
     command = [str(env.python), "-m", "pytest", f"--junitxml={report}", "-o", "junit_family=xunit2", "-q"]
     command += ["--durations=25", "--durations-min=5"]  # what a person waits for
     if level == "blender":
         command += ["-m", "undo" if undo else "not undo"]
     more = {"BLENDER_USER_RESOURCES": str(scratch / f"{level}-profile")}
     if level == "unit":
-        more["PYTHONPATH"] = os.pathsep.join(map(str, (env.wheels, *beside(env, *UNIT_MORE))))
+        more["PYTHONPATH"] = os.pathsep.join(map(str, (env.wheels, *beside(env, "dask", "sweep"))))
     if level == "extension":  # nothing of the source tree may be importable: the installed zip is on trial
         command += ["-o", "pythonpath=tests/extension"]
         more["DERMIS_ZIP"] = str(build_zip(env.python, scratch, this_platform(), (this_python(),)))
     variables = env.variables(level != "extension", **more)
     for tries in reversed(range(UNDO_TRIES if undo else 1)):
         try:
-            status = ended(command + arguments, variables, log, niceness)
+            status = subprocess.run(command + arguments, cwd=ROOT, env=variables, timeout=LEVEL_LIMIT).returncode
         except subprocess.TimeoutExpired:
             say(f"{level}: no end after {LEVEL_LIMIT // 60} minutes")
             return False
@@ -664,25 +633,6 @@ def level_passed(
     counts["skipped"] += seen["skipped"]
     counts["passed"] += seen["tests"] - bad - seen["skipped"]
     return not bad and status in (0, 5)  # 5: none selected, which the total judges
-
-
-def ended(command: list[str], variables: dict[str, str], log: Path | None, niceness: int) -> int:
-    """Run a command to its end and return its status; see `level_passed`.
-
-    Raises:
-        subprocess.TimeoutExpired: it hung, and was killed.
-    """
-    with contextlib.ExitStack() as stack:
-        out = None if log is None else stack.enter_context(log.open("ab"))
-        process = subprocess.Popen(command, cwd=ROOT, env=variables, stdout=out, stderr=out)
-        try:
-            if niceness and hasattr(os, "setpriority"):
-                os.setpriority(os.PRIO_PROCESS, process.pid, os.getpriority(os.PRIO_PROCESS, 0) + niceness)
-            return process.wait(LEVEL_LIMIT)
-        except BaseException:
-            process.kill()
-            process.wait()
-            raise
 
 
 def demo(options: argparse.Namespace) -> int:

@@ -17,12 +17,11 @@ from _pytest.runner import runtestprotocol
 
 _status = 1
 STARVED = 0.03  # [s] by which a thread that only sleeps may wake too late before the machine is to blame
-CROWDED = 0.1  # part of a test's time that its processes waited for a processor, from which the machine is to blame
+CROWDED = 0.1  # part of a test's time in which somebody waited for a processor, from which the machine is to blame
 TRIES = 5
 LINES = ("3.11", "3.13")
 LEFT = pytest.StashKey[int]()  # how many tests the other line runs
-PROC = Path("/proc")
-LOOKS = 0.05  # between two looks at the processes of a test [s]
+PRESSURE = Path("/proc/pressure/cpu")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -69,27 +68,18 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
 
 
 class _Sleeper(threading.Thread):
-    """Sleeps for 5 ms again and again, and notes the latest that it woke; looks at the test's processes on the way.
-
-    Attributes:
-        worst: by how much it woke too late [s].
-    """
+    """Sleeps for 5 ms again and again, and notes the latest that it woke."""
 
     def __init__(self) -> None:
         super().__init__(daemon=True)
         self.worst, self._ends = 0.0, threading.Event()
-        self._tree = _Tree()
 
     def run(self) -> None:
-        """Note how late every wake-up is, and how long the processes have waited."""
-        looks = time.perf_counter()
+        """Note how late every wake-up is."""
         while not self._ends.is_set():
             start = time.perf_counter()
             time.sleep(0.005)
             self.worst = max(self.worst, time.perf_counter() - start - 0.005)
-            if start >= looks:
-                self._tree.look()
-                looks = time.perf_counter() + LOOKS
 
     def end(self) -> float:
         """Return the worst delay [s]."""
@@ -97,56 +87,13 @@ class _Sleeper(threading.Thread):
         self.join()
         return self.worst
 
-    def waited(self) -> float:
-        """Return for how long this process and those that it has started waited for a processor [s]; after the end."""
-        self._tree.look()
-        return self._tree.waited()
 
-
-class _Tree:
-    """This process and what it starts from now on: how long they have waited for a processor, as far as Linux says."""
-
-    def __init__(self, proc: Path = PROC) -> None:
-        self._proc, self._own = proc, os.getpid()
-        self._seen = {self._own: _delay(proc, self._own)}  # the latest, by process
-        self._before, self._strange = dict(self._seen), set(_processes(proc)) - {self._own}
-
-    def look(self) -> None:
-        """Note what they have waited until now."""
-        for process in sorted(_processes(self._proc) - self._strange - self._seen.keys()):
-            if _parent(self._proc, process) in self._seen:
-                self._seen[process] = 0.0
-            else:
-                self._strange.add(process)
-        for process, known in self._seen.items():
-            self._seen[process] = max(known, _delay(self._proc, process))
-
-    def waited(self) -> float:
-        """Return the sum [s]."""
-        return sum(self._seen.values()) - sum(self._before.values())
-
-
-def _processes(proc: Path) -> set[int]:
+def _waited() -> float:
+    """Return for how long somebody has waited for a processor since the machine began [s]; 0 where it does not say."""
     try:
-        return {int(name) for name in os.listdir(proc) if name.isdigit()}
-    except OSError:  # no Linux
-        return set()
-
-
-def _parent(proc: Path, process: int) -> int:
-    try:
-        return int((proc / str(process) / "stat").read_text().rpartition(")")[2].split()[1])
-    except (OSError, IndexError, ValueError):  # it has ended
-        return 0
-
-
-def _delay(proc: Path, process: int) -> float:
-    """Return for how long the threads of a process have been ready to run and did not [s]; 0 where it does not say."""
-    found = 0.0
-    with contextlib.suppress(OSError, IndexError, ValueError):
-        for thread in (proc / str(process) / "task").iterdir():
-            found += 1e-9 * float((thread / "schedstat").read_text().split()[1])
-    return found
+        return float(PRESSURE.read_text().partition("total=")[2].split()[0]) * 1e-6
+    except (OSError, IndexError, ValueError):
+        return 0.0
 
 
 @contextlib.contextmanager
@@ -167,8 +114,8 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
     """Run a test marked `real_time`; where it fails while the machine let nobody run, it has not been tried yet.
 
     A watchdog of 50 ms acts when a process gets no processor for so long: that is its task, and no defect. A failure
-    counts at once where a thread that only sleeps always woke in time, and the test's processes hardly waited for a
-    processor: of two that work the one that sleeps more is served first, so the sleeper alone does not see what the
+    counts at once where a thread that only sleeps always woke in time, and hardly anybody waited for a processor: of
+    two processes that work the one that sleeps more is served first, so the sleeper alone does not see what the
     sender, the device and their starts are kept from. It is tried again while no other of its kind runs.
     """
     if item.get_closest_marker("real_time") is None:
@@ -176,11 +123,11 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
     item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
     for attempt in range(TRIES):
         with _turn(alone=attempt > 0):
-            sleeper, began = _Sleeper(), time.perf_counter()
+            sleeper, began, waited = _Sleeper(), time.perf_counter(), _waited()
             sleeper.start()
             reports = runtestprotocol(item, log=False, nextitem=nextitem)
-            took, late = time.perf_counter() - began, sleeper.end()
-            starved = late >= STARVED or sleeper.waited() >= CROWDED * took
+            crowded = _waited() - waited >= CROWDED * (time.perf_counter() - began)
+            starved = sleeper.end() >= STARVED or crowded
         if attempt == TRIES - 1 or not starved or not any(report.failed for report in reports):
             break
     for report in reports:

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-import build_addon
 import tests.conftest as rule
 
 pytest_plugins = ["pytester"]
@@ -94,62 +90,3 @@ def test_only_whole_runs_of_both_lines_are_shared(tmp_path: Path, paths: tuple[s
     asked = [line for line in done.stdout.splitlines() if line.startswith("asked for: ")]
     shares = ["--beside=3.13", "--beside=3.11"] if not paths else [*paths, *paths]
     assert asked == [f"asked for: build_addon.py test {share}" for share in shares]
-
-
-# -- streams beside all others ---------------------------------------------------------------------------------------
-
-
-def asked(monkeypatch: pytest.MonkeyPatch, *words: str, streams: bool = True) -> tuple[int, list[list[str]], str]:
-    """Return the status of `test`, what it ran, and on which tests its streams' processes were asked for."""
-    ran: list[list[str]] = []
-
-    def level(
-        env: object, level: str, arguments: list[str], scratch: Path, counts: dict[str, int], **more: Any
-    ) -> bool:
-        if more.get("log"):
-            more["log"].write_text("what streams said\n")
-        else:
-            ran.append([*arguments, *(f"niceness={n}" for n in [more.get("niceness")] if n)])
-        counts["passed"] += 10 if more.get("log") else 1
-        return streams or not more.get("log")
-
-    monkeypatch.setattr(build_addon, "environment", lambda: build_addon.Environment(Path("python"), Path("wheels")))
-    monkeypatch.setattr(build_addon, "beside", lambda env, *names: [])
-    monkeypatch.setattr(build_addon, "lint", lambda env: [])
-    monkeypatch.setattr(build_addon, "level_passed", level)
-    options = argparse.Namespace(mutate=0, long=False, pytest=list(words))
-    return build_addon.test(options), ran, build_addon.STREAMS
-
-
-def test_a_whole_run_has_streams_beside_and_all_of_them_once(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    status, ran, streams = asked(monkeypatch, "-x")
-    assert ran[0] == ["tests/unit", f"--ignore={streams}", "-x", f"niceness={build_addon.GIVING_WAY}"]
-    assert ran[1:] == [["tests/blender", "-x"]] * 2 + [["tests/extension", "-x"]]
-    said = capsys.readouterr().out
-    assert status == 0 and "what streams said" in said and "total: 14 passed, 0 failed, 0 skipped" in said
-    assert (ROOT / streams).is_dir()
-
-
-def test_streams_that_fail_fail_the_run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    assert asked(monkeypatch, streams=False)[0] == 1
-    assert "FAILED: streams" in capsys.readouterr().out
-
-
-def test_a_part_of_the_tests_has_none_beside(monkeypatch: pytest.MonkeyPatch) -> None:
-    status, ran, _ = asked(monkeypatch, "tests/unit/stream/test_exits.py", "-k", "close")
-    assert status == 0 and ran == [["tests/unit/stream/test_exits.py", "-k", "close"]]
-
-
-@pytest.mark.skipif(not hasattr(os, "setpriority"), reason="this system has no niceness")
-def test_what_gives_way_is_nice_and_what_is_beside_writes_to_its_file(tmp_path: Path) -> None:
-    line = [
-        sys.executable,
-        "-c",
-        "import os, time; time.sleep(0.5); print(os.getpriority(os.PRIO_PROCESS, 0)); exit(3)",
-    ]
-    for niceness in (0, 3):
-        log = tmp_path / str(niceness)
-        assert build_addon.ended(line, dict(os.environ), log, niceness) == 3
-        assert int(log.read_text()) == min(os.getpriority(os.PRIO_PROCESS, 0) + niceness, 19)

@@ -86,7 +86,7 @@ def test_at_a_million_baud_the_chip_loses_bytes() -> None:
         sender = Sender(board, servos())
         sender.arm()
         saturate(board, sender, 8, 0.2, 1e6)
-        assert board.overruns > 10
+        assert board.overruns  # at 500,000 there are none; how many it is depends on the pace of this computer
 
 
 @every_chip

@@ -9,21 +9,17 @@ The kernels' compiler is in `zig` (.ci/kernels.txt); this machine's library lies
 from __future__ import annotations
 
 import argparse
-import base64
 import ctypes
-import hashlib
 import importlib.util
 import json
 import os
 import platform
-import re
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
 import xml.etree.ElementTree as ElementTree
-import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -31,9 +27,6 @@ from typing import Any, NamedTuple
 ROOT = Path(__file__).resolve().parent
 VENV = ROOT / ".venv"
 DIST = ROOT / "dist"
-TEMPLATE = ROOT / "blender_addon" / "blender_manifest.toml"
-INSTALL = ROOT / "blender_addon" / "INSTALL.md"
-CHANGES = ROOT / "CHANGELOG.md"
 LOCKS = ROOT / ".ci"
 WHEELS = LOCKS / "wheels.txt"
 BLENDER = {(3, 11): "4.5 LTS", (3, 13): "5.2 LTS"}  # the Python that each Blender line runs on
@@ -56,8 +49,12 @@ NEEDED_LIBRARIES = {  # what `import bpy` needs: Debian's package of each
     "libEGL_mesa.so.0": "libegl-mesa0 libgl1-mesa-dri",
 }
 KERNELS = LOCKS / "kernels.txt"
-LIBRARIES = (".so", ".dll", ".dylib")  # compiled ones, which the zip has in a wheel
 INSTALL_PYTHON = "python.org, your system's packages, `pyenv install 3.13`, or `uv python install 3.13`"
+DOCS = {  # pages in core/, and how each is written
+    "API.md": [str(LOCKS / "api_page.py")],
+    "PARAMETERS.md": ["-m", "tests.parameters_page"],
+    "COMMANDS.md": ["-m", "tests.commands_page"],
+}
 LEVELS = ("unit", "blender", "extension")
 LEVEL_LIMIT = 70 * 60  # [s] a level that takes longer hangs
 # Blender's undo can crash by itself (tests/blender/undo_defect.py): its tests have a process of their own, and so many
@@ -65,20 +62,18 @@ LEVEL_LIMIT = 70 * 60  # [s] a level that takes longer hangs
 UNDO_TRIES = 3
 
 
-class Stop(Exception):
-    """A sentence for the person at the keyboard; the work ends with status 1."""
-
-
-def recipe() -> Any:
-    """Return core/kernels/building.py as a module: the engine around it needs numpy."""
-    spec = importlib.util.spec_from_file_location("dermis_building", ROOT / "core" / "kernels" / "building.py")
+def module_at(path: Path) -> Any:
+    """Return a file as a module that needs the standard library alone, whatever the package around it needs."""
+    spec = importlib.util.spec_from_file_location(f"dermis_{path.stem}", path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
 
 
-building = recipe()
+building = module_at(ROOT / "core" / "kernels" / "building.py")
+zips = module_at(ROOT / ".ci" / "zips.py")
+Stop = zips.Refused  # a sentence for the person at the keyboard; the work ends with status 1
 
 
 # -- the machine ------------------------------------------------------------------------------------------------------
@@ -264,17 +259,12 @@ def can_make_environments() -> bool:
 def fresh(folder: Path, lock: Path) -> bool:
     """Tell whether a folder was made from this very list of requirements."""
     mark = folder / ".dermis-lock"
-    return mark.is_file() and mark.read_text(encoding="utf-8") == digest(lock)
+    return mark.is_file() and mark.read_text(encoding="utf-8") == zips.digest(lock)
 
 
 def stamp(folder: Path, lock: Path) -> None:
     """Mark a folder as complete."""
-    (folder / ".dermis-lock").write_text(digest(lock), encoding="utf-8")
-
-
-def digest(path: Path) -> str:
-    """Return the SHA-256 of a file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    (folder / ".dermis-lock").write_text(zips.digest(lock), encoding="utf-8")
 
 
 def pip(python: Path, verb: str, *arguments: str) -> None:
@@ -317,7 +307,7 @@ def wheel_folder(python: Path, target: str, version: str) -> Path:
             shutil.rmtree(part, ignore_errors=True)
     pinned = WHEELS.read_text(encoding="utf-8")
     for wheel in folder.glob("*.whl"):
-        if digest(wheel) not in pinned:
+        if zips.digest(wheel) not in pinned:
             raise Stop(f"{wheel} is not the pinned file: delete {folder} and try again.")
     return folder
 
@@ -369,135 +359,35 @@ def compiler(python: Path) -> Path:
 def kernels_wheel(target: str, python: Path) -> Path:
     """Return the wheel that brings a platform's library to Blender, made where it is not there yet.
 
-    It is the same for every Python. The extension's own folder is no place for it: Blender's rules take compiled code
-    in wheels alone. Its version ends with the digest of the sources: Blender keeps an installed wheel of the same name.
+    Its version ends with the digest of the sources: Blender keeps an installed wheel of the same name.
     """
     path = library(target, python)
-    version = f"{manifest_value('version')}.{int(building.digest(), 16)}"
-    about = f"dermis_kernels-{version}.dist-info"
+    version = f"{zips.manifest_value('version')}.{int(building.digest(), 16)}"
     tag = f"py3-none-{building.TARGETS[target].tag}"
     wheel: Path = VENV / "wheels" / "kernels" / f"dermis_kernels-{version}-{tag}.whl"
-    summary = "Summary: The compiled part of Dermis\nLicense-Expression: GPL-3.0-or-later\n"
-    entries: dict[str, bytes] = {
-        "dermis_kernels/__init__.py": b'"""The compiled part of Dermis, which loads it by its file name."""\n',
-        f"dermis_kernels/{path.name}": path.read_bytes(),
-        f"{about}/METADATA": f"Metadata-Version: 2.4\nName: dermis-kernels\nVersion: {version}\n{summary}".encode(),
-        f"{about}/WHEEL": f"Wheel-Version: 1.0\nGenerator: dermis\nRoot-Is-Purelib: false\nTag: {tag}\n".encode(),
-        f"{about}/licenses/LICENSE": (ROOT / "LICENSE").read_bytes(),
-    }
-    rows = []
-    for name, content in entries.items():
-        sha = base64.urlsafe_b64encode(hashlib.sha256(content).digest()).rstrip(b"=").decode()
-        rows.append(f"{name},sha256={sha},{len(content)}\n")
-    entries[f"{about}/RECORD"] = "".join([*rows, f"{about}/RECORD,,\n"]).encode()
-    write_archive(wheel, entries)
+    zips.write_kernels_wheel(wheel, path, version, tag)
     return wheel
 
 
 # -- the zip ----------------------------------------------------------------------------------------------------------
 
 
-def manifest(target: str | None, wheels: list[str]) -> str:
-    """Return the manifest's template with its platform and wheels filled in."""
-    text = TEMPLATE.read_text(encoding="utf-8")
-    head, table, tail = text.partition("\n[permissions]")
-    if not table:
-        raise Stop(f"{TEMPLATE} has no [permissions] table.")
-    if target is not None:
-        head += f'\nplatforms = ["{target}"]\n'
-    if wheels:
-        head += "\nwheels = [\n" + "".join(f'  "./wheels/{name}",\n' for name in sorted(wheels)) + "]\n"
-    return head + table + tail
-
-
-def manifest_value(key: str) -> str:
-    """Return a string of the manifest's template."""
-    found = re.search(rf'^{key} = "([^"]+)"', TEMPLATE.read_text(encoding="utf-8"), re.M)
-    if not found:
-        raise Stop(f"{TEMPLATE} does not state its {key}.")
-    return found.group(1)
-
-
-def sources() -> dict[str, Path]:
-    """Return the files of the package by their name in the zip: the add-on, with the engine and the presets inside."""
-    files = {"LICENSE": ROOT / "LICENSE"}
-    for folder, prefix in ((ROOT / "blender_addon", ""), (ROOT / "core", "core/"), (ROOT / "presets", "presets/")):
-        for path in folder.rglob("*"):
-            parts = path.relative_to(folder).parts
-            hidden = any(part.startswith(".") or part == "__pycache__" for part in parts)
-            if (
-                path.is_file()
-                and not hidden
-                and path.suffix not in (".pyc", ".blend1", *LIBRARIES)
-                and path != TEMPLATE
-            ):
-                files[prefix + "/".join(parts)] = path
-    return files
-
-
-def write_zip(path: Path, target: str | None, wheels: dict[str, Path]) -> None:
-    """Write the zip of the extension."""
-    entries: dict[str, Any] = dict(sources())
-    entries["blender_manifest.toml"] = manifest(target, list(wheels)).encode()
-    entries.update({f"wheels/{name}": wheel for name, wheel in wheels.items()})
-    write_archive(path, entries)
-
-
-def write_archive(path: Path, entries: dict[str, Any]) -> None:
-    """Write a zip that is the same bytes every time, of bytes or files: sorted, dated 1980, stored.
-
-    Stored, because wheels are compressed already and the bytes of a compressor differ between zlib's versions.
-    """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f"{path.name}.{os.getpid()}.part")
-    with zipfile.ZipFile(part, "w", zipfile.ZIP_STORED) as archive:
-        for name in sorted(entries):
-            entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
-            entry.create_system, entry.external_attr = 3, 0o100644 << 16
-            content = entries[name]
-            archive.writestr(entry, content if isinstance(content, bytes) else content.read_bytes())
-    os.replace(part, path)
-
-
-def build_zip(python: Path, folder: Path, target: str | None, pythons: tuple[str, ...]) -> Path:
-    """Build one zip, without wheels where no platform is given.
+def build_zip(python: Path, folder: Path, target: str | None, version: str | None) -> Path:
+    """Build the zip of one platform and Python, or the one without wheels where both are None.
 
     Blender's own validator judges it where Blender is at hand as a module; the tests always have it.
     """
-    wheels = {
-        wheel.name: wheel
-        for version in (pythons if target else ())
-        for wheel in wheel_folder(python, target or "", version).glob("*.whl")
-    }
-    if target:
+    wheels = {}
+    if target is not None and version is not None:
         own = kernels_wheel(target, python)
-        wheels[own.name] = own
-    stem = f"{manifest_value('id')}-{manifest_value('version')}"
-    path = folder / (f"{stem}-{target}.zip" if target else f"{stem}.zip")
-    write_zip(path, target, wheels)
+        wheels = {wheel.name: wheel for wheel in (*wheel_folder(python, target, version).glob("*.whl"), own)}
+    path: Path = folder / zips.zip_name(target, version)
+    zips.write_zip(path, target, version, wheels)
     for folder in VENV.glob("cp3??"):
         for validator in folder.rglob("bl_pkg/cli/blender_ext.py"):
             command = [str(inside(folder)), str(validator), "validate", str(path)]
             quietly(command, f"Blender's validator refuses {path.name}")
     return path
-
-
-def release_notes(zips: list[Path]) -> str:
-    """Return the notes of a release for the page it is offered on: what is new, the files, and how to install one.
-
-    What is new is the changelog's part of the manifest's version, or what has come since, where there is any.
-    """
-    parts = re.split(r"^## +", CHANGES.read_text(encoding="utf-8"), flags=re.M)[1:]
-    version = manifest_value("version")
-    titled = [part for part in parts if re.match(rf"Unreleased\n|{re.escape(version)}\b", part)]
-    news = [part.partition("\n")[2].strip() for part in titled]
-    if not any(news):
-        raise Stop(f"{CHANGES} has no part for {version}: its heading is '## {version}, DATE', or '## Unreleased'.")
-    rows = [f"| `{z.name}` | {z.stat().st_size / 1e6:.1f} MB | `{digest(z)}` |" for z in zips]
-    steps = INSTALL.read_text(encoding="utf-8").partition("\n")[2].replace("\n## ", "\n### ").strip()
-    head = f"# Dermis {version}\n\n## What is new\n\n{next(part for part in news if part)}\n\n"
-    files = "\n".join(["## Files", "", "| file | size | SHA-256 |", "|---|---|---|", *rows])
-    return f"{head}{files}\n\n## Install\n\n{steps}\n"
 
 
 def tool_python() -> Path:
@@ -518,17 +408,22 @@ def tool_python() -> Path:
 
 
 def build(options: argparse.Namespace) -> int:
-    """Build the zips and the notes of their release into dist/: with any Python, and without downloading Blender."""
+    """Build the zips, and beside them the index of a repository, checksums and notes, into dist/: with any Python, and
+    without downloading Blender.
+    """
     python = tool_python()
-    pythons = tuple(sorted({*DEFAULT_PYTHONS, *options.python}, key=PINNED_PYTHONS.index))
-    targets = [None] if options.no_wheels else (options.platform or list(PLATFORMS))
-    zips = []
-    for target in targets:
-        zips.append(build_zip(python, options.out, target, pythons))
-        say(f"{zips[-1]}  {zips[-1].stat().st_size / 1e6:.1f} MB  sha256 {digest(zips[-1])}")
-    notes = options.out / "RELEASE_NOTES.md"
-    notes.write_text(release_notes(zips), encoding="utf-8")
-    say(f"{notes}")
+    versions = sorted({*DEFAULT_PYTHONS, *options.python}, key=PINNED_PYTHONS.index)
+    chosen = [(target, version) for target in options.platform or PLATFORMS for version in versions]
+    for target, version in [(None, None)] if options.no_wheels else chosen:
+        path = build_zip(python, options.out, target, version)
+        say(f"{path}  {path.stat().st_size / 1e6:.1f} MB  sha256 {zips.digest(path)}")
+    released = zips.released(options.out)
+    if not released:
+        return 0
+    texts = {zips.INDEX: zips.index(released), zips.SUMS: zips.sums(released), zips.NOTES: zips.release_notes(released)}
+    for name, text in texts.items():
+        (options.out / name).write_bytes(text.encode())
+        say(f"{options.out / name}")
     return 0
 
 
@@ -537,7 +432,7 @@ def kernels(options: argparse.Namespace) -> int:
     python = tool_python()
     for target in options.platform or [this_platform()]:
         path = library(target, python)
-        say(f"{path}  {path.stat().st_size / 1e3:.0f} kB  sha256 {digest(path)}")
+        say(f"{path}  {path.stat().st_size / 1e3:.0f} kB  sha256 {zips.digest(path)}")
     return 0
 
 
@@ -607,10 +502,10 @@ def level_passed(
         command += ["-m", "undo" if undo else "not undo"]
     more = {"BLENDER_USER_RESOURCES": str(scratch / f"{level}-profile")}
     if level == "unit":
-        more["PYTHONPATH"] = os.pathsep.join(map(str, (env.wheels, *beside(env, "dask", "sweep"))))
+        more["PYTHONPATH"] = os.pathsep.join(map(str, (env.wheels, *beside(env, "dask", "sweep", "boards"))))
     if level == "extension":  # nothing of the source tree may be importable: the installed zip is on trial
         command += ["-o", "pythonpath=tests/extension"]
-        more["DERMIS_ZIP"] = str(build_zip(env.python, scratch, this_platform(), (this_python(),)))
+        more["DERMIS_ZIP"] = str(build_zip(env.python, scratch, this_platform(), this_python()))
     variables = env.variables(level != "extension", **more)
     for tries in reversed(range(UNDO_TRIES if undo else 1)):
         try:
@@ -642,7 +537,7 @@ def demo(options: argparse.Namespace) -> int:
     env = environment()
     seconds["environment"] = time.monotonic() - started
     started = time.monotonic()
-    path = build_zip(env.python, DIST, this_platform(), DEFAULT_PYTHONS)
+    path = build_zip(env.python, DIST, this_platform(), this_python())
     seconds["zip"] = time.monotonic() - started
     out = options.out.resolve()
     out.mkdir(parents=True, exist_ok=True)
@@ -663,7 +558,7 @@ def demo(options: argparse.Namespace) -> int:
     say("Time:")
     for stage, value in seconds.items():
         say(f"  {stage:44} {value:9.2f} s")
-    say(f"\nTo open the scene in Blender {BLENDER[sys.version_info[:2]]} (4.5 to 5.2 will do):")
+    say(f"\nTo open the scene in Blender {BLENDER[sys.version_info[:2]]}:")
     say(f"  1. Preferences > Get Extensions > Install from Disk: {path}")
     say(f"  2. File > Open: {out / told['scene']}")
     say("  3. Press N in the 3D view and choose the Dermis tab; scrub the timeline.")
@@ -674,14 +569,14 @@ def bench(options: argparse.Namespace) -> int:
     """Run the benchmarks, print the table and write the JSON."""
     env = environment()
     with tempfile.TemporaryDirectory(prefix="dermis-bench-") as scratch:
-        path = build_zip(env.python, Path(scratch), this_platform(), (this_python(),))
+        path = build_zip(env.python, Path(scratch), this_platform(), this_python())
         command = [str(env.python), "-m", "tests.benchmarks", *options.names]
         if options.json:
             command += ["--json", str(options.json.resolve())]
         if options.full:
             command += ["--full", "--out", str(options.out.resolve())]
         more = {"DERMIS_ZIP": str(path), "BLENDER_USER_RESOURCES": str(Path(scratch) / "profile")}
-        more["PYTHONPATH"] = os.pathsep.join(map(str, (env.wheels, *beside(env, "peers", "mujoco", "dask"))))
+        more["PYTHONPATH"] = os.pathsep.join(map(str, (env.wheels, *beside(env, "peers", "mujoco", "dask", "boards"))))
         return subprocess.run(command, cwd=ROOT, env=env.variables(True, **more)).returncode
 
 
@@ -721,16 +616,16 @@ def dev(options: argparse.Namespace) -> int:
     if not options.no_wheels:
         for version in sorted({*DEFAULT_PYTHONS, *options.python}):
             wheels.update({p.name: p for p in wheel_folder(python, this_platform(), version).glob("*.whl")})
-    package = profile.resolve() / "extensions" / "user_default" / manifest_value("id")
+    package = profile.resolve() / "extensions" / "user_default" / zips.manifest_value("id")
     if package.exists() and not (package / ".dermis-dev").exists():
         raise Stop(f"{package} holds an installed Dermis: uninstall it in Blender first.")
     unlink_tree(package)
     package.mkdir(parents=True)
     (package / ".dermis-dev").touch()
-    text = manifest(this_platform() if wheels else None, list(wheels))
+    text = zips.manifest(this_platform() if wheels else None, None, list(wheels))
     (package / "blender_manifest.toml").write_text(text, encoding="utf-8", newline="\n")
     for source in [*(ROOT / "blender_addon").iterdir(), ROOT / "core", ROOT / "presets", ROOT / "LICENSE"]:
-        if source != TEMPLATE and source.name != "__pycache__" and source.exists():
+        if source != zips.TEMPLATE and source.name != "__pycache__" and source.exists():
             link(source, package / source.name)
     if wheels:
         (package / "wheels").mkdir()
@@ -744,12 +639,25 @@ def dev(options: argparse.Namespace) -> int:
 
 
 def docs(options: argparse.Namespace) -> int:
-    """Write core/API.md from the engine's docstrings and core/PARAMETERS.md from its tables of parameters."""
-    for name, maker in (("API.md", [str(LOCKS / "api_page.py")]), ("PARAMETERS.md", ["-m", "tests.parameters_page"])):
+    """Write API.md from the engine's docstrings, PARAMETERS.md from its tables, COMMANDS.md from its command line."""
+    env = environment()
+    for name, maker in DOCS.items():
         path = options.out.resolve() / name
-        quietly([sys.executable, *maker, str(path)], "The page could not be written")
+        quietly([str(env.python), *maker, str(path)], "The page could not be written")
         say(f"{path}  {path.stat().st_size / 1e3:.0f} kB")
-    return 0
+    return site(env, options.site) if options.site else 0
+
+
+def site(env: Environment, folder: Path) -> int:
+    """Build the site of all pages with MkDocs, which is brought; 1 where it warns, such as of a broken link."""
+    tools = VENV / f"{env.python.parents[1].name}-site"
+    if not fresh(tools, LOCKS / "site.txt"):
+        say("downloading MkDocs")
+        install_into(tools, LOCKS / "site.txt", env.python)
+    command = [str(env.python), str(LOCKS / "site_pages.py"), str(folder.resolve())]
+    status = subprocess.run(command, cwd=ROOT, env=env.variables(False, PYTHONPATH=str(tools))).returncode
+    say(f"open {folder.resolve() / 'index.html'}" if not status else "the site has warnings")
+    return status
 
 
 def own_profile(version: str) -> Path:
@@ -819,7 +727,7 @@ def parser() -> argparse.ArgumentParser:
         "action": "append",
         "choices": PINNED_PYTHONS,
         "default": [],
-        "help": "wheels of this Python too, beside 3.11 and 3.13 (repeatable)",
+        "help": "for this Python too, beside 3.11 and 3.13 (repeatable)",
     }
     new.add_argument("--python", **more_pythons)
     new.add_argument("--no-wheels", action="store_true", help="one zip without wheels, for tests")
@@ -850,6 +758,7 @@ def parser() -> argparse.ArgumentParser:
     new.add_argument("--json", type=os.path.abspath, metavar="FILE", help="write the results to this file")
     new = verb(docs)
     new.add_argument("--out", type=Path, default=ROOT / "core", metavar="DIR", help="where to write (core/)")
+    new.add_argument("--site", type=Path, metavar="DIR", help="also build a site of all pages, with search")
     return top
 
 

@@ -1,12 +1,13 @@
 """Dermis in Blender: animate a finger, get a command track for a tactile device."""
 
-from . import commands, handlers, jobs, operators, panels, preferences
-from .design import design_properties
-from .preview import skin_preview
-from .properties import object_properties, scene_properties
-from .streaming import session_events, streaming_properties
-from .timeline import strip
-from .viewport import cards, overlay, shown, skin_view
+from . import on_demand
+
+on_demand.modules_of(globals())  # before others are imported, whose imports of this package are on demand then
+
+from . import handlers, jobs, operators, panels, preferences, views  # noqa: E402
+from .design import design_properties  # noqa: E402
+from .properties import object_properties, scene_properties  # noqa: E402
+from .streaming import session_events, streaming_properties  # noqa: E402
 
 MODULES = (
     preferences,
@@ -17,15 +18,9 @@ MODULES = (
     jobs,
     operators,
     panels,
-    overlay,
-    skin_preview,
-    shown,
-    skin_view,
-    strip,
-    cards,
+    views,
     handlers,
     session_events,
-    commands,
 )
 
 

@@ -19,15 +19,20 @@ if TYPE_CHECKING:
     import core.contact.skin_contact
     import core.contact.skin_stepper
     import core.contact.solver.cone
+    import core.comparison.migration
     import core.comparison.told_apart
     import core.comparison.trust_band
     import core.design.collect
     import core.design.coupled_preset
+    import core.design.follow
     import core.design.interactions
     import core.design.picture
-    import core.design.report
+    import core.design.recordings
     import core.design.task
     import core.devices.calibration
+    import core.devices.frequency_response
+    import core.devices.response
+    import core.devices.response_readings
     import core.devices.coupling
     import core.devices.kinds
     import core.devices.linkage
@@ -44,6 +49,7 @@ if TYPE_CHECKING:
     import core.files
     import core.foreign
     import core.images
+    import core.kernels
     import core.matching
     import core.matching.deformation
     import core.matching.floor
@@ -71,6 +77,7 @@ if TYPE_CHECKING:
     import core.parameters.screen
     import core.parameters.skin
     import core.parameters.stream
+    import core.parameters.wave
     import core.pipeline.inputs
     import core.pipeline.kept_shares
     import core.pipeline.outputs
@@ -85,9 +92,11 @@ if TYPE_CHECKING:
     import core.scene.sliding
     import core.scene.tactile_scene
     import core.skin.blas
-    import core.skin.felt_state
+    import core.skin.finger_skin
     import core.skin.model
+    import core.skin.observation
     import core.skin.own_mesh
+    import core.skin.recovery
     import core.skin.shape
     import core.skin.stimulus
     import core.skin.store
@@ -99,11 +108,10 @@ if TYPE_CHECKING:
     import core.stream.links.serial_port
     import core.stream.links.url
     import core.stream.protocols.adapters
+    import core.stream.protocols.wire
     import core.stream.state
     import core.surface.curved
     import core.surrogate.store
-    import core.tissue.finger_skin
-    import core.tissue.stiffening_store
     import core.track.binary
     import core.track.check
     import core.track.command_track
@@ -130,12 +138,15 @@ else:
             except AttributeError:
                 value = import_module(f"{self._package.__name__}.{name}")
             if not isinstance(value, ModuleType):
-                return value  # not kept: what is replaced in the engine is replaced here
+                return value  # not kept, so that replacements in the engine hold here
             made = self.__dict__[name] = _Package(value) if hasattr(value, "__path__") else value
             return made
 
     # an installed extension holds the engine inside; a source checkout beside it
     core = _Package(import_module(".core", PACKAGE) if PACKAGE.startswith("bl_ext.") else import_module("core"))
     DermisError, Finding, worst = core.DermisError, core.Finding, core.worst
-    Array, Floats32 = core.arrays.Array, core.arrays.Floats32
-    Indices, Indices32 = core.arrays.Indices, core.arrays.Indices32
+
+    def __getattr__(name: str) -> object:
+        if name in ("Array", "Floats32", "Indices", "Indices32"):
+            return getattr(core.arrays, name)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

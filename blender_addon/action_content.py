@@ -20,7 +20,7 @@ _KEYS = {  # of a keyframe: numbers of each property
     "back": 1,
     "period": 1,
 }
-_SHOWN = frozenset({"active", "show_expanded", "is_valid", "name"})  # of a modifier, but not what it does
+_SHOWN = frozenset({"active", "show_expanded", "is_valid", "name"})  # of a modifier, without effect on its result
 
 _seen: dict[int, bytes] = {}  # by the action's session uid
 
@@ -56,7 +56,7 @@ def _digest(action: Any) -> bytes:
 
 
 def _settings(modifier: Any) -> list[str]:
-    """Return what a modifier does, in words."""
+    """Return the effect of a modifier, in words."""
     names = [p.identifier for p in modifier.bl_rna.properties if p.identifier not in _SHOWN]
     return [f"{name}={_plain(getattr(modifier, name))}" for name in names]
 

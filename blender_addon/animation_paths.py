@@ -1,7 +1,7 @@
 """Animation that follows when an element leaves a collection.
 
 Keys and drivers name an element by its number. When one is removed its own must go and those of its later neighbours
-must be renumbered, or they would move what has taken its place.
+must be renumbered, or they would move the element in its place.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def element_removed(owner: bpy.types.ID, collection: str, index: int) -> list[st
 
 
 def _followed(path: str, pattern: re.Pattern[str], index: int) -> str | None:
-    """Return what a path is called afterwards, '' if its element is gone; None where it does not change."""
+    """Return the new name of a path, '' if its element is gone; None where it does not change."""
     found = pattern.match(path)
     if found is None or int(found[1]) < index:
         return None
@@ -92,7 +92,7 @@ def _in_targets(owner: bpy.types.ID, pattern: re.Pattern[str], index: int) -> li
                 if path is not None:
                     target.data_path = path
                 if path == "":
-                    curve.mute = True  # so that what it drives stands still
+                    curve.mute = True  # so that its target stands still
                     lost.append(f"{user.name_full}: {curve.data_path}")
     return lost
 

@@ -19,11 +19,11 @@ from .preferences import setting
 from .results import owners, store
 from .sampling import scene_sweep
 
-_kept: list[Any] = []  # what came of fingers in earlier bakes, once there was one
+_kept: list[Any] = []  # results of fingers in earlier bakes, once there was one
 
 
 def forget() -> None:
-    """Forget what came of earlier bakes: the next renders every finger."""
+    """Forget the results of earlier bakes: the next renders every finger."""
     _kept.clear()
 
 
@@ -41,7 +41,7 @@ def bake(
 
     Args:
         cores: to use; as the preferences say where None.
-        noted: called with what the scene was when it was sampled, for `store.keep`.
+        noted: called with the scene's state when it was sampled, for `store.keep`.
 
     Raises:
         DermisError: the scene cannot be sampled or rendered.
@@ -54,7 +54,7 @@ def keep(scene: bpy.types.Scene, made: Any, taken: store.Taken) -> list[Any]:
     """Keep a bake in memory and outside the .blend; return its findings, and why it could not be stored if so.
 
     Args:
-        taken: what the scene was when it was sampled.
+        taken: the scene's state when it was sampled.
     """
     kept, found = store.keep(scene, made, taken), list(made.all_findings)
     try:
@@ -84,11 +84,13 @@ def verified(scene: bpy.types.Scene, library: Any) -> Steps:
     The frames are those that were baked. Where they are the same, the bake is up to date from then on.
 
     Raises:
-        DermisError: it differs, and in what; there is no bake; or it does not say what it was made from.
+        DermisError: it differs, and where; there is no bake; or the bake does not name its inputs.
     """
     result, where = store.current(scene), f"scene '{scene.name}'"
     if result is None:
         raise DermisError("nothing has been baked", where=where, remedy="Bake first")
+    if result.bake.recorded:
+        return  # its tracks follow recordings, whatever the scene is
     if not result.bake.inputs:
         raise DermisError(
             "nobody can tell whether the scene has changed since: the bake is of an earlier version of Dermis",

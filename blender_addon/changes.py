@@ -61,7 +61,7 @@ def generation() -> int:
 def lineage() -> int:
     """Return a number that rises with every undo, redo, loaded file and new name of what takes part in a scene.
 
-    What was kept by a name, or follows from what was shown before, does not hold after it. A bake does.
+    State that is kept by a name, or follows from an earlier frame, does not hold after it. A bake does.
     """
     return _generation + _renames
 
@@ -171,7 +171,7 @@ def note_file() -> None:
 
 @contextmanager
 def muted() -> Iterator[None]:
-    """Ignore what happens inside: our own sweep changes frames, not the scene."""
+    """Ignore changes inside: our own sweep changes frames, not the scene."""
     global _muted
     _muted += 1
     try:

@@ -1,20 +1,23 @@
 """The presets that menus offer, read when a menu is opened or a finger is first shown, and never while drawing."""
 
 import re
+from collections.abc import Callable
 from typing import Any
 
+from . import preferences
 from ._core import core
-from .preferences import library
 
 # By how a kind of device is drawn.
 ICONS = {
     "tactor": "MOD_WARP",
     "screen": "DESKTOP",
+    "coil": "OUTPUT",
     "pins": "LIGHTPROBE_VOLUME",
     "thimble": "CON_ARMATURE",
     "platform": "CON_KINEMATIC",
 }
 
+GROUPS = ("devices", "materials", "skins")
 _PAGE = re.compile(r"\s*See \S+\.md\.?")  # which readers of files find beside them
 _cache: dict[str, tuple[Any, ...]] = {}
 _target = ""
@@ -22,9 +25,18 @@ _target = ""
 
 def refresh() -> None:
     """Read the folders again."""
-    presets = library()
-    for group in ("devices", "materials", "skins"):
-        _cache[group] = presets.list(group)  # all that menus show: a file may be gone a moment later
+    reader()()
+
+
+def reader() -> Callable[[], None]:
+    """Return what reads the folders again, in whichever thread."""
+    folder = preferences.presets_folder()
+
+    def read() -> None:
+        presets = preferences.library_of(folder)
+        _cache.update({group: presets.list(group) for group in GROUPS})  # all that menus show: a file may be gone soon
+
+    return read
 
 
 def entries(group: str) -> tuple[Any, ...]:
@@ -43,8 +55,17 @@ def title(group: str, key: str) -> str:
     return str(found.name) if found is not None else key if known() else key.replace("_", " ").title()
 
 
+def worn(label: str) -> str:
+    """Return 'finger: preset', as settings name a device on a finger, with the device's name in place of its key."""
+    finger, colon, key = label.rpartition(": ")
+    own, dash, number = key.rpartition("-")  # of the second of its kind
+    if dash and number.isdigit() and entry("devices", key) is None:
+        return f"{finger}{colon}{title('devices', own)}, {number}"
+    return f"{finger}{colon}{title('devices', key)}" if colon else label
+
+
 def description(group: str, key: str) -> str:
-    """Return what a preset is, in its own words; '' where that is not known."""
+    """Return the description of a preset; '' without one."""
     found = entry(group, key)
     return _PAGE.sub("", found.description) if found is not None else ""
 
@@ -92,5 +113,5 @@ def target() -> str:
 
 
 def forget() -> None:
-    """Drop what was read."""
+    """Drop the lists."""
     _cache.clear()

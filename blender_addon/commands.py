@@ -21,17 +21,14 @@ from ._core import DermisError, core, worst
 from .results import export_parts, store
 from .sampling import frames, height_maps, participants, scene_sweep
 
-COMMAND = "dermis"
 LAST_FRAME = 1048574  # Blender's; its first is the same below zero
-
-_handle: Any = None
 
 
 def main(arguments: Sequence[str]) -> int:
     """Run one command line, without the program's name; return the exit status."""
     try:
         options = _parser().parse_args(_joined(arguments))
-    except SystemExit as stop:  # argparse has said what was wrong, or printed the help
+    except SystemExit as stop:  # argparse has printed the error or the help
         return stop.code if isinstance(stop.code, int) else 2
     try:
         if getattr(options, "presets", None) is not None:
@@ -125,7 +122,7 @@ def _parser() -> argparse.ArgumentParser:
     arguments = core.command_line.arguments
     argument, switch, add_verb = arguments.argument, arguments.switch, arguments.add_verb
     parser = argparse.ArgumentParser(
-        prog=f"blender --command {COMMAND}", description="Tactile tracks from animated scenes, without a window."
+        prog="blender --command dermis", description="Tactile tracks from animated scenes, without a window."
     )
     verbs = parser.add_subparsers(required=True, metavar="COMMAND")
     scene = (
@@ -292,17 +289,3 @@ def _status(findings: Sequence[Any]) -> int:
     for finding in findings:
         print(finding, file=sys.stderr)
     return 1 if worst(findings) == "error" else 0
-
-
-def register() -> None:
-    """Give Blender the command."""
-    global _handle
-    _handle = bpy.utils.register_cli_command(COMMAND, main)
-
-
-def unregister() -> None:
-    """Take the command back."""
-    global _handle
-    if _handle is not None:
-        bpy.utils.unregister_cli_command(_handle)
-        _handle = None

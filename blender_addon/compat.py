@@ -92,7 +92,7 @@ def animated_paths(owner: bpy.types.ID) -> set[str]:
 
 
 def stored(obj: bpy.types.Object, name: str) -> dict[str, Any]:
-    """Return what an object stores of a registered group, as plain values; what was never set is missing."""
+    """Return what an object stores of a registered group, as plain values; unset ones are missing."""
     holder = obj.bl_system_properties_get() if bpy.app.version >= (5, 0, 0) else obj
     group = None if holder is None else holder.get(name)
     return {} if group is None else group.to_dict()

@@ -1,4 +1,4 @@
-"""What is doubtful about a scene: sizes, units and places that people seldom mean. Each can be mended with a click."""
+"""Probable mistakes in a scene: sizes, units and places that people seldom mean. A click corrects each."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ OUTLIER = 2.0  # times as wide or as narrow as the others of its hand that a fin
 UNLIKE = 4.0  # times as long or as short as its bone that a fingertip is doubted
 _KEYS = 40  # of a finger that are looked at
 _DEEPEST = 2e-3  # [m] that linear skin is trusted to, as the engine's finding 'too-deep' says
-_PRESS = 1e-3  # [m] that a finger is left in what it went through
+_PRESS = 1e-3  # [m] that a finger stays inside the object that it went through
 _NEAR, _AWAY = 3e-3, -0.5  # [m] from a finger that something counts as passed, and how much on the nail's side it lies
 _LENGTHS = core.parameters.skin.LENGTHS
 
@@ -30,7 +30,7 @@ _kept: core.recent.Recent[tuple[int, int, int], tuple[Doubt, ...]] = core.recent
 
 @dataclass(frozen=True)
 class Doubt:
-    """Something doubtful: its code, the object's name ('' the scene's), words for it, and what the mending does."""
+    """Something doubtful: its code, the object's name ('' the scene's), words for it, and the effect of its button."""
 
     code: str
     name: str

@@ -1,4 +1,6 @@
-"""Blender's application handlers, in one table: they write the ledger of changes, and let the preview follow.
+"""Blender's application handlers, in one table, and the verb of its command line.
+
+Handlers write the ledger of changes, and let the preview follow.
 
 Nothing imports this module but the package itself.
 """
@@ -10,13 +12,15 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
-from . import baking, changes, identity, redraw, reporting
-from .devices import skin_models
-from .preview import skin_preview
+from . import baking, changes, commands, identity, on_demand, redraw, reporting, views
 from .properties import scene_properties, skin_properties
 from .results import exported, recall, store, trusted
 from .streaming import streamed_track
 from .viewport import shown
+
+COMMAND = "dermis"  # blender --command dermis
+
+_command: Any = None
 
 
 @persistent
@@ -27,7 +31,7 @@ def _on_depsgraph(_scene: bpy.types.Scene, depsgraph: Any = None) -> None:
         for scene in bpy.data.scenes:
             streamed_track.relabel(scene)
     if changed or changes.lineage() != before:
-        skin_preview.request()
+        redraw.request()
 
 
 @persistent
@@ -36,7 +40,8 @@ def _on_frame(scene: bpy.types.Scene, depsgraph: Any = None) -> None:
     if changes.sweeping() or depsgraph is None or not redraw.watched() or bpy.app.is_job_running("RENDER"):
         return
     changes.note_clock(scene)
-    shown.on_frame(scene)
+    if views.there():
+        shown.on_frame(scene)
 
 
 @persistent
@@ -49,14 +54,11 @@ def _on_load(*_: Any) -> None:
     skin_properties.settle()
     scene_properties.settle()
     changes.note_file()
-    store.forget()
-    baking.forget()
-    trusted.forget()
-    exported.forget()
+    for kept in on_demand.read(store, baking, trusted, exported, shown, reporting):
+        kept.forget()
     recall.request()
-    shown.forget()
-    reporting.clear()
-    identity.note(store.baked())
+    views.there()  # Blender opens a file when it starts, before it draws
+    identity.note(store.baked() if any(scene.dermis.bake_owners for scene in bpy.data.scenes) else {})
 
 
 @persistent
@@ -88,19 +90,23 @@ def table() -> tuple[tuple[list[Any], Any], ...]:
 
 
 def register() -> None:
-    """Add every handler once."""
+    """Add every handler once, and give Blender the command."""
+    global _command
     for handlers, function in table():
         if function not in handlers:
             handlers.append(function)
-    skin_models.on_made = skin_preview.request
+    _command = bpy.utils.register_cli_command(COMMAND, lambda arguments: commands.main(arguments))
     recall.request()  # of the file that is open already
 
 
 def unregister() -> None:
-    """Remove every handler."""
+    """Remove every handler, and take the command back."""
+    global _command
     for handlers, function in table():
         if function in handlers:
             handlers.remove(function)
-    skin_models.on_made = None
+    if _command is not None:
+        bpy.utils.unregister_cli_command(_command)
+        _command = None
     recall.cancel()
     changes.clear_dirty()

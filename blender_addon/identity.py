@@ -207,7 +207,7 @@ def _fingers() -> Iterator[bpy.types.Object]:
 
 
 def _write(obj: bpy.types.Object, own: str, items: tuple[str, ...]) -> None:
-    if obj.library is not None:  # what is linked cannot be written
+    if obj.library is not None:  # linked data cannot be written
         return
     if LEGACY in obj:
         del obj[LEGACY]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bpy
 
-from . import reporting
+from . import loading, on_demand, reporting
 from ._core import DermisError, core
 from .sampling import scene_sweep
 from .streaming import session
@@ -70,25 +70,29 @@ class Job:
     job_title = "Dermis"
     if TYPE_CHECKING:
         report: Callable[[set[str], str], None]  # Blender's, of the operator that this is mixed into
-    _steps: Steps | None = None
-    _timer: Any = None
+        _steps: Steps | None
+        _timer: Any
+    else:  # Blender evaluates the annotations of every operator, these words too
+        _steps = _timer = None
 
     def steps(self, context: bpy.types.Context) -> Steps:
         """Return the work, not yet begun."""
         raise NotImplementedError
 
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
-        """Take the result; return what the operator shall return."""
+        """Take the result; return the operator's return value."""
         raise NotImplementedError
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Run straight through: from a script, in background, or as 'redo'."""
+        loading.settle()
         return self._finish(context, lambda: core.steps.drain(self.steps(context)))
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Start working beside the window's events."""
         if bpy.app.background or context.window is None:
             return self.execute(context)
+        loading.settle()
         self._steps = self.steps(context)
         _running.append(self._steps)
         manager = context.window_manager
@@ -135,7 +139,7 @@ class Job:
         self._end(context)
 
     def _finish(self, context: bpy.types.Context, work: Callable[[], Any]) -> set[str]:
-        """Take what some work returns; a refusal is reported."""
+        """Take the result of some work; a refusal is reported."""
         try:
             return self.finished(context, work())
         except DermisError as error:
@@ -180,4 +184,5 @@ def unregister() -> None:
     while _running:
         _running.pop().close()
     _show(None)
-    scene_sweep.forget()
+    for sweeps in on_demand.read(scene_sweep):
+        sweeps.forget()

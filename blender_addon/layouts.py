@@ -18,7 +18,7 @@ def paragraph(
     """Write a text over as many lines as the sidebar's width needs, less an inset [px at scale 1].
 
     Args:
-        least: lines, so that what is below stays where it is while the text changes.
+        least: lines, so that the rows below stay in place while the text changes.
     """
     width = context.region.width if context.region else 300
     words(layout, text, width / ui_scale() - inset, icon, least=least)
@@ -43,7 +43,7 @@ def _wrapped(text: str, letters: int) -> list[str]:
 
 
 def role(context: bpy.types.Context) -> str:
-    """Return what the active object is to Dermis; empty without one."""
+    """Return the role of the active object; empty without one."""
     return context.object.dermis.role if context.object is not None else ""
 
 

@@ -1,29 +1,37 @@
 """Loading: work that needs nothing of Blender runs in a thread, so that no view waits for it.
 
-It is for what takes long because files are read: modules of the engine, tables of skins. What computes for seconds
-belongs into another process. In background nobody waits for a view, and the work is done at once.
+`value` is for what takes long because files are read: modules of the engine, tables of skins. `aside` is for a piece of
+what a view shows that takes longer than the view may wait, such as the first contact after a jump. What computes for
+seconds belongs into another process. In background nobody waits for a view, and the work is done at once.
 """
 
 from __future__ import annotations
 
+import gc
 import threading
-from collections.abc import Callable, Hashable, Sequence
-from typing import Any
+from collections.abc import Callable, Generator, Hashable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from typing import Any, TypeVar
 
 import bpy
 
 from . import redraw
 from ._core import core
 
-POLL = 0.02  # [s] between two looks at what is being loaded
+POLL = 0.02  # [s] between two looks at running work
+LOOK = 0.004  # [s] that the window waits at most for what runs aside, before it goes on with something else
 LIGHT = (
     "pipeline.trail",
     "surface.gap",
     "kernels.library",
     "matching.shear_tactor",
     "matching.friction_screen",
+    "matching.voice_coil",
     "matching.thimble_use",
     "images.raster",
+    "effects.map_repair",
+    "surface.curved",
+    "track.file_names",
 )
 HEAVY = (
     "contact.skin_stepper",
@@ -35,14 +43,17 @@ HEAVY = (
     "matching.platforms",
     "devices.thimble",
     "skin.blas",
+    "skin.recovery",
     "skin.stress_table",
-    "tissue.stiffening_store",
-    "tissue.finger_skin",
+    "skin.finger_skin",
 )
 
 
+_turn = threading.Lock()
+
+
 class _Task:
-    """Work in a thread of its own."""
+    """Work in a thread of its own. They take turns: two would keep the interpreter from the window twice as long."""
 
     def __init__(self, work: Callable[[], Any]) -> None:
         self.value: Any = None
@@ -53,24 +64,28 @@ class _Task:
 
     def _run(self) -> None:
         try:
-            self.value = self._work()
+            with _turn:
+                self.value = self._work()
         except BaseException as error:  # whoever asks for the value gets it
             self.error = error
 
 
+T = TypeVar("T")
+_aside: _Task | None = None
+_aside_holds = ExitStack()  # BLAS at one thread, as long as something runs aside
 _tasks: dict[Hashable, _Task] = {}
 _told: set[Hashable] = set()  # tasks that ended, and that views were drawn again for
-_engine: set[bool] = set()  # whether with what solves skins
+_there: set[Hashable] = set()  # what of the engine and of the add-on
 
 
 def value(key: Hashable, work: Callable[[], Any]) -> tuple[Any] | None:
-    """Return what some work gives, as the only element; None while it runs.
+    """Return the result of some work, as the only element; None while it runs.
 
     Args:
         key: of the work, by which it is asked for again. work: it must touch nothing of Blender.
 
     Raises:
-        Exception: what the work raised, once; it is tried anew when it is asked for again.
+        Exception: raised by the work, once; it is tried anew when it is asked for again.
     """
     if not redraw.watched():
         return (work(),)
@@ -88,28 +103,120 @@ def value(key: Hashable, work: Callable[[], Any]) -> tuple[Any] | None:
     return (task.value,)
 
 
-def engine(modules: Sequence[Any] = (), *, skins: bool) -> bool:
+def aside(work: Callable[[], T]) -> Generator[None, Any, T]:
+    """Do some work in a thread, and yield as long as it runs; return its result.
+
+    Who does not come back leaves the work to its end: nobody may use its data until `at_rest` says so.
+
+    Args:
+        work: it must touch nothing of Blender.
+
+    Raises:
+        Exception: raised by the work.
+    """
+    global _aside
+    if not redraw.watched():
+        return work()
+    while not at_rest():
+        yield
+    _aside_holds.enter_context(core.skin.blas.one_thread())  # until `at_rest` finds it done
+    task = _aside = _Task(work)
+    while not at_rest():
+        yield
+    if task.error is not None:
+        raise task.error
+    value: T = task.value
+    return value
+
+
+def at_rest() -> bool:
+    """Wait a moment for what runs aside; return whether nothing does any more."""
+    global _aside
+    if _aside is not None:
+        _aside.thread.join(LOOK)
+        if _aside.thread.is_alive():
+            return False
+        _aside = None
+        _aside_holds.close()
+    return True
+
+
+def settle() -> None:
+    """Wait until nothing runs aside: an operator is about to use the data of the previews."""
+    while not at_rest():
+        pass
+
+
+def engine(modules: Sequence[Any] = (), *, skins: bool, more: Callable[[], Callable[[], None]] | None = None) -> bool:
     """Return whether the modules are there that a preview needs; load them where they are not.
 
     Args:
         modules: of the add-on that are read with them, see `on_demand`. skins: also what solves skins, with scipy.
+        more: gives other items to read with them.
     """
-    if not redraw.watched() or skins in _engine or True in _engine:
+    return "skins" in _there or _read("skins" if skins else "engine", LIGHT + HEAVY * skins, modules, more)
+
+
+def addon(modules: Sequence[Any]) -> bool:
+    """Return whether modules of the add-on are there, see `on_demand`; read them in a thread where they are not."""
+    return _read("add-on", (), modules, None)
+
+
+def _read(
+    key: Hashable, names: Sequence[str], modules: Sequence[Any], more: Callable[[], Callable[[], None]] | None
+) -> bool:
+    if not redraw.watched() or key in _there:
         return True
-    if value(("engine", skins), lambda: _load(LIGHT + HEAVY if skins else LIGHT, modules)) is None:
+    if value(("modules", key), _loader(names, modules, more)) is None:
         return False
-    _engine.add(skins)
+    _there.add(key)
     return True
 
 
-def finish() -> None:
-    """Wait for all that is being loaded, and forget it."""
+def forget() -> None:
+    """Wait for all that is being loaded or runs aside, and forget it."""
+    settle()
     for task in _tasks.values():
         task.thread.join()
     _tasks.clear()
     _told.clear()
+    _there.clear()
+    gc.unfreeze()
     if bpy.app.timers.is_registered(_on_timer):
         bpy.app.timers.unregister(_on_timer)
+
+
+def _loader(
+    names: Sequence[str], modules: Sequence[Any], more: Callable[[], Callable[[], None]] | None
+) -> Callable[[], None]:
+    also = None if more is None else more()  # asks Blender, as a thread must not
+
+    def load() -> None:
+        with _uncollected():
+            _load(names, modules)
+            if also is not None:
+                also()
+
+    return load
+
+
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Keep the garbage collector away from objects that a block loads.
+
+    A full collection looks at every object of the interpreter. The modules make one due, and it takes 70 to 90 ms, in
+    which no thread runs, the window's neither. Frozen objects are left out of later ones; they are freed as before
+    when nothing refers to them. `forget` undoes it.
+    """
+    gc.collect(1)  # the young ones: garbage among them shall not be kept
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        if collects:
+            gc.enable()
 
 
 def _load(names: Sequence[str], modules: Sequence[Any]) -> None:
@@ -117,10 +224,12 @@ def _load(names: Sequence[str], modules: Sequence[Any]) -> None:
         module: Any = core
         for part in name.split("."):
             module = getattr(module, part)
+    if names:
+        import scipy.sparse.csgraph  # noqa: F401  (by which the engine tells the parts of a surface)
     if "skin.blas" in names:
         core.skin.blas.pools()
     for module in modules:
-        vars(module)  # reads what is read on demand
+        vars(module)  # loads the modules that load on demand
 
 
 def _on_timer() -> float | None:

@@ -1,65 +1,86 @@
-"""Modules that load when something of them is first used: enabling the add-on pays for what every scene needs.
+"""Modules that load when something of them is first used: enabling the add-on loads only those that every scene needs.
 
 Where the `__init__` of a package says `on_demand.modules_of(globals())`, `from ..hands import rig` reads no file yet:
 `rig.read(...)` does. `from ..hands.rig import read` reads it at once, as ever. A mistake in such a file therefore
 shows at its first use; a test loads them all.
 
-What stands for a module until then is kept out of `sys.modules` (as importlib's own LazyLoader does not): Blender asks
+The stand-in for a module is kept out of `sys.modules` until then (as importlib's own LazyLoader does not): Blender asks
 everything in there for its file, and would read them all in the middle of that.
 """
 
-import importlib.util
+from collections.abc import Iterator
+from importlib import import_module
+from os import listdir
 from types import ModuleType
 from typing import Any
 
 
 def modules_of(package: dict[str, Any]) -> None:
-    """Let the modules of a package load when something of them is first used.
+    """Let the modules of a package load when something of them is first used; its folders load as ever.
 
     Args:
-        package: its globals. They get a `__getattr__` (PEP 562) here, where checkers of types still see what is there.
+        package: its globals. They get a `__getattr__` (PEP 562) here, where checkers of types still see its names.
     """
+    names = {file[:-3] for folder in package["__path__"] for file in listdir(folder) if file.endswith(".py")}
 
     def on_demand(name: str) -> "_OnDemand":
-        module = f"{package['__name__']}.{name}"
-        if name.startswith("__") or not name.isidentifier() or importlib.util.find_spec(module) is None:
+        if name not in names or name.startswith("__"):
             raise AttributeError(f"module {package['__name__']!r} has no attribute {name!r}")
-        return _OnDemand(module)
+        made = _OnDemand(package, name)
+        package.setdefault(name, made)  # the import puts the module in its place
+        return made
 
     package["__getattr__"] = on_demand
 
 
+def read(*modules: Any) -> Iterator[Any]:
+    """Return those of some modules that have been read: the others keep nothing that could be forgotten."""
+    return (module for module in modules if not isinstance(module, _OnDemand) or _imported(module))
+
+
+def _imported(module: "_OnDemand") -> bool:
+    place, name = module._OnDemand__package, module._OnDemand__name
+    return not isinstance(place.get(name, module), _OnDemand)
+
+
 class _OnDemand:
-    """A module that is read at its first use; what is set here is set there."""
+    """A module that is read at its first use; attributes set here are set there.
 
-    __slots__ = ("_name", "_read")
+    Its own names are mangled, so that none of a module's hides behind them.
+    """
 
-    def __init__(self, name: str) -> None:
-        object.__setattr__(self, "_name", name)
-        object.__setattr__(self, "_read", None)
+    __slots__ = ("__name", "__package", "__read")
+
+    def __init__(self, package: dict[str, Any], name: str) -> None:
+        object.__setattr__(self, "_OnDemand__package", package)
+        object.__setattr__(self, "_OnDemand__name", name)
+        object.__setattr__(self, "_OnDemand__read", None)
 
     def __getattr__(self, name: str) -> Any:
-        if name in _OnDemand.__slots__:  # of a copy that nobody has filled
+        if name.startswith("_OnDemand__"):  # of a copy that nobody has filled
             raise AttributeError(name)
-        return getattr(self._read or self._module(), name)
+        return getattr(self.__read or self.__module(), name)
 
     def __setattr__(self, name: str, value: object) -> None:
-        setattr(self._module(), name, value)
+        setattr(self.__module(), name, value)
 
     def __delattr__(self, name: str) -> None:
-        delattr(self._module(), name)
+        delattr(self.__module(), name)
 
     def __repr__(self) -> str:
-        return f"<module {self._name!r}, {'not read yet' if self._read is None else 'read on demand'}>"
+        return f"<module {self.__full()!r}, {'not read yet' if self.__read is None else 'read on demand'}>"
 
     @property
     def __dict__(self) -> dict[str, Any]:  # type: ignore[override]
-        return vars(self._module())
+        return vars(self.__module())
 
-    def _module(self) -> ModuleType:
+    def __full(self) -> str:
+        return f"{self.__package['__name__']}.{self.__name}"
+
+    def __module(self) -> ModuleType:
         try:
-            module = importlib.import_module(self._name)
+            module = import_module(self.__full())
         except AttributeError as error:  # a mistake in the file, which `hasattr` must not hide
-            raise ImportError(f"{self._name} cannot be read: {error}", name=self._name) from error
-        object.__setattr__(self, "_read", module)
+            raise ImportError(f"{self.__full()} cannot be read: {error}", name=self.__full()) from error
+        object.__setattr__(self, "_OnDemand__read", module)
         return module

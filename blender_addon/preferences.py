@@ -1,6 +1,7 @@
 # mypy: disable-error-code="valid-type"
 """Settings of the extension, and the folders that it writes to."""
 
+import os
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -37,11 +38,12 @@ def presets_folder() -> Path:
 
 def library() -> "core.presets.Library":
     """Return the presets at hand: the built-in ones and the user's own; a file is read again when it has changed."""
-    return _library(presets_folder())
+    return library_of(presets_folder())
 
 
 @lru_cache(maxsize=2)
-def _library(folder: Path) -> "core.presets.Library":
+def library_of(folder: Path) -> "core.presets.Library":
+    """Return the built-in presets and those of a folder, in whichever thread."""
     return core.presets.Library(folder)
 
 
@@ -87,4 +89,11 @@ def setting(name: str) -> Any:
     return DermisPreferences.bl_rna.properties[name].default
 
 
-register, unregister = registration((DermisPreferences,))
+_register, unregister = registration((DermisPreferences,))
+
+
+def register() -> None:
+    """Register the settings, and name the folder from which kernels are loaded: an update replaces the original."""
+    _register()
+    if PACKAGE.startswith("bl_ext."):
+        os.environ[core.kernels.COPIES] = str(user_folder("kernels"))

@@ -6,7 +6,7 @@ import bpy
 
 
 def metres_per_unit(scene: bpy.types.Scene) -> float:
-    """Return what one scene unit stands for [m]; without a unit system that is one metre, whatever the scale says.
+    """Return the length of one scene unit [m]; without a unit system that is one metre, whatever the scale says.
 
     Where a scene has units, its scale is a float32; 0.001 is meant, not 0.0010000000474974513.
     """

@@ -1,7 +1,7 @@
-"""Drawing the views again, once what they show has been worked out.
+"""Drawing the views again, once their contents have been computed.
 
-Whoever changes what is seen asks with `request`, wherever it lies; the work itself is hooked in by `viewport/shown`,
-so that nothing down here knows what is shown. Draw callbacks read what the work has left behind, and work nothing out.
+Whoever changes the display asks with `request`, wherever it lies; the work itself is hooked in by `viewport/shown`,
+so that nothing down here knows the contents. Draw callbacks read what the work has left behind, and work nothing out.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ def watched() -> bool:
 
 
 work: Callable[[], None] | None = None
-"""Works out what the views show."""
+"""Computes the contents of the views."""
 
 
 def request() -> None:
-    """Ask for what is shown to be worked out anew and drawn soon; many requests give one."""
+    """Ask for the display to be computed anew and drawn soon; many requests give one."""
     if watched() and not bpy.app.timers.is_registered(_on_timer):
         bpy.app.timers.register(_on_timer, first_interval=SETTLE)
 
 
 def cancel() -> None:
-    """Forget what was asked for."""
+    """Forget requests."""
     if bpy.app.timers.is_registered(_on_timer):
         bpy.app.timers.unregister(_on_timer)
 

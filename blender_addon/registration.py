@@ -7,18 +7,20 @@ from typing import Any
 
 import bpy
 
+from . import on_demand
+
 Hung = tuple[type, str, Any]
 
 
 def registration(
-    classes: Sequence[type], *hung: Hung, forget: Callable[[], None] | None = None
+    classes: Sequence[type], *hung: Hung, forget: Sequence[Any] = ()
 ) -> tuple[Callable[[], None], Callable[[], None]]:
     """Return `register` and `unregister` of a module.
 
     Args:
         hung: properties on Blender's own types: the type, the name and the property. Values stay in the file as plain
             data when they go.
-        forget: called before everything goes.
+        forget: modules whose `forget` is called before everything goes, where they have been read.
     """
     add, remove = bpy.utils.register_classes_factory(classes)
 
@@ -28,8 +30,8 @@ def registration(
             setattr(owner, name, declared)
 
     def unregister() -> None:
-        if forget is not None:
-            forget()
+        for module in on_demand.read(*forget):
+            module.forget()
         for owner, name, _ in reversed(hung):
             delattr(owner, name)
         remove()

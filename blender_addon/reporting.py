@@ -25,7 +25,7 @@ def findings() -> tuple[Any, ...]:
 
 
 def source() -> str:
-    """Return what the findings are of, such as 'Bake of Scene'."""
+    """Return the source of the findings, such as 'Bake of Scene'."""
     return _source
 
 
@@ -52,7 +52,7 @@ def _names(finding: Any) -> list[str]:
     return re.findall(r"'([^']+)'", finding.where)
 
 
-def clear() -> None:
+def forget() -> None:
     """Empty the list."""
     show(())
 
@@ -65,7 +65,7 @@ def as_finding(error: Exception) -> Any:
 
 
 def report_error(operator: bpy.types.Operator, error: Exception, what: str = "") -> set[str]:
-    """Report an error on an operator and in the list; return what the operator shall return."""
+    """Report an error on an operator and in the list; return the operator's return value."""
     show((as_finding(error),), what)
     operator.report({"ERROR"}, str(error))
     return {"CANCELLED"}

@@ -5,7 +5,7 @@ A scene has three times:
 * The *scene frame* is the number in the timeline, with its sub-frame. Playback, renders, the frame range, markers and
   `frame_set` use it. Frames of bakes, findings and the preview are scene frames.
 * The *evaluated frame* is the frame at which Blender evaluates F-curves, drivers and simulations. Keys lie on it.
-* *Seconds* are what a person counts while the animation plays, from the first frame of a bake or recording.
+* *Seconds* are counted while the animation plays, from the first frame of a bake or recording.
 
 Measured in Blender 4.5 and 5.2, with *Time Stretching* at Old o and New n:
 

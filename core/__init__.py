@@ -1,4 +1,4 @@
-"""Dermis' engine: what skin would feel in an animated scene, and what a tactile device should do about it.
+"""Dermis' engine: tactile contact of fingertips in animated scenes, and commands for haptic devices.
 
 Installed with pip it is called `dermis`; in the source tree the same folder is called `core`.
 
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 
 # name -> module, and the name there
 _PUBLIC: dict[str, tuple[str, str]] = {
-    # what went wrong, and what was noticed
+    # errors and findings
     "DermisError": ("errors", "DermisError"),
     "Finding": ("errors", "Finding"),
     "worst": ("errors", "worst"),

@@ -1,4 +1,4 @@
-"""The command line, `python -m core VERB`: finds what a verb does, and turns what it raises into an exit status."""
+"""The command line, `python -m core VERB`: calls the function of a verb, and turns exceptions into an exit status."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .command_line.verbs import parser
 from .errors import DermisError
 from .files import check_folder, check_writable
 
-# What the extension brings along, and another Python may lack: module -> the name to install it by.
+# Packages of the extension that another Python may lack: module -> the name to install it by.
 LIBRARIES = {
     "scipy": "scipy",
     "threadpoolctl": "threadpoolctl",
@@ -30,7 +30,7 @@ LIBRARIES = {
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status: 0, 1 for findings of severity error, 2 for a refusal."""
     options = parser(f"python -m {__package__}").parse_args(arguments)
-    for stream in (sys.stdout, sys.stderr):  # a name may hold what the terminal has no sign for
+    for stream in (sys.stdout, sys.stderr):  # a name may hold letters that the terminal lacks
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     try:

@@ -19,7 +19,7 @@ _TAG = b"Signature: 8a477f597d28d172789f06886806bc55\n# Dermis keeps results her
 
 
 def cache_key(*parts: str | bytes) -> str:
-    """Return a key for what a result depends on: SHA-256 over the parts and their lengths.
+    """Return a key for the inputs of a result: SHA-256 over the parts and their lengths.
 
     >>> from dermis import cache_key
     >>> cache_key("skin", "1") == cache_key("skin1")

@@ -41,7 +41,7 @@ _DIMENSIONS: Mapping[str, Mapping[str, float]] = {
 
 @dataclass(frozen=True)
 class Column:
-    """What a column's name says.
+    """Meaning of a column's name.
 
     Attributes:
         name: as the file writes it.
@@ -107,6 +107,12 @@ def length_or_angle(name: str) -> float:
     return {**LENGTHS, **ANGLES}.get(unit, 1.0)
 
 
+def dimension(name: str) -> str:
+    """Return 'm' or 'rad' for a column whose name has a unit of length or angle, '' where it has none."""
+    unit = _unit(name)[1]
+    return "m" if unit in LENGTHS else "rad" if unit in ANGLES else ""
+
+
 def _column(name: str, where: str) -> Column:
     base, unit, bracketed = _unit(name)
     meaning = _meaning(base)
@@ -151,7 +157,7 @@ def _unit(name: str) -> tuple[str, str, bool]:
 
 
 def _meaning(name: str) -> str:
-    """Return what a name without its unit says, see `Column.meaning`; what it belongs to may stand before it."""
+    """Return the meaning of a name without its unit, see `Column.meaning`; a prefix may stand before it."""
     if re.fullmatch(r"[pq](_[A-Z][A-Za-z]*)+_[wxyz]", name):  # 'p_RS_R_x': with the names of two frames
         return _meaning_of(name[0] + name[-1])
     parts = re.split(r"[\s_.:/-]+", name)

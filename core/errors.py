@@ -1,4 +1,4 @@
-"""Errors and findings: what went wrong, where, the value, the limit, and what to do."""
+"""Errors and findings: the problem, its place, value, limit and remedy."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class DermisError(ValueError):
     """A refusal that a person can act on.
 
     Args:
-        what: what is wrong, as a short sentence without a full stop.
+        what: the problem, as a short sentence without a full stop.
         where: the object, file, field or frame that it concerns.
         value: the value found.
         limit: what would have been accepted.
@@ -35,15 +35,15 @@ class DermisError(ValueError):
         self.code = code
         super().__init__(sentence(what, where, value, limit, remedy))
 
-    def __reduce__(self) -> tuple[Any, ...]:  # else the whole sentence would be pickled for what is wrong
+    def __reduce__(self) -> tuple[Any, ...]:  # else the whole sentence would be pickled as the problem
         return partial(type(self), **self._parts()), ()
 
     def changed(self, **parts: Any) -> DermisError:
-        """Return the same refusal with some parts replaced, such as `where` by what the caller knows it as."""
+        """Return the same refusal with some parts replaced, such as `where` by the caller's name for it."""
         return DermisError(**{**self._parts(), **parts})
 
     def as_finding(self, severity: Severity = "error", **parts: Any) -> Finding:
-        """Return the refusal as a finding, for work that goes on without what was refused."""
+        """Return the refusal as a finding, for work that goes on without the refused item."""
         return Finding(**{"severity": severity, **self._parts(), **parts})
 
     def as_dict(self) -> dict[str, Any]:

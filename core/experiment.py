@@ -1,4 +1,4 @@
-"""A fingertip, a touch and a device without a scene: what a script or a notebook begins with.
+"""A fingertip, a touch and a device without a scene: the interface for scripts and notebooks.
 
 Frame: origin at the pad's centre, +Y towards the tip, +Z towards the nail. Everything in SI.
 """
@@ -22,11 +22,10 @@ from .parameters.material import FRICTION
 from .parameters.skin import CONTACT, DEFAULT_SKIN, TISSUE
 from .presets import Library
 from .skin.blas import one_thread
-from .skin.felt_state import matched_amounts
+from .skin.finger_skin import asked_for
 from .skin.model import SkinModel, skin_from_parameters
 from .skin.stimulus import Stimulus, von_mises
 from .surface.gap import Surface
-from .tissue.finger_skin import asked_for
 from .track.command_track import CommandTrack
 
 DEEPEST = 5e-3  # of a press: beyond it linear skin says nothing [m]
@@ -36,13 +35,13 @@ METRES = "Lengths are in metres: a millimetre is 1e-3"
 
 @dataclass(frozen=True, eq=False)
 class Touch(Stimulus):
-    """What a skin feels when something is pressed into it; all of `Stimulus`, and how it came about.
+    """The state of a skin under a pressed object: all of `Stimulus`, and the press that led to it.
 
     Attributes:
         depth: of the undeformed pad in the surface [m].
         place: of the surface's origin in the finger's axes at the end [m], shape (3,).
         residual: of the contact's laws, relative to the forces. iterations: of its last pose.
-        findings: what is doubtful: a depth that linear skin is not trusted at, a contact that did not converge.
+        findings: warnings: a depth beyond the validity of linear skin, a contact that did not converge.
     """
 
     depth: float = 0.0
@@ -68,14 +67,14 @@ class Touch(Stimulus):
 
 @dataclass(frozen=True, eq=False)
 class Match:
-    """What a device does to make a touch felt, and how well.
+    """Commands of a device for a touch, with their error.
 
     Attributes:
         device: the preset. method: that matched.
         values: of every channel of the device, in its unit, shape (channels,); a thimble's pose among them.
-        error: of what the method compares: root mean square displacement [m] for DM, force [N] for FM, relative
+        error: of the compared quantity: root mean square displacement [m] for DM, force [N] for FM, relative
             descriptor mismatch [1] for the thimble. optimality: KKT residual of the solution.
-        rendered: what the skin feels of the device.
+        rendered: state of the skin under the device.
     """
 
     device: DeviceSpec
@@ -161,7 +160,7 @@ def press(
     turn: NDArray[np.floating] | None = None,
     contact: str = CONTACT,
 ) -> Touch:
-    """Return what a skin feels when a surface is pressed into its pad, and then drawn along it.
+    """Press a surface into the pad of a skin, then drag it along, and return the touch.
 
     The surface rises along +Z from first contact with the smooth skin to its depth, by the steps of a bake that is
     sampled every 0.1 mm, since friction remembers the way.
@@ -263,8 +262,6 @@ def match(
             limit=", ".join(matchers),
             remedy="Render a scene with this device",
         )
-    if touch.skin.matched is not touch.skin:
-        touch = Stimulus(touch.skin.matched, touch.force, touch.points, matched_amounts(touch))
     with one_thread():
         return matchers[spec.kind](touch, spec, method)
 
@@ -279,7 +276,8 @@ def _match_pins(touch: Stimulus, spec: DeviceSpec, method: str | None) -> Match:
     ready = setup(touch.skin, spec)
     found = make_solver(ready, spec, chosen, None).solve(touch.force, touch.amounts)
     error = found.displacement_error if chosen.startswith("DM") else found.force_error
-    rendered = Stimulus(touch.skin, rendered_force(ready, found.forces))
+    pressed = rendered_force(ready, found.forces)
+    rendered = Stimulus(touch.skin, pressed) if found.look is None else found.look.felt(touch.skin, pressed)
     return Match(spec, chosen, found.forces, error, found.optimality, rendered)
 
 
@@ -311,7 +309,7 @@ def _match_thimble(touch: Stimulus, spec: DeviceSpec, method: str | None) -> Mat
 
 def _check_kind(name: str, value: object, kind: type) -> None:
     if not isinstance(value, kind):
-        raise DermisError("another kind of thing", where=name, value=type(value).__name__, limit=kind.__name__)
+        raise DermisError(f"expected {kind.__name__}, got {type(value).__name__}", where=name)
 
 
 def _numbers(

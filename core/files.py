@@ -19,12 +19,16 @@ from .foreign import MAX_BYTES, MAX_SETTINGS, MAX_TEXT, check_size, json_of, tex
 
 # A pipe without a writer, or a line without a carrier, would keep whoever opens it waiting.
 _NO_WAITING = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0) | getattr(os, "O_BINARY", 0)
+_WINDOWS = os.name == "nt"
+# Characters of a whole path on Windows, unless somebody has allowed longer ones: Microsoft, "Maximum Path Length
+# Limitation", 260 with the zero at its end.
+MAX_PATH = 259
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the first date that a zip can hold: equal contents give equal bytes
 
 
 @contextmanager
 def atomic(path: Path) -> Iterator[Path]:
-    """Give a temporary path beside `path`; what was written there takes the name when the block ends well.
+    """Give a temporary path beside `path`; the file written there takes the name when the block ends well.
 
     Folders are made as needed. After an exception nothing is left behind and an older file stays as it was.
 
@@ -43,7 +47,7 @@ def atomic(path: Path) -> Iterator[Path]:
             os.fsync(written.fileno())
         os.replace(part, path)
     except OSError as error:
-        raise _unwritable(error, path) from error
+        raise _unwritable(error, path, part) from error
     finally:
         with suppress(OSError):
             part.unlink(missing_ok=True)
@@ -109,7 +113,21 @@ def _check_regular(status: os.stat_result, where: str) -> None:
 def _unreadable(error: Exception, where: str, path: Path) -> DermisError:
     said = error.strerror if isinstance(error, OSError) and error.strerror else str(error) or type(error).__name__
     remedy = "Check the path and that you may read it" if str(path) in where else f"Check the path {path}"
-    return DermisError("the file cannot be read", where=where, value=said, remedy=remedy)
+    return _too_long(path, where) or DermisError("the file cannot be read", where=where, value=said, remedy=remedy)
+
+
+def _too_long(path: Path, where: str) -> DermisError | None:
+    """Return what Windows means where it says of a long path that there is no such folder; None elsewhere."""
+    length = len(os.path.abspath(path))
+    if not _WINDOWS or length <= MAX_PATH:
+        return None
+    return DermisError(
+        "the path is too long for Windows",
+        where=where,
+        value=length,
+        limit=f"{MAX_PATH} characters, with the name of the part that is written first",
+        remedy="Choose a folder nearer to the drive, or a shorter name; or allow long paths in Windows",
+    )
 
 
 def read_bytes(path: Path, *, most: int = MAX_BYTES, where: str = "") -> bytes:
@@ -167,13 +185,13 @@ def check_writable(path: Path, *, folder: bool = False) -> Path:
     return path
 
 
-def _unwritable(error: OSError | ValueError, path: Path) -> DermisError:
+def _unwritable(error: OSError | ValueError, path: Path, part: Path | None = None) -> DermisError:
     said = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    return DermisError(
+    return _too_long(part or path, str(path)) or DermisError(
         "the file cannot be written",
         where=str(path),
         value=said,
-        remedy="Choose a folder that exists, is writable and has room",
+        remedy="Choose a folder that exists, is writable and has room, or close the program that has the file open",
     )
 
 

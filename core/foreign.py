@@ -1,6 +1,6 @@
-"""What comes from elsewhere: limits of what is read, one guard around parsers, JSON and TOML without surprises.
+"""Files from elsewhere: limits of their sizes, one guard around parsers, JSON and TOML without surprises.
 
-Every reader of files goes through here, `files.read_bytes` and `npz`: what is wrong with a file becomes one
+Every reader of files goes through here, `files.read_bytes` and `npz`: a problem of a file becomes one
 `DermisError`, and nothing is unpacked or allocated before its size was judged.
 """
 
@@ -38,7 +38,7 @@ _TOML_QUOTED = re.compile(
 )
 _TOML_DEEP = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{DEEPEST}}}")
 
-# What the parsers of Python, numpy and zlib throw at damage; numpy reads headers with Python's own tokenizer.
+# Exceptions of Python's, numpy's and zlib's parsers for damaged files; numpy reads headers with Python's own tokenizer.
 DAMAGE: tuple[type[Exception], ...] = (
     OSError,
     ValueError,
@@ -91,7 +91,7 @@ def check_size(size: int, where: str, most: int = MAX_BYTES, *, packed: int | No
         size: bytes to be read or allocated. packed: bytes that they come out of, where they are packed.
 
     Raises:
-        DermisError: more than `most`; or more than `FREELY` and more than `EXPANDS` times what they come out of.
+        DermisError: more than `most`; or more than `FREELY` and more than `EXPANDS` times their packed size.
     """
     if size > most:
         raise DermisError(

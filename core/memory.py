@@ -1,14 +1,14 @@
-"""Memory: what is carried on where a scene is computed window by window, as a preview does.
+"""Memory: state that is carried on where a scene is computed window by window, as in a preview.
 
-A bake begins at rest and sees its whole range. A preview sees the last moments only. What a bake carries over from
-before them - a direction held, taps that still ring, the swing of a content - stands here under names, as it was where
+A bake begins at rest and sees its whole range. A preview sees the last moments only. A bake carries state over from
+before them: a direction held, taps that still ring, the swing of a content. It stands here under names, as it was where
 the window's device times begin; the same is noted for where those of the next window will begin.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Hashable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,12 +34,12 @@ class Carry:
 
 
 class Memory:
-    """What is remembered at one instant, and noted at a later one.
+    """State at one instant, and at a later one.
 
     Args:
         start: where the device times begin [s]. until: where those of the next window will begin [s], later or equal.
-        now: where they end [s]. before: what was noted at `start`; None for rest.
-        lasting: what holds for every window.
+        now: where they end [s]. before: the state at `start`; None for rest.
+        lasting: objects that hold for every window.
     """
 
     def __init__(
@@ -52,26 +52,38 @@ class Memory:
     ) -> None:
         self._start, self._until, self._now = start, until, now
         self._before = before or {}
-        self.noted = dict(self._before)  # what nothing renews still holds
+        self.noted = dict(self._before)  # entries that nothing renews still hold
         self._lasting = {} if lasting is None else lasting
 
     def times(self, rate: float) -> Array:
         """Return the device times of the window at a rate [Hz], on the grid of the scene's range [s], shape (n,)."""
         return np.arange(_step(self._start, rate), np.ceil(self._now * rate - ROUNDING) + 1.0) / rate
 
-    @contextmanager
-    def carry(self, key: Hashable, times: Array) -> Iterator[Carry]:
-        """Give what was noted under a name at the first of the device times, and note what is found for the next's."""
+    def carry(self, key: Hashable, times: Array) -> AbstractContextManager[Carry]:
+        """Give the state noted under a name at the first device time, and note the state found for the next window."""
         slack = ROUNDING * float(times[1] - times[0]) if len(times) > 1 else 0.0
-        carry = Carry(self._before.get(key), max(int(np.searchsorted(times, self._until + slack, "right")) - 1, 0))
-        yield carry
-        self.noted[key] = carry.found
+        index = max(int(times.searchsorted(self._until + slack, "right")) - 1, 0)
+        return _Noting(self.noted, key, Carry(self._before.get(key), index))
 
     def lasting(self, key: Hashable, make: Callable[[], Any]) -> Any:
-        """Return what was made once and holds for every window."""
+        """Return an object that is made once and holds for every window."""
         if key not in self._lasting:
             self._lasting[key] = make()
         return self._lasting[key]
+
+
+class _Noting:
+    """Notes the state that a `Carry` has found when its block ends."""
+
+    def __init__(self, noted: dict[Hashable, Any], key: Hashable, carry: Carry) -> None:
+        self._noted, self._key, self._carry = noted, key, carry
+
+    def __enter__(self) -> Carry:
+        return self._carry
+
+    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
+        if error is None:
+            self._noted[self._key] = self._carry.found
 
 
 def _step(time: float, rate: float) -> int:

@@ -21,7 +21,7 @@ from .files import opened
 from .foreign import MAX_BYTES, check_size, damage_told, text_of
 
 DTYPES = "biufcSU"  # numbers and texts
-EMPTY_SIDE = 1 << 24  # of an array that holds nothing: what is made of its length later must be small too
+EMPTY_SIDE = 1 << 24  # of an array that holds nothing: arrays made from its length later must be small too
 MAX_DIRECTORY = 1 << 24  # bytes of an archive's table of contents: 100,000 members; a long scene has some thousand
 _METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}  # what numpy writes
 _AT_ONCE = 1 << 20
@@ -31,7 +31,7 @@ class ArrayFile:
     """An open .npz: a zip of .npy arrays and texts.
 
     Args:
-        file: open for reading. where: what errors call it. size: of the file [bytes]. kind: what it should be.
+        file: open for reading. where: its name in errors. size: of the file [bytes]. kind: expected kind.
         trusted: made by this product and known by its check sum, so it may unpack to many times its size.
     """
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,10 +37,10 @@ class Line:
 
     def numbers(self) -> list[float | None]:
         """Return the cells' numbers, None where one holds none."""
-        try:
-            return list(map(float, self.text.split(self.separator or None)))
-        except ValueError:
-            return [number(cell, self.separator) for cell in self.cells]
+        if "_" not in self.text:  # which Python reads over
+            with contextlib.suppress(ValueError):
+                return list(map(float, self.text.split(self.separator or None)))
+        return [number(cell, self.separator) for cell in self.cells]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +60,7 @@ class Rows:
     spaced: bool = False
 
     def columns(self) -> tuple[Column, ...]:
-        """Return what the names say.
+        """Return the meaning of the names.
 
         Raises:
             DermisError: see `column_names.columns_of`.
@@ -160,7 +161,7 @@ def time_unit(times: Array) -> str:
 
 
 def read_rows(path: Path) -> Rows:
-    """Read a .csv file of numbers; what is no number becomes NaN.
+    """Read a .csv file of numbers; other cells become NaN.
 
     Cells are parted by semicolons, tabs, commas or white space. Where no comma parts them, a comma in a number is a
     decimal comma. A first line without a single number is one of names; so is a comment before the numbers that has as
@@ -176,9 +177,10 @@ def read_rows(path: Path) -> Rows:
         names, lines = lines[0].cells, lines[1:]
     if not lines:
         raise DermisError("the file has no rows of numbers", where=str(path))
-    rows = [line.numbers() for line in lines]
-    count = len(names or rows[0])
-    for line, row in zip(lines, rows, strict=True):
+    count = len(names or lines[0].numbers())
+    whole = numbers_of(lines, count)
+    rows = [line.numbers() for line in lines] if whole is None else []
+    for line, row in zip(lines, rows, strict=whole is None):
         if len(row) != count:
             raise DermisError(
                 "a row has another number of values than the first",
@@ -189,7 +191,7 @@ def read_rows(path: Path) -> Rows:
             )
     if not names and len(comment) == count and _has_places(comment, str(path)):
         names = comment
-    values = np.array(rows, np.float64)  # None becomes NaN
+    values = np.array(rows, np.float64) if whole is None else whole  # None becomes NaN
     return Rows(str(path), names, values, tuple(line.number for line in lines), not separator)
 
 
@@ -197,7 +199,8 @@ def lines_of(path: Path) -> tuple[list[Line], str, tuple[str, ...]]:
     """Return the lines of a file that are neither empty nor comments, what parts their cells, and the last comment's.
 
     Returns:
-        lines; ';', a tab, ',' or '' for white space; the cells of the comment directly before the first line.
+        lines, without separators at their ends; ';', a tab, ',' or '' for white space; the cells of the comment
+        directly before the first line.
 
     Raises:
         DermisError: the file cannot be read, or is no text.
@@ -211,11 +214,43 @@ def lines_of(path: Path) -> tuple[list[Line], str, tuple[str, ...]]:
             kept.append((i, line))
     first = kept[0][1] if kept else ""
     separator = next((s for s in SEPARATORS if s in first), "")
+    kept = _unended(kept, separator)
     return [Line(i, text, separator) for i, text in kept], separator, Line(0, comment, separator).cells
+
+
+def _unended(kept: list[tuple[int, str]], separator: str) -> list[tuple[int, str]]:
+    """Return lines without a separator at their ends, which parts nothing; one before a missing last value stays."""
+
+    def width(text: str) -> int:
+        return text.count(separator) + 1
+
+    def ended(text: str) -> bool:
+        return text.rstrip(" \r").endswith(separator)
+
+    if not separator or not any(ended(text) for _, text in kept):
+        return kept
+    columns = width(kept[0][1]) - ended(kept[0][1])
+    if any(width(text) > columns and not ended(text) for _, text in kept):
+        return kept
+    return [(i, text[: text.rindex(separator)] if width(text) == columns + 1 else text) for i, text in kept]
+
+
+def numbers_of(lines: Sequence[Line], columns: int) -> Array | None:
+    """Return the numbers of lines, shape (lines, columns), read all at once; None where one of them is to be looked at.
+
+    That is one with a cell that holds no number, or that only `number` reads, or with another count of cells.
+    """
+    try:
+        found = np.loadtxt([line.text for line in lines], delimiter=lines[0].separator or None, comments=None, ndmin=2)
+    except ValueError:
+        return None
+    return found if found.shape == (len(lines), columns) else None
 
 
 def number(cell: str, separator: str = ",") -> float | None:
     """Return a cell's number, None where it holds none; the comma is a decimal one where it parts no cells."""
+    if "_" in cell:  # Python reads 1_0 as 10: no program writes numbers so
+        return None
     try:
         return float(cell)
     except ValueError:

@@ -60,7 +60,7 @@ def save(library: Library, folder: Path, group: str, preset: Mapping[str, Any]) 
 
 
 def remove(library: Library, group: str, key: str) -> PresetEntry:
-    """Delete a person's own preset; return what it was.
+    """Delete a person's own preset; return its contents.
 
     Raises:
         DermisError: there is none of that key, it comes with Dermis, or its file cannot be deleted.

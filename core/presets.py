@@ -42,7 +42,7 @@ class PresetEntry:
         user: it lies in the person's own folder.
         overrides: it replaces a built-in preset of the same key.
         kind: of a device, such as 'shear_tactor'; '' for others, and where the file cannot be used.
-        description: what it is, in its own words; '' where it says nothing.
+        description: the preset's own description; '' without one.
     """
 
     key: str
@@ -126,7 +126,7 @@ class Library:
         return from_preset(key, self.load("devices", key))
 
     def device_settings(self, key: str) -> dict[str, Any]:
-        """Return what a person's own device preset sets of a finger's device, in SI; nothing for a built-in one.
+        """Return the settings of a finger's device in a person's own preset, in SI; none for a built-in one.
 
         Raises:
             DermisError: no such preset, or it is broken.
@@ -234,7 +234,7 @@ def settings(group: str, key: str, preset: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def device_settings(key: str, preset: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a device preset sets of a finger's device, in SI.
+    """Return a device preset's settings of a finger's device, in SI.
 
     Raises:
         DermisError: see `settings`.

@@ -32,10 +32,11 @@ class Recent(dict[K, V]):
             Exception: whatever `build` raises; then nothing is kept under the key.
         """
         if key in self:
-            value = self.pop(key)
+            value = self[key]
+            self.pop(key, None)  # another thread may have asked at the same time
         else:
             while len(self) >= self.size:
-                del self[next(iter(self))]
+                self.pop(next(iter(self)), None)
             value = build()
         self[key] = value
         return value

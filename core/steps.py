@@ -1,4 +1,4 @@
-"""Long work is a generator that yields how far it is and returns what it made: run to its end, or with other words."""
+"""Long work is a generator that yields its progress and returns its result: run to its end, or with other words."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Made = TypeVar("Made")
 
 
 def drain(steps: Generator[Step, None, Made], tell: Callable[[Step], object] | None = None) -> Made:
-    """Run some work to its end and return what it made; `tell` is given each step."""
+    """Run some work to its end and return its result; `tell` is given each step."""
     while True:
         try:
             step = next(steps)

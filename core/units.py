@@ -18,6 +18,7 @@ UNITS: dict[str, tuple[str, float]] = {
     "mm/s": ("m/s", 1e-3),
     "m/s^2": ("m/s^2", 1.0),
     "mm/s^2": ("m/s^2", 1e-3),
+    "m/s^2/V": ("m/s^2/V", 1.0),
     "rad": ("rad", 1.0),
     "deg": ("rad", math.pi / 180.0),
     "rad/s": ("rad/s", 1.0),

@@ -11,6 +11,8 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from _pytest.runner import runtestprotocol
@@ -130,10 +132,19 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
             starved = sleeper.end() >= STARVED or crowded
         if attempt == TRIES - 1 or not starved or not any(report.failed for report in reports):
             break
+        _forget_failed(item)
     for report in reports:
         item.ihook.pytest_runtest_logreport(report=report)
     item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
     return True
+
+
+def _forget_failed(item: Any) -> None:
+    """Let fixtures that failed be made again: those of a module or session else keep their error for the next try."""
+    for fixtures in item._fixtureinfo.name2fixturedefs.values():
+        for fixture in fixtures:
+            if fixture.cached_result is not None and fixture.cached_result[2] is not None:
+                fixture.finish(SimpleNamespace(node=item))
 
 
 @pytest.hookimpl(trylast=True)

@@ -21,7 +21,7 @@ from core.presets import Library
 from core.skin.model import skin_from_parameters
 
 DEVICES, LEVELS = ("thimble_3rrs",), ("draft", "standard")
-ROOTS = ("surrogate/dataset.py", "surrogate/learned.py", "surrogate/press_points.py", "skin/felt_state.py")
+ROOTS = ("surrogate/dataset.py", "surrogate/learned.py", "surrogate/press_points.py")
 # What decides no number: the ground (errors, files, arrays), rows of settings, whose values are in the key, and what
 # measures surfaces of triangles: a disc is a plane.
 GROUND = ("parameters", "surface", "scene")

@@ -21,7 +21,7 @@ from core.track import binary
 from core.track.command_track import CommandTrack
 from core.work.child import command, environment
 
-PROTOCOLS = ("native", "maestro", "servo-animation", "torque", "osc")
+PROTOCOLS = ("native", "maestro", "dynamixel", "feetech", "servo-animation", "torque", "osc")
 SIGNALS = {
     name: getattr(signal, number, signal.SIGTERM)
     for name, number in (

@@ -5,15 +5,23 @@ from __future__ import annotations
 import ctypes
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from core.arrays import Array, Indices
 from core.kernels import building, records
+from core.skin.assembly import degrees, stiffness
+from core.skin.material import Elastic
+from core.skin.mesh_law import MeshLaw
+from core.skin.rest_factor import RestFactor
+from core.skin.tiles import Tiles
 from core.surface import shapes
 from core.surface.gap import DIRECTIONS, Surface
 from core.surface.topology import Topology
 from core.surface.triangles import TriangleTable
+from tests.problems import cube_mesh
 
 FUNCTIONS = (
     "dermis_tree_split",
@@ -22,14 +30,24 @@ FUNCTIONS = (
     "dermis_body_judge",
     "dermis_distances",
     "dermis_sweep",
+    "dermis_find_cells",
+    "dermis_evaluate_law",
+    "dermis_rest_solve",
+    "dermis_press_pieces",
+    "dermis_number_points",
 )
 
 GIVEN = "compliance", "offset", "normals", "friction", "softness", "force"  # of a contact
 
 
+SIZES: dict[int, int] = {}  # bytes of an array, by where it begins: a call in another process sends them there
+
+
 def address(array: Array) -> int:
-    """Return where an array begins."""
-    return int(array.ctypes.data)
+    """Return where an array begins, and note how long it is."""
+    found = int(array.ctypes.data)
+    SIZES[found] = array.nbytes
+    return found
 
 
 @dataclass
@@ -88,7 +106,7 @@ class Arrays:
             setattr(query, name, address(array))
         return tree, body, query
 
-    def call(self, library: ctypes.CDLL) -> list[int]:
+    def call(self, library: Any) -> list[int]:
         """Return the statuses of all functions, of distances without a tree and with one; its answers stay."""
         tree, body, query = self.records()
         statuses = [library.dermis_tree_split(ctypes.byref(tree)), library.dermis_tree_fit(ctypes.byref(tree))]
@@ -102,7 +120,7 @@ class Arrays:
             statuses.append(library.dermis_distances(ctypes.byref(query)))
         return statuses
 
-    def measure(self, library: ctypes.CDLL, packed: bool) -> int:
+    def measure(self, library: Any, packed: bool) -> int:
         """Return the status of distances alone, by a tree that was made before, or without."""
         tree, _, query = self.records(packed)
         if packed and library.dermis_tree_fit(ctypes.byref(tree)):
@@ -164,7 +182,7 @@ class Contact:
     tolerance: float = 1e-9
     most: int = 60
 
-    def call(self, own: ctypes.CDLL, **changed: float) -> list[int]:
+    def call(self, own: Any, **changed: float) -> list[int]:
         """Return the status, with fields of the record changed; force, image, residual and sweeps stay."""
         n = len(self.force)
         given, step = self.nodes.size, self.compliance.itemsize
@@ -212,6 +230,264 @@ def drawn_contact(seed: int) -> Contact:
     nodes = np.flatnonzero(rng.random(n) < 0.7) if seed % 4 else np.arange(n)
     compliance = room.astype(np.float32) if seed % 3 else room
     return Contact(compliance, offset, normals, friction, softness, start, nodes)
+
+
+@dataclass(eq=False)
+class Survey:
+    """The arrays of a pad's survey: square cells on a plane, skin that has moved, an edge and a plane near it."""
+
+    positions: Array
+    normals: Array
+    sides: Array
+    limits: Array
+    raised: Array
+    load: Array
+    table: NDArray[np.float32]
+    points: Indices
+    longs: Array
+    tiles: Tiles
+    edge: Surface
+    poses: Array
+    finest: int
+
+    def call(self, own: Any, **changed: float) -> list[int]:
+        """Return the status, with fields of the record changed."""
+        tiles = self.tiles
+        cells, roots = len(tiles.root), self.tiles.first[1, 1]
+        posed = (records.PosedRecord * 2)()
+        for record, (pose, side) in zip(posed, ((self.poses[0], 1.0), (self.poses[1], 1.0)), strict=True):
+            record.rotation[:], record.translation[:], record.side = np.eye(3).ravel().tolist(), pose.tolist(), side
+        posed[0].body = ctypes.addressof(self.edge.kernel_body.record)
+        posed[1].plane[:] = [0.0, 0.0, 1.0, -2e-3]
+        squares = 4 ** (tiles.levels - 1)
+        owner, in_root = np.full((roots + 1, squares), -1), np.full(roots, -1)
+        point = np.full(cells, -1)
+        point[self.points] = np.arange(len(self.points))
+        owner[tiles.root[self.points]] = point[self.points][:, None]
+        in_root[tiles.root[self.points]] = point[self.points]
+        self.out, self.clearance = np.zeros((5, 4 * roots), dtype=np.int64), np.zeros(4 * roots)
+        fixed = {"first": tiles.first, "ways": tiles.ways, "root": tiles.root, "halved": tiles.halved}
+        fixed |= {"place": tiles.place, "quarters": tiles.quarters, "ways_before": np.zeros(cells, dtype=np.int64)}
+        fixed |= {"positions": self.positions, "normals": self.normals, "sides": self.sides, "limits": self.limits}
+        fixed |= {"longs": self.longs, "owner": owner}
+        fixed |= {"in_root": in_root, "raised": self.raised, "load": self.load, "table": self.table}
+        fixed |= {"rows": np.arange(len(self.load)), "clearance": self.clearance, "room": self.out}
+        fixed |= {"leaves": self.out[2], "cuts": self.out[3], "cut_ways": self.out[4]}
+        kept = {name: np.ascontiguousarray(array) for name, array in fixed.items()}
+        self.record = record = records.SurveyRecord(bodies=2, posed=ctypes.addressof(posed), limit=2.5e-3)
+        for name, array in kept.items():
+            setattr(record, name, address(array))
+        record.roots, record.levels, record.squares, record.points = roots, tiles.levels, squares, len(self.points)
+        record.loaded, record.filled = len(self.load), len(self.table)
+        record.turned, record.edge, record.sharp, record.bent, record.corners = 0.3, 0.9, 1.5, 0.04e-3, 0.75
+        record.beyond, record.beside, record.merge, record.odd, record.level = 0.4e-3, 0.35, 0.6, 0.4, 0.1
+        record.deep, record.steep, record.often, record.coarsest = 0.06e-3, 0.3, 2, 1
+        record.many, record.most, record.finest = 450, 4 * roots, self.finest
+        for name, value in changed.items():
+            setattr(record, name, value)
+        return [int(own.dermis_find_cells(ctypes.byref(record)))]
+
+    def answer(self) -> bytes:
+        """Return everything that a call has found."""
+        told, (_, _, leaves, cuts, ways) = self.record, self.out
+        numbers = np.array([told.found, told.cut, told.edges, told.finest])
+        found = leaves[: told.found], self.clearance[: told.found], cuts[: told.cut], ways[: told.cut]
+        return numbers.tobytes() + b"".join(part.tobytes() for part in found)
+
+
+def drawn_survey(seed: int) -> Survey:
+    """Return a pad of 12 by 12 cells of 0.8 mm, and where skin and bodies are: far off, near and in each other."""
+    rng, across, side = np.random.default_rng(seed), 12, 0.8e-3
+    tiles = Tiles(np.cumsum([0, *(across**2 * 4**k for k in range(4))]).tolist())
+    size = side / 2.0**tiles.halved
+    corner = np.stack(np.divmod(tiles.root, across), axis=1) * side - 0.5 * across * side
+    flat = corner + (tiles.place + 0.5) * size
+    positions = np.column_stack([flat, 2.0 * (flat**2).sum(axis=1)])
+    normals = np.column_stack([-4.0 * flat, np.ones(len(flat))])
+    normals = -normals / np.linalg.norm(normals, axis=1)[:, None]
+    sides = np.zeros((len(flat), 2, 3))
+    sides[:, 0, 0], sides[:, 1, 1] = size.T
+    points = np.sort(rng.choice(across**2, 30, replace=False)) if seed % 3 else np.zeros(0, dtype=np.int64)
+    poses = rng.uniform(-1.5e-3, 1.5e-3, (2, 3))
+    return Survey(
+        positions,
+        normals,
+        sides,
+        0.4 * size.max(axis=1) + 0.1e-3,
+        0.3e-3 * rng.normal(size=(len(points), 3)),
+        0.2e-3 * rng.normal(size=(4, 3)) * (seed % 2),
+        rng.normal(size=(4, 3, across**2, 3)).astype(np.float32),
+        points,
+        size.max(axis=1),
+        tiles,
+        Surface.edge(),
+        poses,
+        int(rng.integers(1, 4)),
+    )
+
+
+@dataclass(eq=False)
+class Law:
+    """The arrays of the law on a mesh; the library gets every change that is made before a call."""
+
+    corners: NDArray[np.int32]
+    slopes: NDArray[np.float32]
+    volumes: NDArray[np.float32]
+    around: NDArray[np.float32]
+    moved: NDArray[np.float32]
+    elements: int
+
+    def call(self, own: Any, **changed: float) -> list[int]:
+        """Return the status, with fields of the record changed; force, stress, energy and the flattest J stay."""
+        n = len(self.around)
+        room = np.full(9 * self.volumes.size + 8 * n, np.nan, np.float32)
+        self.force, self.stress = np.full((n, 3), np.nan, np.float32), np.full((self.elements, 6), np.nan)
+        given = self.corners, self.slopes, self.volumes, self.around
+        self.record = record = records.LawRecord(n, self.elements, *map(address, given), 8.0, 0.34, 0.06)
+        record.moved, record.room, record.stored = address(self.moved), address(room), 1
+        record.force, record.stress = address(self.force), address(self.stress)
+        for name, value in changed.items():
+            setattr(record, name, value)
+        return [int(own.dermis_evaluate_law(ctypes.byref(record)))]
+
+    def answer(self) -> bytes:
+        """Return everything that a call has filled."""
+        told = np.array([self.record.energy, self.record.flattest])
+        return self.force.tobytes() + self.stress.tobytes() + told.tobytes()
+
+
+def drawn_law(seed: int) -> Law:
+    """Return a block of tissue that is hardly moved, much, or inside out."""
+    rng = np.random.default_rng(seed)
+    mesh = cube_mesh(int(rng.integers(1, 5)), 10.0 ** rng.uniform(-4, 1), 0.1)
+    law = MeshLaw(mesh, 0.45)
+    size = 10.0 ** rng.uniform(-12, 1) * float(np.ptp(mesh.nodes, axis=0).max())
+    moved = (rng.normal(size=mesh.nodes.shape) * size).astype(np.float32)
+    return Law(*(table.copy() for table in law.tables), moved, len(mesh.tetrahedra))
+
+
+@dataclass(eq=False)
+class Rest:
+    """The arrays of linear tissue and forces on it; the library gets every change that is made before a call."""
+
+    factor: RestFactor
+    force: NDArray[np.float32]
+
+    def call(self, own: Any, **changed: float) -> list[int]:
+        """Return the status, with fields of the record changed; the displacement stays."""
+        room = np.full(3 * self.factor.slots, np.nan, np.float32)
+        self.moved = np.full(self.force.size, np.nan, np.float32)
+        record = self.factor.record(self.force, self.moved, room, address)
+        for name, value in changed.items():
+            setattr(record, name, value)
+        return [int(own.dermis_rest_solve(ctypes.byref(record)))]
+
+    def answer(self) -> bytes:
+        """Return everything that a call has filled."""
+        return self.moved.tobytes()
+
+
+def drawn_rest(seed: int) -> Rest:
+    """Return a block of tissue that is held below, and forces on all of its nodes."""
+    rng = np.random.default_rng(seed)
+    mesh = cube_mesh(int(rng.integers(2, 6)), 10.0 ** rng.uniform(-3, 0), 0.1)
+    free = degrees(mesh.free)
+    matrix = stiffness(mesh, Elastic(1.0, 0.48, 1.0))[free][:, free].tocsr()
+    force = (rng.normal(size=len(free)) * 10.0 ** rng.uniform(-20, 5)).astype(np.float32)
+    return Rest(RestFactor(matrix, np.searchsorted(mesh.free, mesh.pad)), force)
+
+
+@dataclass(eq=False)
+class Pieces:
+    """Pieces of skin that press each other: far ones, near ones, and each on itself."""
+
+    positions: Array
+    normals: Array
+    sides: Array
+    areas: Array
+    single: int
+
+    def call(self, own: Any, **changed: float) -> list[int]:
+        """Return the status, with fields of the record changed."""
+        n = len(self.areas)
+        arrays = (self.positions, self.normals, self.sides, self.areas)
+        field = records.PatchesRecord(n, *(address(array) for array in arrays))
+        self.out = np.full((n, 3, n, 3), np.nan, np.float32 if self.single else np.float64)
+        both = ctypes.addressof(field), ctypes.addressof(field)
+        record = records.PiecesRecord(*both, 0.48, self.single, address(self.out))
+        for name, value in changed.items():
+            setattr(record, name, value)
+        return [int(own.dermis_press_pieces(ctypes.byref(record)))]
+
+    def answer(self) -> bytes:
+        """Return everything that a call has filled."""
+        return self.out.tobytes()
+
+
+def drawn_pieces(seed: int) -> Pieces:
+    """Return pieces whose sides differ by up to a hundred times, some at one place."""
+    rng, n = np.random.default_rng(seed), 12
+    positions = 1e-3 * rng.normal(size=(n, 3))
+    positions[1] = positions[0]
+    normals = rng.normal(size=(n, 3)) + [0.0, 0.0, 3.0]
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    sides = 10.0 ** rng.uniform(-5, -3, (n, 1, 1)) * (np.eye(3)[:2] + 0.1 * rng.normal(size=(n, 2, 3)))
+    areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    return Pieces(positions, normals, np.ascontiguousarray(sides), areas, seed % 2)
+
+
+@dataclass(eq=False)
+class Points:
+    """Points of a grid of 6 by 6 roots that others were before."""
+
+    tiles: Tiles
+    around: Indices
+    before: Indices
+    cells: Indices
+
+    def call(self, own: Any, **changed: float) -> list[int]:
+        """Return the status, with fields of the record changed."""
+        tiles, side = self.tiles, 1 << (self.tiles.levels - 1)
+        roots = len(self.around)
+        self.owner, self.in_root = np.full((roots + 1, side * side), -1), np.full(roots, -1)
+        self.number, self.beside = np.full(tiles.count, -1), np.full((len(self.cells), 4), -9)
+        record = records.PointsRecord(known=tiles.count, side=side, before=0, count=len(self.before))
+        arrays = {"root": tiles.root, "halved": tiles.halved, "place": tiles.place, "around": self.around}
+        arrays |= {"owner": self.owner, "in_root": self.in_root, "number": self.number, "old_cells": self.before}
+        first = np.zeros((len(self.before), 4), dtype=np.int64)
+        for name, array in {**arrays, "cells": self.before, "beside": first}.items():
+            setattr(record, name, address(array))
+        statuses = [int(own.dermis_number_points(ctypes.byref(record)))]
+        record.before, record.count = len(self.before), len(self.cells)
+        record.cells, record.beside = address(self.cells), address(self.beside)
+        for name, value in changed.items():
+            setattr(record, name, value)
+        return [*statuses, int(own.dermis_number_points(ctypes.byref(record)))]
+
+    def answer(self) -> bytes:
+        """Return everything that a call has filled."""
+        return b"".join(array.tobytes() for array in (self.owner, self.in_root, self.number, self.beside))
+
+
+def drawn_points(seed: int) -> Points:
+    """Return points of all sizes that do not overlap, and others that they take the place of."""
+    rng, across = np.random.default_rng(seed), 6
+    tiles = Tiles(np.cumsum([0, *(across**2 * 4**k for k in range(4))]).tolist())
+    grid = np.full((across + 2, across + 2), across**2)
+    grid[1:-1, 1:-1] = np.arange(across**2).reshape(across, across)
+    around = np.stack([grid[i : i + across, j : j + across].ravel() for i in range(3) for j in range(3)], axis=1)
+
+    def some() -> Indices:
+        chosen = []
+        for root in rng.permutation(across**2)[:20]:
+            kinds = np.flatnonzero(tiles.root == root)
+            halved = tiles.halved[kinds]
+            kind = halved[rng.integers(0, len(kinds))]
+            cells = kinds[(halved == kind).all(axis=1)]
+            chosen.append(rng.permutation(cells)[: 1 + len(cells) // 2])
+        return np.concatenate(chosen)
+
+    return Points(tiles, np.ascontiguousarray(around.reshape(-1, 3, 3)), some(), some())
 
 
 def opened(path: Path) -> ctypes.CDLL:

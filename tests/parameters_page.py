@@ -14,6 +14,7 @@ from core.parameters.parameter import LARGEST, Parameter, Table
 from core.parameters.screen import HEIGHT, MAP_UNIT, SCREEN, SEQUENCE
 from core.parameters.skin import SKIN, SKIN_CONTACT
 from core.parameters.stream import STREAM
+from core.parameters.wave import WAVE
 
 PAGE = Path(__file__).resolve().parents[1] / "core" / "PARAMETERS.md"
 _DEVICES, _SKIN = "object.dermis.finger.devices[i]", "object.dermis.finger.skin"
@@ -31,13 +32,19 @@ GROUPS: tuple[tuple[str, str, str, Table], ...] = (
         {**BODY, CURVED.name: CURVED},
     ),
     ("Screen", "`Screen.parameters`", "object.dermis.screen", {**SCREEN, **SEQUENCE, **_MAP}),
+    (
+        "WAV files",
+        "the settings of `core.track.export.write`; `python -m core export` has `--wav-NAME`",
+        "scene.dermis.wav",
+        WAVE,
+    ),
     ("Stream", "a `StreamRequest`; `python -m core stream` has options for some", "scene.dermis_stream", STREAM),
 )
 HEAD = """# Parameters
 
 Made from the rows of `core/parameters/` and `core/devices/kinds.py` by `python3 build_addon.py docs`; a test holds it
 current. Numbers stand in the unit of Blender's window; scenes and the engine take SI, presets say their unit.
-*Default* is what something new has in the window, *absent* what the engine takes where a scene or preset says nothing.
+*Default* is the value of a new item in the window, *absent* the engine's value where a scene or preset has none.
 Ranges hold in the window, in presets and in scenes alike; where something differs, the note says so.
 """
 
@@ -49,7 +56,7 @@ def page() -> str:
 
 def _group(title: str, where: str, path: str, rows: Table) -> str:
     lines = [f"## {title}\n", f"In {where}; in Blender `{path}`.\n"]
-    lines.append(_row("name", "property", "unit", "default", "absent", "range", "keyed", "what", "source"))
+    lines.append(_row("name", "property", "unit", "default", "absent", "range", "keyed", "meaning", "source"))
     lines.append(_row(*9 * ["---"]))
     lines += [_line(row) for row in rows.values()]
     return "\n".join(lines) + "\n"
@@ -78,7 +85,7 @@ def _shown(row: Parameter, value: Any) -> str:
 
 
 def _kinds() -> str:
-    lines = ["## Kinds of device\n", "What a preset's `parameters` may hold, in SI (what is bold it must), and which"]
+    lines = ["## Kinds of device\n", "The `parameters` of a preset, in SI (required ones in bold), and which"]
     lines += [
         "of the settings above the kind reads. A finger is in each, unless it says so.\n",
         _row("kind", "preset", "settings"),

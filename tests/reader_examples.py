@@ -15,6 +15,8 @@ import numpy as np
 
 from core import presets, shipped
 from core.devices import calibration
+from core.devices.frequency_response import FrequencyResponse
+from core.devices.response import Response
 from core.devices.spec import Channel, DeviceSpec
 from core.files import write_npz
 from core.matching.screen_map import ScreenMap
@@ -182,7 +184,9 @@ def _network() -> Network:
     return Network(rng.random(7), np.ones(7), rng.random((4, 7)), rng.random(4), rng.random((2, 4)), rng.random(2))
 
 
-SKIN = SimpleNamespace(key="skin", pad_count=4, shape=None, stiffening=None, material=SimpleNamespace(modulus=1e5))
+SKIN = SimpleNamespace(
+    key="skin", pad_count=4, shape=None, follows_law=False, tissue="linear", material=SimpleNamespace(modulus=1e5)
+)
 
 
 @cache
@@ -260,7 +264,11 @@ def frames() -> list[bytes]:
 
 
 def calibration_text() -> bytes:
-    made = calibration.Calibration("haptip", wire().spec.hash, {"pulley_1": calibration.Entry()})
+    points = ((-0.5, -0.45), (0.0, 0.02), (0.5, 0.52))
+    curve = Response(points, points, latency=0.01, measured_on="2026-11-27", valid_days=30)
+    vibration = FrequencyResponse(((20.0, 1.0, -0.1), (80.0, 1.2, -0.5)), measured_on="2026-11-27", valid_days=30)
+    entries = {"pulley_1": calibration.Entry(response=curve), "pulley_2": calibration.Entry(frequency=vibration)}
+    made = calibration.Calibration("haptip", wire().spec.hash, entries)
     return made.dumps().encode()
 
 

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from core import images, number_rows, presets
-from core.design import recordings
+from core.design import recorded_table, recordings
 from core.design.collect import _whole
-from core.devices import calibration
+from core.devices import calibration, frequency_response, response_readings
 from core.errors import DermisError
 from core.files import read_bytes
 from core.matching import description
@@ -28,15 +28,19 @@ from core.skin import file as skin_file
 from core.skin import own_mesh, sensor
 from core.skin import store as skin_store
 from core.skin.remainder import Remainder
-from core.stiffening.stiffening import Stiffening
 from core.stream.log import binary as stream_log
 from core.stream.log.csv import CsvForm
-from core.stream.protocols import packets
+from core.stream.output_limiter import OutputLimiter
+from core.stream.protocols import adapters, packets
+from core.stream.protocols.bus import dynamixel, feetech
+from core.stream.protocols.maestro import Maestro
 from core.stream.protocols.native import Native
 from core.stream.protocols.osc import Osc, bundle, message_head, read_bundle, read_message
 from core.stream.protocols.torque import Torque
 from core.stream.protocols.wire import Wire
 from core.stream.request import request_of
+from core.stream.sound.measured import MeasuredCard
+from core.stream.virtual.device import make
 from core.surrogate import onnx, table
 from core.surrogate import store as surrogate_store
 from core.sweep import readings as sweep_readings
@@ -118,7 +122,8 @@ def _use_library(group: str) -> Callable[[Path], object]:
 def _use_calibration(path: Path) -> object:
     made = calibration.Calibration.load(path)
     made.dumps().encode("utf-8")
-    return made.applied(ex.wire().spec) if hasattr(made, "applied") else made
+    wire = Wire.of(ex.wire().spec, made)
+    return OutputLimiter(wire).step(wire.safe_command, 0.0)
 
 
 def _use_screen_map(path: Path) -> object:
@@ -175,6 +180,35 @@ def _use_torque(path: Path) -> object:
     adapter._asked[1] = 0.9
     adapter.receive(path.read_bytes(), 1.0)
     return adapter
+
+
+def _use_maestro(path: Path) -> object:
+    adapter = Maestro(ex.wire(), {"reads": "1"})
+    adapter.opened(0.0)
+    adapter.poll(0.0)
+    adapter.receive(path.read_bytes(), 0.1)
+    if adapter.fault:
+        raise DermisError(adapter.fault)
+    return adapter
+
+
+def _use_servos(path: Path, adapter: Any) -> object:
+    adapter.opened(0.0)
+    adapter.poll(0.0)
+    adapter.receive(path.read_bytes(), 0.01)
+    if 1 not in adapter.questions.found:
+        raise DermisError("no answer from servo 1")
+    made = adapter._describe(adapter.questions.found[1].data)
+    if made.fault:
+        raise DermisError(made.fault)
+    return made
+
+
+def _identity(protocol: str) -> list[bytes]:
+    """Return the answer of a simulated servo that is asked for its identity."""
+    adapter = adapters.make(protocol, ex.wire(), {})
+    adapter.opened(0.0)
+    return make(protocol, ex.wire(), {}).feed(adapter.poll(0.0)[0], 0.0)
 
 
 def _use_row(path: Path) -> object:
@@ -243,20 +277,6 @@ MODEL = {name: np.zeros((3, 3)) for name in skin_store.MESH_ARRAYS} | {"complian
 REMAINDER = {"centres": np.zeros((4, 3)), "mixing": np.ones((4, 2)), "surface": np.ones((2, 3, 2, 3), "<f4")}
 REMAINDER["beneath"] = np.ones((3, 1, 9, 1, 3), "<f4")
 DESCRIPTION = {"schema": description.SCHEMA, "key": "key", "sources": [], "digest": description.digest_of(())}
-STIFFENING = {"version": np.array(3), "key": np.array("ab"), "cubic": np.ones(1, "<f4"), "signs": np.ones(2)}
-STIFFENING |= {"cubic_across": np.ones((1, 1), "<f4"), "reach": np.ones(2)}
-STIFFENING |= {"centres": 1e-3 * np.eye(3), "displacement": np.ones((3, 3, 2), "<f4"), "nodes": np.zeros((4, 3))}
-STIFFENING |= {
-    "tetrahedra": np.arange(4).reshape(1, 4),
-    "fields": np.ones((2, 6), "<f2"),
-    "cubes": np.ones((2, 4), "<f2"),
-}
-STIFFENING |= {"squares": np.ones((2, 3), "<f2"), "press": np.ones(2)}
-STIFFENING |= {"learned_centres": np.ones((3, 2), "<f4"), "learned_weights": np.ones((3, 1), "<f4")}
-_BLOCKS = [f"{name}_{block}" for name in ("energy", "series") for block in ("first", "second", "across")]
-STIFFENING |= {name: np.ones((1, 1), "<f2") for name in _BLOCKS}
-STIFFENING |= {f"{name}_scale": np.ones(1, "<f4") for name in _BLOCKS}
-STIFFENING |= {f"{name}_scale": np.ones(2, "<f4") for name in ("fields", "squares", "cubes")}
 SAMPLES = {"x": np.ones((4, 3)), "channels": np.ones((4, 2)), "memory": np.ones((4, 1)), "trajectory": np.arange(4)}
 STIMULI = {"times": np.arange(4.0), "stimuli": np.ones((4, 2))}
 ENDS = np.array([[0.0] * 3, [1.0] * 3])
@@ -314,14 +334,14 @@ READERS = (
     ),
     _reader(
         "rows of numbers",
-        "core.number_rows:lines_of",
+        "core.number_rows:lines_of core.number_rows:numbers_of",
         ".csv",
         lambda: [b"a,b\n1,2\n3,nan\n# c\n4,5\n"],
         number_rows.read_rows,
     ),
     _reader(
         "recorded poses",
-        "core.number_rows:lines_of",
+        "core.number_rows:lines_of core.number_rows:numbers_of",
         ".csv",
         lambda: [
             b"time [ms],x_mm,y_mm,z_mm,rx_deg,ry_deg,rz_deg\n0,1,2,3,0,0,90\n10,1,2,4,0,0,91\n",
@@ -335,11 +355,33 @@ READERS = (
         "screen map", "core.matching.screen_map:ScreenMap.load", ".npz", lambda: [ex.screen_map()], _use_screen_map
     ),
     _reader(
+        "measured sound card",
+        "core.stream.sound.measured:MeasuredCard.load",
+        ".json",
+        lambda: [MeasuredCard("USB Audio: #1 (hw:1,0), ALSA", 48_000, 0.8, 0.012, 1e-5, 2.0, 1.0).dumps().encode()],
+        lambda path: MeasuredCard.load(path).dumps(),
+    ),
+    _reader(
         "calibration",
-        "core.devices.calibration:Calibration.load core.devices.calibration:Calibration.loads",
+        "core.devices.calibration:Calibration.load core.devices.calibration:Calibration.loads "
+        "core.devices.response:Response.loads core.devices.frequency_response:FrequencyResponse.loads",
         ".json",
         lambda: [ex.calibration_text()],
         _use_calibration,
+    ),
+    _reader(
+        "readings of an actuator",
+        "core.number_rows:lines_of core.number_rows:numbers_of",
+        ".csv",
+        lambda: [b"driven [deg],reached [deg]\n0,0\n10,9\n20,19\n30,30\n20,20\n10,10\n0,0.5\n"],
+        response_readings.read_csv,
+    ),
+    _reader(
+        "frequency response of an actuator",
+        "core.number_rows:lines_of core.number_rows:numbers_of",
+        ".csv",
+        lambda: [b"frequency [Hz],gain [dB],phase [deg]\n20,0,-5\n50,1.5,-20\n80,-1,-45\n"],
+        frequency_response.read_csv,
     ),
     _reader("device preset", "core.presets:read", ".json", _presets("devices", *DEVICES), _use_library("devices")),
     _reader("material preset", "core.presets:read", ".json", _presets("materials", "wood"), _use_library("materials")),
@@ -373,13 +415,6 @@ READERS = (
         ".npz",
         lambda: [ex.npz(**REMAINDER)],
         lambda path: Remainder.read(path).functions(np.zeros((1, 3))),
-    ),
-    _reader(
-        "stiffening of a skin",
-        "core.stiffening.stiffening:Stiffening.read",
-        ".npz",
-        lambda: [ex.npz(**STIFFENING)],
-        lambda path: Stiffening.read(path).patterns.at(np.zeros((1, 3))),
     ),
     _reader(
         "readings of a sweep",
@@ -432,13 +467,19 @@ READERS = (
         lambda: [b"t,a,b\n0,1,2\n1,2,3\n"],
         lambda path: sensor.read_stimuli(path, 2),
     ),
-    _reader("recording", "core.number_rows:lines_of", ".csv", lambda: [ex.recording()], recordings.read_recording),
+    _reader(
+        "recording",
+        "core.number_rows:lines_of core.number_rows:numbers_of",
+        ".csv",
+        lambda: [ex.recording()],
+        recordings.read_recording,
+    ),
     _reader(
         "recorded table",
-        "core.number_rows:lines_of",
+        "core.number_rows:lines_of core.number_rows:numbers_of",
         ".csv",
         lambda: [ex.recorded_table()],
-        lambda path: recordings.read_table(path, np.ones(3), ENDS),
+        lambda path: recorded_table.read_table(path, np.ones(3), ENDS),
     ),
     _reader(
         "packets",
@@ -462,6 +503,31 @@ READERS = (
         ".bin",
         lambda: [b"DA\1\0" + bytes(8)],
         _use_torque,
+        file=False,
+    ),
+    _reader(
+        "Maestro's answers",
+        "core.stream.protocols.maestro:Maestro.receive",
+        ".bin",
+        lambda: [b"\x20\0"],
+        _use_maestro,
+        file=False,
+    ),
+    _reader(
+        "Dynamixel's answers",
+        "core.stream.protocols.bus.dynamixel:answers core.stream.protocols.bus.dynamixel:Dynamixel._describe "
+        "core.stream.protocols.bus.dynamixel:Dynamixel._measured",
+        ".bin",
+        lambda: _identity("dynamixel"),
+        lambda path: _use_servos(path, dynamixel.Dynamixel(ex.wire(), {})),
+        file=False,
+    ),
+    _reader(
+        "Feetech's answers",
+        "core.stream.protocols.bus.feetech:Feetech._word",
+        ".bin",
+        lambda: _identity("feetech"),
+        lambda path: _use_servos(path, feetech.Feetech(ex.wire(), {})),
         file=False,
     ),
     _reader(
@@ -498,7 +564,6 @@ READERS = (
 
 # What reads, and reads nothing of others: functions, or whole modules, and why they are in no table.
 OWN = {
-    "blender_addon.devices.skin_models:_reread": "the keys that the module makes itself",
     "core.matching.description:digest_of": "the engine's own sources, of which a digest is made",
     "core.matching.description:write_shipped": "what it writes itself",
     "blender_addon.comparison.compared:find": "its own child's answer",
@@ -507,7 +572,7 @@ OWN = {
     "core.kernels.building:_compiled": "writes",
     "core.kernels.building:digest": "its own sources",
     "core.kernels.building:whole": "whole by its digest, or not there",
-    "core.kernels.library:copied": "writes; its original is whole by its digest",
+    "core.kernels.library:loaded_copy": "writes; its original is whole by its digest",
     "core.matching.adapt:adapt_job": "files that it has just written",
     "core.matching.screen_map:ScreenMap.save": "writes",
     "core.matching.table:SkinTable.save": "writes",
@@ -542,6 +607,15 @@ OWN = {
     "core.stream.links.sockets:Tcp._queued": "a number of the system's",
     "core.stream.connection": "a link, not a file",
     "core.stream.links.transport": "the system's list of processes",
+    **{
+        f"core.stream.virtual.servo_bus:{name}": "the other end of the readers of smart servos, simulated"
+        for name in (
+            "DynamixelDevice._do",
+            "DynamixelDevice._instruction",
+            "DynamixelDevice._set",
+            "SimulatedServo.word",
+        )
+    },
     "core.stream.virtual.torque:TorqueDevice.feed": "the other end of the reader 'torque board', simulated",
     "core.surrogate.store:save": "writes",
     "core.sweep.devices:rows": "a scene's hash; the reader 'scene' has the rest",

@@ -10,6 +10,8 @@ from typing import Any
 
 from core import clock
 from core.presets import Library
+from core.stream.protocols import adapters
+from core.stream.protocols.wire import Wire
 from core.stream.request import StreamRequest
 from core.stream.shared_state import Heartbeat
 from core.stream.streamer import Streamer
@@ -111,7 +113,12 @@ KINDS: dict[str, Callable[..., dict[str, Any]]] = {
 
 
 def went_on(protocol: str, silence: str, found: dict[str, Any]) -> str:
-    """Return what a receiver was told that it must not be told after a suspension; '' where all is well."""
+    """Return what a receiver was told that it must not be told after a suspension; '' where all is well.
+
+    `silence`: as the address declares it; '' where the protocol alone does.
+    """
+    wire = Wire.of(Library().device(exits.device_for(protocol)))
+    silence = silence or adapters.make(protocol, wire, {}).silence.does.value
     if protocol not in ("native", "torque") and silence in ("", "unknown", "lets-go") and not found.get("led"):
         return f"{found['commands']} messages" if found["commands"] else ""
     if silence in ("keeps", "stops"):  # it was led home from where it was

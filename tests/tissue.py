@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from core.files import write_bytes, write_npz
 from core.skin.file import SCHEMA
 from core.skin.mesh import TetraMesh
+from core.skin.recovery import fitted
 from core.skin.stress import Probes, locate
 
 Array = NDArray[np.float64]
@@ -40,9 +41,8 @@ def stress_norm(stress: Array, volumes: Array) -> float:
 def probes_at(mesh: TetraMesh, points: Array) -> Probes:
     """Return probes at points in the tissue [m], shape (k, 3)."""
     points = np.asarray(points, float)
-    element, weights = locate(mesh, points)
-    assert (element >= 0).all(), "a probe lies outside the tissue"
-    return Probes(points, element, weights, np.full(len(points), np.nan), np.full(len(points), -1))
+    assert (locate(mesh, points)[0] >= 0).all(), "a probe lies outside the tissue"
+    return Probes(points, fitted(mesh, points), np.full(len(points), np.nan), np.full(len(points), -1))
 
 
 def save_mesh(mesh: TetraMesh, path: Path) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,17 +19,46 @@ from core.contact.solver.point_path import PointSolver
 from core.skin.model import SkinModel
 from core.skin.nodal_forces import NodalForces
 from core.skin.surface_store import smooth_pad
-from core.surface.gap import GapQuery
+from core.surface.gap import GapQuery, Surface
+from core.surface.kernel_body import KernelBody
 from core.surface.plane import Plane
 
 Array = NDArray[np.float64]
 
 
 class Solid(Plane):
-    """A solid by its signed distance; its top is at the origin, +Z out of it."""
+    """A solid by its signed distance; its top is at the origin, +Z out of it.
 
-    def __init__(self, distance: Callable[[Array], tuple[Array, Array]]) -> None:
+    Points of the smooth skin are chosen by a mesh of it, or of its upper side alone, 60 mm wide: forces come of the
+    distance alone.
+    """
+
+    def __init__(
+        self, distance: Callable[[Array], tuple[Array, Array]], mesh: Callable[[], Surface] | None = None
+    ) -> None:
         object.__setattr__(self, "distance", distance)
+        object.__setattr__(self, "made", mesh)
+
+    @cached_property
+    def mesh(self) -> Surface:
+        """The mesh that points are chosen by."""
+        if self.made is not None:  # type: ignore[attr-defined]
+            return self.made()  # type: ignore[attr-defined, no-any-return]
+        side = 1e-3 * np.concatenate([np.arange(-30, -12, 2), np.linspace(-12, 12, 161), np.arange(14, 31, 2)])
+        count = len(side)
+        x, y = (v.ravel() for v in np.meshgrid(side, side, indexing="ij"))
+        z = np.full(len(x), 5e-3)
+        for _ in range(200):
+            gap, _ = self.distance(np.column_stack([x, y, z]))  # type: ignore[attr-defined]
+            z = np.maximum(z - gap, -10e-3)
+        corner = (np.arange(count - 1)[:, None] * count + np.arange(count - 1)).ravel()
+        one, other = [corner, corner + count, corner + count + 1], [corner, corner + count + 1, corner + 1]
+        return Surface.build(np.column_stack([x, y, z]), np.vstack([np.transpose(one), np.transpose(other)]))
+
+    @property
+    def kernel_body(self) -> KernelBody:
+        """The mesh, as the kernels take it."""
+        return self.mesh.kernel_body
 
     def query(self, points: Array, search_radius: float = np.inf) -> GapQuery:
         """Return the signed gap as `Surface.query` does."""
@@ -53,7 +83,7 @@ def ball(radius: float) -> Solid:
         r = np.linalg.norm(v, axis=1)
         return r - radius, v / r[:, None]
 
-    return Solid(distance)
+    return Solid(distance, lambda: Surface.sphere(radius))
 
 
 def rod(radius: float, along: str = "x") -> Solid:
@@ -122,7 +152,7 @@ class Touch:
     """
 
     name: str
-    surface: Solid
+    surface: Solid | Surface
     position: Array
     pitch: Array
     roll: Array

@@ -25,7 +25,7 @@ class Compared:
     """One comparison.
 
     Attributes:
-        table: what the panel shows, see the engine's `comparison.report.as_dict`. csv, html: the files.
+        table: of the panel, see the engine's `comparison.report.as_dict`. csv, html: the files.
         edits: of `changes` when it was made. place: of the finger, which may be called otherwise by now.
     """
 
@@ -78,13 +78,13 @@ def place_of(scene: bpy.types.Scene, finger: str) -> Place | None:
 
 
 def called(scene: bpy.types.Scene, table: Mapping[str, Any], place: Place | None) -> str:
-    """Return what the finger of a table is called now; as it was called then where it is gone."""
+    """Return the present name of a table's finger; its former name where it is gone."""
     obj = place.finger(scene) if place is not None else None
     return obj.name_full if obj is not None else f"{table['finger']} (gone)"
 
 
 def asked(job_name: str, stage: str, scene: bpy.types.Scene, finger: str, **options: Any) -> Steps:
-    """Sample a scene and let a child process do a job with it; yield progress, return what it made, as bytes.
+    """Sample a scene and let a child process do a job with it; yield progress, return its result, as bytes.
 
     Args:
         options: further parameters of the job.
@@ -92,7 +92,7 @@ def asked(job_name: str, stage: str, scene: bpy.types.Scene, finger: str, **opti
     Closing the generator ends the child process.
 
     Raises:
-        DermisError: the scene cannot be sampled, or what the job refuses.
+        DermisError: the scene cannot be sampled, or the job refuses it.
     """
     import tempfile  # not before it is needed: registering shall be quick
 

@@ -36,7 +36,7 @@ _told: dict[int, Told] = {}
 
 
 def current(scene: bpy.types.Scene) -> Told | None:
-    """Return what was last found of a scene in this session."""
+    """Return the last result of a scene in this session."""
     return _told.get(scene.session_uid)
 
 

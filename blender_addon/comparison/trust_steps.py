@@ -15,7 +15,7 @@ from . import compared
 
 
 def find(scene: bpy.types.Scene) -> Steps:
-    """Sample a scene, and render it and its variants; yield progress, return and keep what was found.
+    """Sample a scene, and render it and its variants; yield progress, return and keep the result.
 
     Raises:
         DermisError: the scene cannot be sampled or rendered, or nothing came of it.
@@ -39,6 +39,6 @@ def find(scene: bpy.types.Scene) -> Steps:
         raise DermisError(
             "there is no track and no skin to judge",
             where=f"scene '{scene.name_full}'",
-            remedy="Look at what the bake reported, mend it, and bake again",
+            remedy="Look at the findings of the bake, correct the scene, and bake again",
         )
     return trusted.keep(scene, bands, edits, taken)

@@ -10,30 +10,12 @@ from mathutils import Matrix
 
 from .._core import core
 from ..devices import skin_models
-from . import demo_shapes, demo_stage
+from . import demo_shapes, demo_stage, touches
 
 NAME = "Dermis Motors"
-DEVICE = "cable_platform"
-TITLES = {
-    "flat": "Flat",
-    "back": "Back, Flat, Back",
-    "tip": "Tip, Flat, Tip",
-    "left": "Left, Flat, Left",
-    "right": "Right, Flat, Right",
-    "complex": "Complex",
-}
-_TEXTS = {
-    "flat": "The surface stays flat on the pad",
-    "back": "The surface rolls from the pad's back to flat and back again",
-    "tip": "The surface rolls from the fingertip to flat and back again",
-    "left": "The surface rolls from the pad's left side to flat and back again",
-    "right": "The surface rolls from the pad's right side to flat and back again",
-    "complex": "The surface rolls over several sides of the pad",
-}
-TOUCHES = tuple((key, title, _TEXTS[key]) for key, title in TITLES.items())
 
 
-def build(which: str, device: str = DEVICE, seed: int = 0) -> bpy.types.Scene:
+def build(which: str, device: str = touches.PLATFORM, seed: int = 0) -> bpy.types.Scene:
     """Return a new scene with one of the six interactions.
 
     Args:
@@ -44,8 +26,8 @@ def build(which: str, device: str = DEVICE, seed: int = 0) -> bpy.types.Scene:
     """
     interactions = core.design.interactions
     model: Any = skin_models.get({}, "draft", wait=True)
-    touch = interactions.interaction(which, model.positions, seed=seed)
-    scene = demo_stage.begin(f"{NAME}: {TITLES[which]}", int(interactions.FPS), touch.frame_range[1])
+    touch = interactions.interaction(which, felt_at(model), seed=seed)
+    scene = demo_stage.begin(f"{NAME}: {touches.MOTORS[which][0]}", int(interactions.FPS), touch.frame_range[1])
     finger = demo_stage.finger_with_skin(scene, "Index", device, level="draft")
     finger.dermis.finger.skin.contact = core.parameters.skin.CONTACT  # the look-up table's, even if a draft
     scene.dermis.sample_rate = interactions.RATE
@@ -57,6 +39,12 @@ def build(which: str, device: str = DEVICE, seed: int = 0) -> bpy.types.Scene:
     (chunk,) = touch.chunks
     _key(surface, chunk.frames, chunk.bodies[0])
     return demo_stage.finish(scene, (-0.09, 0.17, 0.05), (0.0, 0.0, 0.002))
+
+
+def felt_at(model: Any) -> Any:
+    """Return the points that depth is measured from [m]: where contact is solved, or pressing an edge goes too deep."""
+    pad = core.skin.surface_store.smooth_pad(model)
+    return model.positions if pad is None else pad.cells.positions
 
 
 def _key(obj: bpy.types.Object, frames: np.ndarray, poses: np.ndarray) -> None:

@@ -130,7 +130,7 @@ def _furnish(scene: bpy.types.Scene) -> None:
 
 
 def _touchable(obj: bpy.types.Object, preset: str, **values: Any) -> None:
-    """Take a material preset where there is one, and set what the demo needs whatever it says (SI)."""
+    """Take a material preset where there is one, and set the demo's own values over it (SI)."""
     obj.dermis.role = "TOUCHABLE"
     with suppress(DermisError):  # removed by the user: the values below do
         object_properties.apply_parameters(obj.dermis.material, library().material(preset))

@@ -1,4 +1,4 @@
-"""What the fingers of the example scenes touch: meshes of real size [m]."""
+"""Objects that the fingers of the example scenes touch: meshes of real size [m]."""
 
 from __future__ import annotations
 
@@ -78,11 +78,13 @@ def rod(radius: float, length: float, segments: int = 96) -> bpy.types.Mesh:
     return _bar("Rod", circle, length, [(i + n, (i + 1) % n + n, (i + 1) % n, i) for i in range(n)])
 
 
-def ribbed_plate(width: float, depth: float, thickness: float) -> bpy.types.Mesh:
+def ribbed_plate(
+    width: float, depth: float, thickness: float, period: float = RIB_PERIOD, height: float = RIB_HEIGHT
+) -> bpy.types.Mesh:
     """Return a plate whose top carries ribs along Y; the top's crests lie at z = 0."""
-    columns = round(width / RIB_PERIOD) * 12
+    columns = round(12 * width / period)
     x = np.linspace(-0.5 * width, 0.5 * width, columns + 1)
-    top = 0.5 * RIB_HEIGHT * (np.cos(2.0 * np.pi * x / RIB_PERIOD) - 1.0)
+    top = 0.5 * height * (np.cos(2.0 * np.pi * x / period) - 1.0)
     n, d = columns + 1, 0.5 * depth
     low = np.full(n, -thickness)
     rows = ((-d, top), (d, top), (d, low), (-d, low))

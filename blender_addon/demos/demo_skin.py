@@ -11,15 +11,18 @@ import math
 import bpy
 
 from . import demo_stage
-from .demo_shapes import block, ribbed_plate, ridge, sphere
+from .demo_shapes import block, ribbed_plate, ridge, rod, sphere
 from .demo_stage import BLUE, GREEN, ROSE, STEEL, add, touchable
 
 FPS = 24
 NAME = "Dermis Skin Demo"
 SPHERE_RADIUS, RIDGE_ANGLE = 6e-3, math.radians(100.0)
-HEIGHT = 12e-3  # of what is touched above the table's top, which is at 0 [m]
+HEIGHT = 12e-3  # of the touched objects above the table's top, which is at 0 [m]
 DEPTH = 1.1e-3  # of the presses [m]
+RIBS = 6e-3  # from one to the next [m]: as many as points can follow where skin slides over them
 SLIDE = 4e-3
+# What draft skins touch bends less than their nodes can follow: with those, five fingers can be played.
+BALL, BAR, WAVE = 18e-3, 18e-3, (16e-3, 0.3e-3)  # radii; period and height of a wave [m]
 TISSUES = {"Linear": "linear", "Neo-Hookean": "neo_hookean"}
 DEEP, DRAG = 1.8e-3, 2e-3  # of the two tissues' touch [m]
 
@@ -43,7 +46,7 @@ def _one(scene: bpy.types.Scene) -> None:
     spots = (0.034, 0.0, -0.034)  # from left to right as the view sees them
     touchable(add(scene, "Sphere", sphere(SPHERE_RADIUS), (spots[0], 0.0, HEIGHT - SPHERE_RADIUS), GREEN), 0.5)
     touchable(add(scene, "Edge", ridge(0.026, HEIGHT, RIDGE_ANGLE), (spots[1], 0.0, HEIGHT), BLUE), 0.5)
-    touchable(add(scene, "Plate", ribbed_plate(0.026, 0.026, HEIGHT), (spots[2], 0.0, HEIGHT), STEEL), 0.6)
+    touchable(add(scene, "Plate", ribbed_plate(0.026, 0.026, HEIGHT, RIBS), (spots[2], 0.0, HEIGHT), STEEL), 0.6)
     finger = demo_stage.finger_with_skin(scene, "Index", preset="index_medium", level="standard")
     rows: list[tuple[float, float, float, float]] = []
     for i, x in enumerate(spots):
@@ -76,17 +79,19 @@ def _tissues(scene: bpy.types.Scene) -> None:
 def _five(scene: bpy.types.Scene) -> None:
     _desk(scene, 0.17)
     top = (0.0, HEIGHT)
-    hand = (  # a finger, its preset and place along Y; what it touches, where beside it and how high, and the colour
-        ("Thumb", "thumb_medium", -0.012, "Sphere", sphere(SPHERE_RADIUS), (0.0, HEIGHT - SPHERE_RADIUS), GREEN),
-        ("Index", "index_medium", 0.004, "Edge", ridge(0.020, HEIGHT, RIDGE_ANGLE), top, BLUE),
-        ("Middle", "index_large", 0.008, "Plate", ribbed_plate(0.020, 0.026, HEIGHT), top, STEEL),
-        ("Ring", "index_medium", 0.003, "Cube", block(0.009, 0.024, HEIGHT), (4.5e-3, HEIGHT), STEEL),
+    hand = (  # a finger, its preset and place along Y; its object, where beside it and how high, and the colour
+        ("Thumb", "thumb_medium", -0.012, "Ball", sphere(BALL), (0.0, HEIGHT - BALL), GREEN),
+        ("Index", "index_medium", 0.004, "Bar", rod(BAR, 0.020), top, BLUE),
+        ("Middle", "index_large", 0.008, "Wave", ribbed_plate(0.020, 0.026, HEIGHT, *WAVE), top, STEEL),
+        ("Ring", "index_medium", 0.003, "Block", block(0.020, 0.026, HEIGHT), top, STEEL),
         ("Little", "little_medium", -0.006, "Pad", block(0.020, 0.026, HEIGHT), top, ROSE),
     )
     for i, (name, preset, y, thing, data, (beside, high), colour) in enumerate(hand):
         x = 0.027 * (i - 2)
         touchable(add(scene, thing, data, (x + beside, y, high), colour), 0.6, soft=20.0 if thing == "Pad" else 0.0)
         finger = demo_stage.finger_with_skin(scene, name, preset=preset, level="draft")
+        if thing == "Ball":  # too few of a draft's nodes carry it
+            finger.dermis.finger.skin.level = "standard"
         deep, late = HEIGHT - DEPTH, 2 * i
         demo_stage.key(
             finger,

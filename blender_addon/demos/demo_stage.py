@@ -1,4 +1,4 @@
-"""What the example scenes share: a scene in millimetres, its camera, fingers, things to touch, and their keys."""
+"""Common parts of the example scenes: a scene in millimetres, its camera, fingers, things to touch, and their keys."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def look(
     """Make the first finger active and turn the window's 3D views to a target [m]; return the views.
 
     Args:
-        turn: Euler angles of the view [deg]. colours: what the views paint objects with.
+        turn: Euler angles of the view [deg]. colours: colour type of the views.
     """
     fingers = (o for o in context.scene.objects if o.dermis.role == "FINGER")  # by name: Index comes first
     context.view_layer.objects.active = min(fingers, key=lambda o: o.name)
@@ -147,6 +147,6 @@ def _frame_timelines(context: bpy.types.Context) -> None:
 
 
 def look_at_skins(context: bpy.types.Context) -> None:
-    """Look from in front of the tips: nail, pad and what is touched are all in view."""
+    """Look from in front of the tips: nail, pad and touched object are all in view."""
     wide = sum(o.dermis.role == "FINGER" for o in context.scene.objects) > 1
     look(context, (-0.020, 0.0, 0.002 if wide else 0.004), (66.0, 0.0, 160.0), 0.175 if wide else 0.145)

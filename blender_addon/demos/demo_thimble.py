@@ -15,7 +15,7 @@ import numpy as np
 from mathutils import Euler, Matrix, Vector
 
 from .. import compat
-from . import demo_shapes, demo_stage
+from . import demo_shapes, demo_stage, touches
 
 NAME = "Dermis Thimble"
 DEVICE = "thimble_3rrs"
@@ -38,40 +38,38 @@ class Scene:
     """One of the paper's touches.
 
     Attributes:
-        title, text: for the menu. thing: what is touched.
+        thing: the touched object.
         keys: depth, x, y [mm] and pitch, roll [deg] of the object in the finger's frame, as (share of the time, value).
         soft: stiffness of the object's surface [MPa/m], 0 for rigid.
     """
 
-    title: str
-    text: str
     thing: str
     keys: Mapping[str, Keys] = field(default_factory=dict)
     soft: float = 0.0
 
 
 SCENES: Mapping[str, Scene] = {
-    "BALL": Scene("Ball", "A ball is pressed and rolled about the pad: what the device does best", "ball", {
+    "BALL": Scene("ball", {
         "depth": PRESS, "x": [(0, 0), (0.3, 0), (0.5, 3), (0.7, -3), (1, 0)],
         "y": [(0, 0), (0.4, 2), (0.6, -2), (1, 0)]}),
-    "EDGE": Scene("Edge", "An edge is pressed and turned: the device rounds it", "edge", {
+    "EDGE": Scene("edge", {
         "depth": [(0, -0.3), (0.35, 1.0), (0.75, 1.0), (1, -0.3)],
         "pitch": [(0, 0), (0.35, 0), (0.55, 15), (0.75, -15), (1, 0)], "y": [(0, 0), (0.5, 1.5), (1, 0)]}),
-    "BACK": Scene("Cylinder, Back", "A thin cylinder at the back of the pad", "rod", {
+    "BACK": Scene("rod", {
         "depth": ROD_PRESS, "y": [(0, -4), (1, -4)]}),
-    "FRONT": Scene("Cylinder, Front", "A thin cylinder at the front of the pad", "rod", {
+    "FRONT": Scene("rod", {
         "depth": ROD_PRESS, "y": [(0, 4), (1, 4)]}),
-    "PRESS": Scene("Press", "The cylinder is pressed and let go", "rod", {"depth": ROD_PRESS}),
-    "SLIDE": Scene("Slide", "The same cylinder slides along its axis: only friction differs from a press", "rod", {
+    "PRESS": Scene("rod", {"depth": ROD_PRESS}),
+    "SLIDE": Scene("rod", {
         "depth": ROD_PRESS, "x": ROD_SLIDE}),
-    "PLATE": Scene("Sliding Plate", "A plate slides sideways and back: friction makes the disc roll", "plate", {
+    "PLATE": Scene("plate", {
         "depth": [(0, -0.3), (0.25, 1.0), (0.85, 1.0), (1, -0.3)],
         "x": [(0, 0), (0.3, 0), (0.55, 3), (0.8, -3), (1, -3)]}),
-    "BLOCK": Scene("Shaken Block", "A block is held by two fingers and shaken up and down", "block"),
-    "CUP": Scene("Rim of a Cup", "The rim of a cup is pressed and turned: far from what the device can do", "cup", {
+    "BLOCK": Scene("block"),
+    "CUP": Scene("cup", {
         "depth": [(0, -0.3), (0.4, 1.0), (0.7, 1.0), (1, -0.3)],
         "roll": [(0, 0), (0.5, 12), (0.75, -12), (1, 0)], "y": [(0, -1.5), (0.5, 1.5), (1, 0)]}),
-    "FOAM": Scene("Foam", "A soft block is pressed and tilted", "plate", {
+    "FOAM": Scene("plate", {
         "depth": [(0, -0.3), (0.4, 1.6), (0.7, 1.6), (1, -0.3)], "pitch": [(0, 0), (0.5, 10), (1, 0)],
         "roll": [(0, 0), (0.3, 8), (0.7, -8), (1, 0)]}, FOAM),
 }  # fmt: skip
@@ -83,12 +81,12 @@ def build(which: str) -> bpy.types.Scene:
     Raises:
         KeyError: there is no such scene.
     """
-    what = SCENES[which]
-    scene = demo_stage.begin(f"{NAME}: {what.title}", FPS, LAST)
+    what, title = SCENES[which], touches.THIMBLE[which][0]
+    scene = demo_stage.begin(f"{NAME}: {title}", FPS, LAST)
     if what.thing == "block":
         _held(scene)
     else:
-        _touched(scene, what)
+        _touched(scene, title, what)
     return demo_stage.finish(scene, (-0.08, 0.16, 0.07), (0.0, 0.0, 0.006))
 
 
@@ -106,7 +104,7 @@ def poses(what: Scene) -> np.ndarray:
     return np.array(out)
 
 
-def _touched(scene: bpy.types.Scene, what: Scene) -> None:
+def _touched(scene: bpy.types.Scene, title: str, what: Scene) -> None:
     data = {
         "ball": lambda: demo_shapes.sphere(BALL),
         "edge": lambda: demo_shapes.ridge(0.03, 12e-3, 0.5 * math.pi, 0.5e-3),
@@ -116,7 +114,7 @@ def _touched(scene: bpy.types.Scene, what: Scene) -> None:
     }[what.thing]()
     place = {"ball": (0.0, 0.0, -BALL)}.get(what.thing, (0.0, 0.0, 0.0))
     colour = demo_stage.ROSE if what.soft else demo_stage.STEEL
-    demo_stage.touchable(demo_stage.add(scene, what.title, data, place, colour), 0.6, what.soft)
+    demo_stage.touchable(demo_stage.add(scene, title, data, place, colour), 0.6, what.soft)
     finger = _finger(scene, "Index")
     if what.thing in SHARP:
         finger.dermis.finger.skin.contact = "points"

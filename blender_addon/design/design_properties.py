@@ -1,4 +1,4 @@
-"""What the artist sets of 'How Many Motors?': parameters only. What was found is kept by `design_results`."""
+"""Settings of 'How Many Motors?': parameters only. `design_results` keeps the results."""
 
 # mypy: disable-error-code="valid-type"
 # No postponed annotations here: Blender reads the properties from them when a class is registered.
@@ -89,11 +89,7 @@ class DermisDesign(bpy.types.PropertyGroup):
         name="Rule",
         description="How many motors are enough",
         items=(
-            (
-                "touch",
-                "Of the Touch",
-                "The fewest that lose less than a tenth of the touch beyond what all motors leave",
-            ),
+            ("touch", "Of the Touch", "The fewest whose additional error is less than a tenth of the touch"),
             ("paper", "Paper's", "The fewest whose error is less than a tenth above that of all motors"),
         ),
         default="touch",
@@ -120,5 +116,5 @@ register, unregister = registration(
             type=DermisDesign, name="How Many Motors?", description="Touches and device to judge motors by"
         ),
     ),
-    forget=design_results.forget,
+    forget=(design_results,),
 )

@@ -21,7 +21,7 @@ IMAGE = "Dermis: How Many Motors?"
 
 @dataclass(frozen=True)
 class Answer:
-    """What was found.
+    """A result.
 
     Attributes:
         design: the engine's `Design`. preset: key of the preset made last, or ''. picture: where the PNG lies.
@@ -36,7 +36,7 @@ _answers: dict[int, Answer] = {}
 
 
 def current(scene: bpy.types.Scene) -> Answer | None:
-    """Return what was found in this scene's panel, in this session."""
+    """Return the result of this scene's panel, in this session."""
     return _answers.get(scene.session_uid)
 
 
@@ -75,7 +75,7 @@ def find(scene: bpy.types.Scene) -> Generator[Any, None, Any]:
         table = task.load_table(spec, Path(bpy.path.abspath(settings.table)))
         if skin is not None:
             with skin_models.one_thread():
-                model = skin_models.get(skin["skin"], skin["level"], skin["tissue"], wait=True).matched
+                model = skin_models.get(skin["skin"], skin["level"], skin["tissue"], wait=True)
     else:
         if skin is None:
             skin = {"skin": {}, "level": "draft", "tissue": "linear"}
@@ -85,7 +85,7 @@ def find(scene: bpy.types.Scene) -> Generator[Any, None, Any]:
 
 
 def touches(scene: bpy.types.Scene) -> tuple[dict[str, Any], dict[str, Any] | None]:
-    """Return what is sensed in each touch of a panel's list, by name, and the skin of the baked ones.
+    """Return the readings in each touch of a panel's list, by name, and the skin of the baked ones.
 
     Raises:
         DermisError: an empty list, a scene without a bake of a skin, different skins, or an unusable recording.
@@ -127,19 +127,19 @@ def make_preset(scene: bpy.types.Scene, found: Any) -> str:
     names = "_".join(re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_") for name in found.names)[:40].strip("_")
     key = f"{found.spec.key}_{count}_motor{'s' if count > 1 else ''}_{names}"
     coupled_preset.write_preset(made, presets_folder() / "devices" / f"{key}.json")
-    library().device(key)  # what cannot be read again must be told now
+    library().device(key)  # a preset that cannot be read again must be reported now
     active_presets.forget()
     choices.refresh()
     return key
 
 
 def preset_findings(key: str) -> tuple[Any, ...]:
-    """Return what makes a device preset unfit for streaming."""
+    """Return the reasons why a device preset cannot be streamed to."""
     return tuple(core.devices.safe_state.safe_findings(library().device(key)))
 
 
 def keep(scene: bpy.types.Scene, found: Any, preset: str) -> Answer:
-    """Draw the picture, load it as an image of the file, and remember what was found."""
+    """Draw the picture, load it as an image of the file, and remember the result."""
     folder = user_folder("designs", create=True)
     picture = folder / f"{re.sub(r'[^A-Za-z0-9_-]+', '_', scene.name)}.png"
     core.design.picture.write_picture(found, picture, scene.dermis_design.rule)
@@ -167,7 +167,7 @@ def save(scene: bpy.types.Scene, folder: Path) -> tuple[Path, ...]:
 
 
 def forget() -> None:
-    """Drop what was found."""
+    """Drop results."""
     _answers.clear()
 
 
@@ -191,7 +191,7 @@ def _baked(scene: bpy.types.Scene, settings: Any, number: int) -> tuple[dict[str
         if obj is None:
             raise DermisError("the finger is gone", where=where, value=name, remedy="Bake again")
         kept = store.skin_of(obj)
-    sensed = core.design.task.sense_touch(skins[name].matched, noise=settings.noise, seed=number)
+    sensed = core.design.task.sense_touch(skins[name], noise=settings.noise, seed=number)
     title = scene.name.split(":")[-1].strip()
-    own = {"skin": dict(kept["skin"]), "level": str(kept["level"]), "tissue": str(skins[name].model.matched.tissue)}
+    own = {"skin": dict(kept["skin"]), "level": str(kept["level"]), "tissue": str(skins[name].model.tissue)}
     return own, {title: sensed}

@@ -14,6 +14,7 @@ Family = Literal["pins", "thimble", "platform"]
 FAMILIES: tuple[Family, ...] = get_args(Family)
 
 _specs: core.recent.Recent[tuple[str, int], core.devices.spec.DeviceSpec | None] = core.recent.Recent(16)
+_hashes: core.recent.Recent[tuple[str, int], str] = core.recent.Recent(16)
 
 
 def kinds(family: Family) -> tuple[str, ...]:
@@ -23,20 +24,39 @@ def kinds(family: Family) -> tuple[str, ...]:
 
 def spec_of(preset: str, family: Family) -> core.devices.spec.DeviceSpec | None:
     """Return a preset of a family; None for others and for presets that cannot be read."""
+    spec = _spec(preset)
+    return spec if spec is not None and _drawn(spec) == family else None
 
+
+def hash_of(preset: str) -> str:
+    """Return the hash of a preset, worked out once after each edit; '' where it cannot be read."""
+
+    def hashed() -> str:
+        spec = _spec(preset)
+        return "" if spec is None else spec.hash
+
+    return _hashes.make((preset, changes.edits()), hashed)
+
+
+def follows_skin(preset: str) -> bool:
+    """Return whether a device of a preset follows the skin that it is worn on."""
+    spec = _spec(preset)
+    return spec is not None and _drawn(spec) in FAMILIES
+
+
+def _drawn(spec: core.devices.spec.DeviceSpec) -> str:
+    kind = core.devices.kinds.KINDS.get(spec.kind)
+    return "" if kind is None else kind.drawn
+
+
+def _spec(preset: str) -> core.devices.spec.DeviceSpec | None:
     def read() -> core.devices.spec.DeviceSpec | None:
         try:
             return library().device(preset)
         except DermisError:
             return None
 
-    spec = _specs.make((preset, changes.edits()), read)
-    return spec if spec is not None and spec.kind in kinds(family) else None
-
-
-def follows_skin(preset: str) -> bool:
-    """Return whether a device of a preset follows the skin that it is worn on."""
-    return any(spec_of(preset, family) is not None for family in FAMILIES)
+    return _specs.make((preset, changes.edits()), read)
 
 
 def device_of(obj: bpy.types.Object, family: Family) -> Any | None:
@@ -49,10 +69,12 @@ def device_of(obj: bpy.types.Object, family: Family) -> Any | None:
 
 def searched(device: Any) -> core.devices.spec.DeviceSpec | None:
     """Return the preset of a device whose pose is searched for: a thimble, or six legs that are not looked up."""
-    spec = spec_of(device.preset, "thimble") or spec_of(device.preset, "platform")
-    if spec is None or (spec.kind != "thimble" and device.platform_method == core.matching.thimble_use.LOOKUP):
+    spec = _spec(device.preset)
+    if spec is None or spec.kind not in ("thimble", "hexapod"):
         return None
-    return spec if spec.kind in ("thimble", "hexapod") else None
+    if spec.kind != "thimble" and device.platform_method == core.matching.thimble_use.LOOKUP:
+        return None
+    return spec
 
 
 def searched_of(obj: bpy.types.Object) -> Any | None:
@@ -66,3 +88,4 @@ def searched_of(obj: bpy.types.Object) -> Any | None:
 def forget() -> None:
     """Read presets anew."""
     _specs.clear()
+    _hashes.clear()

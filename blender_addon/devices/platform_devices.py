@@ -1,7 +1,7 @@
 """The look-up table of a finger's platform: whether it is at hand, and how it is made.
 
-A table says what a device does to one finger's skin. It is swept once for a mechanism, a size of finger and a number of
-configurations, by child processes, and kept with the skin.
+A table holds the effect of a device on one finger's skin. It is swept once for a mechanism, a size of finger and a
+number of configurations, by child processes, and kept with the skin.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def model_of(obj: bpy.types.Object) -> core.skin.model.SkinModel | None:
     """
     skin = skin_properties.parameters(obj.dermis.finger.skin)
     model = skin_models.of(skin, where=f"finger '{obj.name}', skin")
-    return None if model is None else model.matched
+    return model
 
 
 def table(obj: bpy.types.Object, device: Any) -> core.matching.table.SkinTable | None:
@@ -65,7 +65,7 @@ def missing(obj: bpy.types.Object, device: Any) -> bool:
 def make(obj: bpy.types.Object, device: Any) -> Generator[Any, None, Any]:
     """Sweep a finger's platform and keep the table; yield progress, return it.
 
-    Closing the generator ends the child processes; what they finished is kept, and the next sweep goes on from there.
+    Closing the generator ends the child processes; finished parts are kept, and the next sweep goes on from there.
 
     Raises:
         DermisError: no platform, a skin that cannot be made, or a sweep that fails.
@@ -75,7 +75,7 @@ def make(obj: bpy.types.Object, device: Any) -> Generator[Any, None, Any]:
         raise DermisError("the finger wears no platform", where=f"finger '{obj.name}'", remedy="Add one under Devices")
     yield core.pipeline.bake.Progress("skin", 0, 1)
     skin, rows = skin_properties.parameters(obj.dermis.finger.skin), int(device.table_rows)
-    yield from skin_models.tables_made(skin, followed=True)  # a bake makes them, and would look for one of that skin
+    yield from skin_models.tables_made(skin)  # a bake makes them, and would look for one of that skin
     steps = swept(spec, skin["skin"], skin["skin_level"], rows, skin["tissue"])
     model, made = yield from steps
     core.matching.lookup.keep_table(model, spec, rows, made)
@@ -85,7 +85,7 @@ def make(obj: bpy.types.Object, device: Any) -> Generator[Any, None, Any]:
 def make_missing(scene: bpy.types.Scene) -> Generator[Any, None, None]:
     """Make the tables that a bake will need, so that it has progress and can be stopped.
 
-    What cannot be made is left to the bake, which leaves that device out and says why.
+    A table that cannot be made is left to the bake, which leaves that device out and says why.
     """
     for obj in sorted((o for o in scene.objects if o.dermis.role == "FINGER"), key=lambda o: o.name):
         for device in obj.dermis.finger.devices:
@@ -105,7 +105,7 @@ def swept(
         DermisError: a skin that cannot be made, or a sweep that fails.
     """
     with skin_models.one_thread():
-        model = skin_models.get(skin, level, tissue, wait=True).matched
+        model = skin_models.get(skin, level, tissue, wait=True)
     material = {k: float(v) for k, v in skin.items() if k in ("young", "poisson", "alpha")}
     lengths = {k: v for k, v in skin.items() if k not in material}
     shape = core.skin.shape.shape_from_parameters(lengths)
@@ -119,7 +119,7 @@ def swept(
             executor=executor,
             material=material,
             points=core.surrogate.press_points.press_points(model),
-            stiffening=model.stiffening,
+            tissue=model.tissue,
         )
         while True:
             try:

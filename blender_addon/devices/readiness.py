@@ -1,4 +1,4 @@
-"""Which kinds of devices the fingers wear, and whether what these need is at hand: an adaptation, a table."""
+"""Which kinds of devices the fingers wear, and whether their adaptation or table is at hand."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ActiveDevices = Mapping[str, Mapping[str, int]]
 
 
 class Ready(NamedTuple):
-    """What is at hand: figures of the adaptation or the table, None for nothing; or in words why it cannot be used."""
+    """Figures of the adaptation or the table at hand, None for none; or in words why it cannot be used."""
 
     figures: Any = None
     trouble: str = ""
@@ -37,9 +37,9 @@ def active_devices(scene: bpy.types.Scene) -> ActiveDevices:
 
 
 def of(obj: bpy.types.Object) -> Mapping[str, Ready]:
-    """Return what a finger's 'thimble' and 'platform' have, looked up once after each change, and when a table comes.
+    """Return the readiness of a finger's 'thimble' and 'platform', looked up after each change, and when a table comes.
 
-    What the finger does not wear is left out, and everything while its skin is being made.
+    Devices that the finger does not wear are left out, and all while its skin is being made.
     """
     key = (obj.session_uid, changes.edits(), skin_models.tables_there())
     if key in _ready:

@@ -25,7 +25,7 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
         less: fewer 'trajectories' or 'iterations', for tests.
 
     Raises:
-        DermisError: no thimble, a preset or skin that cannot be used, or what the child process says.
+        DermisError: no thimble, a preset or skin that cannot be used, or an error of the child process.
     """
     device = active_presets.searched_of(obj)
     spec = active_presets.searched(device) if device is not None else None
@@ -47,12 +47,12 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
         **less,
     }
     where = f"finger '{obj.name}', skin"
-    # a bake makes them, and would then look for what was learned on points
-    yield from skin_models.tables_made(skin, followed=True)
+    # a bake makes them, and would then look for an adaptation learned on points
+    yield from skin_models.tables_made(skin)
     yield core.pipeline.bake.Progress("starting", 0, 1)
     with skin_models.one_thread():
         model = thimble_devices.pressed(obj, skin_models.of(skin, where=where, wait=True))
-        parameters["tissue"] = model.tissue  # linear where there is no series
+        parameters["tissue"] = model.tissue
         mechanism = core.matching.thimble_use.disc_device(spec, model, use)
         target = core.surrogate.store.place_of(folder, model, *mechanism)
     older, done = target.is_file(), False
@@ -69,7 +69,7 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
 
 
 def status(device: Any, model: Any) -> dict[str, Any] | None:
-    """Return what is known of the adaptation to a skin, such as 'network_error'; None where there is none.
+    """Return the figures of the adaptation to a skin, such as 'network_error'; None where there is none.
 
     Raises:
         DermisError: a preset or settings that cannot be used.
@@ -84,7 +84,7 @@ def _meta(path: Path) -> dict[str, Any]:
     try:
         with core.npz.opened_npz(path) as archive:
             meta = core.foreign.json_of(archive.array("meta").tobytes(), str(path))
-    except DermisError:  # the bake says what is wrong
+    except DermisError:  # the bake reports the error
         return {}
     return meta if isinstance(meta, dict) else {}
 

@@ -40,8 +40,7 @@ def method_of(device: Any) -> str:
 
 def pressed(finger: bpy.types.Object, model: Any) -> Any:
     """Return a finger's skin as a thimble is matched on it: where its touches are solved, the disc follows them."""
-    matched = model.matched
-    return matched.on_nodes if finger.dermis.finger.skin.contact == "nodes" else matched
+    return model.on_nodes if finger.dermis.finger.skin.contact == "nodes" else model
 
 
 def use_of(device: Any) -> dict[str, Any]:
@@ -71,7 +70,7 @@ def _key(spec: Any, model: Any, values: dict[str, Any]) -> str:
 
 
 def waits(finger: bpy.types.Object, device: Any, model: Any) -> str:
-    """Return what a thimble on a finger waits for, '' where all that it is followed by is there.
+    """Return in words why a thimble on a finger waits, '' where all that following it needs is there.
 
     A child process makes the tables where they never were, and a thread reads them. Without a window nothing waits.
 

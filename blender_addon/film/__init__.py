@@ -1,4 +1,4 @@
-"""What a bake gave, as objects for films and figures; made when somebody asks, and never written by a handler."""
+"""Results of a bake as objects for films and figures; made on request, and never written by a handler."""
 
 from .. import on_demand
 

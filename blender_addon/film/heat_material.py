@@ -17,7 +17,7 @@ from ..viewport import skin_colours
 
 NAME = "Dermis Heat Map"
 STOPS = 32  # at most, of Blender's colour ramps
-GAMMA = 2.2  # of the screen: the view darkens what is seen from the side in its colours, not in light
+GAMMA = 2.2  # of the screen: the view darkens faces seen from the side in its colours, not in light
 
 
 def material() -> bpy.types.Material:

@@ -21,7 +21,7 @@ def draw(scene: bpy.types.Scene, attribute: str, quantity: str, top: float, tabl
     """Put the legend before the scene's camera, in place of one made before; return it, None without a camera.
 
     Args:
-        attribute, quantity: what the colours show, and its key in `skin_field.QUANTITIES`. top: their end [SI].
+        attribute, quantity: of the colours, and its key in `skin_field.QUANTITIES`. top: their end [SI].
         table: of the colours.
     """
     camera = scene.camera

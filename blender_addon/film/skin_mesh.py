@@ -1,6 +1,6 @@
-"""The deformed skin of a baked finger as a mesh that plays, with what it feels as attributes of its vertices.
+"""The deformed skin of a baked finger as a mesh that plays, with stress, pressure and displacement as attributes.
 
-The same surface and the same values as the heat map in the view, so that a figure shows what the view showed.
+The same surface and the same values as the heat map in the view, so that a figure equals the view.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ TOPS = "dermis_tops"  # the largest value of each over all frames, kept with the
 
 
 class Made(NamedTuple):
-    """A finger's skin over its frames: triangles, shape (t, 3), what they do, and how far the bone gives way [m]."""
+    """A finger's skin over its frames: triangles, shape (t, 3), their movement, and the bone's displacement [m]."""
 
     finger: str
     place: Place

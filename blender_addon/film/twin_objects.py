@@ -74,7 +74,7 @@ def work_out(scene: bpy.types.Scene, fingers: Sequence[str]) -> Steps:
 
 
 def place(scene: bpy.types.Scene, made: Sequence[Made]) -> list[bpy.types.Object]:
-    """Put twins into the scene, in place of those made before; return what each hangs on, an empty a device."""
+    """Put twins into the scene, in place of those made before; return their parents, an empty a device."""
     roots = []
     for twin in made:
         finger = twin.place.finger(scene)

@@ -38,7 +38,7 @@ class Piece(NamedTuple):
 
 
 def pieces_of(scene: bpy.types.Scene, finger: bpy.types.Object, rows: Sequence[Row]) -> list[Piece]:
-    """Return the pieces of a device from what it does at each frame; none for a device that is only drawn as values.
+    """Return the pieces of a device from its state at each frame; none for a device that is only drawn as values.
 
     Raises:
         DermisError: a preset or commands for which there is no pose, or a skin that is still being made.

@@ -3,3 +3,6 @@
 from .. import on_demand
 
 on_demand.modules_of(globals())
+
+FINGERS = ("thumb", "index", "middle", "ring", "little")
+LEFT, RIGHT = "L", "R"

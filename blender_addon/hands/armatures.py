@@ -38,11 +38,19 @@ def part_of_hand(obj: bpy.types.Object | None) -> bool:
 
 def linked_parts(obj: bpy.types.Object) -> tuple[bpy.types.Object, ...]:
     """Return the meshes and empties, of no zero size, of the whole tree that an object is part of, its root first."""
-    root = obj
-    while root.parent is not None:
-        root = root.parent
-    tree = (o for o in (root, *root.children_recursive) if o.type in _PARTS and sized(o))
+    tree = (o for o in _tree(obj) if o.type in _PARTS and sized(o))
     return tuple(o for o in tree if o.dermis.role not in ("FINGER", "SCREEN"))
+
+
+def beside(armature: bpy.types.Object) -> list[bpy.types.Object]:
+    """Return the armatures, of bones and no zero size, of the whole tree that one is part of."""
+    return [o for o in _tree(armature) if o.type == "ARMATURE" and o.data.bones and sized(o)]
+
+
+def _tree(obj: bpy.types.Object) -> tuple[bpy.types.Object, ...]:
+    while obj.parent is not None:
+        obj = obj.parent
+    return (obj, *obj.children_recursive)
 
 
 def bones_of_parts(

@@ -39,20 +39,27 @@ _Values = Mapping[str, Any]  # of a skin preset, in SI
 
 @dataclass(frozen=True)
 class Tip:
-    """One finger to be attached: its bone, and whether its nail is to be on the other side than was found."""
+    """One finger to be attached.
+
+    Attributes:
+        bone: that carries it. flip: its nail is to be on the other side than was found.
+        width: of the finger [m]; 0 for the hand's.
+    """
 
     finger: str
     bone: str
     flip: bool = False
+    width: float = 0.0
 
 
 def attach(
-    context: bpy.types.Context, rig: Rig, hand: Hand, tips: Sequence[Tip]
+    context: bpy.types.Context, rig: Rig, hand: Hand, tips: Sequence[Tip], side: str
 ) -> tuple[list[bpy.types.Object], list[Finding], list[Fit]]:
-    """Put fingers on bones; return them, what may be wrong about them, and how each fits.
+    """Put fingers on bones; return them, warnings about them, and how each fits.
 
     Args:
         hand: which the tips are of; a tip whose bone the hand does not know takes the bones that carry it.
+        side: by which the fingers are called, 'L' or 'R'; '' for none.
 
     Raises:
         DermisError: a bone that is not there, or fingers of no size that a skin can have; nothing was made.
@@ -62,7 +69,6 @@ def attach(
     fits = [_fit(context, rig, hand.chains[tip.finger], tip, found, presets) for tip in tips]
     for tip, fitted in zip(tips, fits, strict=True):
         _judge(rig, tip, _scaled(presets[fitted.preset], fitted))
-    side = hand.side or found.side
     made = []
     for tip, fitted in zip(tips, fits, strict=True):
         obj = _make(
@@ -83,10 +89,14 @@ def misses(fitted: Fit) -> bool:
 
 def told(fitted: Fit) -> str:
     """Return in words how wide a finger is, and whether its pad lies on skin."""
-    wide = f"{1e3 * fitted.width:.1f} mm wide"
+    return f"{1e3 * fitted.width:.1f} mm wide, {where(fitted)}"
+
+
+def where(fitted: Fit) -> str:
+    """Return in words whether a pad lies on skin."""
     if fitted.miss is None:
-        return f"{wide}, no skin found"
-    return f"{wide}, {1e3 * fitted.miss:.1f} mm off the skin" if misses(fitted) else f"{wide}, on the skin"
+        return "no skin found"
+    return f"{1e3 * fitted.miss:.1f} mm off the skin" if misses(fitted) else "on the skin"
 
 
 def _chain(rig: Rig, hand: Hand, tip: Tip) -> Chain:
@@ -116,7 +126,7 @@ def _fit(
     """Return a tip's fit at rest."""
     nail = -found.directions[tip.finger] if tip.flip else found.directions[tip.finger]
     own = {key: presets[key] for key in PRESETS[tip.finger]}
-    return fit(joints(rig.bones, chain), nail, rig.skin_of(chain), own, metres_per_unit(context.scene))
+    return fit(joints(rig.bones, chain), nail, rig.skin_of(chain), own, metres_per_unit(context.scene), tip.width)
 
 
 def _presets() -> dict[str, _Values]:
@@ -177,7 +187,7 @@ def _collection(context: bpy.types.Context, armature: bpy.types.Object) -> bpy.t
 
 
 def _doubts(rig: Rig, hand: Hand, found: Nails, tips: Sequence[Tip], fits: Sequence[Fit]) -> list[Finding]:
-    """Return what may be wrong about the fingers of a hand."""
+    """Return warnings about the fingers of a hand."""
     doubts = []
 
     def doubt(code: str, what: str, remedy: str, value: str | None = None) -> None:

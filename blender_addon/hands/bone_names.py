@@ -1,4 +1,4 @@
-"""What the names of bones say: which finger, which hand, and which place along the finger. Knows nothing of Blender.
+"""Meaning of bone names: finger, hand, and place along the finger. Knows nothing of Blender.
 
 A name is cut into words and each word is looked up, so that one table reads `f_index.03.L` and `DEF-f_index.03.L`
 (Rigify), `index_03_l` (Unreal, MetaHuman), `mixamorig:LeftHandIndex3` (Mixamo), `finger2-3.L` (MakeHuman),
@@ -14,8 +14,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 
-FINGERS = ("thumb", "index", "middle", "ring", "little")
-LEFT, RIGHT = "L", "R"
+from . import FINGERS, LEFT, RIGHT
+
 END = 99  # the place of what only marks a finger's end
 
 _FINGER_WORDS = {
@@ -47,12 +47,12 @@ _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_A-Za-z]+")
 
 @dataclass(frozen=True)
 class Label:
-    """What a bone's name says.
+    """Meaning of a bone's name.
 
     Attributes:
         finger: one of `FINGERS`. side: 'L', 'R', or '' where the name does not say.
         place: along the finger: 0 a metacarpal, then from the palm outwards, `END` past the last bone.
-        style: what else is in the name: the same for bones of one layer of a rig, such as ('def',).
+        style: the rest of the name: the same for bones of one layer of a rig, such as ('def',).
     """
 
     finger: str
@@ -147,7 +147,7 @@ def _read(name: str) -> tuple[Label | None, int | None]:
 
 
 def _parted(word: str) -> list[str]:
-    """Cut what is written together, such as 'lefthandindex', where all of it is known."""
+    """Split joined words, such as 'lefthandindex', where all of it is known."""
     if word in _LONG or word.isdecimal():
         return [word]
     for size in range(len(word) - 1, 1 if word < "~" else 0, -1):
@@ -163,7 +163,7 @@ def order(names: tuple[str, ...], fingers: tuple[str, ...]) -> tuple[int, ...]:
     """Return in which order fingers are shown: a hand's fingers from the thumb on, then others as the scene has them.
 
     Args:
-        names: of fingers, or of what is theirs, as 'Index: thimble'. fingers: all of the scene's.
+        names: of fingers, or of their parts, as 'Index: thimble'. fingers: all of the scene's.
     """
     said = labels(fingers)
 

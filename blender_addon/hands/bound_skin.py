@@ -18,7 +18,7 @@ _LEAST = 0.05  # weight below which a vertex does not follow a bone
 
 @dataclass(frozen=True)
 class BoundSkin:
-    """What is bound to an armature.
+    """Meshes bound to an armature.
 
     Attributes:
         triangles: of each bone that moves vertices more than any other bone does, in scene units, shape (t, 3, 3).

@@ -12,6 +12,7 @@ from .bone_names import FINGERS, Label, is_foot, labels, side_of
 from .skeleton import Bone, Chain, Hand, ancestors, ended, joints
 
 _FEWEST, _MOST = 3, 5  # fingers of a hand
+_ALONG = 0.7  # of the way from a bone's head to the next bone: what begins before, and carries nothing, is a helper
 _DISTINCT = 0.35  # [rad] how far one of four fingers points away from the others' mean if it is a thumb
 
 
@@ -24,9 +25,7 @@ def branched_hands(bones: Mapping[str, Bone], weighted: Collection[str] = ()) ->
     Args:
         weighted: names of bones that vertices follow.
     """
-    children: dict[str, list[str]] = defaultdict(list)
-    for bone in bones.values():
-        children[bone.parent].append(bone.name)
+    children = _children(bones)
     said = labels(bones)
     palms: dict[str, list[list[str]]] = {}
     for name in bones:
@@ -77,6 +76,23 @@ def _names(bones: Mapping[str, Bone], palm: str, below: list[list[str]]) -> list
 
 def _carries(bones: Mapping[str, Bone], palms: Mapping[str, list[list[str]]], palm: str, other: str) -> bool:
     return palm in ancestors(bones, other)[1:] and len(palms[other]) >= len(palms[palm])
+
+
+def _children(bones: Mapping[str, Bone]) -> dict[str, list[str]]:
+    """Return what hangs on each bone, without helpers: what only twists or bulges with it leads nowhere.
+
+    A helper carries nothing, and begins well before another one on the same bone, or where that bone itself does.
+    """
+    children: dict[str, list[str]] = defaultdict(list)
+    for bone in bones.values():
+        children[bone.parent].append(bone.name)
+    found: dict[str, list[str]] = defaultdict(list)
+    for parent, names in children.items():
+        at = bones[parent].head if parent in bones else None
+        away = {name: 0.0 if at is None else float(np.linalg.norm(bones[name].head - at)) for name in names}
+        least = _ALONG * max(away.values())
+        found[parent] = [name for name in names if at is None or children.get(name) or 0.0 < away[name] >= least]
+    return found
 
 
 def _leaves(children: Mapping[str, list[str]], name: str) -> list[str]:

@@ -38,7 +38,12 @@ class Fit:
 
 
 def fit(
-    line: Array, nail: Array, triangles: Array | None, presets: Mapping[str, Mapping[str, float]], unit: float
+    line: Array,
+    nail: Array,
+    triangles: Array | None,
+    presets: Mapping[str, Mapping[str, float]],
+    unit: float,
+    width: float = 0.0,
 ) -> Fit:
     """Return where the fingertip of a finger is.
 
@@ -47,19 +52,25 @@ def fit(
         nail: direction of the nail, square to the last phalanx.
         triangles: of the skin round it, in scene units, shape (t, 3, 3); None where there is none.
         presets: their lengths [m]. unit: metres in a scene unit.
+        width: of the finger, where somebody has said it [m]; 0 where the hand says it.
     """
     joint, ahead = line[-2], line[-1] - line[-2]
     length = float(np.linalg.norm(ahead))
     y = ahead / length
     axes = np.stack([np.cross(y, nail), y, nail], axis=1)
     key, scale = _nearest(presets, {"length": length * unit})
+    by_bone = scale
+    if width:
+        key, scale = _as_wide(presets, width)
     size = presets[key]
     place = np.array([0.0, length * unit - scale * size["tip"], -scale * MIDDLE * size["thickness"]])
     on_skin = False
     if triangles is not None and len(triangles) >= _FEWEST:
-        found = _on_skin((triangles - joint) @ axes * unit, length * unit, presets, key, scale)
-        if found is not None and _TRUSTED[0] < found[2] / scale < _TRUSTED[1]:
-            (place, key, scale), on_skin = found, True
+        here = (triangles - joint) @ axes * unit
+        found = _on_skin(here, length * unit, presets, key, scale)
+        if found is not None and _TRUSTED[0] < found[2] / by_bone < _TRUSTED[1]:
+            said = _on_skin(here, length * unit, presets, key, scale, steps=0) if width else None
+            (place, key, scale), on_skin = said or found, True
     origin = joint + axes @ place / unit
     miss = None if triangles is None or not len(triangles) else unit * distance(origin, triangles)
     return Fit(origin, axes, key, scale, on_skin, scale * presets[key]["width"], miss)
@@ -90,7 +101,7 @@ def section(triangles: Array, height: float) -> Array:
 
 
 def _nearest(presets: Mapping[str, Mapping[str, float]], measured: Mapping[str, float]) -> tuple[str, float]:
-    """Return the preset whose lengths have to be scaled least, and the scale: the mean over what was measured, or 1."""
+    """Return the preset whose lengths have to be scaled least, and the scale: the mean over measured lengths, or 1."""
     scales = {
         key: float(np.exp(np.mean([np.log(value / lengths[name]) for name, value in measured.items()])))
         for key, lengths in presets.items()
@@ -99,17 +110,34 @@ def _nearest(presets: Mapping[str, Mapping[str, float]], measured: Mapping[str, 
     return key, 1.0 if abs(np.log(scales[key])) < _SAME else scales[key]
 
 
+def _as_wide(presets: Mapping[str, Mapping[str, float]], width: float) -> tuple[str, float]:
+    """Return the preset that has to be scaled least to be as wide as somebody says, and the scale."""
+    scales = {key: width / lengths["width"] for key, lengths in presets.items()}
+    key = min(scales, key=lambda k: abs(np.log(scales[k])))
+    return key, scales[key]
+
+
 def _on_skin(
-    triangles: Array, length: float, presets: Mapping[str, Mapping[str, float]], key: str, scale: float
+    triangles: Array,
+    length: float,
+    presets: Mapping[str, Mapping[str, float]],
+    key: str,
+    scale: float,
+    *,
+    steps: int = _STEPS,
 ) -> tuple[Array, str, float] | None:
-    """Return the pad's centre [m], preset and scale by a surface in the finger's frame at its last joint [m]."""
+    """Return the pad's centre [m], preset and scale by a surface in the finger's frame at its last joint [m].
+
+    Args:
+        steps: of the size from the surface; 0 keeps preset and scale.
+    """
     points = triangles.reshape(-1, 3)
     points = points[points[:, 1] > 0.3 * length]
     if len(points) < _FEWEST:
         return None
     low, high = points[:, 2].min(), points[:, 2].max()
     tip = float(points[points[:, 2] <= low + 0.6 * (high - low), 1].max())  # nails and claws reach beyond it
-    for _ in range(_STEPS):
+    for step in range(steps + 1):
         y = tip - scale * presets[key]["tip"]
         ring = section(triangles, y)
         if len(ring) < 4:
@@ -117,10 +145,10 @@ def _on_skin(
         (left, _, bottom), (right, _, top) = ring.min(axis=0), ring.max(axis=0)
         if right <= left or top <= bottom:
             return None
-        key, scale = _nearest(presets, {"width": right - left, "thickness": top - bottom})
         x = 0.5 * (left + right)
-    y = tip - scale * presets[key]["tip"]
-    return np.array([x, y, _bottom(section(triangles, y), x, 0.2 * (right - left))]), key, scale
+        if step < steps:
+            key, scale = _nearest(presets, {"width": right - left, "thickness": top - bottom})
+    return np.array([x, y, _bottom(ring, x, 0.2 * (right - left))]), key, scale
 
 
 def _bottom(ring: Array, x: float, near: float) -> float:

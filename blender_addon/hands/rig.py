@@ -48,11 +48,15 @@ class Rig:
         return ", ".join(f"armature '{armature.name}'" for armature in self.armatures)
 
     def by_side(self) -> dict[str, Hand]:
-        """Return the hands by side ('L', 'R'), those meant first; where names do not say, as their bones lie."""
+        """Return the hands by `side_of`, those meant first."""
         found: dict[str, Hand] = {}
         for hand in self.hands:
-            found.setdefault(hand.side or self.nails(hand).side or RIGHT, hand)
+            found.setdefault(self.side_of(hand), hand)
         return found
+
+    def side_of(self, hand: Hand) -> str:
+        """Return a hand's side ('L', 'R'): as names say, else as its bones lie; '' where neither tells."""
+        return hand.side or self.nails(hand).side
 
     def nails(self, hand: Hand) -> Nails:
         """Return where a hand's nails look at rest."""
@@ -101,6 +105,8 @@ def read(context: bpy.types.Context) -> Rig:
     if context.mode == "OBJECT":
         selected = dict.fromkeys(filter(None, map(armatures.armature_of, context.selected_objects)))
         parts = [part for part in selected if part.data.bones and armatures.sized(part)]
+        if len(parts) < 2:  # one drive of a hand may stand for all
+            parts = armatures.beside(armature)
         if len(parts) > 1 and not any(_of(context, (part,)).hands for part in parts):
             several = _of(context, (armature, *(part for part in parts if part != armature)))
             if several.hands:

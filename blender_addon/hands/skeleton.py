@@ -14,7 +14,7 @@ import numpy as np
 from .._core import Array
 from .bone_names import END, FINGERS, Label, is_wrist, labels, side_of
 
-PHALANGES = 3  # of a finger; what comes before them lies in the palm
+PHALANGES = 3  # of a finger; earlier bones lie in the palm
 LIKELY = (0.35, 1.7)  # length of a last phalanx over that of the one before it
 _STRAIGHT = 0.3  # cosine between the two: beyond it, an importer has made up where the bone ends
 _DISTAL = 0.8  # length of a last phalanx over that of the one before it, where nothing says
@@ -129,7 +129,7 @@ def joints(bones: Mapping[str, Bone], chain: Chain) -> Array:
 def named_hands(bones: Mapping[str, Bone], weighted: Collection[str] = ()) -> list[Hand]:
     """Return a hand for each side and layer of bones with names of fingers, layers with the shortest names first.
 
-    A rig may have several layers of bones: controls, mechanisms, what deforms.
+    A rig may have several layers of bones: controls, mechanisms, deforming bones.
 
     Args:
         weighted: names of bones that vertices follow.

@@ -5,8 +5,8 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 from mathutils import Euler, Matrix
 
+from .. import fingertip_mesh
 from ..demos import demo_scene
-from ..fingertip_mesh import mesh
 from ..placing import surfaces
 from ..polls import needs
 from ..properties import scene_properties
@@ -39,7 +39,7 @@ class DERMIS_OT_add_finger(bpy.types.Operator):
         solids = [o for o in context.visible_objects if o.type == "MESH" and o.dermis.role != "FINGER"]
         at = context.scene.cursor.location
         spot = surfaces.way_out(solids, at, context.evaluated_depsgraph_get())
-        obj = bpy.data.objects.new("Finger", mesh(metres_per_unit(context.scene)))
+        obj = bpy.data.objects.new("Finger", fingertip_mesh.mesh(metres_per_unit(context.scene)))
         _place(context, obj)
         if spot is not None:
             surfaces.lie(obj, spot, 0.0)
@@ -67,7 +67,7 @@ class DERMIS_OT_add_screen(bpy.types.Operator):
     )
     relief: EnumProperty(
         name="Relief",
-        description="What there is to feel at first",
+        description="Content of the new screen",
         items=(("BUMPS", "Bumps", "An image of round bumps to start from"), ("NONE", "None", "Choose an image later")),
     )
     frame_view: BoolProperty(name="Zoom In", description="Bring the screen into view", default=True)

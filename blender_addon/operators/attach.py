@@ -1,15 +1,14 @@
 # mypy: disable-error-code="valid-type"
-"""Attach fingers to the hand of an armature; what was found can be corrected in the panel of the last operation."""
+"""Attach fingers to the hand of an armature; the panel of the last operation corrects the result."""
 
 from typing import TYPE_CHECKING, Any
 
 import bpy
-from bpy.props import BoolProperty, CollectionProperty, EnumProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from .. import choices, reporting
+from .. import choices, layouts, reporting
 from .._core import DermisError, Finding
-from ..hands import armatures, attachment, rig
-from ..hands.bone_names import FINGERS, LEFT, RIGHT
+from ..hands import FINGERS, LEFT, RIGHT, armatures, attachment, rig
 from ..polls import needs
 from ..preferences import library
 from ..properties import scene_properties
@@ -18,21 +17,43 @@ from .work import Work, counted, select_only, zoom
 if TYPE_CHECKING:
     from ..hands.skeleton import Hand
 
-SIDES = {LEFT: "left hand", RIGHT: "right hand"}
+REDO_PANEL = 300.0  # wide [px at scale 1], whatever is in it
+SIDES = {LEFT: "left hand", RIGHT: "right hand", "": "hand"}
 
 
 def has_hand(context: bpy.types.Context) -> bool:
-    """Return whether an armature is selected, or what it moves, where fingers can be attached."""
+    """Return whether an armature, or its mesh, is selected where fingers can be attached."""
     return context.mode in ("OBJECT", "POSE") and armatures.part_of_hand(context.object)
 
 
 class DermisTip(bpy.types.PropertyGroup):
     """A finger of a hand, and the bone that carries its tip; its name is the finger's."""
 
-    side: StringProperty(name="Side", description="L or R")
+    side: StringProperty(name="Side", description="L or R, empty where nothing tells which")
     bone: StringProperty(name="Bone", description="The last bone of this finger")
     use: BoolProperty(name="Attach", description="Put a finger on this bone", default=True)
     flip: BoolProperty(name="Flip", description="Turn it half round: the nail comes where the pad is")
+
+
+class DermisTipSize(bpy.types.PropertyGroup):
+    """How large a finger of a hand is. By itself, since scripts have to give all that `DermisTip` has."""
+
+    width_mm: FloatProperty(
+        name="Width [mm]",
+        description="How wide the finger is: found on the hand until it is set here; 0 finds it again",
+        min=0.0,
+        soft_max=40.0,
+        precision=1,
+        step=10,
+    )
+    found_mm: FloatProperty(
+        name="Found Width [mm]", description="The width that was found on the hand", options={"HIDDEN"}
+    )
+
+    @property
+    def said(self) -> float:
+        """The width that somebody has set [m]; 0 where it is the one that was found."""
+        return 0.0 if abs(self.width_mm - self.found_mm) < 1e-3 else 1e-3 * float(self.width_mm)
 
 
 @needs(
@@ -68,13 +89,16 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
         description="Preset of a device to put on each finger; empty for none",
         search=lambda _self, _context, text: choices.search("devices", text),
     )
-    skin: BoolProperty(name="Show Skin", description="Solve and show what the skin of each finger feels")
+    skin: BoolProperty(name="Show Skin", description="Solve and show the state of each finger's skin")
     tips: CollectionProperty(
         name="Fingertips", description="Fingers and their bones", type=DermisTip, options={"SKIP_SAVE"}
     )
+    sizes: CollectionProperty(
+        name="Sizes", description="How wide each finger is", type=DermisTipSize, options={"SKIP_SAVE"}
+    )
     fits: StringProperty(
         name="Fits",
-        description="A line for each fingertip: how wide it is, and how far its pad is off the skin",
+        description="A line for each fingertip: how far its pad is off the skin",
         options={"HIDDEN", "SKIP_SAVE"},
     )
     found_for: StringProperty(
@@ -101,12 +125,17 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
         made: list[bpy.types.Object] = []
         doubts: list[Finding] = []
         lines = [""] * len(self.tips)
+        while len(self.sizes) < len(self.tips):
+            self.sizes.add()
         for side, hand in hands.items():
-            used = [k for k, t in enumerate(self.tips) if t.use and t.side == side]
-            tips = [attachment.Tip(t.name, t.bone, t.flip) for t in (self.tips[k] for k in used)]
-            fingers, said, fits = attachment.attach(context, hung, hand, tips)
+            used = [k for k, t in enumerate(self.tips) if t.use and (t.side == side or not (t.side and side))]
+            rows = ((self.tips[k], self.sizes[k]) for k in used)
+            tips = [attachment.Tip(t.name, t.bone, t.flip, size.said) for t, size in rows]
+            fingers, said, fits = attachment.attach(context, hung, hand, tips, side)
             for k, fitted in zip(used, fits, strict=True):
-                lines[k] = attachment.told(fitted)
+                lines[k] = attachment.where(fitted)
+                if not self.sizes[k].said:
+                    self.sizes[k].width_mm = self.sizes[k].found_mm = 1e3 * fitted.width
             made += fingers
             doubts += said
         self.fits = "\n".join(lines)
@@ -115,19 +144,18 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
         reporting.report_findings(self, doubts, self.bl_label, f"{what}.")
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw a row for each finger: whether, which bone, and which way round."""
+        """Draw two rows for each finger: whether, which bone, which way round; how wide, and whether it is on skin."""
         layout: Any = self.layout
         armature: Any = armatures.armature_of(context.object)
         layout.row(align=True).prop(self, "hand", expand=True)
-        column = layout.column(align=True)
-        column.prop(self, "reading")
+        layout.prop(self, "reading")
         for line in self.told.splitlines():
-            column.label(text=line)
+            layouts.words(layout, line, REDO_PANEL)
         column = layout.column(align=True)
         lines = self.fits.split("\n")
         for k, tip in enumerate(self.tips):
             row = column.row(align=True)
-            row.prop(tip, "use", text=f"{tip.name.title()} {tip.side}")
+            row.prop(tip, "use", text=f"{tip.name.title()} {tip.side}".rstrip())
             bone = row.row(align=True)
             bone.active = tip.use
             if armature is None or (tip.bone and tip.bone not in armature.data.bones):  # of several parts
@@ -135,10 +163,10 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
             else:
                 bone.prop_search(tip, "bone", armature.data, "bones", text="")
             bone.prop(tip, "flip", text="", icon="UV_SYNC_SELECT", toggle=True)
-            if tip.use and k < len(lines) and lines[k]:
-                said = column.row()
-                said.active = False
-                said.label(text=lines[k], icon="BLANK1" if " off" not in lines[k] else "ERROR")
+            if tip.use and k < min(len(lines), len(self.sizes)) and lines[k]:
+                row = column.row()
+                row.prop(self.sizes[k], "width_mm")
+                row.label(text=lines[k], icon="NONE" if " off" not in lines[k] else "ERROR")
         column = layout.column()
         column.use_property_split = True
         column.prop(self, "device")
@@ -156,7 +184,8 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
                 "no hand was found: neither by names of fingers, nor three to five chains that leave one bone",
                 where=hung.where,
                 value=counted(len(hung.bones), "bone" if hung.has_bones else "part"),
-                remedy="In pose mode, select the last bone of a finger and attach to that"
+                remedy="In pose mode, select the last bone of a finger and attach to that. Where each finger has an "
+                "armature of its own, select them all"
                 if hung.has_bones
                 else "Parent each finger's links to one another and its first one to the palm, or add single fingers",
             )
@@ -165,6 +194,8 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
         if self.hand == "AUTO":
             side = next(iter(sides)) if hung.picked or RIGHT not in sides else RIGHT
             return {side: sides[side]}
+        if self.hand not in sides and "" in sides:  # the person says which
+            return {self.hand: sides[""]}
         if self.hand not in sides:
             raise DermisError(
                 f"it has no {SIDES[self.hand]}", where=hung.where, limit=" and ".join(SIDES[side] for side in sides)
@@ -172,29 +203,43 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
         return {self.hand: sides[self.hand]}
 
     def _read(self, hung: "rig.Rig", hands: "dict[str, Hand]") -> "dict[str, Hand]":
-        """Return the reading of each hand that is asked for, and keep words about it and the next one for the panel.
+        """Return the reading of each hand that is asked for, by its side, and keep words about it for the panel.
+
+        Where names do not tell the side, another reading may be of the other one: its thumb is where the little finger
+        was.
 
         Raises:
-            DermisError: no hand has so many readings.
+            DermisError: no hand has so many readings, or both hands are read as the same side.
         """
         most = max(len(hand.readings) for hand in hands.values())
         if self.reading > most:
             raise DermisError(
                 "there is no such reading of the bones", where=hung.where, value=self.reading, limit=f"1 to {most}"
             )
-        chosen, lines = {}, []
-        for side, hand in hands.items():
+        chosen: dict[str, Hand] = {}
+        lines = []
+        for asked, hand in hands.items():
             count = len(hand.readings)
             number = min(self.reading, count)
-            chosen[side] = hand.readings[number - 1]
-            lines.append(f"{SIDES[side].capitalize()}, reading {number} of {count}: {chosen[side].told}")
+            reading = hand.readings[number - 1]
+            side = asked if number == 1 else hung.side_of(reading) or asked
+            if side in chosen:
+                raise DermisError(
+                    f"both hands are read as a {SIDES[side]}",
+                    where=hung.where,
+                    value=f"reading {self.reading}",
+                    remedy="Choose one hand, or another reading",
+                )
+            chosen[side] = reading
+            lines += [f"{SIDES[side].capitalize()}: reading {number} of {count}", reading.told]
             if number < count:
-                lines.append(f"Next: {chosen[side].difference(hand.readings[number])}")
+                lines.append(f"Next: {reading.difference(hand.readings[number])}")
         self.told = "\n".join(lines)
         return chosen
 
     def _fill(self, hung: "rig.Rig", hands: "dict[str, Hand]") -> None:
         self.tips.clear()
+        self.sizes.clear()
         for side, hand in hands.items():
             for finger in FINGERS:
                 chain = hand.chains.get(finger)
@@ -216,4 +261,4 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
         scene_properties.begin(context.scene)
 
 
-CLASSES: tuple[type, ...] = (DermisTip, DERMIS_OT_attach_fingers)
+CLASSES: tuple[type, ...] = (DermisTip, DermisTipSize, DERMIS_OT_attach_fingers)

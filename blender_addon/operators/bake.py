@@ -26,7 +26,7 @@ class DERMIS_OT_bake(jobs.Job, bpy.types.Operator):
         return _noting(context.scene)
 
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
-        """Keep the result in memory and outside the .blend; say what it is worth."""
+        """Keep the result in memory and outside the .blend; report its quality."""
         scene = context.scene
         device_preview.reset()
         result, taken = result
@@ -39,7 +39,7 @@ class DERMIS_OT_bake(jobs.Job, bpy.types.Operator):
 
 
 def _noting(scene: bpy.types.Scene) -> jobs.Steps:
-    """Bake a scene; return the bake, and what the scene was when it was sampled."""
+    """Bake a scene; return the bake, and the scene's state when it was sampled."""
     taken: list[store.Taken] = []
     made = yield from baking.bake(scene, library(), noted=taken.append)
     return made, taken[0]

@@ -1,14 +1,12 @@
 # mypy: disable-error-code="valid-type"
 """Calibrate, and say which built device a finger wears."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import bpy
 from bpy.props import EnumProperty, IntProperty, StringProperty
 
-from .. import reporting
+from .. import choices, reporting
 from .._core import DermisError
 from ..preferences import user_folder
 from ..streaming import board_identity, built_devices, calibration_offers, device_calibration, session
@@ -33,7 +31,7 @@ class DERMIS_OT_stream_calibrate(Streaming, bpy.types.Operator):
     )
 
     def work(self, context: bpy.types.Context) -> str | None:
-        """Do what was chosen."""
+        """Do the chosen action."""
         scene = context.scene
         if self.action == "BEGIN":
             device_calibration.begin_calibration(scene)
@@ -89,12 +87,12 @@ class DERMIS_OT_calibration_keep(Named, bpy.types.Operator):
 
     serial: StringProperty(
         name="Serial Number",
-        description="What the device answers with, or that of its USB port; empty where it has none",
+        description="Serial number that the device reports, or that of its USB port; empty where it has none",
         options={"SKIP_SAVE"},
     )
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Propose what is known."""
+        """Propose known values."""
         try:
             one = device_calibration.worn_by(context.scene)
         except DermisError as error:
@@ -107,7 +105,7 @@ class DERMIS_OT_calibration_keep(Named, bpy.types.Operator):
     def work(self, context: bpy.types.Context) -> str | None:
         """Write the file."""
         saved = device_calibration.keep(context.scene, self.name, self.serial)
-        return f"Saved '{saved.made.name}'; {context.scene.dermis_stream.channels_of} wears it"
+        return f"Saved '{saved.made.name}'; {choices.worn(context.scene.dermis_stream.channels_of)} wears it"
 
 
 class DERMIS_OT_calibration_keep_found(Named, bpy.types.Operator):

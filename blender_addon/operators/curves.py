@@ -1,8 +1,6 @@
 # mypy: disable-error-code="valid-type"
 """Baked commands as F-curves, and away again."""
 
-from __future__ import annotations
-
 from typing import cast
 
 import bpy
@@ -16,7 +14,7 @@ from .work import Work, counted
 
 @needs(lambda context: store.current(context.scene) is not None, "Bake first")
 class DERMIS_OT_commands_as_curves(Work, bpy.types.Operator):
-    """Write what the devices shall do as locked F-curves of the fingers, to be looked at in the Graph Editor"""
+    """Write the devices' commands as locked F-curves of the fingers, to be looked at in the Graph Editor"""
 
     bl_idname = "dermis.commands_as_curves"
     bl_label = "Commands as Curves"
@@ -46,7 +44,7 @@ class DERMIS_OT_commands_as_curves(Work, bpy.types.Operator):
         made = command_curves.write(context.scene, result, rate=rate)
         finger = active_finger(context)
         if finger is not None:
-            finger.select_set(True)  # the Graph Editor shows what is selected
+            finger.select_set(True)  # the Graph Editor shows selected objects
         often = f"{rate:g} Hz" if rate else "whole frames"
         said = f"Wrote {counted(made.curves, 'curve')} with {made.keys:,} values at {often}."
         if made.findings:

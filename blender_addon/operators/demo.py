@@ -7,7 +7,7 @@ import bpy
 from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from .. import choices
-from ..demos import demo_motors, demo_pins, demo_scene, demo_skin, demo_stage, demo_thimble
+from ..demos import demo_motors, demo_pins, demo_scene, demo_skin, demo_stage, demo_thimble, touches
 from .work import Work
 
 
@@ -62,7 +62,7 @@ class DERMIS_OT_demo_skin_scene(_Demo, bpy.types.Operator):
 
     fingers: EnumProperty(
         name="Fingers",
-        description="Fingers of the scene, and what they touch",
+        description="Fingers of the scene and their objects",
         items=(
             ("ONE", "One", "One finger touches one thing after the other"),
             ("FIVE", "Five", "Five fingers touch five things at once"),
@@ -115,15 +115,13 @@ class DERMIS_OT_demo_thimble_scene(_Demo, bpy.types.Operator):
     next_step = "Play the animation: twin, target and rendered skin. Bake keeps the servo angles"
 
     touch: EnumProperty(
-        name="Touch",
-        description="Object that the finger touches",
-        items=tuple((k, s.title, s.text) for k, s in demo_thimble.SCENES.items()),
+        name="Touch", description="Object that the finger touches", items=touches.items(touches.THIMBLE)
     )
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: Any) -> str:
         """Return what this touch is."""
-        return demo_thimble.SCENES[properties.touch].text
+        return touches.THIMBLE[properties.touch][1]
 
     def build(self) -> bpy.types.Scene:
         """Return the scene."""
@@ -139,9 +137,9 @@ class DERMIS_OT_demo_motors_scene(_Demo, bpy.types.Operator):
     next_step = "Bake in the Dermis tab, then ask How Many Motors? there"
 
     touch: EnumProperty(
-        name="Touch", description="Movement of the finger over a flat surface", items=demo_motors.TOUCHES
+        name="Touch", description="Movement of the finger over a flat surface", items=touches.items(touches.MOTORS)
     )
-    device: StringProperty(name="Device", description="Device preset", default=demo_motors.DEVICE)
+    device: StringProperty(name="Device", description="Device preset", default=touches.PLATFORM)
     seed: IntProperty(name="Seed", description="Of the hand's wobble", default=0, min=0, soft_max=100)
 
     def build(self) -> bpy.types.Scene:

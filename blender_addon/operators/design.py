@@ -116,19 +116,20 @@ are listed. Scenes without a fresh bake are baked first; Esc cancels"""
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Write the new preset, draw the picture, and say the number."""
         scene = context.scene
-        key = design_results.make_preset(scene, result)
+        motors, n = result.motors(scene.dermis_design.rule), len(result.spec.channels)
+        wanted = motors is not None or scene.dermis_design.motors > 0
+        key = design_results.make_preset(scene, result) if wanted else ""
         design_results.keep(scene, result, key)
-        motors, n = result.joint.motors(scene.dermis_design.rule), len(result.spec.channels)
-        done = f"{motors} of {n} motors. New device preset: {key}"
-        findings = (*result.findings, *design_results.preset_findings(key))
+        said = f"All {n} motors leave too much to give a number" if motors is None else f"{motors} of {n} motors"
+        done = f"{said}. New device preset: {key}" if key else said
+        findings = (*result.findings, *(design_results.preset_findings(key) if key else ()))
         reporting.report_findings(self, findings, self.bl_label, done)
-        if not bpy.app.background:
-            bpy.ops.dermis.show_design()
+        _show(context)
         return {"FINISHED"}
 
 
 def _designed(scene: bpy.types.Scene) -> jobs.Steps:
-    """Bake what is listed and has no fresh bake, then look for the motors; without a list it is this scene."""
+    """Bake listed scenes without a fresh bake, then look for the motors; without a list, this scene."""
     settings = scene.dermis_design
     design_results.checked_spec(scene)  # nothing is worked for nothing
     if not settings.touches:
@@ -166,17 +167,22 @@ class DERMIS_OT_show_design(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Find or open an Image editor."""
-        image = bpy.data.images[design_results.IMAGE]
-        areas = [a for w in context.window_manager.windows for a in w.screen.areas if a.type == "IMAGE_EDITOR"]
-        if not areas:
-            if context.window is None or bpy.app.background:
-                self.report({"INFO"}, f"No window: the picture is image '{image.name}'")
-                return {"FINISHED"}
-            bpy.ops.wm.window_new()
-            areas = [context.window_manager.windows[-1].screen.areas[0]]
-            areas[0].type = "IMAGE_EDITOR"
-        areas[0].spaces.active.image = image
+        if not _show(context):
+            self.report({"INFO"}, f"No window: the picture is image '{design_results.IMAGE}'")
         return {"FINISHED"}
+
+
+def _show(context: bpy.types.Context) -> bool:
+    """Show the picture in an Image editor; return whether there is one, or a window to open one beside."""
+    areas = [a for w in context.window_manager.windows for a in w.screen.areas if a.type == "IMAGE_EDITOR"]
+    if not areas:
+        if context.window is None or bpy.app.background:
+            return False
+        bpy.ops.wm.window_new()
+        areas = [context.window_manager.windows[-1].screen.areas[0]]
+        areas[0].type = "IMAGE_EDITOR"
+    areas[0].spaces.active.image = bpy.data.images[design_results.IMAGE]
+    return True
 
 
 @needs(lambda context: design_results.current(context.scene) is not None)

@@ -46,7 +46,7 @@ class DERMIS_OT_add_device(Work, bpy.types.Operator):
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: Any) -> str:
-        """Say what the device is, then what the button does."""
+        """Return the description of the device, then that of the button."""
         what = choices.description("devices", properties.preset)
         return "\n".join(text for text in (what, cls.__doc__) if text)
 
@@ -90,7 +90,7 @@ class DERMIS_OT_remove_device(bpy.types.Operator):
         finger.devices.remove(index)
         lost = animation_paths.element_removed(context.object, "dermis.finger.devices", index)
         if lost:
-            self.report({"WARNING"}, f"Drivers muted, because what they read is gone: {', '.join(lost)}")
+            self.report({"WARNING"}, f"Drivers muted, because their inputs are gone: {', '.join(lost)}")
         context.object.update_tag()  # the evaluated copy would keep the device, and with it the numbers
         finger.active_device = max(0, min(index, len(finger.devices) - 1))
         changes.mark_dirty(context.object.name)

@@ -17,6 +17,8 @@ from ..sampling import scene_sweep
 from .checked import Checked
 from .work import File, Folder, counted, listed
 
+TOLD = ("refused", "name-shortened", "clipped", "open-loop", "constant-voltage")  # the rest was told by the bake
+
 
 @needs(lambda context: store.current(context.scene) is not None, "Bake first")
 class DERMIS_OT_export_tracks(Checked, Folder, bpy.types.Operator):
@@ -63,7 +65,7 @@ class DERMIS_OT_export_tracks(Checked, Folder, bpy.types.Operator):
         if result.bake.outputs:
             # a CSV is written whatever it says, and says so itself; other formats are for devices
             written, found = export_parts.write(scene, result, folder, self.form, force=self.form == "csv")
-            refused = [finding for finding in found if finding.code in ("refused", "name-shortened")]
+            refused = [finding for finding in found if finding.code in TOLD]
             written += core.pipeline.outputs.write_plots(result.bake, folder) if self.plots else ()
         written += stored_skins.export(result.bake, folder)
         if not written:

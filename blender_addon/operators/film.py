@@ -1,5 +1,5 @@
 # mypy: disable-error-code="valid-type"
-"""What a bake gave, as objects that a film or a figure can show: skins with their heat map, device twins."""
+"""A bake as objects for a film or a figure: skins with their heat map, device twins."""
 
 from typing import Any
 
@@ -37,7 +37,7 @@ def _there(context: bpy.types.Context, names: list[str], selected: bool) -> list
 
 
 def _coloured(context: bpy.types.Context, name: str, *, with_legend: bool) -> str:
-    """Show an attribute on all skins; return what stands in the way of the view's colours, in words."""
+    """Show an attribute on all skins; return obstacles to the view's colours, in words."""
     scene, view = context.scene, context.scene.dermis.skin_view
     end = skin_mesh.top(scene, name)
     heat_material.show(name, end, view.colours, view.fill)

@@ -34,7 +34,7 @@ class DERMIS_OT_open_map(File, bpy.types.Operator):
     no_data: StringProperty(name="No Data", description=_screen.NO_DATA.text)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Begin with what the screen has, and ask for the file."""
+        """Begin with the screen's settings, and ask for the file."""
         for name in SETTINGS:
             setattr(self, name, getattr(context.object.dermis.screen, name))
         return super().invoke(context, event)
@@ -48,7 +48,7 @@ class DERMIS_OT_open_map(File, bpy.types.Operator):
         column.prop(self, "no_data")
 
     def work(self, context: bpy.types.Context) -> str | None:
-        """Set file and answers, and look at the map: what is left to decide is drawn under Screen."""
+        """Set file and answers, and look at the map: open questions are drawn under Screen."""
         screen, path = context.object.dermis.screen, self.path()
         screen.filepath = str(path)
         screen.source = "SEQUENCE" if screen.source == "SEQUENCE" else "FILE"

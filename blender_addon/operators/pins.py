@@ -21,7 +21,7 @@ def _load(depth: float) -> Any:
     return FloatProperty(
         name=f"Load at {depth:g} mm [N]",
         default=0.0,
-        description="What the scale reads with the finger pressed this deep; 0: not read",
+        description="Reading of the scale with the finger pressed this deep; 0: not read",
         min=-1e3,
         max=1e3,
         soft_min=0.0,
@@ -90,7 +90,7 @@ class DERMIS_OT_compare_pins(Work, bpy.types.Operator):
         for finding in pin_reports.doubts(context.scene, context.object):
             self.report({"WARNING"}, str(finding).removeprefix("warning: "))
         best = min((r for r in reports if not r.method.endswith("0")), key=lambda r: r.displacement_error)
-        return f"{best.method} misses least of what the pins can do: {1e3 * best.displacement_error:.2f} mm"
+        return f"{best.method} has the smallest error: {1e3 * best.displacement_error:.2f} mm"
 
 
 CLASSES: tuple[type, ...] = (DERMIS_OT_press_test, DERMIS_OT_compare_pins)

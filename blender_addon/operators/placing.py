@@ -1,5 +1,5 @@
 # mypy: disable-error-code="valid-type"
-"""Mend what is doubtful before a bake, and put fingers on surfaces."""
+"""Correct probable mistakes before a bake, and put fingers on surfaces."""
 
 from collections.abc import Callable
 from math import ceil, floor, radians
@@ -20,14 +20,14 @@ FORCE_DEPTH = 3e-3  # [m] that a finger goes down to press with a force: enough 
 
 
 class DERMIS_OT_mend(Work, bpy.types.Operator):
-    """Mend this"""
+    """Change the setting that the finding names"""
 
     bl_idname = "dermis.mend"
     bl_label = "Mend"
     bl_options = {"REGISTER", "UNDO", "INTERNAL"}
 
-    code: StringProperty(name="Code", description="What is doubtful", options={"HIDDEN", "SKIP_SAVE"})
-    name: StringProperty(name="Object", description="Whose", options={"HIDDEN", "SKIP_SAVE"})
+    code: StringProperty(name="Code", description="Code of the finding to mend", options={"HIDDEN", "SKIP_SAVE"})
+    name: StringProperty(name="Object", description="Object that the finding concerns", options={"HIDDEN", "SKIP_SAVE"})
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Mend it."""
@@ -78,7 +78,7 @@ class DERMIS_OT_add_gesture(Work, bpy.types.Operator):
         description="How hard it presses",
         items=(
             ("DEPTH", "By Depth", "The bone goes this far below where the pad first touches"),
-            ("FORCE", "By Force", "The skin becomes compliant: the bone gives way to what presses it harder"),
+            ("FORCE", "By Force", "The skin becomes compliant: the bone gives way to larger forces"),
         ),
     )
     depth: FloatProperty(
@@ -172,7 +172,7 @@ def _free(finger: bpy.types.Object | None) -> bpy.types.Object:
 
 def _touched(
     context: bpy.types.Context, place: Vector
-) -> tuple[surfaces.Spot, Callable[[Vector], surfaces.Spot | None]]:
+) -> "tuple[surfaces.Spot, Callable[[Vector], surfaces.Spot | None]]":
     """Return where the other selected objects are nearest, else the touchable ones, and what finds it elsewhere on it.
 
     Raises:

@@ -1,8 +1,6 @@
 # mypy: disable-error-code="valid-type"
 """Presets of one's own: keep the settings at hand as one, and remove one again."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import bpy
@@ -18,7 +16,7 @@ from .work import Work
 
 GROUPS = (
     ("devices", "Device", "The device that is chosen in the finger's list, with its settings"),
-    ("materials", "Haptic Material", "What the active object feels like"),
+    ("materials", "Haptic Material", "Friction and effects of the active object"),
     ("skins", "Fingertip", "Size and stiffness of the active finger's skin"),
 )
 
@@ -90,7 +88,7 @@ class DERMIS_OT_save_preset(_Preset, bpy.types.Operator):
     bl_label = "Save as Preset"
     bl_options = {"UNDO"}
 
-    name: StringProperty(name="Name", description="What the preset is called in menus")
+    name: StringProperty(name="Name", description="Name of the preset in menus")
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Ask for the name; the preset's own, where it is one's own."""

@@ -19,7 +19,7 @@ from ..quantities import metres_per_unit
 from .work import File, listed
 
 UNITS = {"M": 1.0, "CM": 1e-2, "MM": 1e-3}  # [m]
-_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # what is up there becomes up here
+_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # their up axis becomes ours
 SHOWN, LOOKED_AT = 4, 1000  # rows that the dialog shows, and that it tries the columns on
 
 
@@ -108,10 +108,10 @@ class DERMIS_OT_import_poses(File, bpy.types.Operator):
         except DermisError as error:
             return reporting.report_error(self, error, self.bl_label)
         self._guess()
-        return context.window_manager.invoke_props_dialog(self, width=640, title="What the Columns Are")
+        return context.window_manager.invoke_props_dialog(self, width=640, title="Meaning of the Columns")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Key the object; a person who chose the file is asked first what it does not say."""
+        """Key the object; a person who chose the file is asked first for missing columns and units."""
         if self.by_hand and not self.ask and not self.columns and not bpy.app.background and self._unsaid():
             bpy.ops.dermis.import_poses(
                 "INVOKE_DEFAULT",
@@ -126,11 +126,11 @@ class DERMIS_OT_import_poses(File, bpy.types.Operator):
         return super().execute(context)
 
     def draw(self, _context: bpy.types.Context) -> None:
-        """Draw what a file holds, then how it is read."""
+        """Draw the contents of a file, then the choices."""
         if self.ask:
             self._draw_question()
         else:
-            text = "One row a pose. The line of names says what is what: time [ms], x_mm, qw, rx_deg ..."
+            text = "One row a pose. The line of names has columns and units: time [ms], x_mm, qw, rx_deg ..."
             words(self.layout, text, 230.0, "INFO")
         properties(self.layout, self, "first", "rate", "unit", "y_up", "columns", keys=False)
 
@@ -179,14 +179,14 @@ class DERMIS_OT_import_poses(File, bpy.types.Operator):
         return False
 
     def _guess(self) -> None:
-        """Choose what the file most likely holds."""
+        """Choose the most likely contents of the file."""
         found = core.motion.recorded_poses.guess(self._rows)
         choices = found.time or "s", found.turn or "ask", found.unit or "m"
         self.time, self.turn, self.unit = (choice.upper() for choice in choices)
         self.columns = core.motion.recorded_poses.suggestion(self._rows)  # nothing where the person has to choose
 
     def _draw_question(self) -> None:
-        """Draw the first rows, the choices and what comes of them."""
+        """Draw the first rows, the choices and their result."""
         layout, rows = self.layout, self._rows
         properties(layout, self, "time", "turn", keys=False)
         if rows is None:  # in the panel of the last operation

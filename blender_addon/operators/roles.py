@@ -13,7 +13,7 @@ from ..properties import scene_properties
 
 @needs(lambda context: context.object is not None and context.object.is_editable, "Select an object of this file")
 class DERMIS_OT_set_role(bpy.types.Operator):
-    """Change what the active object is to Dermis; its settings are kept"""
+    """Change the role of the active object; its settings are kept"""
 
     bl_idname = "dermis.set_role"
     bl_label = "Set Role"
@@ -32,7 +32,7 @@ class DERMIS_OT_set_role(bpy.types.Operator):
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: Any) -> str:
-        """Say what the button does."""
+        """Return the description of the button."""
         return {
             "NONE": "Dermis shall ignore this object; its settings are kept",
             "FINGER": "This object feels: its origin is the pad's centre, +Y points to the tip, +Z to the nail",

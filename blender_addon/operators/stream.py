@@ -1,6 +1,4 @@
-"""Connect, arm, stop. What may hurt or touch a file is asked before."""
-
-from __future__ import annotations
+"""Connect, arm, stop. Actions that may hurt or write a file ask before."""
 
 import bpy
 from bpy.props import BoolProperty, StringProperty
@@ -45,7 +43,7 @@ class DERMIS_OT_stream_connect(Streaming, bpy.types.Operator):
         )
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Name each file, and what happens to it."""
+        """Name each file and its use."""
         layout = self.layout
         words(layout, "You did not choose these files: they came with the .blend. Go on only if you know them.", 640)
         for claim in agreed_paths.pending(context.scene.dermis_stream):
@@ -97,7 +95,7 @@ class DERMIS_OT_stream_arm(Checked, Streaming, bpy.types.Operator):
         )
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Say what may happen, and what the board cannot do."""
+        """Warn of dangers, and of missing abilities of the board."""
         box = self.layout.box()
         box.alert = True
         words(

@@ -9,7 +9,7 @@ from ..timeline import strip
 class DERMIS_OT_strip_jump(bpy.types.Operator):
     """Go to the frame of the finding whose mark was clicked in the strip; other clicks are passed on"""
 
-    bl_idname = strip.JUMP
+    bl_idname = "dermis.strip_jump"
     bl_label = "Go to Finding in Strip"
     bl_options = {"INTERNAL"}
 

@@ -69,11 +69,11 @@ class DERMIS_OT_plot_thimble(File, bpy.types.Operator):
 
 @needs(lambda context: _searched(context) and store.current(context.scene) is not None, "Bake a finger with a thimble")
 class DERMIS_OT_find_floor(jobs.Job, bpy.types.Operator):
-    """Find how good any pose of this device could be for the baked touch, and what axes along the pad would buy: \
-minutes for a long touch; Esc cancels"""
+    """Search all poses of this device for the smallest error of the baked touch, and the error with additional axes \
+along the pad. Takes minutes for a long touch. Esc cancels"""
 
     bl_idname = "dermis.find_floor"
-    bl_label = "How Good Could It Be?"
+    bl_label = "Best Achievable Match"
     bl_options = {"REGISTER"}
     job_title = "Best pose"
 

@@ -1,4 +1,4 @@
-"""What Can Be Told Apart?: a finger's touches through every device, in pairs, by an ideal observer."""
+"""Discriminability: a finger's touches through every device, compared in pairs by an ideal observer."""
 
 from typing import Any
 
@@ -14,12 +14,13 @@ from .work import Folder, counted
 
 @needs(active_finger, "Select a finger")
 class DERMIS_OT_tell_apart(jobs.Job, bpy.types.Operator):
-    """Let an ideal observer tell this finger's touches apart, the real ones and each device's; Esc cancels"""
+    """Compute how often an ideal observer would tell two touches of this finger apart, for the real touches and for \
+each device. Esc cancels"""
 
     bl_idname = "dermis.tell_apart"
-    bl_label = "What Can Be Told Apart?"
+    bl_label = "Compute Discriminability"
     bl_options = {"REGISTER"}
-    job_title = "Tell touches apart"
+    job_title = "Discriminability"
 
     def steps(self, context: bpy.types.Context) -> Any:
         """Return the work."""
@@ -46,9 +47,9 @@ def _found(scene: bpy.types.Scene, finger: str) -> jobs.Steps:
     return (yield from told.find(scene, finger))
 
 
-@needs(lambda context: told.current(context.scene) is not None, "Tell touches apart first")
+@needs(lambda context: told.current(context.scene) is not None, "Compute the discriminability first")
 class DERMIS_OT_save_told(Folder, bpy.types.Operator):
-    """Write what could be told apart into a folder, as CSV"""
+    """Write the table of discriminability into a folder, as CSV"""
 
     bl_idname = "dermis.save_told"
     bl_label = "Save Table"

@@ -1,7 +1,5 @@
 """Tracks from files, and into files of other formats: whole, or parts of them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -86,7 +84,9 @@ class DERMIS_OT_export_as(Checked, Folder, bpy.types.Operator):
         folder = self.folder()
         finger = (context.object.name_full if context.object is not None else "") if self.active_only else None
         parts, found = self._plan(context, folder, finger)
-        written, more = export_parts.write_parts(parts, self.form, force=self.force)
+        written, more = export_parts.write_parts(
+            parts, self.form, force=self.force, settings=export_parts.settings_of(context.scene, self.form)
+        )
         found += more
         if not written:
             raise DermisError("no track to export", remedy="Select a finger, or export all of them")
@@ -97,7 +97,7 @@ class DERMIS_OT_export_as(Checked, Folder, bpy.types.Operator):
 
     def _plan(
         self, context: bpy.types.Context, folder: Path, finger: str | None
-    ) -> tuple[list[export_parts.Part], list[Any]]:
+    ) -> "tuple[list[export_parts.Part], list[Any]]":
         """Return everything that is to be written, of all scenes: no file is written before all ranges are in order."""
         names, prefixes = core.track.file_names.FileNames(), core.track.file_names.FileNames()
         parts: list[export_parts.Part] = []

@@ -27,7 +27,7 @@ class DERMIS_OT_trust_band(jobs.Job, bpy.types.Operator):
         return trust_steps.find(context.scene)
 
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
-        """Say what is not to be trusted."""
+        """Report values that cannot be trusted."""
         worst = max((float(band.share.max()) for band in result.bands), default=0.0)
         done = f"Forces and commands change by {worst:.2%} of their peak at most."
         reporting.report_findings(self, result.findings, f"Trust band of {context.scene.name}", done)

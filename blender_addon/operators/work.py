@@ -1,7 +1,5 @@
 """What operators share: work that may be refused, the file or folder that it is asked for, menus of presets."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -9,26 +7,29 @@ import bpy
 from bpy.props import StringProperty
 from bpy_extras import view3d_utils
 
-from .. import choices, reporting
+from .. import choices, loading, reporting
 from .._core import DermisError
 from ..devices import active_presets
 from ..polls import active_finger
 
 
 class Work:
-    """Runs a piece of work; what is refused goes to the status bar and the findings."""
+    """Runs a piece of work; refusals go to the status bar and the findings."""
 
-    subject = ""  # of what is refused, in the list of findings; the operator's label where left out
+    subject = ""  # of a refusal in the list of findings; the operator's label where left out
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Do it; return words for the status bar."""
         raise NotImplementedError
 
     def execute(self: Any, context: bpy.types.Context) -> set[str]:
-        """Do it, and report; what was refused of it the last time is listed no more."""
+        """Do it, and report; its earlier refusals are removed from the list."""
         subject = self.subject or self.bl_label
+        loading.settle()
+        if context.view_layer is not None:  # after an undo, as by the redo panel, no object is in its place yet
+            context.view_layer.update()
         if reporting.source() == subject:
-            reporting.clear()
+            reporting.forget()
         try:
             said = self.work(context)
         except DermisError as error:
@@ -67,8 +68,8 @@ class File(Work):
             DermisError: it has no name.
         """
         path = Path(bpy.path.abspath(self.filepath))
-        if not path.name:
-            raise DermisError("no name for the file", value=self.filepath)
+        if not path.name or path.is_dir():  # the file browser's value where no name was chosen
+            raise DermisError("no file is chosen", value=self.filepath)
         return path if path.suffix else path.with_suffix(self.suffix)
 
 
@@ -88,7 +89,7 @@ class Folder(Work):
 
 
 class Chooser:
-    """Opens a menu of presets, which draws what was read just before."""
+    """Opens a menu of presets, which draws the list read just before."""
 
     menu = ""
 
@@ -102,7 +103,7 @@ class Chooser:
         return {"FINISHED"}
 
 
-def active_device(context: bpy.types.Context, family: active_presets.Family) -> Any | None:
+def active_device(context: bpy.types.Context, family: "active_presets.Family") -> Any | None:
     """Return the settings of the active finger's first device of a family that is switched on, or None."""
     finger = active_finger(context)
     return active_presets.device_of(finger, family) if finger is not None else None
@@ -124,7 +125,7 @@ def select_only(context: bpy.types.Context, obj: bpy.types.Object) -> None:
 
 
 def zoom(context: bpy.types.Context) -> None:
-    """Bring what was added into view: a fingertip is a speck in a view made for a two-metre cube."""
+    """Bring new objects into view: a fingertip is a speck in a view made for a two-metre cube."""
     area = context.area
     if area is None or area.type != "VIEW_3D" or bpy.app.background:
         return

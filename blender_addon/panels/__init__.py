@@ -45,7 +45,7 @@ CLASSES: tuple[type, ...] = (
 )
 
 
-_add, _remove = registration(CLASSES, forget=choices.forget)
+_add, _remove = registration(CLASSES, forget=(choices,))
 
 
 def register() -> None:

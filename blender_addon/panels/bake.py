@@ -1,4 +1,4 @@
-"""The bake, what it gave, what was noticed on the way, and the way to files."""
+"""The bake, its results and findings, and the export to files."""
 
 from typing import Any
 
@@ -10,6 +10,7 @@ from ..hands import bone_names
 from ..layouts import paragraph, properties
 from ..polls import needs
 from ..results import command_curves, store, trusted
+from ..viewport import shown
 from . import exported, summary
 from .main import DermisPanel, working
 
@@ -25,7 +26,7 @@ class DERMIS_PT_bake(DermisPanel, bpy.types.Panel):
     bl_label = "Bake"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the button; while it works, progress in its place."""
+        """Draw the button and the frames that it takes; while it works, progress in their place."""
         layout, there = self.layout, summary.of(context.scene)
         if working(layout, context, "Bake"):
             return
@@ -33,6 +34,11 @@ class DERMIS_PT_bake(DermisPanel, bpy.types.Panel):
         column.scale_y = 1.35
         column.active = bool(there.touchables or there.screens) and len(there.idle) < len(there.fingers)
         column.operator("dermis.bake", icon="REC")
+        span = shown.span(context.scene)
+        if span is not None:
+            row = layout.row()
+            row.active = False
+            row.label(text=f"Frames {span[0]} to {span[1]}", icon="PREVIEW_RANGE")
 
 
 class DERMIS_PT_bake_settings(DermisPanel, bpy.types.Panel):
@@ -54,7 +60,7 @@ class DERMIS_PT_bake_settings(DermisPanel, bpy.types.Panel):
 
 @needs(lambda context: summary.of(context.scene).fingers)
 class DERMIS_PT_export(DermisPanel, bpy.types.Panel):
-    """What is written to files, and where."""
+    """Settings of the export."""
 
     bl_idname = "DERMIS_PT_export"
     bl_label = "Export"
@@ -69,7 +75,12 @@ class DERMIS_PT_export(DermisPanel, bpy.types.Panel):
         column.operator("dermis.export_tracks", icon="EXPORT")
         if store.state(context.scene) not in ("fresh", "earlier"):  # else it stands in the head
             exported.box(layout, context.scene)
-        properties(layout, settings, "output_dir", "export_format", "plots", keys=False)
+        properties(layout, settings, "output_dir", "export_format", keys=False)
+        rows = core.track.formats.FORMATS[settings.export_format].settings
+        if rows:
+            own = getattr(settings, settings.export_format)
+            properties(layout, own, *(row.saved for row in rows.values()), keys=False)
+        properties(layout, settings, "plots", keys=False)
         row = layout.row(align=True)
         row.operator("dermis.export_scene", icon="FILE_CACHE")
         row.operator("dermis.export_screen_maps", icon="TEXTURE")
@@ -77,7 +88,7 @@ class DERMIS_PT_export(DermisPanel, bpy.types.Panel):
 
 @needs(lambda context: store.current(context.scene) is not None or bool(context.scene.dermis.bake_key))
 class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
-    """What the last bake gave."""
+    """Results of the last bake."""
 
     bl_idname = "DERMIS_PT_result"
     bl_parent_id = "DERMIS_PT_bake"
@@ -129,6 +140,7 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
         row.prop(context.scene.dermis, "show_strip", text="Strip", toggle=True, icon="TIME")
         row.operator("dermis.show_plots", icon="IMAGE_DATA")
         column.operator("dermis.trust_band", icon="MOD_NOISE")
+        column.operator("dermis.migrate_report", icon="FILE_REFRESH")
         row = column.row(align=True)
         row.operator("dermis.commands_as_curves", icon="FCURVE")
         if command_curves.present(context.scene):
@@ -142,7 +154,7 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
 
 @needs(lambda context: store.current(context.scene) is not None)
 class DERMIS_PT_result_details(DermisPanel, bpy.types.Panel):
-    """What was skipped, and how long it took."""
+    """Skipped work and run times."""
 
     bl_idname = "DERMIS_PT_result_details"
     bl_parent_id = "DERMIS_PT_result"
@@ -165,7 +177,7 @@ class DERMIS_PT_result_details(DermisPanel, bpy.types.Panel):
 
 
 class DERMIS_PT_findings(DermisPanel, bpy.types.Panel):
-    """What was noticed while sampling, rendering and checking."""
+    """Findings of sampling, rendering and checking."""
 
     bl_idname = "DERMIS_PT_findings"
     bl_parent_id = "DERMIS_PT_bake"

@@ -1,11 +1,20 @@
-"""Calibration: which built device a finger wears, what its actuators differ by, and what was found in the file."""
+"""Calibration: the built device on a finger, its deviations from the preset, and offers found in the file."""
 
 from typing import Any
 
 import bpy
 
+from .. import choices
+from .._core import DermisError
 from ..layouts import paragraph
-from ..streaming import board_identity, built_devices, calibration_offers, device_calibration
+from ..streaming import (
+    board_identity,
+    built_devices,
+    calibration_offers,
+    calibration_rows,
+    device_calibration,
+    measured_curves,
+)
 from .main import DermisPanel
 
 MAX_OFFERS = 4  # a file may hold any number
@@ -25,7 +34,7 @@ class DERMIS_PT_stream_calibration(DermisPanel, bpy.types.Panel):
             self.layout.label(text="", icon="INFO")
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw what was found, the buttons, and one box an actuator."""
+        """Draw offers, the buttons, and one box an actuator."""
         layout, scene = self.layout, context.scene
         settings = scene.dermis_stream
         if not built_devices.at_hand():
@@ -33,7 +42,7 @@ class DERMIS_PT_stream_calibration(DermisPanel, bpy.types.Panel):
         self._found(context)
         ours = calibration_offers.is_ours(settings) and len(settings.channels) > 0
         if ours:
-            layout.label(text=settings.channels_of, icon="ANIM")
+            layout.label(text=choices.worn(settings.channels_of), icon="ANIM")
         row = layout.row(align=True)
         if device_calibration.calibrating(scene):
             row.operator("dermis.stream_calibrate", text="Cancel", icon="LOOP_BACK").action = "CANCEL"
@@ -56,7 +65,7 @@ class DERMIS_PT_stream_calibration(DermisPanel, bpy.types.Panel):
         offers = calibration_offers.offers(context.scene)
         for i, offer in enumerate(offers[:MAX_OFFERS]):
             box = self.layout.box()
-            whose = offer.name or "a device"
+            whose = choices.worn(offer.name) or "a device"
             paragraph(box, context, f"This file holds a calibration of {whose}. It drives nothing.", "INFO", inset=16.0)
             row = box.row(align=True)
             row.operator("dermis.calibration_keep_found", icon="CHECKMARK").index = i
@@ -70,11 +79,44 @@ class DERMIS_PT_stream_calibration(DermisPanel, bpy.types.Panel):
         pair = box.row(align=True)
         pair.prop(channel, "zero")
         pair.prop(channel, "gain")
+        for part, words, icon in (
+            ("response", "measured_curve", "FCURVE"),
+            ("frequency", "frequency_response", "RNDCURVE"),
+        ):
+            self._measured(box, channel, part, words, icon)
         box.prop(channel, "use_limits")
         if channel.use_limits:
             pair = box.row(align=True)
             pair.prop(channel, "low")
             pair.prop(channel, "high")
+
+    def _measured(self, box: Any, channel: Any, part: str, words: str, icon: str) -> None:
+        row = box.row(align=True)
+        if text := getattr(channel, part):
+            row.label(text=_words(part, text, channel.id_data, channel.name), icon=icon)
+            drop = row.operator("dermis.measured_curve_drop", text="", icon="X")
+            drop.channel, drop.part = channel.name, part
+        else:
+            label = f"{words.replace('_', ' ').title()}..."
+            row.operator(f"dermis.{words}_type", text=label, icon=icon).channel = channel.name
+            row.operator(f"dermis.{words}_load", text="", icon="FILE_FOLDER").channel = channel.name
+
+
+_said: dict[str, str] = {}  # by actuator, unit and measurement: a panel is drawn often
+
+
+def _words(part: str, text: str, scene: Any, channel: str) -> str:
+    """Return the panel's words for a measurement."""
+    settings = scene.dermis_stream
+    key = f"{settings.channels_owner} {channel} {settings.channels[channel].unit} {text}"
+    if key not in _said:
+        if len(_said) > 300:
+            _said.clear()
+        try:
+            _said[key] = measured_curves.said_of(calibration_rows.read(part, text), scene, channel)
+        except DermisError as error:
+            _said[key] = str(error)
+    return _said[key]
 
 
 class DERMIS_MT_built(bpy.types.Menu):

@@ -14,7 +14,7 @@ from .main import DermisPanel
 
 @needs(lambda context: summary.of(context.scene).fingers)
 class DERMIS_PT_compare(DermisPanel, bpy.types.Panel):
-    """What each device would make of the active finger's touch."""
+    """Error of each device for the active finger's touch."""
 
     bl_idname = "DERMIS_PT_compare"
     bl_label = "Compare Devices"

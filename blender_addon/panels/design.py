@@ -7,7 +7,7 @@ import numpy as np
 
 from .. import choices
 from .._core import core
-from ..demos import demo_motors
+from ..demos import touches
 from ..design import design_results
 from ..devices import readiness
 from ..layouts import paragraph, properties
@@ -19,7 +19,7 @@ from .main import DermisPanel
 
 
 def settings(layout: Any, context: bpy.types.Context, device: Any) -> None:
-    """Draw what a platform can be told, for the panel of device settings."""
+    """Draw the settings of a platform, for the panel of device settings."""
     six = choices.kind_of(device.preset) == "hexapod"
     column = properties(layout, device, "platform_method") if six else properties(layout, device)
     if six and device.platform_method != core.matching.thimble_use.LOOKUP:
@@ -131,12 +131,18 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
         if answer is not None:
             self._answer(context, answer)
 
-    def _answer(self, context: bpy.types.Context, answer: design_results.Answer) -> None:
+    def _answer(self, context: bpy.types.Context, answer: "design_results.Answer") -> None:
         layout, own, design = self.layout, context.scene.dermis_design, answer.design
         reduction, n = design.joint, len(design.spec.channels)
-        motors = reduction.motors(own.rule)
+        motors = design.motors(own.rule)
         box = layout.box()
-        box.label(text=f"{motors} of {n} motors" if motors < n else f"All {n} motors", icon="CHECKMARK")
+        if motors is None:
+            poor = ", ".join(design.poor)
+            paragraph(
+                box, context, f"No recommendation: even all {n} motors render {poor} with too large an error", "ERROR"
+            )
+        else:
+            box.label(text=f"{motors} of {n} motors" if motors < n else f"All {n} motors", icon="CHECKMARK")
         grid = box.grid_flow(row_major=True, columns=n + 1, even_columns=False, align=True)
         for text in ("motors", *map(str, range(1, n + 1))):
             grid.label(text=text)
@@ -145,9 +151,10 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
         for text in ("share %", *(f"{100 * p:.1f}" for p in reduction.components.explained)):
             grid.label(text=text)
         above, below = (100.0 * limit for limit in reduction.limits(own.rule))
-        lost = "of the touch" if own.rule == "touch" else "of what all motors leave"
-        upto = f" to {below:.0f} %" if below < float("inf") else ""
-        paragraph(box, context, f"Lost {lost}, beyond all motors. Any limit from {above:.1f}{upto} says the same.")
+        share = "of the touch" if own.rule == "touch" else "relative to the error with all motors"
+        upto = f"{above:.1f} to {below:.0f} %" if below < float("inf") else f"from {above:.1f} % up"
+        words = f"Error in addition to that with all motors, {share}. The number stays the same for limits {upto}."
+        paragraph(box, context, words)
         for name, (count, apart), touch in zip(design.names, design.repetitions, reduction.touch.tolist(), strict=True):
             if count > 1:
                 again = f"its {count} repetitions differ by {100.0 * apart / touch:.0f} % of it"
@@ -159,7 +166,7 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
                 "Not of low rank: no fewer motors both stay within the rule and explain the movement.",
                 "INFO",
             )
-        count = min(own.motors or motors, n)
+        count = min(own.motors or motors or n, n)
         self._couplings(box, design, reduction, count)
         layout.operator("dermis.show_design", icon="IMAGE_DATA")
         properties(layout, own, "rule", "motors", keys=False)
@@ -193,7 +200,7 @@ class DERMIS_MT_motors_demos(bpy.types.Menu):
 
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw one entry an interaction."""
-        for key, title in demo_motors.TITLES.items():
+        for key, (title, _) in touches.MOTORS.items():
             self.layout.operator("dermis.demo_motors_scene", text=title, icon="SCENE_DATA").touch = key
 
 

@@ -1,4 +1,4 @@
-"""What is doubtful before a bake, each with a button that mends it."""
+"""Probable mistakes before a bake, each with a button that corrects it."""
 
 from typing import Any
 

@@ -12,7 +12,7 @@ MOST = 4  # names of files that are listed
 
 
 def box(layout: Any, scene: bpy.types.Scene) -> None:
-    """Draw a box that says what was written and opens the folder; nothing where nothing was."""
+    """Draw a box that lists the written files and opens their folder; nothing without files."""
     last = exported.last(scene)
     if last is None:
         return

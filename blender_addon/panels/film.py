@@ -1,4 +1,4 @@
-"""What a bake gave, for films and figures: skins and twins as objects."""
+"""A bake as objects for films and figures: skins and twins."""
 
 import bpy
 
@@ -21,7 +21,7 @@ class DERMIS_PT_film(DermisPanel, bpy.types.Panel):
         """Draw a button and its way back for each kind."""
         layout, scene = self.layout, context.scene
         if store.state(scene) == "stale":
-            paragraph(layout, context, "The bake is out of date: what is made of it now is, too.", "ERROR")
+            paragraph(layout, context, "The bake is out of date: objects made from it now are, too.", "ERROR")
         column = layout.column(align=True)
         skins, twins = (film_objects.of_kind(scene, kind) for kind in ("skin", "twin"))
         for verb, kind, icon, there in (

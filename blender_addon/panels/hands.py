@@ -8,6 +8,6 @@ from ..hands import armatures
 
 
 def button(layout: Any, context: bpy.types.Context) -> None:
-    """Draw the button that attaches fingers, where an armature, what it moves, or a part of a hand is active."""
+    """Draw the button that attaches fingers, where an armature, its mesh, or a part of a hand is active."""
     if armatures.part_of_hand(context.object):
         layout.operator("dermis.attach_fingers", icon="BONE_DATA")

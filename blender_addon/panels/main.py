@@ -26,7 +26,7 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
     bl_label = "Dermis"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the step that is next, with its button, and what is doubtful."""
+        """Draw the next step with its button, and probable mistakes."""
         layout, scene = self.layout, context.scene
         there = summary.of(scene)
         if there.newer:
@@ -50,7 +50,7 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
         paragraph(
             layout,
             context,
-            "Animate a finger over an object; Dermis works out what a tactile device on that finger should do.",
+            "Animate a finger over an object; Dermis computes the commands of a tactile device on that finger.",
         )
         column = layout.column(align=True)
         column.scale_y = 1.2

@@ -1,4 +1,4 @@
-"""What the active object feels like: friction, effects, and when it counts as held."""
+"""Haptic material of the active object: friction, effects, and when it counts as held."""
 
 from typing import Any
 

@@ -88,6 +88,7 @@ def draw_add(self: Any, _context: bpy.types.Context) -> None:
 def draw_import(self: Any, _context: bpy.types.Context) -> None:
     """Draw our entry in the File > Import menu."""
     self.layout.operator("dermis.import_poses", text="Recorded Poses (.csv)", icon="VIEW_PAN")
+    self.layout.operator("dermis.import_sensor", text="Recorded Sensor (.csv)", icon="VIEW_PAN")
 
 
 def draw_export(self: Any, _context: bpy.types.Context) -> None:

@@ -1,4 +1,4 @@
-"""The active object: what it is, a touch screen's relief, and the devices that a finger wears."""
+"""The active object: its role, a touch screen's relief, and the devices of a finger."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ ICONS = {"FINGER": "VIEW_PAN", "TOUCHABLE": "MATERIAL", "SCREEN": "DESKTOP", "NO
 
 @needs(lambda context: context.object is not None)
 class DERMIS_PT_object(DermisPanel, bpy.types.Panel):
-    """What the active object is to Dermis."""
+    """Role of the active object."""
 
     bl_idname = "DERMIS_PT_object"
     bl_label = "Place"
@@ -61,7 +61,7 @@ class DERMIS_PT_object(DermisPanel, bpy.types.Panel):
 
 @needs(lambda context: role(context) == "SCREEN")
 class DERMIS_PT_screen(DermisPanel, bpy.types.Panel):
-    """What a touch screen shows to the finger."""
+    """Relief of a touch screen."""
 
     bl_idname = "DERMIS_PT_screen"
     bl_label = "Touch: Screen"
@@ -123,7 +123,7 @@ class DERMIS_UL_devices(bpy.types.UIList):
     def draw_item(
         self, _context: Any, layout: Any, data: Any, item: Any, _icon: int, _active: Any, _property: str, index: int
     ) -> None:
-        """Draw one device with its switch, by the name that results call it; what cannot be used says so."""
+        """Draw one device with its switch, by its name in results; one that cannot be used says so."""
         entry = choices.entry("devices", item.preset)
         broken = choices.known() and (entry is None or entry.error is not None)
         icon = "ERROR" if broken else choices.icon(choices.kind_of(item.preset))

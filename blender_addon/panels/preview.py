@@ -4,27 +4,27 @@ import bpy
 
 from ..layouts import Pairs, paragraph
 from ..polls import needs
-from ..preview.rows import Row
+from ..preview import rows
 from ..quantities import quantity
 from ..viewport import shown
 from . import summary
 from .main import DermisPanel
 
 
-def _rows(context: bpy.types.Context) -> tuple[Row, ...]:
+def _rows(context: bpy.types.Context) -> "tuple[rows.Row, ...]":
     now = shown.now(context.scene)
     return now.devices.rows if now is not None and now.devices is not None else ()
 
 
 @needs(lambda context: summary.of(context.scene).fingers)
 class DERMIS_PT_preview(DermisPanel, bpy.types.Panel):
-    """What the devices do now."""
+    """States of the devices at the current frame."""
 
     bl_idname = "DERMIS_PT_preview"
     bl_label = "Preview"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the view's settings, and where what it shows comes from."""
+        """Draw the view's settings, and the source of its contents."""
         layout, settings = self.layout, context.scene.dermis
         row = layout.row(align=True)
         row.prop(settings, "live_preview", toggle=True, icon="PLAY", text="Live")

@@ -1,4 +1,4 @@
-"""What the panels of devices that are searched for a pose have in common: adaptation, mismatch of this frame, floor."""
+"""Common parts of the panels of devices with a pose: adaptation, mismatch of this frame, best achievable match."""
 
 from typing import Any
 
@@ -54,11 +54,14 @@ def skin_and_mismatch(layout: Any, context: bpy.types.Context, obj: bpy.types.Ob
     elif mine is not None and "mismatch" in mine.signals:
         touching = mine.contact is None or mine.contact > 0.5
         text = f"Mismatch now: {100 * mine.signals['mismatch']:.0f} % of the target" if touching else "In the air"
-        layout.label(text=text, icon="ARROW_LEFTRIGHT")
+        column = layout.column(align=True)
+        column.label(text=text, icon="ARROW_LEFTRIGHT")
+        if touching and "stress_error" in mine.signals:
+            column.label(text=f"Whole stress: {100 * mine.signals['stress_error']:.0f} % off", icon="BLANK1")
 
 
 def floor(layout: Any, context: bpy.types.Context, obj: bpy.types.Object, device: Any) -> None:
-    """Draw what the best pose found leaves of the baked touch, and what axes along the pad would."""
+    """Draw the error of the best pose found for the baked touch, and that with axes along the pad."""
     layout.operator("dermis.find_floor", icon="PIVOT_CURSOR")
     found = floors.shown(context.scene, obj, device)
     if found is None:

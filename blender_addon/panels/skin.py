@@ -1,4 +1,4 @@
-"""The skin of the active finger, how the view shows skins, and what they feel at the current frame."""
+"""The skin of the active finger, display of skins in the view, and their state at the current frame."""
 
 from typing import Any
 
@@ -8,8 +8,7 @@ from .. import choices
 from .._core import core
 from ..layouts import Pairs, editable, paragraph, preset, properties
 from ..polls import needs
-from ..preview import skin_preview
-from ..preview.skin_state import SkinState
+from ..preview import skin_preview, skin_state
 from ..viewport import shown, skin_cards, skin_field, skin_shown
 from . import summary
 from .main import DermisPanel
@@ -17,7 +16,7 @@ from .main import DermisPanel
 SHARE = 0.55  # of the width, for names
 
 
-def _states(context: bpy.types.Context) -> tuple[SkinState, ...]:
+def _states(context: bpy.types.Context) -> "tuple[skin_state.SkinState, ...]":
     now = shown.now(context.scene)
     return now.skins.states if now is not None else ()
 
@@ -90,7 +89,7 @@ class DERMIS_PT_skin_size(DermisPanel, bpy.types.Panel):
 
 @needs(lambda context: summary.of(context.scene).skins)
 class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
-    """How the view shows skins, and what they feel now."""
+    """Display of skins in the view, and their present state."""
 
     bl_idname = "DERMIS_PT_skin_view"
     bl_label = "Skin Heat Map"
@@ -116,7 +115,7 @@ class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
             paragraph(layout, context, skin_preview.failure(), "ERROR")
         states = _states(context)
         if not states and not skin_preview.failure():
-            paragraph(layout, context, "Move along the timeline to see what the skin feels.")
+            paragraph(layout, context, "Move along the timeline to see the state of the skin.")
         if states:
             beyond = any(s.too_deep or s.too_far for s in states)
             text = skin_field.error_text(states)
@@ -125,7 +124,7 @@ class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
 
 @needs(lambda context: bool(_states(context)))
 class DERMIS_PT_skin_values(DermisPanel, bpy.types.Panel):
-    """What each pad feels, in figures."""
+    """Forces on each pad, in figures."""
 
     bl_idname = "DERMIS_PT_skin_values"
     bl_label = "Values"
@@ -141,7 +140,7 @@ class DERMIS_PT_skin_values(DermisPanel, bpy.types.Panel):
 
 
 class DERMIS_PT_skin_style(DermisPanel, bpy.types.Panel):
-    """Colours and what else is drawn."""
+    """Colours and overlays."""
 
     bl_idname = "DERMIS_PT_skin_style"
     bl_label = "Style"
@@ -159,7 +158,7 @@ class DERMIS_PT_skin_style(DermisPanel, bpy.types.Panel):
 
 
 class DERMIS_PT_skin_work(DermisPanel, bpy.types.Panel):
-    """What was solved, what was skipped, and what did not converge."""
+    """Counts of solved, skipped and not converged frames."""
 
     bl_idname = "DERMIS_PT_skin_work"
     bl_label = "Details"
@@ -181,7 +180,7 @@ class DERMIS_PT_skin_work(DermisPanel, bpy.types.Panel):
             paragraph(column, context, f"Skipped, {part}: {words}")
 
 
-def _figures(column: Any, context: bpy.types.Context, state: SkinState, said: str) -> None:
+def _figures(column: Any, context: bpy.types.Context, state: "skin_state.SkinState", said: str) -> None:
     column.scale_y = 0.85
     icon = {"bake": "CHECKMARK", "live": "PLAY", "none": "TIME"}.get(state.source, "ERROR")
     column.label(text=state.finger, icon=icon)

@@ -1,28 +1,19 @@
-"""The live link: port, arm, stop, and how things stand. Draws what the last heartbeat brought; asks nobody."""
+"""The live link: port, arm, stop, and how things stand. Draws the last heartbeat; asks nobody."""
 
+from functools import lru_cache
 from typing import Any
 
 import bpy
 
+from .. import choices
 from .._core import core
 from ..layouts import paragraph
 from ..quantities import quantity
-from ..streaming import board_identity, built_devices, calibration_offers, session, stream_log
+from ..streaming import board_identity, built_devices, calibration_offers, session, stream_log, streamed_track
 from ..viewport import shown
 from .main import DermisPanel
 
-State = core.stream.state.State
-ICONS = {
-    State.DISCONNECTED: "UNLINKED",
-    State.CONNECTING: "SORTTIME",
-    State.READY: "LINKED",
-    State.ARMED: "PAUSE",
-    State.STREAMING: "PLAY",
-    State.STOPPING: "SORTTIME",
-    State.STALLED: "ERROR",
-    State.FAULT: "CANCEL",
-    State.DEAD: "CANCEL",
-}
+FIRST = "First Device of the Bake"
 
 
 class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
@@ -38,9 +29,9 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
             now = session.status()
             row = self.layout.row()
             row.alert = bool(now.get("armed"))
-            row.label(text="", icon=ICONS.get(now["state"], "QUESTION"))
+            row.label(text="", icon=_icons().get(now["state"], "QUESTION"))
         elif session.leaving():
-            self.layout.label(text="", icon=ICONS[State.STOPPING])
+            self.layout.label(text="", icon=_icons()[core.stream.state.State.STOPPING])
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw port, buttons and state."""
@@ -67,7 +58,8 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
         elif settings.track_file and settings.mode != "follow":
             layout.label(text=bpy.path.basename(settings.track_file), icon="FILE")
         else:
-            layout.prop(settings, "output", text="", icon="ANIM", placeholder="First device of the bake")
+            text = choices.worn(settings.output) if settings.output else FIRST
+            layout.menu("DERMIS_MT_stream_devices", text=text, icon="ANIM")
         if settings.mode == "play" and (doubts := shown.doubts(context.scene)):
             paragraph(layout, context, doubts, "ERROR")
         if settings.mode == "jog":
@@ -106,9 +98,10 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
         layout = self.layout
         if session.leaving():
             paragraph(layout, context, session.leaving(), "TIME")
-        layout.label(text=now["state"].capitalize(), icon=ICONS.get(now["state"], "QUESTION"))
+        layout.label(text=now["state"].capitalize(), icon=_icons().get(now["state"], "QUESTION"))
         if now.get("message"):
-            paragraph(layout, context, now["message"], "ERROR" if another or now["state"] != State.READY else "INFO")
+            ready = now["state"] == core.stream.state.State.READY
+            paragraph(layout, context, now["message"], "INFO" if ready and not another else "ERROR")
         if caution := session.caution(context.scene):
             paragraph(layout, context, caution, "ERROR")
         if (silence := session.silence()) and silence[1:-1] not in caution:
@@ -135,6 +128,8 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
                 box.label(text=f"Late by {_time(p50)}, 99 % by less than {_time(p99)}")
             if trip is not None:
                 box.label(text=f"Round trip {trip:.1f} ms")
+            for line in _sensed(now.get("sensed") or {}):
+                box.label(text=line)
             for name, count in {**now.get("counters", {}), **now.get("protocol", {})}.items():
                 if count and name not in ("bytes",):
                     box.label(text=f"{name.capitalize()}: {count:,}", icon="NONE" if name == "sent" else "DOT")
@@ -148,12 +143,24 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
                 box.label(text=f"{name.replace('_', ' ')}: {quantity(value, unit)}")
 
 
+def _sensed(sensed: dict[str, dict[str, float | None]]) -> list[str]:
+    """Return the measurements of the actuators, a line a quantity: the channel with the most of it."""
+    lines = []
+    for what, by_channel in sensed.items():
+        known = {name: abs(value) for name, value in by_channel.items() if value is not None}
+        if known:
+            name = max(known, key=lambda channel: known[channel])
+            title, _, unit = what.rpartition(" ")
+            lines.append(f"{title.capitalize()} up to {known[name]:.3g} {unit.strip('[]')}, {name.replace('_', ' ')}")
+    return lines
+
+
 def _time(microseconds: float) -> str:
     return f"{microseconds:.0f} us" if microseconds < 1000 else f"{microseconds / 1000:.1f} ms"
 
 
 class DERMIS_PT_stream_settings(DermisPanel, bpy.types.Panel):
-    """What is played, and how carefully."""
+    """Track, timing and limits of a stream."""
 
     bl_idname = "DERMIS_PT_stream_settings"
     bl_parent_id = "DERMIS_PT_stream"
@@ -215,4 +222,44 @@ class DERMIS_MT_ports(bpy.types.Menu):
             self.layout.operator("dermis.stream_use_port", text=f"{name}  {description}").port = name
 
 
-CLASSES: tuple[type, ...] = (DERMIS_MT_ports, DERMIS_PT_stream, DERMIS_PT_stream_settings, DERMIS_PT_stream_log)
+class DERMIS_MT_stream_devices(bpy.types.Menu):
+    """The device to stream to: whose track is played, and whose actuators are moved by hand"""
+
+    bl_idname = "DERMIS_MT_stream_devices"
+    bl_label = "Device"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the possible receivers; a choice writes the setting."""
+        self._choice(FIRST, "")
+        for choice in streamed_track.choices(context.scene):
+            self._choice(choices.worn(choice.label), choice.label)
+
+    def _choice(self, text: str, label: str) -> None:
+        chosen: Any = self.layout.operator("wm.context_set_string", text=text)
+        chosen.data_path, chosen.value = "scene.dermis_stream.output", label
+
+
+@lru_cache
+def _icons() -> dict[str, str]:
+    """Return the icon of each state of the link."""
+    state = core.stream.state.State
+    return {
+        state.DISCONNECTED: "UNLINKED",
+        state.CONNECTING: "SORTTIME",
+        state.READY: "LINKED",
+        state.ARMED: "PAUSE",
+        state.STREAMING: "PLAY",
+        state.STOPPING: "SORTTIME",
+        state.STALLED: "ERROR",
+        state.FAULT: "CANCEL",
+        state.DEAD: "CANCEL",
+    }
+
+
+CLASSES: tuple[type, ...] = (
+    DERMIS_MT_ports,
+    DERMIS_MT_stream_devices,
+    DERMIS_PT_stream,
+    DERMIS_PT_stream_settings,
+    DERMIS_PT_stream_log,
+)

@@ -1,4 +1,4 @@
-"""What the scene holds, counted once after each change and not once a redraw."""
+"""Contents of the scene, counted once after each change and not once a redraw."""
 
 from typing import NamedTuple
 

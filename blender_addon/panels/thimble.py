@@ -5,7 +5,7 @@ from typing import Any
 import bpy
 
 from .._core import core
-from ..demos import demo_thimble
+from ..demos import touches
 from ..layouts import paragraph, properties
 from ..polls import needs
 from ..viewport import shown
@@ -14,7 +14,7 @@ from .main import DermisPanel
 
 
 def settings(layout: Any, context: bpy.types.Context, device: Any) -> None:
-    """Draw what a thimble can be told, for the panel of device settings."""
+    """Draw the settings of a thimble, for the panel of device settings."""
     column = properties(layout, device, "thimble_method")
     if device.thimble_method in core.matching.thimble_use.LEARNED:
         column.prop(device, "thimble_surrogate")
@@ -29,7 +29,7 @@ def settings(layout: Any, context: bpy.types.Context, device: Any) -> None:
 
 @needs(lambda context: shown.active_device(context.scene, context.object, "thimble") is not None)
 class DERMIS_PT_thimble(DermisPanel, bpy.types.Panel):
-    """Method, adaptation, mismatch and what the view shows."""
+    """Method, adaptation, mismatch and display."""
 
     bl_idname = "DERMIS_PT_thimble"
     bl_label = "Thimble"
@@ -61,8 +61,8 @@ class DERMIS_MT_thimble_demos(bpy.types.Menu):
 
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw one entry a scene."""
-        for key, scene in demo_thimble.SCENES.items():
-            self.layout.operator("dermis.demo_thimble_scene", text=scene.title, icon="SCENE_DATA").touch = key
+        for key, (title, _) in touches.THIMBLE.items():
+            self.layout.operator("dermis.demo_thimble_scene", text=title, icon="SCENE_DATA").touch = key
 
 
 CLASSES: tuple[type, ...] = (DERMIS_PT_thimble, DERMIS_MT_thimble_demos)

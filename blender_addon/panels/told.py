@@ -16,11 +16,11 @@ PAIRS = 4  # columns that fit; the saved table has all
 
 @needs(lambda context: summary.of(context.scene).fingers)
 class DERMIS_PT_told(DermisPanel, bpy.types.Panel):
-    """What an ideal observer could tell apart of the active finger's touches."""
+    """Discriminability of the active finger's touches for an ideal observer."""
 
     bl_idname = "DERMIS_PT_told"
     bl_parent_id = "DERMIS_PT_compare"
-    bl_label = "Told Apart"
+    bl_label = "Discriminability"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -32,11 +32,12 @@ class DERMIS_PT_told(DermisPanel, bpy.types.Panel):
             paragraph(
                 layout,
                 context,
-                "Touch, lift and touch again: how often would they be told apart, in earnest and through each device?",
+                "Animate at least two touches with a lift between them. The result is how often an observer would tell "
+                "them apart, for the real touches and for each device.",
             )
             return
         if found.edits != changes.edits():
-            paragraph(layout, context, "The scene changed since: ask again.", "ERROR")
+            paragraph(layout, context, "The scene has changed: compute it again.", "ERROR")
         table = found.table
         for k, touch in enumerate(table["touches"], 1):
             layout.label(text=f"touch {k}: {touch['end'] - touch['start']:.2f} s from frame {touch['frame']:.0f}")
@@ -50,7 +51,7 @@ class DERMIS_PT_told(DermisPanel, bpy.types.Panel):
             _line(box, name, [f"{100 * right:.0f} %" for right in row["right"][:PAIRS]])
         if len(table["pairs"]) > PAIRS:
             paragraph(layout, context, f"{len(table['pairs']) - PAIRS} more pairs are in the saved table.", "INFO")
-        words = "Simulated: an observer who wastes nothing, knows the real touches, and guesses at 50 %."
+        words = "Simulated: an ideal observer who knows the real touches. Guessing gives 50 %."
         paragraph(layout, context, words, "INFO")
         layout.operator("dermis.save_told", icon="EXPORT", text="Save")
         for skipped in table["skipped"]:

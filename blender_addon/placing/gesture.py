@@ -16,7 +16,7 @@ _MOST = 500  # keys of a slide
 
 @dataclass(frozen=True)
 class Gesture:
-    """What a finger does, in metres and seconds.
+    """A finger's movement, in metres and seconds.
 
     Attributes:
         height: above the surface, from which it comes and to which it lifts. approach: speed there [m/s].

@@ -1,4 +1,4 @@
-"""What every skin felt at a frame of a bake."""
+"""The state of every skin at a frame of a bake."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .._core import core
 from ..results import store
 from .skin_state import SkinState
 
-_baked: tuple[Any, Any, tuple[SkinState, ...]] = (None, (), ())  # the result, for what, and its skins
+_baked: tuple[Any, Any, tuple[SkinState, ...]] = (None, (), ())  # the result, its key, and its skins
 
 
 def states(scene: bpy.types.Scene, result: Any, frame: float, state: str) -> tuple[SkinState, ...]:

@@ -1,9 +1,9 @@
-"""What the devices do at the current frame, without a bake.
+"""The values of the devices at the current frame, without a bake.
 
 Where a fresh bake covers the frame, its track is read. Otherwise the frames visited last form a trail: a step forward
-extends it, a change within a frame takes its last sample anew, and what was shown is kept until something changes, so
-that it is there again on the way back. A jump to where nobody has been goes on from the nearest state that was kept a
-little before it, anything else (a jump farther, undo) starts a new trail from rest, and the preview says which. The
+extends it, a change within a frame takes its last sample anew, and shown frames are kept until something changes, so
+that they are there again on the way back. A jump to where nobody has been goes on from the nearest state that was kept
+a little before it, anything else (a jump farther, undo) starts a new trail from rest, and the preview says which. The
 engine renders the trail's end as it renders a bake; only the sampling is coarser, one sample a visited frame. Devices
 that follow a skin take another road, in `pin_preview`, `thimble_preview` and `platform_preview`: they match this one
 frame.
@@ -28,7 +28,7 @@ from . import moment, pin_preview, platform_preview, skin_preview, thimble_previ
 from .kept_states import KeptStates
 from .rows import Preview, Row, as_it_was, by_channel, goes_on, origin, row_of
 
-TRAIL_SECONDS = 0.12  # how much of a tactor's path the view shows
+TRAIL_SECONDS = 0.12  # how much of a tactor's path, and of a vibration, the view shows
 FOLLOWERS = (pin_preview, thimble_preview, platform_preview)
 KEPT = 1000  # frames that were visited are shown again as they were
 
@@ -59,12 +59,12 @@ class _Live:
 
 
 _live = _Live()
-_memo: tuple[Any, Any] = (None, ())  # a result, and for what
+_memo: tuple[Any, Any] = (None, ())  # a result and its key
 _memo_preview: Preview | None = None
 
 
 def computed(scene: bpy.types.Scene) -> Preview | None:
-    """Return what bake or trail give for the current frame, or None where nothing is known."""
+    """Return the preview of the current frame from bake or trail, or None where nothing is known."""
     global _memo, _memo_preview
     frame, state = moment.frame_of(scene), store.state(scene)
     if state != "fresh" and scene.dermis.live_preview and _trail_ends_at(scene, frame):
@@ -246,12 +246,17 @@ def baked_row(result: store.Result, output: core.pipeline.bake.Output, frame: fl
     values = store.values_at(result, output, frame)
     if values is None:  # outside the range: the device rests
         values = np.array([c.rest for c in spec.channels])
-    contact, mismatch = (store.signal_at(result, output, name, frame) for name in ("contact", "mismatch"))
-    signals = {} if mismatch is None else {"mismatch": mismatch}
+    contact, *errors = (store.signal_at(result, output, n, frame) for n in ("contact", "mismatch", "stress_error"))
+    told = zip(("mismatch", "stress_error"), errors, strict=True)
+    signals = {name: value for name, value in told if value is not None}
     row = row_of(output.finger, output.device, spec, by_channel(spec, values), contact, signals=signals)
     if row.drawn == "tactor" and len(track.times):
         now = result.clock.seconds(frame)
         times = np.linspace(now - TRAIL_SECONDS, now, 61)
         path = np.stack([np.interp(times, track.times, track.column(n)) for n in ("tactor_x", "tactor_y")], axis=1)
         row = replace(row, path=path)
+    if row.drawn == "coil" and len(track.times):
+        now = result.clock.seconds(frame)
+        recent = slice(*np.searchsorted(track.times, [now - TRAIL_SECONDS, now]))
+        row = replace(row, path=np.stack([track.times[recent] - now, track.column("voltage")[recent]], axis=1))
     return row

@@ -19,17 +19,23 @@ def searched_of(scene: bpy.types.Scene, skins: Iterable[SkinState]) -> Iterator[
     """Yield each skin whose finger wears a device that is searched for a pose, as `wearers_of` does."""
     for skin in skins:
         obj = identity.named(scene, skin.finger)
-        device = active_presets.searched_of(obj) if obj is not None and skin.model is not None else None
-        spec = active_presets.searched(device) if device is not None else None
-        if obj is not None and device is not None and spec is not None:
-            yield skin, obj, device, spec
+        if obj is None or skin.model is None:
+            continue
+        for device in obj.dermis.finger.devices:
+            spec = active_presets.searched(device) if device.enabled else None
+            if spec is not None:
+                yield skin, obj, device, spec
+                break
 
 
 def wearers_of(scene: bpy.types.Scene, skins: Iterable[SkinState], family: active_presets.Family) -> Iterator[Follower]:
     """Yield each skin whose finger wears a device of a family: the skin, the finger, the settings, the preset."""
     for skin in skins:
         obj = identity.named(scene, skin.finger)
-        device = active_presets.device_of(obj, family) if obj is not None and skin.model is not None else None
-        spec = active_presets.spec_of(device.preset, family) if device is not None else None
-        if obj is not None and device is not None and spec is not None:
-            yield skin, obj, device, spec
+        if obj is None or skin.model is None:
+            continue
+        for device in obj.dermis.finger.devices:
+            spec = active_presets.spec_of(device.preset, family) if device.enabled else None
+            if spec is not None:
+                yield skin, obj, device, spec
+                break

@@ -15,7 +15,7 @@ STATES = 32  # so many: four seconds of a play
 
 
 class KeptStates(Generic[S]):
-    """States by the frame that they were reached at, until what they depend on changes and somebody clears them."""
+    """States by the frame that they were reached at, until their inputs change and somebody clears them."""
 
     def __init__(self) -> None:
         self._states: dict[float, S] = {}

@@ -1,4 +1,4 @@
-"""What the live preview has shown since the last edit, frame by frame, for the strip to draw."""
+"""The values that the live preview has shown since the last edit, frame by frame, for the strip to draw."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _lanes: tuple[Lane, ...] | None = ()
 
 
 def note(scene: bpy.types.Scene, frame: Any) -> None:
-    """Remember what a `shown.Frame` says of a preview that is live; an edit makes what was seen before void."""
+    """Remember the values of a `shown.Frame` of a preview that is live; an edit makes earlier values void."""
     global _key, _lanes
     key = (scene.session_uid, changes.edits(), changes.lineage())
     if key != _key:
@@ -51,7 +51,7 @@ def of(scene: bpy.types.Scene) -> tuple[Lane, ...]:
 
 
 def forget() -> None:
-    """Forget what was seen."""
+    """Forget all values."""
     global _key, _lanes
     _seen.clear()
     _key, _lanes = (0, -1, -1), ()

@@ -1,4 +1,4 @@
-"""What pin arrays press and make felt at the current frame, and where their pins act on a finger.
+"""The forces of pin arrays and the skin that they render at the current frame, and where pins act on a finger.
 
 Pins follow the skin that `skin_preview` solves, or that a bake has kept. Points of action are where a pin's line meets
 the skin at rest, from the engine; they are computed once for a size of finger and a device.
@@ -6,14 +6,15 @@ the skin at rest, from the engine; they are computed once for a size of finger a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
 
-from .. import changes
+from .. import changes, loading
 from .._core import Array, DermisError, core
 from ..devices import active_presets, skin_models
 from ..properties import skin_properties
@@ -40,6 +41,7 @@ class Pins(NamedTuple):
 
 _pins: core.recent.Recent[tuple[str, str], Pins] = core.recent.Recent(8)
 _states: dict[str, tuple[SkinState, tuple[Any, ...], tuple[SkinState, Array]]] = {}
+_ready: dict[str, tuple[Any, ...]] = {}  # by finger, the key of its matrices
 
 
 def pins_of(obj: bpy.types.Object, device: str) -> Pins | None:
@@ -68,7 +70,7 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
 
 
 def live_rows(scene: bpy.types.Scene, skins: Sequence[SkinState]) -> tuple[Row, ...]:
-    """Return what the pin arrays of fingers whose skin is solved press at the current frame, without a bake."""
+    """Return the rows of the pin arrays of fingers whose skin is solved at the current frame, without a bake."""
     rows = []
     for target, _, device, spec in followers.wearers_of(scene, skins, "pins"):
         if target.source != "live":
@@ -81,10 +83,23 @@ def live_rows(scene: bpy.types.Scene, skins: Sequence[SkinState]) -> tuple[Row, 
     return tuple(rows)
 
 
+def prepare(scene: bpy.types.Scene, target: SkinState) -> Iterator[None]:
+    """Match a finger's pins with the skin of the current frame; yield while the set-up for that is made."""
+    for skin, _, device, spec in followers.wearers_of(scene, (target,), "pins"):
+        model, nodes = skin.model, device.pin_nodes
+        if skin.source == "live" and skin.touching and _ready.get(skin.finger) != (model, spec.hash, nodes):
+            with suppress(DermisError):  # said where it is matched
+                yield from loading.aside(lambda: _set_up(model, spec, nodes))  # noqa: B023 (done within the turn)
+            _ready[skin.finger] = (model, spec.hash, nodes)
+        if skin.source == "live" and skin.touching:
+            _matched(skin, device, spec)
+
+
 def reset() -> None:
-    """Forget what was computed."""
+    """Forget all results."""
     _pins.clear()
     _states.clear()
+    _ready.clear()
 
 
 def _pins_on(model: core.skin.model.SkinModel, spec: core.devices.spec.DeviceSpec) -> Pins:
@@ -95,6 +110,13 @@ def _pins_on(model: core.skin.model.SkinModel, spec: core.devices.spec.DeviceSpe
     return Pins(points, layout.directions, float(spec.parameters["pin_radius"]), layout.force_limit, rows, columns)
 
 
+def _set_up(model: core.skin.model.SkinModel, spec: core.devices.spec.DeviceSpec, nodes: Any) -> None:
+    nothing = core.skin.stimulus.Stimulus(model, np.zeros((model.pad_count, 3)))
+    with skin_models.one_thread():
+        core.matching.pins.setup(model, spec, nodes)
+        core.skin.observation.stress_error(nothing, nothing)  # makes the parts that reading whole stress needs
+
+
 def _matched(target: SkinState, device: Any, spec: Any) -> tuple[SkinState, Array]:
     """Return the skin as the pins render it, and the pins' forces [N]; kept while skin and settings stay."""
     key = (device.preset, device.pin_method, device.pin_nodes, device.pin_bounded, changes.lineage())
@@ -102,14 +124,19 @@ def _matched(target: SkinState, device: Any, spec: Any) -> tuple[SkinState, Arra
     if kept is not None and kept[0] is target and kept[1] == key:
         return kept[2]
     forces: Array = np.zeros(len(spec.channels))
-    pins, own = core.matching.pins, target.matched
+    pins, own, amounts = core.matching.pins, target, None
     with skin_models.one_thread():
         try:
             ready = pins.setup(own.model, spec, device.pin_nodes)
             solver = pins.make_solver(ready, spec, device.pin_method, None, bounded=device.pin_bounded)
             matched = solver.solve(own.force, own.amounts)
             forces, force = matched.forces, pins.rendered_force(ready, matched.forces)
-            note = f"{1e3 * matched.displacement_error:.2f} mm off"
+            felt = core.skin.stimulus.Stimulus(own.model, own.force, None, own.amounts)
+            made = core.skin.stimulus.Stimulus(own.model, force)
+            if matched.look is not None:
+                made, amounts = matched.look.felt(own.model, force), matched.look.amounts
+            left = core.skin.observation.stress_error(felt, made)
+            note = f"{1e3 * matched.displacement_error:.2f} mm off, whole stress {100 * left:.0f} %"
         except DermisError as error:
             force, note = np.zeros_like(target.force), str(error)
     total = force.sum(axis=0)
@@ -120,7 +147,7 @@ def _matched(target: SkinState, device: Any, spec: Any) -> tuple[SkinState, Arra
         normal_force=float(total[2]),
         note=note,
         points=None,  # pins act on nodes
-        amounts=None,
+        amounts=amounts,
         sticking=0,
         slipping=0,
         tangential_force=float(np.hypot(total[0], total[1])),

@@ -1,8 +1,8 @@
-"""What platforms do at the current frame, without a bake: the skin of `skin_preview`, looked up in the table."""
+"""Commands of platforms at the current frame, without a bake: the skin of `skin_preview`, looked up in the table."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import bpy
@@ -22,7 +22,7 @@ _refused: dict[str, str] = {}  # by finger, why its table cannot be used
 
 
 def live_rows(scene: bpy.types.Scene, skins: Sequence[SkinState]) -> tuple[Row, ...]:
-    """Return what the platforms of fingers whose skin is shown do at the current frame; none without a table."""
+    """Return the rows of the platforms of fingers whose skin is shown at the current frame; none without a table."""
     rows = []
     for target, obj, device, spec in followers.wearers_of(scene, skins, "platform"):
         looked_up = target.source == "live" and active_presets.searched(device) is None
@@ -33,6 +33,14 @@ def live_rows(scene: bpy.types.Scene, skins: Sequence[SkinState]) -> tuple[Row, 
             note = _refused.get(target.finger) or NO_TABLE
             rows.append(row_of(target.finger, device.preset, spec, {}, None, note=note))
     return tuple(rows)
+
+
+def prepare(scene: bpy.types.Scene, target: SkinState) -> Iterator[None]:
+    """Look up the values of a finger's platform for the skin of the current frame; there is nothing to wait for."""
+    for skin, obj, device, spec in followers.wearers_of(scene, (target,), "platform"):
+        if skin.source == "live" and active_presets.searched(device) is None:
+            commands(obj, device, spec, skin)
+    return iter(())
 
 
 def commands(obj: Any, device: Any, spec: Any, target: SkinState) -> NDArray[np.float64] | None:
@@ -48,7 +56,7 @@ def commands(obj: Any, device: Any, spec: Any, target: SkinState) -> NDArray[np.
         if table is not None:
             with skin_models.one_thread():
                 force = np.asarray(target.force)[None] if target.touching else np.zeros((0, *np.shape(target.force)))
-                own = target.matched
+                own = target
                 values = lookup.commands_now(table, spec, own.model, force, own.amounts)
     except DermisError as error:
         _refused[target.finger] = str(error)
@@ -57,6 +65,6 @@ def commands(obj: Any, device: Any, spec: Any, target: SkinState) -> NDArray[np.
 
 
 def reset() -> None:
-    """Forget what was looked up."""
+    """Forget all looked-up values."""
     _commands.clear()
     _refused.clear()

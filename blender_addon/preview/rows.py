@@ -1,4 +1,4 @@
-"""What the devices do at one frame: a row each, wherever its values come from."""
+"""The devices at one frame: a row each, wherever its values come from."""
 
 from __future__ import annotations
 
@@ -12,17 +12,22 @@ from .._core import Array, core
 NO_PATH = np.empty((0, 2))
 STEP_SECONDS = 0.25
 # Channels without which a device of some kind is drawn as its values alone.
-NEEDED = {"tactor": {"tactor_x", "tactor_y"}, "screen": {"amplitude"}, "thimble": {"servo_1"}}
+NEEDED = {
+    "tactor": {"tactor_x", "tactor_y"},
+    "screen": {"amplitude"},
+    "coil": {"displacement", "voltage"},
+    "thimble": {"servo_1"},
+}
 FULL_SCALE = {"m": 2e-3, "N": 0.4}  # by unit, where a preset states no limit. Source: [S3] and [S1], their devices
 
 
 def goes_on(gap: float) -> bool:
-    """Return whether a step of so many seconds goes on from what was before: playback may skip frames, but not jump."""
+    """Return whether a step of so many seconds continues the frame before: playback may skip frames, but not jump."""
     return 1e-9 < gap <= STEP_SECONDS
 
 
 def origin(first: float, since: float | None, *, begins: bool) -> str:
-    """Return what the view says of where a live frame comes from.
+    """Return the view's words on where a live frame comes from.
 
     Args:
         first: frame at which everything was at rest. since: that of the kept state from which this one was reached.
@@ -34,7 +39,7 @@ def origin(first: float, since: float | None, *, begins: bool) -> str:
 
 
 def as_it_was(note: str) -> str:
-    """Return what the view says of a live frame that is shown once more."""
+    """Return the view's words on a live frame that is shown once more."""
     return note.replace("live, from", "live, as it was played from")
 
 
@@ -44,9 +49,10 @@ class Row:
 
     Attributes:
         finger, device: the finger object's name and the preset's key.
-        title, kind: the device's name for people, and what it is.
+        title, kind: the device's name for people, and its kind.
         values, low, high, units: by channel name, in SI; limits are None where there are none.
-        path: the tactor's positions over the last moments [m], oldest first, shape (n, 2); empty for screens.
+        path: over the last moments, oldest first, shape (n, 2): a tactor's positions [m], a voice coil's times [s] and
+            voltages [V]; empty for others.
         contact: 1 while the finger touches, 0 while not, None where unknown.
         signals: diagnostic values by name, such as 'mismatch'.
         note: in words, why there are no values.
@@ -86,7 +92,7 @@ class Preview:
     """All devices at one frame.
 
     Attributes:
-        source: 'device', 'file', 'bake', 'stale', 'earlier' or 'live'. note: what a reader should know about it.
+        source: 'device', 'file', 'bake', 'stale', 'earlier' or 'live'. note: a remark on it for the reader.
     """
 
     frame: float

@@ -1,4 +1,4 @@
-"""What every skin feels at the current frame.
+"""The contact of every skin at the current frame.
 
 Where a fresh bake covers the frame, its forces are read: they are exact along the path. Otherwise each finger has a
 contact path of its own through the frames visited: a step forward continues its history, a frame that was visited is
@@ -12,14 +12,14 @@ from __future__ import annotations
 import math
 import traceback
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
 
-from .. import changes, loading, redraw, scene_time
+from .. import changes, loading, scene_time
 from .._core import DermisError, core
 from ..devices import active_presets, skin_models
 from ..results import store
@@ -69,41 +69,40 @@ class _Live:
     states: tuple[SkinState, ...] = ()
     seen: core.recent.Recent[float, tuple[SkinState, ...]] = field(default_factory=lambda: core.recent.Recent(SEEN))
     kept: KeptStates[_Between] = field(default_factory=KeptStates)
+    undone: list[_FingerPath] = field(default_factory=list)  # fingers of a frame that was left: they go back
     failure: str = ""
 
 
 _live = _Live()
-_any: tuple[Any, bool, bool] = ((), False, False)  # what was looked up, whether any finger is there, and any solved
+_any: tuple[Any, bool] = ((), False)  # the key of the look-up, and whether there is any
+_any_solved: tuple[Any, bool] = ((), False)
 
 
 def any_finger(scene: bpy.types.Scene) -> bool:
     """Return whether there is any finger; looked up once after each change."""
-    return _looked_up(scene)[1]
+    global _any
+    if _any[0] != _look(scene):
+        _any = _look(scene), any(obj.dermis.role == "FINGER" for obj in scene.objects)
+    return _any[1]
 
 
 def any_solved(scene: bpy.types.Scene) -> bool:
-    """Return whether the skin of any finger is solved; looked up once after each change."""
-    return _looked_up(scene)[2]
-
-
-def _looked_up(scene: bpy.types.Scene) -> tuple[Any, bool, bool]:
-    global _any
-    key = (scene.session_uid, changes.edits(), len(scene.objects))
-    if _any[0] != key:
+    """Return whether the skin of any finger is solved; looked up once after each change, in presets too."""
+    global _any_solved
+    if _any_solved[0] != _look(scene):
         fingers = [obj.dermis.finger for obj in scene.objects if obj.dermis.role == "FINGER"]
         solved = any(_is_solved(f.skin.shown, (d.preset for d in f.devices if d.enabled)) for f in fingers)
-        _any = key, bool(fingers), solved
-    return _any
+        _any_solved = _look(scene), solved
+    return _any_solved[1]
+
+
+def _look(scene: bpy.types.Scene) -> tuple[int, int, int]:
+    return scene.session_uid, changes.edits(), len(scene.objects)
 
 
 def solved(finger: core.scene.tactile_scene.Finger) -> bool:
     """Return whether the skin of a sampled finger is solved here."""
     return _is_solved(bool(finger.parameters.get("skin_shown")), (device.preset for device in finger.devices))
-
-
-def _followed(finger: core.scene.tactile_scene.Finger) -> bool:
-    """Return whether a device that a sampled finger wears follows its skin."""
-    return any(active_presets.follows_skin(device.preset) for device in finger.devices)
 
 
 def own(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
@@ -172,6 +171,9 @@ def _solved(context: bpy.types.Context, sample: Any) -> Iterator[None]:
     """Solve the scene, yield after each finger; who does not come back leaves each finger as it was before."""
     scene = context.scene
     frame = moment.frame_of(scene)
+    for path in _live.undone:
+        path.stepper.restore(path.before)
+    _live.undone = []
     refined = coarse() and frame == _live.frame and not moment.passing()
     if refined:
         _live.seen.pop(frame, None)
@@ -181,7 +183,6 @@ def _solved(context: bpy.types.Context, sample: Any) -> Iterator[None]:
         _live.frame = frame
         _live.states = _live.seen[frame] = tuple(replace(s, note=as_it_was(s.note)) for s in _live.seen[frame])
         return
-    advanced: list[_FingerPath] = []
     try:
         if sample is None:
             sample = scene_sweep.sample_now(scene, context.evaluated_depsgraph_get())
@@ -189,17 +190,9 @@ def _solved(context: bpy.types.Context, sample: Any) -> Iterator[None]:
         states = []
         for f, finger in enumerate(sample.fingers):
             if solved(finger):
-                if _begin(f, finger, posed):
-                    yield
-                with skin_models.one_thread():
-                    states.append(_solve(f, finger, posed, frame, again))
-                advanced += [_live.paths[finger.name]] if finger.name in _live.paths else []
+                states.append((yield from _solve(f, finger, posed, frame, again)))
                 yield
-        _live.states, _live.failure = tuple(states), ""
-    except GeneratorExit:
-        for path in advanced:
-            path.stepper.restore(path.before)
-        raise
+        _live.states, _live.failure, _live.undone = tuple(states), "", []
     except DermisError as error:
         _live.states, _live.failure = (), str(error)
         _live.paths = {}
@@ -214,14 +207,10 @@ def reset() -> None:
     """Forget the history: the next frame is solved from rest."""
     _live.paths = {}
     _live.posed = None
+    _live.undone = []
     _live.seen.clear()
     _live.kept.clear()
     _live.states, _live.failure, _live.generation = (), "", -1
-
-
-def request() -> None:
-    """Ask for the current frame to be solved anew: something changed that no frame change told."""
-    redraw.request()
 
 
 def _is_solved(shown: bool, presets: Iterable[str]) -> bool:
@@ -277,7 +266,7 @@ def _prepare(scene: bpy.types.Scene, sample: Any, frame: float) -> tuple[core.co
             for path, state in between.paths.values():
                 path.stepper.restore(state)
             assert posed is not None
-            posed.take(between.chunk)  # it is what the fingers come from
+            posed.take(between.chunk)  # the fingers come from it
     if posed is None or not same:
         posed = core.contact.posed_scene.PosedScene(sample.bodies, [may_deform(name) for name in names])
     _live.generation, _live.scene, _live.signature, _live.posed = (
@@ -298,15 +287,14 @@ def may_deform(name: str) -> bool:
     return bool(len(obj.modifiers)) or obj.data.shape_keys is not None
 
 
-def _solve(f: int, finger: Any, posed: core.contact.posed_scene.PosedScene, frame: float, again: bool) -> SkinState:
+def _solve(
+    f: int, finger: Any, posed: core.contact.posed_scene.PosedScene, frame: float, again: bool
+) -> Generator[None, None, SkinState]:
+    """Return the skin of a finger; slow work is done aside, see `loading`."""
     where = f"finger '{finger.name}'"
     level = str(finger.parameters["skin_level"])
     try:
-        followed = _followed(finger)
         model = skin_models.of(finger.parameters, where=f"{where}, skin")
-        lacking = model is not None and followed and skin_models.wants_series(finger.parameters)
-        if model is not None and followed and not lacking:  # the series may have come since
-            model = skin_models.of(finger.parameters, where=f"{where}, skin")
     except DermisError as error:  # the other fingers go on
         return SkinState(finger.name, None, np.zeros((0, 3)), note=str(error))
     if model is None:
@@ -315,11 +303,16 @@ def _solve(f: int, finger: Any, posed: core.contact.posed_scene.PosedScene, fram
             f"making the {level} skin: {done:.0%}" if done is not None and done < 1.0 else f"reading the {level} skin"
         )
         return SkinState(finger.name, None, np.zeros((0, 3)), note=note)
+    begun = finger.name not in _live.paths
     path = _path_of(f, finger, model, posed)
     if again:
         path.stepper.restore(path.before)
     path.before = path.stepper.save()
-    step = path.stepper.step(path.stepper.approach(), 0, coarse=moment.passing())
+    _live.undone.append(path)
+    stepped = _stepped(path.stepper, coarse=moment.passing())
+    # a jump is walked to from rest, in steps that together take longer than a view may wait
+    walked = begun or not (again or goes_on(scene_time.clock(bpy.context.scene, _live.end).seconds(frame)))
+    step = (yield from loading.aside(stepped)) if walked else stepped()
     note = origin(_live.first, _live.since, begins=frame == _live.first)
     if path.stepper.cut:
         note += "; coarse while it moves"
@@ -328,37 +321,27 @@ def _solve(f: int, finger: Any, posed: core.contact.posed_scene.PosedScene, fram
         made = skin_models.make_pad(finger.parameters["skin"])
         waits = made is not None
         note += "; at the mesh's nodes" + (f" while the smooth skin is made: {made:.0%}" if made is not None else "")
-    if followed and model.matched.tissue != model.tissue:
-        note += "; devices on linear tissue"
-    if lacking:
-        made = skin_models.make_series(finger.parameters["skin"])
-        waits = waits or made is not None
-        why = skin_models.refusal(finger.parameters["skin"], skin_models.STIFFENING)
-        note += f" while their table is made: {made:.0%}" if made is not None else f": {why}"
     state = SkinState.of(finger.name, model, step, "live", note, _counters(path.stepper))
     return replace(state, coarse=path.stepper.cut, waits=waits)
 
 
-def _begin(f: int, finger: Any, posed: core.contact.posed_scene.PosedScene) -> bool:
-    """Make what a finger's path begins with, by itself: with the first step it would take twice as long."""
-    if finger.name in _live.paths:
-        return False
-    try:
-        model = skin_models.of(finger.parameters, where=f"finger '{finger.name}', skin")
-    except DermisError:
-        return False  # said where it is solved
-    if model is not None:
-        assert _path_of(f, finger, model, posed).stepper.bone
-    return model is not None
+def _stepped(stepper: core.contact.skin_stepper.SkinStepper, *, coarse: bool) -> Callable[[], Any]:
+    """Return the work of one step."""
+
+    def work() -> Any:
+        with skin_models.one_thread():
+            return stepper.step(stepper.approach(), 0, coarse=coarse)
+
+    return work
 
 
 def _path_of(f: int, finger: Any, model: Any, posed: core.contact.posed_scene.PosedScene) -> _FingerPath:
     p = finger.parameters
-    # a smooth skin whose table has been made since begins a new path; what devices are matched by changes none
+    # a smooth skin whose table has been made since begins a new path
     waits, skin = skin_models.wants_pad(p), (model.key, model.tissue, model.material)
     key = (skin, p["depth_mode"], p["bone_stiffness"], p["force_limit"], p["contact"], waits)
     path = _live.paths.get(finger.name)
-    if path is not None and path.key != key:  # what was seen is of another skin
+    if path is not None and path.key != key:  # the seen frames are of another skin
         _live.seen.clear()
         _live.kept.clear()
     if path is None or path.key != key:
@@ -377,14 +360,3 @@ def _counters(stepper: core.contact.skin_stepper.SkinStepper) -> dict[str, int]:
         "skipped, objects far away": stepper.far,
         "not converged": c["unconverged"],
     }
-
-
-def register() -> None:
-    """Nothing to register: `handlers` calls this module."""
-
-
-def unregister() -> None:
-    """Forget everything, and end what still runs."""
-    reset()
-    skin_models.forget()
-    loading.finish()

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, field
 from typing import Any
 
 from .._core import Array, core
@@ -17,17 +16,17 @@ class SkinState:
     """One finger's skin at one frame.
 
     Attributes:
-        finger: the object's name; of a rendered skin a label, the object's name with what renders it.
+        finger: the object's name; of a rendered skin a label, the object's name with the device that renders it.
         model: the skin, or None while it is being made, or where it cannot be made (`note` says why).
         force: on the pad nodes in the finger's frame [N], shape (m, 3).
         normal_force, tangential_force: totals [N]. depth, lift: [m], see the engine's `SkinContact`.
         sticking, slipping: number of nodes.
-        source: 'bake', 'live', 'stale', 'earlier' or 'none'. note: what a reader should know about it.
-        work: what the contact solver did: 'solved', 'unchanged', 'same', 'idle' or 'baked'.
+        source: 'bake', 'live', 'stale', 'earlier' or 'none'. note: a remark on it for the reader.
+        work: of the contact solver: 'solved', 'unchanged', 'same', 'idle' or 'baked'.
         converged: whether the frame passed the solver's own check.
-        counters: what was solved and what was skipped, by name.
+        counters: of solved and skipped work, by name.
         points: the same forces where they act, on points of the smooth skin; None where contact is solved on nodes.
-        amounts: what a touch keeps of tissue that stiffens, see the engine's `Stimulus.given`; None of linear skin.
+        amounts: the state of stiffening tissue that a touch keeps, see the engine's `Stimulus.given`; None if linear.
         slide: how far friction has drawn the loaded skin along itself [m].
         coarse: the way to the frame was walked in fewer steps than it takes. waits: a table of it is being made.
     """
@@ -65,22 +64,9 @@ class SkinState:
         """Return the state of a skin from one sample of the engine's."""
         return cls(finger, model, source=source, note=note, counters=counters, **vars(step))
 
-    @cached_property
-    def matched(self) -> SkinState:
-        """The same as devices are matched with it: where tissue follows a law, in the series of it, or of linear skin.
-
-        Worked out when a device first asks.
-        """
-        model = self.model
-        if model is None or model.matched is model:
-            return self
-        felt = core.skin.stimulus.Stimulus(model, self.force, None, self.amounts)
-        amounts = core.skin.felt_state.matched_amounts(felt) if self.touching else None
-        return replace(self, model=model.matched, amounts=amounts)
-
     @property
     def tissue(self) -> str:
-        """What the tissue is: 'linear' or 'neo_hookean'."""
+        """The law of the tissue: 'linear' or 'neo_hookean'."""
         return "linear" if self.model is None else str(self.model.tissue)
 
     @property

@@ -1,22 +1,22 @@
-"""What thimbles do and make felt at the current frame: followed live, or played again from a bake.
+"""The motion of thimbles and the skin that they render now: followed live, or played again from a bake.
 
 Six legs that are searched for a pose are followed alike.
 
 Live, a thimble follows the skin that `skin_preview` solves, one search a frame, from wherever that came from: the frame
 before, a state that was kept, or rest; a change within a frame searches it anew. From a bake, the servo angles are
-replayed on the skin, with friction's memory, so that what is shown is what the track does.
+replayed on the skin, with friction's memory, so that the view shows the effect of the track.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
 
-from .. import changes, scene_time
+from .. import changes, loading, scene_time
 from .._core import DermisError, core
 from ..devices import active_presets, skin_models, thimble_devices
 from ..results import store
@@ -35,12 +35,15 @@ class _FingerPath:
     use: Any = None
     frame: float = 0.0
     target: Any = None  # the `SkinState` that was followed last
-    before: Any = None  # what the last step began with
+    before: Any = None  # the state before the last step
     rendered: Any = None  # the engine's `ThimbleFrame`
+    asked: tuple[Any, ...] = ()  # preset, edits and lineage when it was asked for last: for the same, `key` is the same
+    refused: tuple[Any, ...] = ()  # the same, when it could not be prepared: until something changes
     edits: int = -1  # of `changes`, for which the next two hold
     seen: core.recent.Recent[float, Any] = field(default_factory=lambda: core.recent.Recent(skin_preview.SEEN))
     kept: KeptStates[Any] = field(default_factory=KeptStates)
     error: str = ""
+    undone: bool = False  # a step was left under way: the way goes back to the state before it
 
 
 class _Played(NamedTuple):
@@ -77,7 +80,7 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
 
 
 def live_rows(scene: bpy.types.Scene, skins: Sequence[SkinState]) -> tuple[Row, ...]:
-    """Return what the thimbles of fingers whose skin is shown do at the current frame, without a bake."""
+    """Return the rows of the thimbles of fingers whose skin is shown at the current frame, without a bake."""
     rows = []
     for target, obj, device, spec in followers.searched_of(scene, skins):
         if target.source != "live":
@@ -91,22 +94,40 @@ def live_rows(scene: bpy.types.Scene, skins: Sequence[SkinState]) -> tuple[Row, 
             plain = {name: float(value) for name, value in values.items()}
         else:
             plain = by_channel(spec, path.rendered.angles)
-        touching, signals = float(path.rendered.minimum is not None), {"mismatch": path.rendered.mismatch}
+        touching, errors = float(path.rendered.minimum is not None), path.rendered
+        signals = {"mismatch": errors.mismatch, "stress_error": errors.stress_error}
         rows.append(row_of(target.finger, device.preset, spec, plain, touching, signals=signals))
     return tuple(rows)
 
 
+def prepare(scene: bpy.types.Scene, target: SkinState) -> Iterator[None]:
+    """Let a finger's thimble follow the skin of the current frame; yield while that takes long."""
+    for skin, obj, device, _ in followers.searched_of(scene, (target,)):
+        if skin.source == "live":
+            yield from _followed(scene, skin, obj, device)
+
+
 def follow(scene: bpy.types.Scene, target: SkinState, obj: bpy.types.Object, device: Any) -> _FingerPath:
     """Let a finger's thimble follow the skin of the current frame, once."""
+    path: _FingerPath = core.steps.drain(_followed(scene, target, obj, device))
+    return path
+
+
+def _followed(
+    scene: bpy.types.Scene, target: SkinState, obj: bpy.types.Object, device: Any
+) -> Generator[None, None, _FingerPath]:
+    path, asked = _paths.get(target.finger), (device.preset, changes.edits(), changes.lineage())
+    if path is not None and path.target is target and path.asked == asked:
+        return path
     frame, clock = moment.frame_of(scene), scene_time.clock(scene, 0.0)
     settings = _settings.make((target.finger, device.preset, changes.edits()), lambda: _settings_of(device))
     model = thimble_devices.pressed(obj, target.model)
     on = core.surrogate.press_points.pressed_on(model)
     key = (device.preset, settings, model.key, model.tissue, on, repr(model.material), changes.lineage())
-    path = _paths.get(target.finger)
     if path is None or path.key != key:
         path = _paths[target.finger] = _FingerPath(key)
-    elif path.target is target:
+    path.asked = asked
+    if path.target is target:
         return path
     if path.edits != changes.edits():
         path.edits = changes.edits()
@@ -116,23 +137,31 @@ def follow(scene: bpy.types.Scene, target: SkinState, obj: bpy.types.Object, dev
         path.target, path.rendered, path.error = target, path.seen[frame], ""
         return path
     if path.follower is None:
+        if path.refused == asked:  # asked once more, it would be prepared anew, and say so in place of the reason
+            return path
         try:
             path.error = thimble_devices.waits(obj, device, model)
         except DermisError as error:
-            path.error = str(error)
+            path.error, path.refused = str(error), asked
         if path.error:
             path.rendered = None
             return path
-    with skin_models.one_thread():
-        try:
-            if path.follower is None:
-                path.use = thimble_devices.prepared(device, model)
-                path.follower = core.matching.thimble.follower(path.use)
+    try:
+        if path.follower is None:
+            path.use = thimble_devices.prepared(device, model)
+            path.follower = core.matching.thimble.follower(path.use)
+        if path.undone:
+            path.follower.matching.restore(path.before)
+        path.undone = True
+        if goes_on(clock.duration(frame - path.frame)):
             _step(path, target, frame, clock)
-            path.seen[frame] = path.rendered
-            path.kept.keep(frame, path.follower.matching.save)
-        except DermisError as error:
-            path.error, path.rendered = str(error), None
+        else:  # far from where it was
+            yield from loading.aside(lambda: _step(path, target, frame, clock))
+        path.undone = False
+        path.seen[frame] = path.rendered
+        path.kept.keep(frame, path.follower.matching.save)
+    except DermisError as error:
+        path.error, path.rendered = str(error), None
     path.target, path.frame = target, frame
     return path
 
@@ -169,7 +198,8 @@ def _step(path: _FingerPath, target: SkinState, frame: float, clock: scene_time.
             matching.reset()
             matching.change = None  # the first frame shows where it would be, not the way there
     path.before = matching.save()
-    path.rendered, path.error = path.follower.step(target.force, target.matched.amounts), ""
+    with skin_models.one_thread():
+        path.rendered, path.error = path.follower.step(target.force, target.amounts), ""
 
 
 def _live_state(
@@ -182,7 +212,8 @@ def _live_state(
     kept = _states.get(target.finger)
     if kept is None or kept[0] is not rendered:
         contact = path.follower.matching.contact
-        state = _state(target, kind, path.use.method, rendered.solution, contact, rendered.mismatch)
+        how = rendered.solution, contact, rendered.mismatch, rendered.stress_error
+        state = _state(target, kind, *how)
         kept = _states[target.finger] = (rendered, None, state)
     return kept[2]
 
@@ -209,7 +240,8 @@ def _baked_state(scene: bpy.types.Scene, target: SkinState, device: Any, kind: s
     with skin_models.one_thread():
         solution = played.replay.solution(sample, ahead)
     mismatch = store.signal_at(result, played.output, "mismatch", frame) or 0.0
-    state = _state(target, kind, str(track.meta.get("method", "")), solution, played.replay.contact, mismatch)
+    whole = store.signal_at(result, played.output, "stress_error", frame)
+    state = _state(target, kind, solution, played.replay.contact, mismatch, whole)
     _states[target.finger] = (played, frame, state)
     return state
 
@@ -227,7 +259,7 @@ def _replay(result: Any, target: SkinState, device: Any) -> _Played | None:
     replay, thimble_use = core.matching.replay, core.matching.thimble_use
     try:
         with skin_models.one_thread():
-            model = result.bake.skins[target.finger].matched.pressed
+            model = result.bake.skins[target.finger].pressed
             calibrated, friction = thimble_use.disc_device(
                 output.track.spec, model, thimble_devices.parameters_of(device)
             )
@@ -239,9 +271,10 @@ def _replay(result: Any, target: SkinState, device: Any) -> _Played | None:
     return _played[target.finger]
 
 
-def _state(target: SkinState, kind: str, method: str, solution: Any, contact: Any, mismatch: float) -> SkinState:
+def _state(
+    target: SkinState, kind: str, solution: Any, contact: Any, mismatch: float, whole: float | None
+) -> SkinState:
     """Return the skin under the disc of a kind of device in the place of the target."""
-    target = target.matched
     force, cone = contact.nodal(solution), core.contact.solver.cone
     total = force.sum(axis=0)
     normal = solution.pose.normal
@@ -258,7 +291,7 @@ def _state(target: SkinState, kind: str, method: str, solution: Any, contact: An
         lift=0.0,
         sticking=int((solution.status == cone.STICK).sum()),
         slipping=int((solution.status == cone.SLIP).sum()),
-        note=f"{method}, {100 * mismatch:.0f} % off",
+        note=f"{100 * mismatch:.0f} % off" + ("" if whole is None else f", whole stress {100 * whole:.0f} %"),
         work="rendered",
         converged=bool(solution.converged),
         counters={},

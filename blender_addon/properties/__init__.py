@@ -1,1 +1,1 @@
-"""What the artist sets, saved in the .blend."""
+"""Settings of the artist, saved in the .blend."""

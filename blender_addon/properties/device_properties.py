@@ -1,4 +1,4 @@
-"""What the artist sets of a device."""
+"""Settings of a device."""
 
 # mypy: disable-error-code="valid-type"
 # No postponed annotations here: Blender reads the properties from them when a class is registered.

@@ -1,7 +1,7 @@
 """How a parameter's row becomes a property, and a group's properties the engine's values.
 
 `core/parameters/` has the rows: name, unit, default, range, text and the name under which a .blend saves the property.
-What the engine knows nothing of, such as what the view shows, is declared where it belongs, by the same functions.
+Settings unknown to the engine, such as those of the view, are declared where they belong, by the same functions.
 
 Units. A property holds SI unless its name ends in another unit (`_mm`, `_mm_s`, `_kpa`, `_mpa_m`). Blender would scale
 properties of unit LENGTH by the scene's unit scale, so a scene in feet or millimetres would show a fingertip's half a
@@ -41,7 +41,7 @@ _WRITTEN = {"1/(m/s)": "s/m", "1/(m/s^2)": "s²/m", "MPa/m": "kPa/mm"}
 
 
 def touched(_self: Any, _context: Any) -> None:
-    """Note that what is shown may be out of date."""
+    """Note that the display may be out of date."""
     changes.mark_dirty()
 
 
@@ -63,7 +63,7 @@ def declared(
     """Return a decorator that gives a group the properties of tables, before those that it declares itself.
 
     Args:
-        updates: what is called on a change, by parameter; `touched` for the others. override: as Blender takes it.
+        updates: functions called on a change, by parameter; `touched` for the others. override: as Blender takes it.
     """
 
     def declare(group: type) -> type:

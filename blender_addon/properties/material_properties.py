@@ -1,4 +1,4 @@
-"""What the artist sets of something that can be touched."""
+"""Settings of a touchable object."""
 
 # mypy: disable-error-code="valid-type"
 # No postponed annotations here: Blender reads the properties from them when a class is registered.

@@ -1,4 +1,4 @@
-"""What the artist sets of a whole scene: how it is baked, and what the view shows."""
+"""Settings of a whole scene: bake and display."""
 
 # mypy: disable-error-code="valid-type"
 # No postponed annotations here: Blender reads the properties from them when a class is registered.
@@ -11,7 +11,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 from .. import compat
 from .._core import core
 from ..registration import registration
-from .fields import redrawn, touched, unfelt
+from .fields import declared, redrawn, touched, unfelt
 from .skin_properties import DermisSkinView
 from .thimble_view_properties import DermisThimbleView
 
@@ -20,7 +20,7 @@ RANGES = (
     (
         "TOUCHED",
         "Touched Frames",
-        "From the first to the last key of fingers, of what they touch and of all that these hang on, within the "
+        "From the first to the last key of fingers, of their objects and of all parents of these, within the "
         "scene's range. Where drivers, NLA strips, simulations or scripts move something, the scene's range",
     ),
     ("SCENE", "Scene", "The scene's frame range"),
@@ -33,6 +33,11 @@ FILE_VERSION = 1  # raise it when a property is renamed or means something else,
 def _choose(settings: Any, own: bool) -> None:
     """Choose the range that a script of before the choice means."""
     settings.bake_range = "OWN" if own else "PREVIEW"
+
+
+@declared(core.parameters.wave.WAVE, updates=dict.fromkeys(core.parameters.wave.WAVE, unfelt), override=set())
+class DermisWave(bpy.types.PropertyGroup):
+    """Settings of WAV files."""
 
 
 class DermisScene(bpy.types.PropertyGroup):
@@ -81,6 +86,7 @@ class DermisScene(bpy.types.PropertyGroup):
         options=set(),
         update=unfelt,
     )
+    wav: PointerProperty(description="Settings of WAV files", type=DermisWave)
     plots: BoolProperty(
         name="With Plots",
         description="Write a PNG plot beside each exported track",
@@ -162,6 +168,6 @@ def stamp(scene: bpy.types.Scene) -> None:
 
 
 register, unregister = registration(
-    (DermisSkinView, DermisThimbleView, DermisScene),
+    (DermisSkinView, DermisThimbleView, DermisWave, DermisScene),
     (bpy.types.Scene, "dermis", PointerProperty(type=DermisScene, name="Dermis", description="Bake, export and view")),
 )

@@ -1,4 +1,4 @@
-"""What the artist sets of a touch screen."""
+"""Settings of a touch screen."""
 
 # mypy: disable-error-code="valid-type"
 # No postponed annotations here: Blender reads the properties from them when a class is registered.

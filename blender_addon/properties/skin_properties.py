@@ -48,18 +48,18 @@ class DermisSkin(bpy.types.PropertyGroup):
 
 
 class DermisSkinView(bpy.types.PropertyGroup):
-    """What the view shows of all skins, as colours."""
+    """Display of all skins in the view, as colours."""
 
     show: BoolProperty(
         name="Heat Map",
-        description="Draw the skin in the view; what is not drawn is not computed",
+        description="Draw the skin in the view; a hidden one is not computed",
         default=True,
         options=set(),
         update=redrawn,
     )
     quantity: EnumProperty(
         name="Quantity",
-        description="What the colours stand for",
+        description="Quantity of the colours",
         items=(
             ("von_mises", "von Mises Stress", "How hard the tissue at the surface is strained, as one number", 0),
             ("pressure", "Pressure", "Force into the skin over its area", 1),
@@ -79,7 +79,7 @@ class DermisSkinView(bpy.types.PropertyGroup):
     )
     range_mode: EnumProperty(
         name="Range",
-        description="What the end of the colours stands for",
+        description="Value at the end of the colours",
         items=(
             ("auto", "Automatic", "The largest value seen so far, so that frames can be compared"),
             ("frame", "This Frame", "The largest value of the frame"),
@@ -190,12 +190,12 @@ def own_mesh(text: str) -> dict[str, str]:
 
 
 def shape_and_material(skin: Any) -> dict[str, Any]:
-    """Return what makes up a skin, in SI: what a skin preset holds."""
+    """Return the values of a skin preset, in SI."""
     return {**(own_mesh(skin.mesh_file) if skin.mesh_file else lengths(skin)), **_rounded(skin, _skin.TISSUE)}
 
 
 def parameters(skin: Any) -> dict[str, Any]:
-    """Return what the engine wants to know about a finger's skin, by the names of `Finger.parameters`."""
+    """Return the engine's parameters of a finger's skin, by the names of `Finger.parameters`."""
     return {"skin": shape_and_material(skin), **_rounded(skin, _skin.SKIN_CONTACT), "tissue": tissue(skin)}
 
 
@@ -212,7 +212,7 @@ def settle() -> None:
 
 
 def apply_preset(skin: Any, values: dict[str, Any]) -> None:
-    """Set size and stiffness from a skin preset's SI values; what it leaves out goes to its default."""
+    """Set size and stiffness from a skin preset's SI values; missing ones go to their defaults."""
     for table in (_skin.LENGTHS, _skin.TISSUE):
         apply(skin, table, {name: values.get(name, row.default) for name, row in table.items()})
 

@@ -1,4 +1,4 @@
-"""How the view shows thimbles: parameters only. What a thimble does is set on its device."""
+"""Display of thimbles in the view: parameters only. A thimble's method is set on its device."""
 
 # mypy: disable-error-code="valid-type"
 # No postponed annotations here: Blender reads the properties from them when a class is registered.
@@ -10,7 +10,7 @@ from .fields import redrawn
 
 
 class DermisThimbleView(bpy.types.PropertyGroup):
-    """What the 3D view shows of thimbles beside their twin."""
+    """Display of thimbles in the 3D view beside their twin."""
 
     split: BoolProperty(
         name="Split View",

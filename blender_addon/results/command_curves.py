@@ -92,7 +92,7 @@ def _holders(scene: bpy.types.Scene) -> list[Any]:
 
 
 def _holder(scene: bpy.types.Scene, finger: str) -> Any:
-    """Return what shall hold a finger's curves.
+    """Return the holder of a finger's curves.
 
     Raises:
         DermisError: the finger is gone, or everything of it is linked, shared or animated already.
@@ -177,6 +177,6 @@ def _frames(track: Any, result: Any, rate: float) -> Any:
 
 
 def _settle(scene: bpy.types.Scene) -> None:
-    """Let Blender evaluate what was changed now, while nobody takes it for an edit of the scene."""
+    """Let Blender evaluate changes now, while nobody takes them for edits of the scene."""
     for layer in scene.view_layers:
         layer.update()

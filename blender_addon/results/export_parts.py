@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isclose
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import bpy
 
 from .. import scene_time
 from .._core import DermisError, Finding, core
+from ..properties import fields
+
+NO_SETTINGS: Mapping[str, Any] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -33,7 +37,7 @@ def write(
     finger: str | None = None,
     force: bool = False,
 ) -> tuple[list[Path], list[Any]]:
-    """Write a file for each output and each range; return the files, and what there is to say about them.
+    """Write a file for each output and each range; return the files and their findings.
 
     Args:
         form: of `core.track.formats.FORMATS`. active: whose action 'ACTION' means.
@@ -44,7 +48,7 @@ def write(
         DermisError: see `plan` and `write_parts`.
     """
     parts, found = plan(scene, result, folder, form, span, active=active, finger=finger)
-    written, more = write_parts(parts, form, force=force)
+    written, more = write_parts(parts, form, force=force, settings=settings_of(scene, form))
     return written, found + more
 
 
@@ -60,7 +64,7 @@ def plan(
     prefix: str = "",
     names: Any = None,
 ) -> tuple[list[Part], list[Any]]:
-    """Cut the ranges out of the tracks and name their files, before the first is written; tell of what is left out.
+    """Cut the ranges out of the tracks and name their files, before the first is written; report omitted parts.
 
     Args:
         prefix: of the names, such as the scene's, safe. names: the export's `FileNames`, where it has several scenes.
@@ -107,8 +111,19 @@ def plan(
     return parts, found + [*core.pipeline.outputs.name_findings(result.bake)]
 
 
-def write_parts(parts: Sequence[Part], form: str, *, force: bool = False) -> tuple[list[Path], list[Any]]:
+def settings_of(scene: bpy.types.Scene, form: str) -> dict[str, Any]:
+    """Return a scene's settings of a format, in SI; a format that has some finds them in the group of its name."""
+    table = core.track.export.format_of(form).settings
+    return fields.values(getattr(scene.dermis, form), table) if table else {}
+
+
+def write_parts(
+    parts: Sequence[Part], form: str, *, force: bool = False, settings: Mapping[str, Any] = NO_SETTINGS
+) -> tuple[list[Path], list[Any]]:
     """Write parts, each on its own: one that is refused leads to a finding, and the others are written all the same.
+
+    Args:
+        settings: of the format, see `settings_of`.
 
     Raises:
         DermisError: every one is refused; the first one's reason.
@@ -118,7 +133,7 @@ def write_parts(parts: Sequence[Part], form: str, *, force: bool = False) -> tup
     refused: list[Any] = []
     for part in parts:
         try:
-            found += core.track.export.write(part.track, part.path, form, force=force)
+            found += core.track.export.write(part.track, part.path, form, force=force, settings=settings)
         except DermisError as error:
             refused.append(error)
             what = error.what if error.code == "track-refused" else f"not written: {error.what}"

@@ -1,4 +1,4 @@
-"""What was last exported of each scene, for the panel to say and its folder to be opened."""
+"""The last export of each scene, for the panel, which lists it and opens its folder."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def note(scene: bpy.types.Scene, folder: Path, files: tuple[Path, ...]) -> None:
 
 
 def last(scene: bpy.types.Scene) -> Exported | None:
-    """Return the last export of what a scene's bake gave; None where there is none, or another bake since."""
+    """Return the last export of a scene's bake; None where there is none, or another bake since."""
     found = _last.get(scene.session_uid)
     result = store.current(scene)
     same = found is not None and result is not None and found.owners is result.owners

@@ -21,7 +21,6 @@ def find(scene: bpy.types.Scene, obj: bpy.types.Object) -> Any:
     """
     device, result = active_presets.searched_of(obj), store.current(scene)
     felt = result.bake.skins.get(obj.name_full) if result is not None else None
-    felt = None if felt is None else felt.matched
     if device is None or result is None or felt is None:
         raise DermisError(
             "no bake of this finger's skin is at hand",
@@ -45,7 +44,7 @@ def find(scene: bpy.types.Scene, obj: bpy.types.Object) -> Any:
 
 
 def shown(scene: bpy.types.Scene, obj: bpy.types.Object, device: Any) -> Any | None:
-    """Return what was found for the bake that is at hand; None where nothing was."""
+    """Return the best achievable match of the present bake; None without one."""
     result, known = store.current(scene), _floors.get(obj.session_uid)
     if result is None or known is None or known[:2] != (result.bake.content_hash, device.preset):
         return None

@@ -1,4 +1,4 @@
-"""What each finger felt and its devices did, over the frames: series of a bake, for the strip to draw."""
+"""Forces of each finger and commands of its devices over the frames: series of a bake for the strip."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Lane:
 
     @property
     def says(self) -> str:
-        """What the lane shows, for people."""
+        """Title of the lane, for people."""
         parts = [f"{self.finger}:"]
         if "force" in self.series:
             parts.append(f"force, up to {self.most('force'):.3g} N")
@@ -92,7 +92,7 @@ def lanes_of(result: Any) -> tuple[Lane, ...]:
 
 
 def limited(track: Any, signals: Mapping[str, Array]) -> NDArray[np.bool_]:
-    """Return at which samples a device was kept from what it should have done, shape (n,).
+    """Return at which samples a device was limited, shape (n,).
 
     A track counts how many samples a limiter changed and not which: those on a limit that was at work, where the value
     is not at rest, are taken for them.

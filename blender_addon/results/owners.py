@@ -1,4 +1,4 @@
-"""Whose a bake is: fingers and devices by their identities, and what they are called at the moment.
+"""Whose a bake is: fingers and devices by their identities, and their present names.
 
 A bake names fingers as they were called when it was made. Everybody else sees it with their names of now: a track whose
 finger is gone from the scene is not seen, and no other object gets it, whatever that is called.
@@ -35,7 +35,7 @@ Owners = Mapping[str, Owner]
 
 
 def of(scene: bpy.types.Scene, names: Sequence[str] | None = None) -> dict[str, Owner]:
-    """Return the fingers of a scene as owners of what is baked of them now; each is given an identity.
+    """Return the fingers of a scene as owners of a bake; each is given an identity.
 
     Args:
         names: of these only.
@@ -145,7 +145,7 @@ def as_now(scene: bpy.types.Scene, result: Any) -> Any:
 
 
 def forget() -> None:
-    """Forget what was looked up."""
+    """Forget earlier look-ups."""
     _views.clear()
 
 
@@ -179,7 +179,7 @@ def _seen(scene: bpy.types.Scene, result: Any) -> _View:
 
 
 def inputs_now(result: Any) -> dict[str, dict[str, str]]:
-    """Return the hashes of what a result was made from, with the names of now."""
+    """Return the hashes of a result's inputs, with present names."""
     now = {}
     for then in result.owners if result.names else ():
         gone = f"finger '{then}', as it was called then,"  # somebody else may be called so by now

@@ -1,4 +1,4 @@
-"""What was found out about fingers with pin arrays, for the session: press tests, and methods side by side."""
+"""Results about fingers with pin arrays, for the session: press tests, and methods side by side."""
 
 from __future__ import annotations
 
@@ -18,14 +18,13 @@ _reports: dict[int, tuple[str, tuple[Any, ...], tuple[Any, ...]]] = {}
 
 
 def compare(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
-    """Compare all methods for what a finger felt in the last bake, and remember it.
+    """Compare all methods for a finger's touch in the last bake, and remember the result.
 
     Raises:
         DermisError: no bake, none with this finger's skin, or nothing touched.
     """
     device, result = active_presets.device_of(obj, "pins"), store.current(scene)
     felt = result.bake.skins.get(obj.name_full) if result is not None else None
-    felt = None if felt is None else felt.matched
     if device is None or result is None or felt is None:
         raise DermisError(
             "no bake of this finger's skin is at hand", where=f"finger '{obj.name}'", remedy="Press Bake, then compare"
@@ -46,7 +45,7 @@ def shown(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
 
 
 def doubts(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
-    """Return what is to be doubted about that comparison, as findings."""
+    """Return warnings about that comparison, as findings."""
     known = _known(scene, obj)
     return known[2] if known else ()
 

@@ -21,7 +21,7 @@ def request() -> None:
 
 
 def cancel() -> None:
-    """Forget what was asked for."""
+    """Forget requests."""
     if bpy.app.timers.is_registered(_on_timer):
         bpy.app.timers.unregister(_on_timer)
 

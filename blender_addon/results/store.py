@@ -1,4 +1,4 @@
-"""What the last bake of each scene gave: kept in memory for the session, stored outside the .blend for the next.
+"""Results of the last bake of each scene: kept in memory for the session, stored outside the .blend for the next.
 
 A stored result is one .npz of plain arrays and a JSON text, named by the bake's content hash. `recall` reads it after
 a file was opened, its skins when they are first needed; nothing is written then. A loaded result is shown as 'from an
@@ -33,12 +33,12 @@ NOTES = {
     "stale": "from a bake that is out of date",
     "earlier": "from an earlier session's bake",
 }
-"""What a reader should know about a result, by its `state`."""
+"""Notes about a result for its reader, by its `state`."""
 
 
 @dataclass(frozen=True)
 class Result:
-    """A bake, and what the scene was when it was made.
+    """A bake, and the scene's state when it was made.
 
     Attributes:
         bake: the engine's `Bake`.
@@ -65,7 +65,7 @@ class Result:
 
 @dataclass(frozen=True)
 class Taken:
-    """What a scene was when it was sampled, before anybody could rename or change anything."""
+    """A scene's state when it was sampled, before anybody could rename or change anything."""
 
     owners: owners.Owners
     clock: scene_time.Clock
@@ -116,7 +116,7 @@ def keep(scene: bpy.types.Scene, bake: core.pipeline.bake.Bake, taken: Taken | N
     """Take over the result of a bake that has just ended: changes since it was sampled make it out of date.
 
     Args:
-        taken: what the scene was when it was sampled; as it is now where None.
+        taken: the scene's state when it was sampled; its present state where None.
     """
     was = taken or Taken.of(scene)
     skins = {name: was.skins[name] for name in bake.skins if name in was.skins}
@@ -141,12 +141,12 @@ def state(scene: bpy.types.Scene) -> str:
         return "none"
     if result.edits < 0:
         return "earlier"
-    same = result.edits == changes.edits() and result.fingerprint == fingerprint(scene)
-    return "fresh" if same else "stale"
+    same = result.edits == changes.edits() or result.bake.recorded
+    return "fresh" if same and result.fingerprint == fingerprint(scene) else "stale"
 
 
 def confirm(scene: bpy.types.Scene, taken: Taken) -> None:
-    """Take note that the scene still is what the bake was made from, as it was sampled anew.
+    """Take note that the scene still equals the input of the bake, as it was sampled anew.
 
     Where another range would be baked by now, it stays out of date.
     """
@@ -229,7 +229,7 @@ def load(scene: bpy.types.Scene) -> Result | None:
 
 
 def baked() -> dict[str, str]:
-    """Return what the fingers of all scenes' stored bakes were called then, by their identities."""
+    """Return the former names of the fingers of all scenes' stored bakes, by their identities."""
     found = {}
     for scene in bpy.data.scenes:
         with suppress(DermisError):  # whoever loads that bake is told

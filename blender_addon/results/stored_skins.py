@@ -2,7 +2,8 @@
 
 Forces on points of the smooth skin are kept beside those on nodes, as cells of its tree; where its table is gone, a
 result is read with those on nodes alone. Skin that follows its tissue's law is read with what its contact kept of it.
-Versions before went by a series: what they felt is shown by it as they had it, where its table is at hand.
+Versions before went by a series of that law: their forces are read as they had them, and what these do to the skin is
+told by the law.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from .._core import DermisError, Finding, core
 from ..devices import skin_models
 
 PREFIX = "skin_"  # of the names of their arrays
-EXACT, EARLIER = "neo_hookean_exact", "earlier-tissue"  # a tissue of earlier versions; code of what is told of such
-SMALL = ("_times", "_normal_force")  # what is read at once
+EARLIER = "earlier-tissue"  # code of the finding about tissue of earlier versions
+SMALL = ("_times", "_normal_force")  # read at once
 
 
 def pack(
@@ -30,15 +31,13 @@ def pack(
             continue
         own = core.contact.skin_arrays.arrays_of(touch)
         arrays.update({f"{PREFIX}{i}_{name}": array for name, array in own.items()})
-        law, stiffening = touch.model.follows_law, touch.model.stiffening
         entries.append(
             {
                 "finger": finger,
                 "number": i,
                 **made_of[finger],
                 "tissue": touch.model.tissue,
-                "law": law,
-                "stiffening": "" if law or stiffening is None else stiffening.key,
+                "law": touch.model.follows_law,
                 "nodes": touch.model.pad_count,
                 "findings": [f.as_dict() for f in touch.findings],
                 "skipped": dict(touch.skipped),
@@ -111,7 +110,7 @@ def _unpacked(path: Path, entry: Mapping[str, Any]) -> Any:
 
     Raises:
         DermisError: the file is gone or damaged, the skin is made otherwise by this version, so that the forces do
-            not belong to its nodes, or the series that it went by is not known any more.
+            not belong to its nodes.
     """
     i, finger = int(entry["number"]), str(entry["finger"])
     tissue, where = str(entry.get("tissue", "linear")), f"finger '{finger}', skin"
@@ -124,22 +123,12 @@ def _unpacked(path: Path, entry: Mapping[str, Any]) -> Any:
             limit=str(model.pad_count),
             remedy="Bake again",
         )
-    exact = tissue == EXACT
-    if _by_series(entry):
-        model = model.matched
-        if model.stiffening is None or (model.stiffening.key != entry["stiffening"] and not exact):
-            raise DermisError(
-                "it was felt by a series of an earlier version, whose table is gone, or another one",
-                where=f"finger '{finger}'",
-                remedy="Bake again",
-                code=EARLIER,
-            )
     with core.foreign.damage_told("the stored result cannot be read", str(path), remedy="Bake again"):
         with core.npz.opened_npz(path, kind="a stored result", trusted=True) as archive:
             prefix = f"{PREFIX}{i}_"
             file = archive.arrays([name for name in archive.names if name.startswith(prefix)])
         own = {name.removeprefix(prefix): array for name, array in file.items()}
-        if exact:  # of other patterns: how much there is of the series' is found from the forces
+        if _by_series(entry):  # how much there was of each pattern: the law finds its own from the forces
             own.pop("amounts", None)
         findings = tuple(Finding(**f) for f in entry["findings"])
         return core.contact.skin_arrays.touch_of(model, own, findings, entry["skipped"]).packed()
@@ -154,9 +143,9 @@ def _as_it_was(finger: str) -> Finding:
     return Finding(
         "info",
         EARLIER,
-        "it was felt by the series of an earlier version, and is shown so",
+        "a series of an earlier version felt it: forces are as they were, and the law tells what they do",
         f"finger '{finger}'",
-        remedy="Bake again: skin follows the law itself now",
+        remedy="Bake again, to have it felt by the law",
     )
 
 

@@ -19,7 +19,6 @@ def write(scene: bpy.types.Scene, obj: bpy.types.Object, path: Path) -> Path:
     """
     device, result = active_presets.device_of(obj, "thimble"), store.current(scene)
     felt = result.bake.skins.get(obj.name_full) if result is not None else None
-    felt = None if felt is None else felt.matched
     spec = active_presets.spec_of(device.preset, "thimble") if device is not None else None
     if device is None or spec is None or result is None or felt is None:
         raise DermisError(

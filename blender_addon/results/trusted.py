@@ -76,7 +76,7 @@ def keep(scene: bpy.types.Scene, bands: tuple[Any, ...], edits: int, taken: stor
     """Keep a scene's bands for the session.
 
     Args:
-        edits: of `changes` when the scene was sampled. taken: what the scene was before.
+        edits: of `changes` when the scene was sampled. taken: the scene's state before.
     """
     clock = taken.clock
     told = ((band, band.finding) for band in bands)

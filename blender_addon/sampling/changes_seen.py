@@ -1,4 +1,4 @@
-"""What Blender evaluates anew from frame to frame, so that the rest need not be read again."""
+"""Tracks the data that Blender evaluates anew from frame to frame, so that the rest need not be read again."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class ChangesSeen:
     def any_of(self, uids: Set[int]) -> bool:
         """Return whether any of these objects may have changed since this was asked last, by session uid.
 
-        What scripts change after a frame is evaluated once more, and no update tells it.
+        Blender evaluates changes that scripts make after a frame once more, and reports no update of them.
         """
         seen = not (self._uids.isdisjoint(uids) and self._uids.isdisjoint(self._always))
         changed = seen or self._all or not self._watching or script_changes.run_here()

@@ -1,4 +1,4 @@
-"""Curved surfaces: whether an object is felt as its shading shows it, how exactly, and what is told of it."""
+"""Curved surfaces: whether an object is felt as its shading shows it, how exactly, and the findings on it."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def _is_uniform(obj: bpy.types.Object) -> bool:
 
 
 def findings(geometry: Geometry | None, stretch: float, unit: float, made: Any | None, where: str) -> tuple[Any, ...]:
-    """Return what is to be said of an object's surface: how it is curved, or that its facets will be felt.
+    """Return the findings on an object's surface: how it is curved, or that its facets will be felt.
 
     Args:
         geometry: its surface, with normals. stretch: the most that its pose stretches it by, over the range.

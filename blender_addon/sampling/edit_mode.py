@@ -1,4 +1,4 @@
-"""What Edit Mode and Sculpt Mode leave out of shapes: Blender evaluates them so, and they are felt so.
+"""Edit Mode and Sculpt Mode leave parts out of shapes: Blender evaluates the shapes so, and they are felt so.
 
 Measured in Blender 4.5 and 5.2:
 
@@ -6,8 +6,8 @@ Measured in Blender 4.5 and 5.2:
   Displace and Boolean, for example. Some types are never shown there. This holds for all objects that have the mesh.
 * Shape keys are not mixed there: the active one is shown, unless *Shape Key Edit Mode* is on. Lattices are alike.
 * Objects show no particles while they are in Edit Mode.
-* An armature in Edit Mode has no pose: its Armature modifiers do nothing, and what is parented to its bones stays.
-* What was edited is shown, and felt, before Edit Mode is left.
+* An armature in Edit Mode has no pose: its Armature modifiers do nothing, and children of its bones stay.
+* Edits are shown, and felt, before Edit Mode is left.
 * Sculpt Mode leaves out all modifiers with Dyntopo, and with *Deform Only* those that do more than move vertices.
 """
 
@@ -53,7 +53,7 @@ _DEFORM = {
 
 
 def findings(swept: Participants, scene: bpy.types.Scene) -> list[Any]:
-    """Return what is felt otherwise than in Object Mode because of the mode that an object is in now."""
+    """Return findings on objects that are felt otherwise than in Object Mode because of their current mode."""
     makers = {e.instance.instancer for e in swept.bodies if e.instance is not None}
     felt = participants.look_up({e.uid for e in swept.bodies} | makers).values()
     left_out = {o: said for o in bpy.data.objects if (said := list(_left_out(o, scene)))}
@@ -78,7 +78,7 @@ def findings(swept: Participants, scene: bpy.types.Scene) -> list[Any]:
 
 
 def _follows_bones(used: Any, user: Any) -> bool:
-    """Return whether a user of an ID hangs on it; on an armature in Edit Mode only what asks for its pose does.
+    """Return whether a user of an ID hangs on it; only users that ask for its pose hang on an armature in Edit Mode.
 
     An object that is parented to the armature itself, or whose constraints name no bone, follows it as ever.
     """
@@ -123,7 +123,7 @@ def _finding(obj: bpy.types.Object, what: str, said: list[str]) -> Any:
 
 
 def _left_out(obj: bpy.types.Object, scene: bpy.types.Scene) -> Iterator[str]:
-    """Yield in words what is left out of an object's shape."""
+    """Yield in words the parts that are left out of an object's shape."""
     shown = [m for m in obj.modifiers if m.show_viewport and m.type not in _SHAPELESS]
     if getattr(obj.data, "is_editmode", False):
         yield from (m.name for m in shown if not m.show_in_editmode or m.type in _NEVER)

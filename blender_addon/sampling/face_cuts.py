@@ -78,7 +78,7 @@ class FaceCuts:
         try:
             for start in range(0, len(places), step):
                 part = places[start : start + step]
-                with np.errstate(all="ignore"):  # what is no number is no known kind
+                with np.errstate(all="ignore"):  # NaN is no known kind
                     turns = list(self._turns(part))
                     pairs = zip(self._kinds, turns, strict=True)
                     if all((kinds * turn > least).all() for kinds, (turn, least) in pairs):  # the usual case
@@ -139,7 +139,7 @@ def _kinds(turn: NDArray[np.float32], least: NDArray[np.float32]) -> NDArray[np.
 
 
 def _quads(points: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return how much the halves of quads face the same way, negative for against each other, and what is sure.
+    """Return how much the halves of quads face the same way, negative for against each other, and the rounding bound.
 
     Args:
         points: shape (3, m, 4, n).

@@ -22,7 +22,7 @@ def frame_range(scene: bpy.types.Scene) -> Span:
 
 
 def frame_range_now(scene: bpy.types.Scene) -> Span:
-    """Return the range as `frame_range` does, looked up once after each change: for what is asked at every frame."""
+    """Return the range as `frame_range` does, looked up once after each change: for callers that ask at every frame."""
 
     def kept(_scene: bpy.types.Scene) -> touched_frames.Touched:
         key = (scene.session_uid, changes.edits(), len(bpy.data.objects))
@@ -32,7 +32,7 @@ def frame_range_now(scene: bpy.types.Scene) -> Span:
 
 
 def range_finding(scene: bpy.types.Scene) -> Finding | None:
-    """Return what a person should know about the range that is baked, None for nothing."""
+    """Return the finding about the range that is baked, None if there is none."""
     how, where, whole = scene.dermis.bake_range, f"scene '{scene.name_full}'", _scene_range(scene)
     if how == "PREVIEW" and scene.use_preview_range:
         span = f"{scene.frame_preview_start} to {scene.frame_preview_end}"

@@ -25,7 +25,7 @@ DIM, BEYOND = 0.05, 0.01
 """Of white: a map that is nowhere brighter, or goes so far beyond black or white, is likely a measure."""
 
 _kept: dict[int, tuple[Any, Any]] = {}
-_offered: dict[int, tuple[str, tuple[Any, ...]]] = {}  # under what was said of no data when a map was read
+_offered: dict[int, tuple[str, tuple[Any, ...]]] = {}  # with the words on 'no data' when a map was read
 
 
 def forget() -> None:
@@ -34,7 +34,7 @@ def forget() -> None:
 
 
 def offered(obj: bpy.types.Object) -> tuple[Any, ...]:
-    """Return what the artist has to decide about the map that a screen was last read from, and has not decided yet."""
+    """Return the findings on the map a screen was last read from that the artist must decide on and has not yet."""
     settings = obj.dermis.screen
     said, found = _offered.get(obj.session_uid, ("", ()))
     decided = {**dict.fromkeys(NO_DATA, said != _no_data(settings)), "no-unit": settings.map_unit != "white"}
@@ -42,10 +42,10 @@ def offered(obj: bpy.types.Object) -> tuple[Any, ...]:
 
 
 def look(obj: bpy.types.Object) -> tuple[Any, ...]:
-    """Read the map file of a screen, and return what is to be said of it.
+    """Read the map file of a screen, and return the findings on it.
 
     Raises:
-        DermisError: it cannot be read; what is `offered` says so too where only its unit is missing.
+        DermisError: it cannot be read; the `offered` findings say so too where only its unit is missing.
     """
     found: tuple[Any, ...] = _file(obj, sequence=False).findings
     return found
@@ -57,18 +57,18 @@ def said_no_data(obj: bpy.types.Object) -> bool:
 
 
 def words_on_no_data(obj: bpy.types.Object, *words: str) -> str:
-    """Return what the artist has said of a screen's 'no data', and further words behind it."""
+    """Return the artist's words on a screen's 'no data', and further words behind them."""
     said = _no_data(obj.dermis.screen)
     return "; ".join(([said] if said else []) + list(words))
 
 
 def say_no_data(obj: bpy.types.Object, *words: str) -> None:
-    """Add to what is said of a screen's 'no data'."""
+    """Add to the words on a screen's 'no data'."""
     obj.dermis.screen.no_data = words_on_no_data(obj, *words)
 
 
 def unanswered(obj: bpy.types.Object) -> tuple[Any, ...]:
-    """Return the findings of a screen's map on what may stand for 'no data', and of which nobody has said it.
+    """Return the findings on numbers of a screen's map that may stand for 'no data' and that nobody has decided on.
 
     Raises:
         DermisError: the map cannot be read.
@@ -145,7 +145,7 @@ def build(
 def frozen(
     screens: Iterable[bpy.types.Object], depsgraph: bpy.types.Depsgraph, deforming: frozenset[int] | None
 ) -> list[mesh_heights.Frozen]:
-    """Return what watches the reliefs that were cast from meshes and are felt.
+    """Return the watchers of the reliefs that were cast from meshes and are felt.
 
     Args:
         deforming: session uids of the objects whose shape may change; None if that of every object may.
@@ -262,12 +262,12 @@ def _meant(settings: Any) -> dict[str, Any]:
 
 
 def _no_data(settings: Any) -> str:
-    """Return the artist's words on what stands for 'no data'; '' where there are none."""
+    """Return the artist's words on 'no data'; '' where there are none."""
     return str(settings.no_data).strip() or ("0" if settings.zero_is_hole else "")
 
 
 def _with_unit(obj: bpy.types.Object, made: Any, where: str) -> Any:
-    """Return a map with metres a unit of it and all findings; keep what the artist has to decide on."""
+    """Return a map with metres a unit of it and all findings; keep the findings that the artist has to decide on."""
     findings, height_unit = made.findings, made.height_unit
     if height_unit == 0.0:
         height_unit = value_of(obj.dermis.screen, core.parameters.screen.HEIGHT)
@@ -295,7 +295,7 @@ def _doubtful(heights: NDArray[np.float32], depth: bool, where: str) -> tuple[An
 
 
 def pixels(image: bpy.types.Image | None, where: str) -> tuple[NDArray[np.float32], NDArray[np.bool_], tuple[Any, ...]]:
-    """Return an image's raw brightness, row 0 at the bottom, where it is empty (alpha 0), and what was noticed.
+    """Return an image's raw brightness, row 0 at the bottom, where it is empty (alpha 0), and findings.
 
     Raises:
         DermisError: no image, or one without pixels.
@@ -342,14 +342,14 @@ def pixels(image: bpy.types.Image | None, where: str) -> tuple[NDArray[np.float3
     values = planes[:, :, :3] @ LUMA if image.channels >= 3 else planes[:, :, 0]
     if image.channels >= 3:
         grey = (planes[:, :, 0] == planes[:, :, 1]) & (planes[:, :, 1] == planes[:, :, 2])
-        values = np.where(grey, planes[:, :, 0], values)  # greys stay exactly what was stored
+        values = np.where(grey, planes[:, :, 0], values)  # greys keep their stored values exactly
     transparent = image.channels in (2, 4) and image.alpha_mode in ("STRAIGHT", "PREMUL")
     empty = planes[:, :, -1] == 0.0 if transparent else np.zeros((height, width), bool)
     return np.ascontiguousarray(values), empty, findings
 
 
 def _key(obj: bpy.types.Object) -> Any:
-    """Return what a kept relief depends on, as far as can be told without reading it."""
+    """Return the key of a kept relief: all that it depends on, as far as can be told without reading it."""
     s = obj.dermis.screen
     image, mesh = s.image, s.mesh_object
     return (

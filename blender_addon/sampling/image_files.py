@@ -1,4 +1,4 @@
-"""The file behind a Blender image, and what it says of the pixels: Blender keeps numbers from 0 to 1, and no tags."""
+"""The file behind a Blender image, and its tags on the pixels: Blender keeps numbers from 0 to 1, and no tags."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ def largest(image: bpy.types.Image) -> int | None:
 def declared(
     image: bpy.types.Image, values: NDArray[np.float32], where: str, *, said: bool
 ) -> tuple[NDArray[np.bool_] | None, tuple[Finding, ...]]:
-    """Return where a TIFF declares its pixels empty, row 0 at the bottom, and what is to be said of its tags.
+    """Return where a TIFF declares its pixels empty, row 0 at the bottom, and the findings on its tags.
 
     Args:
         values: that Blender has, row 0 at the bottom, shape (rows, columns).
-        said: the artist has said what stands for 'no data', so that it does not matter where the file is not known.
+        said: the artist has decided on 'no data', so that it does not matter where the file is not known.
 
     Returns:
         None in place of the pixels for images of other kinds, and where the file cannot be read.

@@ -1,4 +1,4 @@
-"""Places and surfaces of what instances show, over the samples of a chunk; most stay, and are not touched then."""
+"""Places and surfaces of instances, over the samples of a chunk; most stay, and are not touched then."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class InstanceSamples:
     """Records the bodies whose surface instances show.
 
     Args:
-        entries: of all bodies. meshes, reader: of surfaces, and of what instances show. unit: metres in a scene unit.
+        entries: of all bodies. meshes, reader: of surfaces, and of instances. unit: metres in a scene unit.
         count: samples in a chunk. first: where instances first were that are not always there.
-        surfaces: of the header by name, None for what brings its own with the chunks.
+        surfaces: of the header by name, None for bodies that bring their own with the chunks.
 
     Attributes:
         bodies: indices of those that are recorded here.
@@ -135,7 +135,7 @@ class InstanceSamples:
                 yield entry, self._mesh_now[s]
 
     def findings(self, frames: Array, present: NDArray[np.bool_]) -> Iterator[Any]:
-        """Yield what cannot be followed in the chunk.
+        """Yield findings on the changes in the chunk that cannot be followed.
 
         Args:
             frames: of the samples, shape (n,). present: when each is there, shape (m, n).

@@ -40,7 +40,7 @@ class Instances(NamedTuple):
         bodies: those that are bodies, in the order of their keys.
         objects: session uids of the objects that show instances as their own surface, and whether that changes, or
             begins or ends.
-        unfelt: what has no faces, and the first frame at which it is shown.
+        unfelt: geometry without faces, and the first frame at which it is shown.
     """
 
     bodies: dict[InstanceKey, Present]
@@ -86,7 +86,7 @@ class Survey:
         self._frames += 1
 
     def found(self) -> Instances:
-        """Return what was seen at all frames."""
+        """Return the instances of all frames together."""
         self._count()
         bodies = {
             key: Present(

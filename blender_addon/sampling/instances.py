@@ -1,4 +1,4 @@
-"""What instances show: the evaluated geometry and the place of each, as Blender's dependency graph lists them.
+"""Reads instances: the evaluated geometry and the place of each, as Blender's dependency graph lists them.
 
 An instance belongs to the innermost touchable object that it is part of. Where that is an object of its own, in a
 collection or among the nodes, each instance of it is a body. All else that a touchable object shows is its own surface,
@@ -25,18 +25,18 @@ from .meshes import SURFACE_TYPES, EvaluatedMesh, Geometry, MeshReader
 from .participants import InstanceKey
 from .unfelt import Unfelt, is_unfelt
 
-_UNUSED = 2**31 - 1  # what Blender fills unused levels of a persistent id with
+_UNUSED = 2**31 - 1  # Blender's value for unused levels of a persistent id
 
 
 class Shown(NamedTuple):
-    """What instances show at a moment.
+    """The geometry and places of instances at a moment.
 
     Attributes:
         surfaces: in its own space, of each instance that is a body, and by session uid of each object that shows
             instances as its own surface; None where it shows nothing.
         places: of the instances that are bodies, to the world [scene units], shape (4, 4) each.
         materials: session uid of the object whose material an instance has.
-        unfelt: what has no faces.
+        unfelt: geometry without faces.
     """
 
     surfaces: dict[Hashable, Geometry | None]
@@ -47,7 +47,7 @@ class Shown(NamedTuple):
 
 @dataclass
 class _Object:
-    """What is asked of an evaluated object once a reading."""
+    """The properties of an evaluated object, looked up once a reading."""
 
     uid: int
     role: str
@@ -62,7 +62,7 @@ class _Object:
 
 @dataclass
 class _Body:
-    """What is shown of a body: for each geometry, the ids of its pieces and the numbers of their matrices."""
+    """The shown pieces of a body: for each geometry, the ids of its pieces and the numbers of their matrices."""
 
     ids: tuple[int, ...] = ()
     shown: _Object | None = None
@@ -73,7 +73,7 @@ class _Body:
 
 
 class InstanceReader:
-    """Reads what instances show, and hands out the same geometry while nothing of it changes.
+    """Reads the geometry of instances, and hands out the same object while nothing of it changes.
 
     Args:
         meshes: reads the surfaces. changes: says when a frame need not be read again.
@@ -98,7 +98,7 @@ class InstanceReader:
             self._at_once = False
 
     def read(self, depsgraph: bpy.types.Depsgraph) -> Shown:
-        """Return what is shown now; the very object that was returned last where nothing of it can have changed."""
+        """Return the instances shown now: the `Shown` that was returned last where nothing of it can have changed."""
         if self._last is None or not (self._at_once or not self._changes.any_of(self._relevant)):
             self._last = self._read(depsgraph)
         return self._last
@@ -272,7 +272,7 @@ def _plain(known: _Object, itself: bool, pieces: list[Pieces], place: Array) -> 
     if not pieces:
         return True
     return (
-        known.evaluated.type in SURFACE_TYPES  # others have no mesh of their own beside what nodes make
+        known.evaluated.type in SURFACE_TYPES  # others have no mesh of their own beside that of nodes
         and len(pieces) == 1
         and len(pieces[0].ids) == 1 == len(pieces[0].ids[0])
         and np.array_equal(pieces[0].places[0], place)

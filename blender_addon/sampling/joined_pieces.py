@@ -22,7 +22,7 @@ class Pieces(NamedTuple):
     """The same geometry in several places.
 
     Attributes:
-        ids: what identifies each over time, rising. places: to the world [scene units], shape (n, 4, 4).
+        ids: of each over time, rising. places: to the world [scene units], shape (n, 4, 4).
     """
 
     geometry: Geometry
@@ -32,7 +32,7 @@ class Pieces(NamedTuple):
 
 @dataclass(frozen=True)
 class Joined:
-    """A joined surface and what it was made of.
+    """A joined surface and its pieces.
 
     Attributes:
         ids: of each geometry's pieces. local: in the space of the object, shape (n, 4, 4).

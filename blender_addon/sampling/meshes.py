@@ -114,7 +114,7 @@ class Geometry:
 
 @dataclass(eq=False)
 class _Form:
-    """What faces a mesh has: while counts of vertices, corners and faces and the form stay, so do they."""
+    """The faces of a mesh: while counts of vertices, corners and faces and the form stay, so do they."""
 
     counts: tuple[int, int, int]
     form: bytes
@@ -122,7 +122,7 @@ class _Form:
 
 
 class Look(NamedTuple):
-    """What was read of a mesh at a moment.
+    """The data read from a mesh at a moment.
 
     Attributes:
         positions: as those of a `Geometry`. form: its faces; the same object while they stay.
@@ -140,7 +140,7 @@ class Look(NamedTuple):
 class MeshReader:
     """Reads surfaces and hands out the same `Mesh` while positions stay, and the same triangles while Blender's do.
 
-    Objects are looked at while they are evaluated. What is made of many looks is made at once, which is faster.
+    Objects are looked at while they are evaluated. Geometries of many looks are made at once, which is faster.
     """
 
     def __init__(self) -> None:
@@ -160,7 +160,7 @@ class MeshReader:
         return self.surface(geometry, unit, mirrored, tolerance)
 
     def geometry_of(self, evaluated: bpy.types.Object, shaded: bool) -> Geometry | None:
-        """Return what an object is evaluated to; None where its type has no surface.
+        """Return the evaluated geometry of an object; None where its type has no surface.
 
         Args:
             shaded: with the normals that it is shaded with.
@@ -171,16 +171,16 @@ class MeshReader:
             return self.geometry(evaluated.original.session_uid, mesh, shaded)  # evaluated copies all have uid 0
 
     def look(self, evaluated: bpy.types.Object, shaded: bool) -> Look | None:
-        """Return what `geometries` makes the `geometry_of` an object from."""
+        """Return the look from which `geometries` makes the `geometry_of` an object."""
         with EvaluatedMesh(evaluated) as mesh:
             return None if mesh is None else self._look(evaluated.original.session_uid, mesh, shaded)
 
     def geometry(self, key: Hashable, mesh: bpy.types.Mesh, shaded: bool) -> Geometry:
-        """Return what an evaluated mesh holds: the same object as the last one of this key, where it is the same."""
+        """Return the geometry of an evaluated mesh: the last `Geometry` of this key, where nothing changed."""
         return self.geometries([self._look(key, mesh, shaded)], mesh)[0]
 
     def geometries(self, looks: Sequence[Look], mesh: bpy.types.Mesh | None = None) -> list[Geometry]:
-        """Return what was looked at of one object, in the order of the looks: the same object where it is the same.
+        """Return the geometries of one object, in the order of the looks: the same `Geometry` while nothing changes.
 
         Args:
             mesh: that was looked at, where it was just now.
@@ -192,8 +192,10 @@ class MeshReader:
             if last is not form:
                 geometry = None
             topology = Topology(form.cuts.vertices(form.cuts.loops)) if geometry is None else geometry.topology
-            loops = form.cuts.loops
-            for look, now in zip(part, form.cuts.follow([look.positions for look in part], mesh), strict=True):
+            loops, places = form.cuts.loops, [look.positions for look in part]
+            stays = geometry is not None and all((geometry.positions == own).all() for own in places)
+            cuts = [loops] * len(part) if stays else form.cuts.follow(places, mesh)
+            for look, now in zip(part, cuts, strict=True):
                 if now is not loops:
                     loops, topology = now, Topology(form.cuts.vertices(now))
                 shown = None if look.normals is None else look.normals[loops]
@@ -215,7 +217,7 @@ class MeshReader:
         return Look(key, raw, last, None, False)
 
     def _form(self, mesh: bpy.types.Mesh, corners: int, polygons: int) -> bytes:
-        """Return what decides of which faces a mesh is made; it begins with the vertices of the face corners.
+        """Return bytes that identify the faces of a mesh; they begin with the vertices of the face corners.
 
         Face corners in a row may be faces of 3 and 5 or of 5 and 3 corners. The edge of each face's last corner leads
         back to its first one, so the edges tell where faces end. Blender hands these out in microseconds, and the
@@ -286,7 +288,7 @@ class MeshReader:
 
 
 def _same(known: Geometry, places: NDArray[np.float32], topology: Topology, shown: NDArray[np.float32] | None) -> bool:
-    """Return whether a surface is what it was; its normals do not matter where nobody asks for them."""
+    """Return whether a surface is unchanged; its normals do not matter where nobody asks for them."""
     return (
         known.topology is topology
         and bool((known.positions == places).all())

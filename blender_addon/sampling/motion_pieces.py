@@ -1,8 +1,8 @@
 """Which whole frames the places between them are interpolated from, where a simulation does not always move.
 
 A smooth curve through all whole frames swings before a start and after a stop: a body that is let go at frame 5 would
-move by 0.5 mm before. So what rests between two frames is held, and what moves has a curve of its own from one rest to
-the next.
+move by 0.5 mm before. So a body that rests between two frames is held. One that moves has a curve of its own from one
+rest to the next.
 """
 
 from __future__ import annotations
@@ -40,7 +40,9 @@ def runs(moves: NDArray[np.bool_]) -> tuple[Indices, Indices]:
 
 
 def beyond(here: NDArray[np.bool_], moves: NDArray[np.bool_]) -> tuple[Indices, Indices, Indices, Indices]:
-    """Return runs for what comes and goes: it moves on to the frame before which it goes, and comes from one before.
+    """Return runs for a body that comes and goes.
+
+    It moves on to the frame before which it goes, and comes from one before.
 
     Args:
         here: whether it is there at each whole frame, shape (n,). moves: as in `runs`; never where it is absent.

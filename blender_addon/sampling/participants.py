@@ -20,7 +20,7 @@ _NAMED = 4  # objects that one finding names
 
 
 class InstanceKey(NamedTuple):
-    """What identifies an instance from frame to frame."""
+    """The identity of an instance from frame to frame."""
 
     instancer: int
     object: int
@@ -60,7 +60,7 @@ class Entry:
 
     @property
     def shown_as(self) -> Any:
-        """The key of what instances show of it, see `instances.Shown`; None where its surface is its mesh."""
+        """The key of its shown instances, see `instances.Shown`; None where its surface is its mesh."""
         return self.instance or (self.uid if self.shows_instances else None)
 
 
@@ -101,7 +101,7 @@ def taking_part(
     """Return the scene's objects with a role, in order of name; report those that are disabled.
 
     Args:
-        scripted: scripts run at changes of the frame, and may enable later what can be touched.
+        scripted: scripts run at changes of the frame, and may enable touchable objects later.
     """
     found = []
     for obj in sorted(scene.objects, key=lambda o: o.name_full):
@@ -124,7 +124,7 @@ def taking_part(
 
 
 def instancers(scene: bpy.types.Scene) -> frozenset[int]:
-    """Return the session uids of what can make instances in a scene."""
+    """Return the session uids of the objects that can make instances in a scene."""
     return frozenset(
         o.session_uid
         for o in scene.objects
@@ -157,14 +157,14 @@ def in_background_sets(scene: bpy.types.Scene) -> list[bpy.types.Object]:
 
 
 def instance_name(shown: bpy.types.Object, maker: bpy.types.Object, key: InstanceKey) -> str:
-    """Return 'Cube @ Scatter 0.3': what is shown, what makes it, and its persistent id."""
+    """Return 'Cube @ Scatter 0.3': the shown object, its maker, and its persistent id."""
     return f"{shown.name_full} @ {maker.name_full} {'.'.join(map(str, key.ids))}"
 
 
 def hidden_instances(obj: bpy.types.Object, view_layer: bpy.types.ViewLayer) -> list[Any]:
     """Report an object whose instances Blender does not show because it is hidden with the eye; its mesh is felt.
 
-    A disabled object is not evaluated, so nobody knows what it would show.
+    A disabled object is not evaluated, so its instances are unknown.
     """
     if is_disabled(obj, view_layer) or not obj.hide_get(view_layer=view_layer):
         return []
@@ -221,7 +221,7 @@ def farthest_scale(scale: Iterable[float]) -> float:
 
 
 def animated_parameters(obj: bpy.types.Object) -> tuple[tuple[str, str, float], ...]:
-    """Return what of an object's parameters is animated: name, path below `obj.dermis`, factor to SI.
+    """Return the animated parameters of an object: name, path below `obj.dermis`, factor to SI.
 
     One of a device is named 'device/<device index>/<name>'.
     """
@@ -230,7 +230,7 @@ def animated_parameters(obj: bpy.types.Object) -> tuple[tuple[str, str, float], 
 
 
 def keyable_parameters(obj: bpy.types.Object) -> list[tuple[str, str, float]]:
-    """Return what of an object's parameters can change within a bake, as `animated_parameters` does."""
+    """Return the parameters of an object that can change within a bake, as `animated_parameters` does."""
     branch = {"FINGER": "finger", "SCREEN": "screen"}.get(role_of(obj), "material")
     out = [(a.name, f"{branch}.{a.saved}", a.factor) for a in _animatable(group_of(obj))]
     if branch == "finger":
@@ -253,7 +253,7 @@ def idle_curves(obj: bpy.types.Object) -> list[Any]:
         try:
             prop = obj.path_resolve(group_path).bl_rna.properties.get(attribute)
         except (ValueError, AttributeError):
-            continue  # what it belonged to is gone
+            continue  # its owner is gone
         if prop is not None and not prop.is_animatable:
             idle.add(prop.name)
     return [
@@ -281,7 +281,7 @@ def animated_key(kind: str, index: int, name: str) -> str:
 
 
 def look_up(uids: set[int]) -> dict[int, bpy.types.Object]:
-    """Return the objects with these session uids; what was deleted is missing."""
+    """Return the objects with these session uids; deleted ones are missing."""
     return {o.session_uid: o for o in bpy.data.objects if o.session_uid in uids}
 
 

@@ -1,4 +1,4 @@
-"""What must be known of a whole range before its first sample: which surfaces change, which instances appear."""
+"""The passes over a whole range before its first sample: which surfaces change, which instances appear."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def depsgraph_of(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> bpy
 
 
 class TimeDependent(NamedTuple):
-    """Session uids of what Blender evaluates anew as time goes on.
+    """Session uids of the data-blocks that Blender evaluates anew as time goes on.
 
     Attributes:
         deforming: objects whose geometry it evaluates. all: these, objects that it moves, and other data.
@@ -34,10 +34,10 @@ class TimeDependent(NamedTuple):
 
 
 def time_dependent(scene: bpy.types.Scene, first: int) -> TimeDependent:
-    """Return what Blender evaluates anew because time went on; the scene is at the first frame afterwards.
+    """Return the data that Blender evaluates anew because time went on; the scene is at the first frame afterwards.
 
     The dependency graph knows this from its relations, which hold for the whole range: a mesh that is merely moved is
-    not among those that deform. Scripts do not run here: what they change is found by `script_changes`.
+    not among those that deform. Scripts do not run here: `script_changes` finds their changes.
     """
     found: dict[int, bool] = {}
 
@@ -51,7 +51,7 @@ def time_dependent(scene: bpy.types.Scene, first: int) -> TimeDependent:
         bpy.app.handlers.frame_change_post.append(note)
         try:
             scene.frame_set(first + 1)
-            found.clear()  # what was edited before counts as updated the first time
+            found.clear()  # earlier edits count as updates the first time
             scene.frame_set(first)
         finally:
             bpy.app.handlers.frame_change_post.remove(note)
@@ -59,7 +59,7 @@ def time_dependent(scene: bpy.types.Scene, first: int) -> TimeDependent:
 
 
 class Seen(NamedTuple):
-    """What was seen at the whole frames of a range.
+    """The observations at the whole frames of a range.
 
     Attributes:
         stretches: the most that objects are stretched by, by session uid; of those alone that were asked for.
@@ -108,7 +108,7 @@ def look_through(
 def growing(scene: bpy.types.Scene, timely: TimeDependent) -> frozenset[int]:
     """Return the session uids of touchable objects whose sizes over the range must be known and may change.
 
-    What scripts let grow is told by `curved_surfaces.outgrown`.
+    `curved_surfaces.outgrown` reports growth by scripts.
     """
     return frozenset(
         o.session_uid

@@ -33,8 +33,8 @@ class Recorder:
         """Prepare buffers.
 
         Args:
-            instances: records what instances show, of the same bodies and samples.
-            simulated: the recording that stands in for what simulations move.
+            instances: records instances, of the same bodies and samples.
+            simulated: the recording that stands in for simulated bodies.
         """
         self._participants, self._reader, self._simulated = swept, reader, simulated
         self._entries = swept.entries
@@ -100,7 +100,7 @@ class Recorder:
             self._values[key][k] = owner.evaluated_get(depsgraph).dermis.path_resolve(path) * factor
 
     def chunk(self, frames: Array, times: Array, n: int, findings: list[Any], *, simulating: bool = False) -> Any:
-        """Return samples 0 to n - 1 as a chunk, and note what had to be mended.
+        """Return samples 0 to n - 1 as a chunk, and note the repairs.
 
         Raises:
             DermisError: a matrix or a parameter that is not a finite number.
@@ -151,7 +151,7 @@ class Recorder:
         )
 
     def findings(self) -> list[Any]:
-        """Return what was noticed over all chunks."""
+        """Return the findings over all chunks."""
         watched = dict.fromkeys(self._particles.values())
         return [found for between in watched if (found := between.finding()) is not None]
 
@@ -217,7 +217,7 @@ class Recorder:
             row[place] = np.array(self._object(place).evaluated_get(depsgraph).matrix_world).T
 
     def _take_instances(self, n: int) -> None:
-        """Take over when what instances show is there, and when it has faces."""
+        """Take over when instances are there, and when they have faces."""
         if not self._shown.size:
             return
         made = self._instances
@@ -233,7 +233,7 @@ class Recorder:
             self._looks[s].append(look)
 
     def _take_surfaces(self) -> None:
-        """Make surfaces of what was looked at since the last time; for many samples at once that is faster."""
+        """Make surfaces of the looks since the last time; for many samples at once that is faster."""
         for s, (i, _, entry) in enumerate(self._surfaced):
             looks, self._looks[s], made = self._looks[s], [], self._surfaces[s]
             geometries = iter(self._geometries([look for look in looks if look is not None]))

@@ -1,4 +1,4 @@
-"""Why renders show felt objects otherwise: settings of their own, and those of what they get their shape from."""
+"""Why renders show felt objects otherwise: settings of their own, and those of the sources of their shape."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class RenderCauses:
         return self._enabled(out, objects)
 
     def differing(self, objects: Mapping[int, bpy.types.Object]) -> Words:
-        """Return in words what differs now of enabled felt objects and of makers of felt instances."""
+        """Return in words the current differences of enabled felt objects and of makers of felt instances."""
         out: Words = {}
         if not (self._settings or self._instancer or self._visibility):
             return out
@@ -81,14 +81,14 @@ class RenderCauses:
             sources = {uid: known[uid] for uid in words if uid in known}
             for uid, users in self._reach(sources, shown=shown).items():
                 for user in users & concerned:
-                    if user in self._felt or uid not in self._felt:  # else it is told of what is felt
+                    if user in self._felt or uid not in self._felt:  # else the felt source is reported itself
                         said = [f"{sources[uid].name_full}{glue}{said}" for said in words[uid]]
                         out.setdefault(user, []).extend(said)
         there = self._enabled(out, objects)
         return {uid: said for uid, said in out.items() if uid in there}
 
     def _find_makers(self, objects: Mapping[int, bpy.types.Object]) -> None:
-        """Add those that would show instances of what is felt in renders only."""
+        """Add those that would show instances of felt objects in renders only."""
         others = {uid for uid in self._settings.keys() - self._felt if _instances(objects[uid])}
         if others:
             shapes = dependence.Shapes()

@@ -1,4 +1,4 @@
-"""What renders show otherwise than the viewport, whose surfaces are felt: which settings differ, and how far apart.
+"""Differences of renders from the viewport, whose surfaces are felt: which settings differ, and how far apart.
 
 A render shows whole frames, so those are looked at. Settings are compared at the first frame, and at each one where
 something animates them or scripts run. Surfaces are measured only where settings differ, at a few frames.
@@ -32,13 +32,13 @@ _UNKNOWN = "how far apart they are is not known"
 
 @dataclass
 class _Known:
-    """What was found out of an object whose settings differ.
+    """The state of the search for an object whose settings differ.
 
     Attributes:
         stride: it is measured at every so many of the frames for that. measured: how often it was.
         states: the settings with which it was. missed: it was not with all of them. stretch: of its pose, last.
         since: first frame at which the surfaces differ, None so far.
-        distance: how far apart they were at most [m], None where it is not known. at: the frame. said: what differed.
+        distance: how far apart they were at most [m], None where it is not known. at: the frame. said: the differences.
     """
 
     said: list[str]
@@ -61,10 +61,10 @@ class _Known:
 
 
 class RenderDifferences:
-    """Looks at the samples of a sweep for what renders show otherwise.
+    """Looks at the samples of a sweep for differences of renders.
 
     Args:
-        simulated: session uids of what hangs on simulations: those are not run again to be measured.
+        simulated: session uids of data that hangs on simulations: those are not run again to be measured.
         deforming: session uids of the objects whose shape may change; None if that of every object may.
         frames: of the samples, shape (n,).
     """
@@ -103,7 +103,7 @@ class RenderDifferences:
 
     @property
     def findings(self) -> list[Any]:
-        """Return what was found at the frames so far."""
+        """Return the findings at the frames so far."""
         uids = self._hidden.keys() | self._known.keys() | self._displaced.keys()
         felt = sorted(participants.look_up(set(uids)).values(), key=lambda o: str(o.name_full))
         out = [_hidden(o, self._hidden[o.session_uid]) for o in felt if o.session_uid in self._hidden]

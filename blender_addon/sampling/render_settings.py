@@ -1,4 +1,4 @@
-"""The settings that a render takes another value of than the viewport, and in words what differs."""
+"""The settings that a render takes another value of than the viewport, and the differences in words."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _OFF_IN = {True: "is off in renders", False: "is on in renders only"}
 
 
 def settings(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[str]:
-    """Return in words what makes an object's surface, or its instances, another in a render."""
+    """Return in words why an object's surface, or its instances, differ in a render."""
     out = [f"{m.name}{said}" for m in obj.modifiers if (said := _modifier(m, scene))]
     out += [f"{name}: {shown:g}, in renders {rendered:g}" for name, shown, rendered in _data(obj.data)]
     for system in obj.particle_systems:

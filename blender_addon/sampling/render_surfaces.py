@@ -30,7 +30,7 @@ Surface = tuple[Array, NDArray[np.int64]]  # vertices [m], shape (V, 3), and tri
 
 
 class Pieces:
-    """What instances show at the current frame, and how large all of it is.
+    """The shown instances at the current frame, and how large all of them are.
 
     Args:
         hosts: session uids of the objects that are felt with the instances that they show.
@@ -63,7 +63,7 @@ class Pieces:
         return self._shown.get(host.session_uid, {}).values()
 
     def triangles(self, obj: bpy.types.Object) -> float:
-        """Return about how many triangles an object has in a render, with what it shows; inf where nobody exports it.
+        """Return about how many triangles an object has in a render, with its instances; inf where nobody exports it.
 
         Instances on vertices and faces are shown of children, which are not exported with it.
         """
@@ -137,7 +137,7 @@ def _quiet() -> Iterator[None]:
 
 
 def _flush() -> None:
-    """Write out what Python and Blender keep in their buffers of standard output."""
+    """Write out the buffers of Python and Blender for standard output."""
     with suppress(ValueError, AttributeError):  # it is closed, or there is none
         sys.stdout.flush()
     with suppress(OSError, AttributeError):

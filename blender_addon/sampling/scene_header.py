@@ -1,4 +1,4 @@
-"""What the engine must know before the first sample: names, parameters, surfaces, reliefs, and their flaws."""
+"""The engine's input before the first sample: names, parameters, surfaces, reliefs, and their flaws."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ class Header:
 
 
 def scene_findings(scene: bpy.types.Scene) -> list[Any]:
-    """Report what is peculiar about a scene's settings.
+    """Report peculiarities of a scene's settings.
 
     Raises:
-        DermisError: a newer Dermis saved the file: what this one does not know would be missing without a word.
+        DermisError: a newer Dermis saved the file: settings unknown to this one would be missing without a word.
     """
     findings = []
     where = f"scene '{scene.name_full}'"
@@ -72,7 +72,7 @@ def gravity(scene: bpy.types.Scene, findings: list[Any]) -> tuple[float, float, 
     """Return gravity [m/s^2] in world space.
 
     Blender keeps it in scene units. One that was left at the default in a scene of millimetres or feet would stand for
-    a fraction of the Earth's; what is meant is the Earth's, and a finding says so.
+    a fraction of the Earth's. It is replaced by the Earth's, and a finding says so.
     """
     if not scene.use_gravity:
         return (0.0, 0.0, 0.0)
@@ -107,7 +107,7 @@ def list_participants(
     """List who takes part, at the current frame.
 
     Args:
-        scripted: scripts run at changes of the frame: what can be touched and is disabled now may be enabled later.
+        scripted: scripts run at changes of the frame: a touchable object that is disabled now may be enabled later.
         deforming: session uids of objects whose surface depends on time; None if every surface may.
         instances: of the range. reader: of those of the current frame.
         stretches: the most that objects which may grow are stretched by in the range, by session uid; None where that
@@ -179,10 +179,10 @@ def header(
     *,
     live: bool = False,
 ) -> Header:
-    """Read parameters, surfaces and reliefs at the current frame; leave out, with a finding, what cannot be used.
+    """Read parameters, surfaces and reliefs at the current frame; leave out unusable ones, with a finding.
 
     Args:
-        reader: of surfaces. instances: reads those that instances show.
+        reader: of surfaces. instances: reads those of instances.
         live: for the preview: surfaces come with the chunks, reliefs are kept, animated parameters have their defaults.
     """
     findings = swept.findings
@@ -226,7 +226,7 @@ def header(
                 core.scene.tactile_scene.check_mesh(mesh, f"object '{entry.name}'")
             except DermisError as error:
                 if entry.instance is None and entry.uid in makers:
-                    continue  # what it shows are bodies of their own
+                    continue  # its instances are bodies of their own
                 kind = (entry.uid, entry.uid) if entry.instance is None else entry.instance[:2]
                 if kind not in unusable:
                     findings.append(_left_out(error, "mesh-unusable"))
@@ -417,7 +417,7 @@ def reason(tactile: Any, error: Any) -> Any:
     """Return why nothing is left to render, where the only finger or all there is to touch was refused; else `error`.
 
     Args:
-        tactile: the refused `TactileScene`. error: what its `validate` raised.
+        tactile: the refused `TactileScene`. error: the exception that its `validate` raised.
     """
     if error.code not in ("no-finger", "nothing-to-touch"):
         return error

@@ -66,7 +66,7 @@ class Sweep:
 
     Attributes:
         done, total: samples taken, simulation frames included.
-        findings: what was noticed on the way; complete when the sweep has ended.
+        findings: those on the way; complete when the sweep has ended.
     """
 
     def __init__(self, steps: Generator[Any, None, None], total: int, findings: list[Any]) -> None:
@@ -289,7 +289,7 @@ def forget() -> None:
 
 
 class _Readers(NamedTuple):
-    """What a sweep reads surfaces and instances with, and what is known of them.
+    """The readers of surfaces and instances of a sweep, and the instances and surfaces that are known.
 
     Attributes:
         instances: the bodies that are instances. surfaces: of the header, by name.
@@ -328,7 +328,7 @@ def _steps(
     scene = _scene_named(swept.scene)
     if scene is None:
         raise DermisError("the scene was removed", where=f"scene '{swept.scene}'")
-    showing = any(entry.shown_as is not None for entry in swept.entries)  # else nobody asks what was seen
+    showing = any(entry.shown_as is not None for entry in swept.entries)  # else nobody asks for it
     with undisturbed(scene), readers.seen.watching() if showing else nullcontext(), watch or nullcontext():
         simulated = None
         if len(whole):
@@ -370,7 +370,7 @@ def _go_to(swept: Participants, frame: float) -> bpy.types.Depsgraph:
 def _simulate(
     swept: Participants, readers: _Readers, whole: Array, clock: scene_time.Clock, findings: list[Any]
 ) -> Generator[None, None, simulated_motion.Recording]:
-    """Run the simulations through, step by step from their start, and keep what they move."""
+    """Run the simulations through, step by step from their start, and record their motion."""
 
     def pick(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
         return tuple(replace(e, animated=()) for e in entries if e.simulated)

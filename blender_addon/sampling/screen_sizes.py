@@ -24,7 +24,7 @@ class FixedSize:
         self._name, self._uid, self._unit = screen.name_full, screen.session_uid, unit
         self._place = bpy.data.objects.find(screen.name_full)
         places = meshes.vertices_of(screen.evaluated_get(depsgraph))
-        self._now = places.tobytes()  # what was looked at last, and how far its edges were off
+        self._now = places.tobytes()  # the vertices of the last look, and how far their edges were off
         self._off, self._is_off = np.zeros((2, 2)), False
         self._first = height_maps.extent(places)
         self._smallest = TOLERANCE * float(np.ptp(self._first, axis=0).max())
@@ -44,7 +44,7 @@ class FixedSize:
             self._now, self._off = now, np.abs(edges - self._first) if left else 0.5 * np.ptp(self._first, axis=0)[None]
             self._is_off = not self._off.max() <= self._smallest
         if not self._is_off or participants.is_disabled(screen, depsgraph.view_layer):
-            return  # the recorder tells what is disabled
+            return  # the recorder reports disabled objects
         self._since = frame if self._since is None else self._since
         stretch = np.linalg.norm(np.array(evaluated.matrix_world, np.float64)[:3, :2], axis=0)
         distance = float((self._off * stretch).max()) * self._unit
@@ -73,7 +73,7 @@ class FixedSize:
 def watched(
     screens: Iterable[bpy.types.Object], depsgraph: bpy.types.Depsgraph, unit: float, deforming: frozenset[int] | None
 ) -> list[FixedSize]:
-    """Return what watches the sizes of screens whose shape may change.
+    """Return the watchers of the sizes of screens whose shape may change.
 
     Args:
         unit: metres in a scene unit.

@@ -1,8 +1,8 @@
-"""What scripts change at changes of the frame: shapes, visibility, settings.
+"""Follows the changes that scripts make at changes of the frame: shapes, visibility, settings.
 
-Without such scripts, Blender evaluates anew only what its relations make depend on time, and these hold for the whole
-range. A script obeys no relation: it may begin at any frame. Where scripts run, every sample is therefore compared with
-the one before. Shapes are read only when Blender says that something was edited.
+Without such scripts, Blender evaluates anew only the data that its relations make depend on time, and these hold for
+the whole range. A script obeys no relation: it may begin at any frame. Where scripts run, every sample is therefore
+compared with the one before. Shapes are read only when Blender says that something was edited.
 """
 
 from __future__ import annotations
@@ -75,15 +75,15 @@ def held_back() -> Iterator[None]:
 
 
 def needed(scene: bpy.types.Scene) -> bool:
-    """Return whether a scene must be watched: scripts run, or what is constant over a bake is animated."""
+    """Return whether a scene must be watched: scripts run, or a setting that is constant over a bake is animated."""
     return run_here() or not compat.animated_paths(scene).isdisjoint(_WORLD)
 
 
 class Watch:
-    """Follows what scripts change, sample by sample, while it is entered as a context.
+    """Follows changes by scripts, sample by sample, while it is entered as a context.
 
     Attributes:
-        findings: what changes and cannot be followed, each with the frame at which it first did.
+        findings: on changes that cannot be followed, each with the frame at which it first occurred.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class Watch:
         reader: MeshReader,
         timely: frozenset[int],
     ) -> None:
-        """Take what is there at the first frame, which is the current one.
+        """Take the state at the first frame, which is the current one.
 
         Args:
             surfaces: the bodies' surfaces in the header. reader: the one that read them.
@@ -135,7 +135,7 @@ class Watch:
         self._following: dict[str, list[float]] = {}  # of the samples of a chunk
 
     def __enter__(self) -> Watch:
-        bpy.app.handlers.frame_change_post.append(self._note)  # the last: it sees what the others have edited
+        bpy.app.handlers.frame_change_post.append(self._note)  # the last: it sees the edits of the others
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -146,7 +146,7 @@ class Watch:
             bpy.app.handlers.frame_change_post.remove(self._note)
 
     def _stay_last(self) -> None:
-        """See whether scripts were added behind this one, or took it out: it did not see what they edited."""
+        """See whether scripts were added behind this one, or took it out: it did not see their edits."""
         functions = bpy.app.handlers.frame_change_post
         if not functions or functions[-1] != self._note:
             self._all = True
@@ -191,7 +191,7 @@ class Watch:
             values.append(self._value(key))
 
     def follow(self, chunk: Any) -> Any:
-        """Return a chunk of the samples since the last one with what has changed in them, or before."""
+        """Return a chunk of the samples since the last one with the changes in them, or before."""
         absent = core.scene.tactile_scene.ABSENT
         surfaces, animated = dict(chunk.surfaces), dict(chunk.animated)
         for b, row in self._rows.items():
@@ -244,7 +244,7 @@ class Watch:
                 self._tell(_owner(uid), name or "rigid body world", frame)
 
     def _compare(self, obj: Any, first: _Settings, now: _Settings, frame: float) -> bool:
-        """Tell what is set otherwise than at first; return whether anything is."""
+        """Report settings that differ from the first ones; return whether any does."""
         changed = set(_differing(first.stored, now.stored))
         if first.content != now.content:
             changed.add("material.content_kind")
@@ -283,7 +283,7 @@ class Watch:
         )
 
     def _look_for_makers(self, depsgraph: bpy.types.Depsgraph, frame: float) -> None:
-        """Report what has begun to show touchable instances: the bodies are listed before the first sample."""
+        """Report objects that begin to show touchable instances: the bodies are listed before the first sample."""
         shown = [(i.object.original, i.parent.original) for i in depsgraph.object_instances if i.is_instance]
         makers = {
             maker.name_full
@@ -388,7 +388,7 @@ def _owner(uid: int) -> str:
 
 
 def _differing(first: Any, now: Any, path: str = "") -> Iterator[str]:
-    """Yield the paths of what differs between two nested groups."""
+    """Yield the paths of the differences between two nested groups."""
     if isinstance(first, dict) and isinstance(now, dict):
         for name in first.keys() | now.keys():
             one, other = first.get(name, {}), now.get(name, {})

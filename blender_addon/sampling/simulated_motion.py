@@ -1,4 +1,4 @@
-"""What simulations move: found, swept at whole frames from their start, and interpolated smoothly.
+"""The motion of simulations: found, swept at whole frames from their start, and interpolated smoothly.
 
 Simulations do not answer to sub-frames: Blender gives stairs, or straight segments out of a cache. Position and
 rotation, stretch and vertices pass through the engine's own C2 splines.
@@ -29,7 +29,7 @@ _SIMULATED_TYPES = {"CLOTH", "SOFT_BODY", "DYNAMIC_PAINT", "EXPLODE", "PARTICLE_
 
 @dataclass(frozen=True)
 class Simulations:
-    """What of a scene is simulated.
+    """The simulations of a scene.
 
     Attributes:
         uids: session uids of simulated objects and of all that depend on them.
@@ -166,7 +166,7 @@ class BetweenFrames:
 
 
 def between_frames(entries: Sequence[Entry]) -> dict[int, BetweenFrames]:
-    """Return what compares particles, and objects that emit them, by their places among entries; one for an object.
+    """Return a `BetweenFrames` for particles, and for objects that emit them, by place among entries; one an object.
 
     Blender moves those between whole frames too. Rigid bodies and cloth stand still there.
     """
@@ -180,7 +180,7 @@ def between_frames(entries: Sequence[Entry]) -> dict[int, BetweenFrames]:
 
 
 class Recording:
-    """What simulations moved, at whole frames."""
+    """The motion of simulations at whole frames."""
 
     def __init__(self, times: Array) -> None:
         """Take the times [s] of the whole frames, shape (n,)."""
@@ -245,7 +245,7 @@ class Recording:
         return tuple(out)
 
     def findings(self, clock: scene_time.Clock) -> Iterator[Any]:
-        """Yield what was noticed of the surfaces that were asked for."""
+        """Yield findings on the surfaces that were asked for."""
         for (code, name), (since, count) in self._seen.items():
             what, remedy = _SAID[code]
             yield Finding(

@@ -1,7 +1,7 @@
 """Poses that come in steps because Blender's matrices are in single precision, and how large the steps are.
 
-A number in single precision has 24 binary digits: near 1 km, neighbours are 0.06 mm apart. What stands still is felt
-where Blender shows it. What moves far from the origin goes from step to step, and so does its speed.
+A number in single precision has 24 binary digits: near 1 km, neighbours are 0.06 mm apart. An object at rest is felt
+where Blender shows it. An object that moves far from the origin goes from step to step, and so does its speed.
 """
 
 from __future__ import annotations

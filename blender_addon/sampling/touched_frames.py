@@ -30,7 +30,7 @@ class Touched(NamedTuple):
     """Which frames are keyed.
 
     Attributes:
-        first, last: scene frames, with what rings on after the last key; both 0 where `why` says why there are none.
+        first, last: scene frames, with the ringing after the last key; both 0 where `why` says why there are none.
         why: in words, why keys do not say when things move; '' where they do.
     """
 
@@ -60,7 +60,7 @@ def of(scene: bpy.types.Scene) -> Touched:
 
 
 def _used(scene: bpy.types.Scene) -> list[Any]:
-    """Return what is felt, the scene, and everything that they refer to, directly or through others."""
+    """Return the felt objects, the scene, and everything that they refer to, directly or through others."""
     refers: dict[Any, set[Any]] = {}
     for used, users in bpy.data.user_map().items():
         for user in users:
@@ -76,7 +76,7 @@ def _used(scene: bpy.types.Scene) -> list[Any]:
 
 
 def _moved_otherwise(used: Any) -> str:
-    """Return what moves a data-block besides its keys, '' for nothing."""
+    """Return in words a cause of motion of a data-block besides its keys, '' for none."""
     animation = getattr(used, "animation_data", None)
     if animation is not None:
         if any(not driver.mute for driver in animation.drivers):

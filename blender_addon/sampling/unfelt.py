@@ -43,7 +43,7 @@ def is_unfelt(instance: Any, shown: Any) -> bool:
 
 
 def findings(seen: Iterable[tuple[Unfelt, float]]) -> list[Any]:
-    """Return what is to be told of geometry that is not felt, and since which frame it is shown."""
+    """Return findings on geometry that is not felt, with the first frame at which it is shown."""
     first = dict(seen)
     objects = participants.look_up({unfelt.uid for unfelt in first})
     out = []

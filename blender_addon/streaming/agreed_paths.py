@@ -1,7 +1,7 @@
 """Files that the settings of a .blend name: nothing reads or writes one before a person of this session agreed.
 
-Whoever sets a path in this session, in the panel or by a script, has agreed by that. What came with the file has to be
-confirmed; a session remembers it.
+Whoever sets a path in this session, in the panel or by a script, has agreed by that. Paths that came with the file have
+to be confirmed; a session remembers it.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from . import stream_log
 
 
 class Claim(NamedTuple):
-    """A file that a setting names: `kind` is 'read', 'write' or 'send', `what` says what it is for.
+    """A file that a setting names: `kind` is 'read', 'write' or 'send', `what` says its purpose.
 
-    What is sent has an address instead of a path.
+    A claim to send has an address instead of a path.
     """
 
     path: str
@@ -71,7 +71,7 @@ def check(settings: Any, *names: str) -> None:
     """Refuse to go on with files that nobody has confirmed.
 
     Raises:
-        DermisError: says which, and what for.
+        DermisError: says which, and its purpose.
     """
     if asked := pending(settings, *names):
         raise DermisError(

@@ -8,11 +8,12 @@ from typing import Any, NamedTuple
 
 import bpy
 
+from .. import choices
 from .._core import DermisError, core
-from . import built_devices, calibration_offers, device_calibration
+from . import built_devices, calibration_offers, device_calibration, measured_curves
 
 _answered: tuple[str, ...] = ()  # serial numbers of the device that is connected ...
-_recognised = ""  # ... and what there is to say of it
+_recognised = ""  # ... and the message about it
 UNSAID = "Nobody has said yet which built device this is."
 
 
@@ -28,14 +29,14 @@ UNREAD = Shown("Built Device", "", False)  # while the folder of devices is bein
 
 
 def serials(status: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return what tells the connected device from others of its kind, the best first; empty for nothing."""
+    """Return the identifiers that tell the connected device from others of its kind, the best first; empty for none."""
     said, port = status.get("device", ""), (status.get("received") or {}).get("usb_serial", "")
     known = ("" if said in built_devices.COMMON_IDS else said, "".join(c for c in port if c.isprintable()).strip())
     return tuple(text[:100] for text in known if text)
 
 
 def shown(scene: bpy.types.Scene) -> Shown:
-    """Return what the panel says of the built device, before and after connecting. Writes nothing."""
+    """Return the panel's text on the built device, before and after connecting. Writes nothing."""
     try:
         one = device_calibration.worn_by(scene)
         owner = device_calibration.owner_shown(scene)
@@ -82,7 +83,7 @@ def forget() -> None:
 
 
 def meet(scene: bpy.types.Scene, status: Mapping[str, Any]) -> str:
-    """Look who answered, once; return what a person should know of it before arming, '' for nothing."""
+    """Look who answered, once; return a message to read before arming, '' for none."""
     global _answered, _recognised
     try:
         said = serials(status)
@@ -104,16 +105,19 @@ def is_another(scene: bpy.types.Scene) -> bool:
 
 
 def advice(scene: bpy.types.Scene) -> str:
-    """Return as what the listed actuators are calibrated, and what else a person should know of it."""
+    """Return the device that the listed actuators are calibrated as, and remarks on that, in words."""
     settings = scene.dermis_stream
     one = device_calibration.worn_by(scene)
     if one is not None:
-        return f"{settings.channels_of} is calibrated as '{one.made.name}'"
+        old = "; ".join(map(str, measured_curves.found(scene)))
+        return f"{choices.worn(settings.channels_of)} is calibrated as '{one.made.name}'{'. ' if old else ''}{old}"
     if calibration_offers.offers(scene):
         return "This file holds a calibration of a device that is not known here: see Calibration"
     choice = device_calibration.choice(settings.channels_owner)
     if choice is None and built_devices.devices(settings.channels_owner.rpartition(": ")[2]):
-        return f"Nobody has said which device {settings.channels_of} is, so it is not calibrated: choose it"
+        return (
+            f"Nobody has said which device {choices.worn(settings.channels_of)} is, so it is not calibrated: choose it"
+        )
     return ""
 
 

@@ -1,7 +1,7 @@
 """The built devices that this computer knows: a calibration file for each, and which finger wears which.
 
 All of it lies in the user's folder and none in a .blend, so that no file of somebody else's calibrates a device here.
-What was read is kept until `refresh`. Panels draw what is `at_hand`: a timer reads the folder for them.
+Read files are kept until `refresh`. Panels draw the devices `at_hand`: a timer reads the folder for them.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class _Finger(NamedTuple):
 
 
 class _Folder(NamedTuple):
-    """What was read: devices by file, why other files cannot be read, and fingers by identity, or why not."""
+    """The folder as read: devices by file, why other files cannot be read, and fingers by identity, or why not."""
 
     devices: dict[str, Built]
     damaged: dict[str, DermisError]
@@ -46,7 +46,7 @@ _folder: _Folder | None = None
 
 
 def refresh() -> None:
-    """Forget what was read: the folder may have changed."""
+    """Forget the read files: the folder may have changed."""
     global _folder
     _folder = None
 
@@ -73,7 +73,7 @@ def read() -> None:
 
 
 def devices(preset: str) -> list[Built]:
-    """Return the built devices of a preset, by name; what cannot be read is in `damaged`."""
+    """Return the built devices of a preset, by name; unreadable files are in `damaged`."""
     return sorted(
         (b for b in _kept().devices.values() if b.made.device == preset), key=lambda b: b.made.name.casefold()
     )
@@ -139,7 +139,7 @@ def choice(finger: str, preset: str) -> str | None:
 
 
 def choose(finger: str, name: str, preset: str, file: str | None) -> None:
-    """Remember what a finger wears on this computer; None forgets it.
+    """Remember the device that a finger wears on this computer; None forgets it.
 
     Raises:
         DermisError: the table cannot be read or written.

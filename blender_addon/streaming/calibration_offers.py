@@ -17,7 +17,7 @@ _SESSION = os.urandom(16).hex()  # a list that does not say this is from a file
 
 
 class Offer(NamedTuple):
-    """A calibration that belongs to no device known here: what it says it is of, and its numbers."""
+    """A calibration that belongs to no device known here: its device by its own account, and its numbers."""
 
     name: str
     channels: Rows
@@ -39,7 +39,7 @@ def is_ours(settings: Any) -> bool:
 
 
 def adopt(scene: bpy.types.Scene) -> None:
-    """Make the list this session's; what came with the file goes to the offers."""
+    """Make the list this session's; a list that came with the file goes to the offers."""
     settings = scene.dermis_stream
     if is_ours(settings):
         return
@@ -66,7 +66,7 @@ def offers(scene: bpy.types.Scene) -> list[Offer]:
 
 
 def keep_offer(scene: bpy.types.Scene, index: int, name: str) -> Any:
-    """Save a calibration that came with the file as a built device's; it is put on no finger. Return what was saved.
+    """Save a calibration that came with the file as a built device's; it is put on no finger. Return the device.
 
     Raises:
         DermisError: it is gone, its name or preset will not do, or the file cannot be written.
@@ -101,12 +101,12 @@ def shelve(scene: bpy.types.Scene, what: Shelved) -> None:
 
 
 def shelved(entry: Any) -> Shelved:
-    """Return what was put by."""
+    """Return a calibration that was put by."""
     return Shelved(entry.name, entry.owner, entry.found, entry.file, rows_of(entry.channels))
 
 
 def _at(found: Sequence[T], index: int) -> T:
-    """Return one of what came with the file; a button may be older than what it is about."""
+    """Return one of the entries that came with the file; a button may be older than its entry."""
     if not 0 <= index < len(found):
         raise DermisError("this file holds no such calibration any more", value=index)
     return found[index]

@@ -13,7 +13,9 @@ from .. import changes
 from .._core import core
 from ..preferences import library
 
-FIELDS = ("name", "unit", "jog", "zero", "gain", "use_limits", "low", "high")
+FIELDS = ("name", "unit", "jog", "zero", "gain", "use_limits", "low", "high", "response", "frequency")
+
+MEASURED = ("response", "frequency")  # kept as JSON
 
 Rows = list[dict[str, Any]]
 
@@ -21,7 +23,7 @@ _restoring = False
 
 
 def rows_of(channels: Any) -> Rows:
-    """Return what a collection of settings holds."""
+    """Return the rows of a collection of settings."""
     return [{name: getattr(channel, name) for name in FIELDS} for channel in channels]
 
 
@@ -60,6 +62,7 @@ def rows_for(key: str, made: Any) -> Rows:
                 "use_limits": limited,
                 "low": low,
                 "high": high,
+                **{part: _text(entry, part) for part in MEASURED},
             }
         )
     return fresh
@@ -87,17 +90,18 @@ def calibration(key: str, rows: Rows) -> Any:
     for row in rows:
         if row["name"] in {c.name for c in spec.channels} and calibrated(row):
             limits = {name: row[name] for name in ("low", "high")} if row["use_limits"] else {}
-            made = made.with_entry(row["name"], zero=row["zero"], gain=row["gain"], **limits)
+            measured = {part: read(part, row[part]) if row[part] else None for part in MEASURED}
+            made = made.with_entry(row["name"], zero=row["zero"], gain=row["gain"], **measured, **limits)
     return made
 
 
 def calibrated(row: dict[str, Any]) -> bool:
     """Return whether an actuator differs from its preset."""
-    return bool(row["zero"] != 0.0 or row["gain"] != 1.0 or row["use_limits"])
+    return bool(row["zero"] != 0.0 or row["gain"] != 1.0 or row["use_limits"] or any(row[part] for part in MEASURED))
 
 
 def same(rows: Rows, made: Any) -> bool:
-    """Return whether rows say what a calibration does, None for that of the preset, as exactly as settings can."""
+    """Return whether rows equal a calibration, None for that of the preset, as exactly as settings can."""
     for row in rows:
         entry = made.entries.get(row["name"]) if made is not None else None
         if entry is None:
@@ -106,10 +110,28 @@ def same(rows: Rows, made: Any) -> bool:
             continue
         if row["use_limits"] != (entry.low is not None or entry.high is not None):
             return False
+        if any(row[part] != _text(entry, part) for part in MEASURED):
+            return False
         wanted = {"zero": entry.zero, "gain": entry.gain, "low": entry.low, "high": entry.high}
         if any(v is not None and float(np.float32(v)) != row[name] for name, v in wanted.items()):
             return False
     return True
+
+
+def read(part: str, text: str) -> Any:
+    """Return the curve ('response') or frequency response ('frequency') that the list holds as JSON.
+
+    Raises:
+        DermisError: it is none.
+    """
+    kinds = core.devices.response.Response, core.devices.frequency_response.FrequencyResponse
+    return kinds[MEASURED.index(part)].loads(text)
+
+
+def _text(entry: Any, part: str) -> str:
+    """Return the measurement of an actuator as the list holds it; '' where there is none."""
+    measured = getattr(entry, part) if entry is not None else None
+    return "" if measured is None else str(measured.dumps())
 
 
 @contextmanager

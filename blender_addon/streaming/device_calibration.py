@@ -1,7 +1,7 @@
 """The calibration that is being driven and edited: zero, gain and limits of each actuator, tried out under way.
 
 The list in the panel is a working copy of one built device's file (`built_devices`), kept in the scene so that undo
-knows it. What another session left in a .blend is nobody's: it is put by in `calibration_offers`, and drives nothing.
+knows it. A list that another session left in a .blend is nobody's: `calibration_offers` has it, and it drives nothing.
 Nothing here knows of a link: whoever changes the list under way passes it on with `session.changed`.
 """
 
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from .calibration_rows import Rows, calibrated, calibration, fill, quietly, rows
 
 @dataclass(frozen=True)
 class _Before:
-    """What a calibration in progress goes back to."""
+    """The state that a calibration in progress goes back to."""
 
     mode: str
     of: str
@@ -51,7 +52,7 @@ def calibration_of(scene: bpy.types.Scene, key: str) -> Any:
 def fill_channels(scene: bpy.types.Scene) -> None:
     """List the actuators of the finger's device that the settings speak of, calibrated as the one that it wears.
 
-    What was changed and not saved for another finger's device is put by, and comes back with it.
+    Unsaved changes for another finger's device are put by, and come back with it.
 
     Raises:
         DermisError: there is no device, or the calibration that was chosen for it cannot be read.
@@ -112,7 +113,7 @@ def choice(owner: str) -> str | None:
 def use(scene: bpy.types.Scene, file: str) -> None:
     """Put a built device on the finger, or none (''): it is calibrated so from now on, and that is remembered.
 
-    What was changed and not saved goes to the offers. A running sender hears of it by `session.changed`.
+    Unsaved changes go to the offers. A running sender hears of it by `session.changed`.
 
     Raises:
         DermisError: there is no device, it is another preset's, or a file cannot be read or written.
@@ -121,7 +122,7 @@ def use(scene: bpy.types.Scene, file: str) -> None:
     owner, name, key = _subject(scene)
     made = built_devices.device(file).made if file else None
     if made is not None:
-        made.for_spec(library().device(key))  # refuses what does not fit
+        made.for_spec(library().device(key))  # refuses one that does not fit
     _remember(owner, name, file)
     with quietly(scene):
         _put_by(scene, owner)
@@ -137,7 +138,7 @@ def unsaved(scene: bpy.types.Scene) -> bool:
 
 
 def keep(scene: bpy.types.Scene, name: str, serial: str) -> Any:
-    """Save the list as the calibration of a built device, and put that on the finger; return what was saved.
+    """Save the list as the calibration of a built device, and put that on the finger; return the device.
 
     Raises:
         DermisError: a number, name or serial that cannot be, or the file cannot be written.
@@ -176,7 +177,7 @@ def calibrating(scene: bpy.types.Scene) -> bool:
 
 
 def cancel_calibration(scene: bpy.types.Scene) -> None:
-    """Bring back what was there when the scene's calibration began; `session.changed` blends a device back to it."""
+    """Bring back the state before the scene's calibration began; `session.changed` blends a device back to it."""
     before = _before.pop(scene.session_uid, None)
     if before is None:
         return
@@ -218,11 +219,11 @@ def load(scene: bpy.types.Scene, path: Path) -> tuple[Any, ...]:
     made = core.devices.calibration.Calibration.load(path)
     key = streamed_track.device_key(scene)
     spec = library().device(key)
-    made.for_spec(spec)  # refuses what does not fit
+    made.for_spec(spec)  # refuses one that does not fit
     fill_channels(scene)
     with quietly(scene):
         fill(scene.dermis_stream.channels, _by_hand(scene, rows_for(key, made)))
-    return tuple(made.findings(spec))
+    return tuple(made.findings(spec, date.today()))
 
 
 def retract(scene: bpy.types.Scene) -> None:
@@ -285,7 +286,7 @@ def _by_hand(scene: bpy.types.Scene, rows: Rows) -> Rows:
 
 
 def _put_by(scene: bpy.types.Scene, owner: str) -> None:
-    """Put by what is listed and not saved, before another list takes its place: a draft of its owner's, or an offer."""
+    """Put an unsaved list by, before another list takes its place: a draft of its owner's, or an offer."""
     settings = scene.dermis_stream
     again = settings.channels_owner == owner
     if settings.channels_owner and unsaved(scene) and (not again or any(map(calibrated, _listed(scene)))):

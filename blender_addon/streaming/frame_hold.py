@@ -60,7 +60,7 @@ def _on_render_end(*_: Any) -> None:
 
 
 def callbacks() -> tuple[tuple[list[Any], Any], ...]:
-    """Return Blender's lists of handlers, and what watches for renders in each."""
+    """Return Blender's lists of handlers, and the handler that watches for renders in each."""
     on = bpy.app.handlers
     return (
         (on.render_init, _on_render_start),

@@ -1,4 +1,4 @@
-"""What the twin shows while something streams: what the device reports, or a track from a file."""
+"""The twin's values while something streams: those that the device reports, or a track from a file."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from . import session, streamed_track
 
 
 def preview(scene: bpy.types.Scene) -> Preview | None:
-    """Return what the twin shall show instead of bake and live preview, or None.
+    """Return the values for the twin instead of bake and live preview, or None.
 
-    What the device reports comes first; then a track that was loaded from a file.
+    The values that the device reports come first; then a track that was loaded from a file.
     """
     loaded, values = of_file(scene), reported(scene)
     if values:
@@ -57,7 +57,7 @@ def with_reported(shown: Preview | None, reported: dict[str, float], own: Row | 
             tactor = core.devices.shear_tactor.ShearTactor.from_spec(spec)
             place = tactor.forward(np.array([values["pulley_1"], values["pulley_2"]]))
             values["tactor_x"], values["tactor_y"] = (float(v) for v in place)
-        rows.append(replace(row, values=values, signals={}))  # how well what was computed fits says nothing of this
+        rows.append(replace(row, values=values, signals={}))  # signals rate computed values, not reported ones
     return Preview(shown.frame, "device", "what the device reports", tuple(rows))
 
 

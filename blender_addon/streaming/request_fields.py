@@ -1,4 +1,4 @@
-"""What the scene asks of the sender: the fields of its request, and what Blender shows now."""
+"""The scene's request to the sender: its fields, and the frame that Blender shows now."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def published(scene: bpy.types.Scene, names: Sequence[str]) -> tuple[float, tupl
 
 
 def caveat(scene: bpy.types.Scene) -> str:
-    """Return in words that what is sent is of a bake that does not fit the scene any more; '' where it fits."""
+    """Return in words that the sent bake does not fit the scene any more; '' where it fits."""
     settings = scene.dermis_stream
     if settings.mode == "play":
         baked = not settings.track_file and streamed_track.chosen_output(scene) is not None

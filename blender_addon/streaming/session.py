@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import os
 import traceback
-from functools import cache
 from typing import Any
 
 import bpy
 
-from .. import compat, redraw
+from .. import compat, loading, redraw
 from .._core import DermisError, core
 from ..preferences import library, user_folder
 from . import (
@@ -34,13 +33,14 @@ _client: Any = None
 _scene = 0  # session uid of the scene that streams
 _preset = ""  # key of the device that is connected
 _status: dict[str, Any] = {}
-_note = ""  # what Blender's side has to say beside the sender
-_leaving = ""  # what senders still do that were let go
+_note = ""  # the message of Blender's side, beside the sender's
+_leaving = ""  # remaining work of senders that were let go
 _published: tuple[float | None, tuple[float, ...]] = (None, ())  # time and values of the last heartbeat
 _mode = ""  # at the last heartbeat
 _heartbeats = 0
 _restored = False  # undo or redo has brought other settings, and the sender has not heard of them
 _ports: list[tuple[str, str]] = []
+_cautions: dict[str, str] = {}  # by protocol
 
 
 def connected() -> bool:
@@ -65,10 +65,15 @@ def caution(scene: bpy.types.Scene) -> str:
     """Return the warning about the scene's board: the connected one's own, before that its protocol's; '' for none."""
     if streams(scene) and "caution" in _status:
         return str(_status["caution"])
-    return _caution(scene.dermis_stream.protocol)
+    protocol = scene.dermis_stream.protocol
+    if protocol not in _cautions:
+        read = loading.value(("caution", protocol), lambda: _caution(protocol))
+        if read is None:
+            return ""  # for a moment: panels do not wait until the protocols are read
+        _cautions[protocol] = read[0]
+    return _cautions[protocol]
 
 
-@cache
 def _caution(protocol: str) -> str:
     adapters = core.stream.protocols.adapters
     return "" if protocol == adapters.OTHER else adapters.adapter_of(protocol).caution
@@ -147,7 +152,7 @@ def close() -> None:
 
 
 def leaving() -> str:
-    """Return what senders that were let go still did at the last heartbeat, '' where all have ended; asks nobody."""
+    """Return the work left to senders that were let go, at the last heartbeat, '' if all have ended; asks nobody."""
     return _leaving
 
 
@@ -158,7 +163,7 @@ def pose_unknown() -> bool:
 
 
 def plays_bake(scene: bpy.types.Scene) -> bool:
-    """Return whether what would be armed is a track of the bake."""
+    """Return whether arming would play a track of the bake."""
     settings = scene.dermis_stream
     baked = settings.mode == "play" and not settings.track_file and streamed_track.chosen_output(scene) is not None
     return baked and streams(scene)
@@ -231,7 +236,7 @@ def changed() -> None:
 
 
 def _check_preset(scene: bpy.types.Scene) -> None:
-    """Refuse what is chosen where it is of another kind of device than the one that is connected, which is disarmed."""
+    """Refuse a choice of another kind of device than the one that is connected, which is disarmed."""
     key = streamed_track.device_key(scene)
     if key != _preset:
         disarm()
@@ -245,9 +250,9 @@ def _check_preset(scene: bpy.types.Scene) -> None:
 
 
 def heartbeat() -> None:
-    """Give a sign of life with what Blender shows; read the status.
+    """Give a sign of life with the frame that Blender shows; read the status.
 
-    While something steps through the frames, what was published last holds: nobody plays then, and nobody scrubs.
+    While something steps through the frames, the last published time and values hold: nobody plays then or scrubs.
     """
     global _leaving, _mode, _published, _restored, _status
     if _leaving:
@@ -289,7 +294,7 @@ def heartbeat() -> None:
 
 
 def _take_back(scene: bpy.types.Scene) -> None:
-    """Pass on what undo brought back: the device blends over to what the panel now says.
+    """Pass on the settings that undo brought back: the device blends over to those that the panel now shows.
 
     From another mode back to moving by hand it goes to its safe state instead: the positions are from some time ago.
     """
@@ -310,14 +315,14 @@ def _streaming_scene() -> bpy.types.Scene | None:
 def restored() -> None:
     """Take note that undo or redo has brought other settings back: the next heartbeat passes them on.
 
-    What is changed in there belongs to no step of undo, and the scene that Blender restored is not evaluated yet.
+    A change made in Blender's handler belongs to no step of undo, and the restored scene is not evaluated yet.
     """
     global _restored
     _restored = _client is not None
 
 
 def end() -> None:
-    """Close the sender and forget what it had: another file is opened, or the add-on goes."""
+    """Close the sender and forget its state: another file is opened, or the add-on goes."""
     close()
     streamed_track.forget(files=True)
     device_calibration.forget()
@@ -341,7 +346,7 @@ def _on_timer() -> float | None:
     before = _status.get("state"), _leaving
     try:
         heartbeat()
-    except Exception as error:  # Blender ends a timer that raises, and the panel would show what is true no more
+    except Exception as error:  # Blender ends a timer that raises, and the panel would be out of date
         core.stream.client.note_loss(f"streaming ended by an error: {type(error).__name__}: {error}")
         close()
         traceback.print_exc()

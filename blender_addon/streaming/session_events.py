@@ -1,4 +1,4 @@
-"""What ends or changes a session from outside: files that are opened, undo, renders, the key for Stop, the add-on."""
+"""Events that end or change a session from outside: opened files, undo, renders, the key for Stop, the add-on."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
+from .. import on_demand
 from . import frame_hold, session
 
 _keys: list[tuple[Any, Any]] = []
@@ -14,12 +15,14 @@ _keys: list[tuple[Any, Any]] = []
 
 @persistent
 def _on_load(*_: Any) -> None:
-    session.end()
+    for streams in on_demand.read(session):
+        streams.end()
 
 
 @persistent
 def _on_history(*_: Any) -> None:
-    session.restored()
+    for streams in on_demand.read(session):
+        streams.restored()
 
 
 def _table() -> tuple[tuple[list[Any], Any], ...]:
@@ -44,8 +47,9 @@ def unregister() -> None:
     while _keys:
         keymap, item = _keys.pop()
         keymap.keymap_items.remove(item)
-    session.end()
-    session.end_timer()
+    for streams in on_demand.read(session):
+        streams.end()
+        streams.end_timer()
     frame_hold.forget()
     for handlers, function in _table():
         if function in handlers:

@@ -21,7 +21,7 @@ def fields(settings: Any) -> dict[str, str]:
 
 
 def lines(log: dict[str, Any]) -> tuple[list[str], str]:
-    """Return how a log stands, as short lines, and what is wrong with it; '' for nothing."""
+    """Return the state of a log, as short lines, and an error message; '' for none."""
     said = []
     if log.get("file"):
         path = Path(log["file"])

@@ -1,4 +1,4 @@
-"""What is streamed: the device and the track that the settings speak of, from the bake or from a file."""
+"""The streamed device and its track: those that the settings name, from the bake or from a file."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import bpy
 
 from .. import changes, identity, scene_time
 from .._core import DermisError, core
+from ..choices import title
 from ..identity import Device, Place
 from ..preferences import library
 from ..preview.rows import Row
@@ -53,7 +54,7 @@ class _Pinned(NamedTuple):
     choice: Choice
 
 
-_choices: tuple[Any, Any, tuple[Choice, ...]] = (None, (), ())  # the result, for what, and what there is
+_choices: tuple[Any, Any, tuple[Choice, ...]] = (None, (), ())  # the result, its key, and the choices
 _pinned: _Pinned | None = None
 _files: list[Path] = []
 _file_track: Any = None  # of `track_file`: (path, CommandTrack)
@@ -126,7 +127,7 @@ def unpin() -> None:
 
 
 def gone(scene: bpy.types.Scene) -> str:
-    """Return in words what is missing of the device that is connected, '' for nothing."""
+    """Return in words why the connected device is gone from the scene, '' where it is there."""
     global _pinned
     if _pinned is None:
         return ""
@@ -135,7 +136,7 @@ def gone(scene: bpy.types.Scene) -> str:
     if finger is None:
         return f"finger '{choice.finger}' is not in the scene any more"
     if not any(d == choice.device and item.preset == choice.preset for d, item in identity.worn(finger)):
-        return f"finger '{finger.name_full}' does not wear the device '{choice.preset}' any more"
+        return f"finger '{finger.name_full}' does not wear the device '{title('devices', choice.preset)}' any more"
     if finger.name_full != choice.place.name:
         _pinned = _pinned._replace(choice=choice._replace(place=Place.of(finger), finger=finger.name_full))
     return ""
@@ -275,7 +276,7 @@ def judge_anew() -> None:
 
 
 def forget(*, files: bool = False) -> None:
-    """Remove what was written for the sender; with `files`, what was loaded too."""
+    """Remove the files written for the sender; with `files`, forget the loaded track too."""
     global _file_track, _sent
     _sent = None
     while _files:
@@ -300,7 +301,9 @@ def _listed(scene: bpy.types.Scene, result: Any) -> tuple[Choice, ...]:
             there.remove(choice)
             baked.append(choice._replace(output=output))
     found = (*baked, *there)
-    labels = core.track.file_names.numbered([choice.label for choice in found])
+    labels = [choice.label for choice in found]
+    if len({label.casefold() for label in labels}) < len(labels):
+        labels = core.track.file_names.numbered(labels)
     return tuple(choice._replace(label=label) for choice, label in zip(found, labels, strict=True))
 
 

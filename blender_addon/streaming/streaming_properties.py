@@ -1,4 +1,4 @@
-"""What the artist sets for streaming; what streams is in `session` and is never saved."""
+"""The artist's settings for streaming; the state of the stream is in `session` and is never saved."""
 
 # mypy: disable-error-code="valid-type"
 
@@ -44,7 +44,7 @@ def _chosen(self: Any, context: Any) -> None:
 
 
 def _agreed(name: str, then: Update) -> Update:
-    """Return what is called where a person sets a path, which they so agree to."""
+    """Return the update callback of a path: a person who sets it agrees to it."""
 
     def update(self: Any, context: Any) -> None:
         agreed_paths.confirm(agreed_paths.claims(self, name))  # no file that is opened comes through here
@@ -104,6 +104,10 @@ class DermisStreamChannel(bpy.types.PropertyGroup):
     )
     high: FloatProperty(
         name="High", description="Most that may be driven, in SI", precision=5, update=_changed, options=set()
+    )
+    response: StringProperty(description="Measured curve, as JSON; empty for none", update=_changed, options={"HIDDEN"})
+    frequency: StringProperty(
+        description="Measured frequency response, as JSON; empty for none", update=_changed, options={"HIDDEN"}
     )
 
 

@@ -22,7 +22,7 @@ SHARE = 0.5  # of an editor's height at most: keys are to be seen too
 LETTER = 5.8  # a letter's width at scale 1 [px], about
 STEPS = 12  # of height and of colour: columns that differ by less are one box
 TOUCH = 0.7  # of a lane's height
-PALE = 0.35  # what is out of date is drawn as strongly as this
+PALE = 0.35  # an outdated bake is drawn as strongly as this
 KEY = 7.0  # half a key's width at scale 1 [px], about
 MARK = 4.0  # half a mark's size at scale 1 [px]
 
@@ -76,7 +76,7 @@ def laid_out(
     """Lay the strip out along the bottom of a view, the first finger on top.
 
     Args:
-        lanes: of a bake. live: of what was seen since; it is drawn over them. pale: the bake is out of date.
+        lanes: of a bake. live: of previews since; it is drawn over them. pale: the bake is out of date.
         keys: frames that labels keep clear of; a label has its finger's name alone where that fits, and is left out
             where nothing does.
     """
@@ -156,7 +156,7 @@ def _lane(boxes: _Boxes, lane: Lane, view: View, bottom: float, high: float, str
         level = TOUCH * _merged(lane, "touch", view)
     known = np.isfinite(level)
     level = np.nan_to_num(level)
-    # what touches is seen, however lightly
+    # a touch is visible, however light
     steps = np.where(level > 0.0, np.ceil(np.clip(level, 0.0, 1.0) * STEPS), 0).astype(int)
     off = np.clip(np.nan_to_num(_merged(lane, "mismatch", view)), 0.0, 1.0)
     shade = np.round(off * STEPS).astype(int)

@@ -1,4 +1,4 @@
-"""The strip along the bottom of timeline, dope sheet and graph editor: what each finger felt, frame by frame.
+"""The strip along the bottom of timeline, dope sheet and graph editor: the touch of each finger, frame by frame.
 
 A bake's lanes are made once, and laid out once for each view of them; a redraw only sends them to the graphics card.
 """
@@ -19,10 +19,7 @@ from ..results.lanes import Lane, Mark, lanes_of, marks_of
 from ..viewport import paint
 from .columns import MARK, SCRUB, Layout, View, laid_out
 
-EDITORS = {"DOPESHEET_EDITOR": "SpaceDopeSheetEditor", "GRAPH_EDITOR": "SpaceGraphEditor"}
-MENUS = ("TIME_MT_view", "DOPESHEET_MT_view", "GRAPH_MT_view")
-KEYMAPS = (("Dopesheet", "DOPESHEET_EDITOR"), ("Graph Editor", "GRAPH_EDITOR"))
-JUMP = "dermis.strip_jump"
+EDITORS = ("DOPESHEET_EDITOR", "GRAPH_EDITOR")
 LETTERS = 0.87  # of the usual size
 NOTE = 16.0  # height of the line above the lanes [px at scale 1]
 MOST = 32  # selected objects whose keys are looked for
@@ -30,7 +27,7 @@ NOTES = {**store.NOTES, "fresh": "", "live": "live: frames seen since the last e
 
 
 class Strip(NamedTuple):
-    """What there is to draw of a scene: of its bake, seen live since, findings with a frame, and whose it is."""
+    """Contents of a scene's strip: of its bake, of previews since, findings with a frame, and the owner."""
 
     lanes: tuple[Lane, ...]
     live: tuple[Lane, ...]
@@ -38,15 +35,13 @@ class Strip(NamedTuple):
     state: str
 
 
-_baked: dict[int, tuple[Any, Any, tuple[Lane, ...], tuple[Mark, ...]]] = {}  # by the scene's uid, with what it is of
+_baked: dict[int, tuple[Any, Any, tuple[Lane, ...], tuple[Mark, ...]]] = {}  # by the scene's uid, with its source
 _layouts: core.recent.Recent[tuple[Any, ...], tuple[Layout, Any]] = core.recent.Recent(8)
 _key_frames: core.recent.Recent[tuple[Any, ...], tuple[float, ...]] = core.recent.Recent(2)
-_handles: list[tuple[Any, Any]] = []
-_keys: list[tuple[Any, Any]] = []
 
 
 def of(scene: bpy.types.Scene) -> Strip | None:
-    """Return what the strip shows of a scene; None where there is neither a bake nor anything seen live."""
+    """Return the contents of a scene's strip; None where there is neither a bake nor a preview."""
     state, result = store.state(scene), store.current(scene)
     live = () if state == "fresh" else live_lanes.of(scene)
     if result is None:
@@ -62,7 +57,7 @@ def of(scene: bpy.types.Scene) -> Strip | None:
 
 
 def view_of(region: bpy.types.Region) -> View:
-    """Return what a region shows."""
+    """Return the contents of a region."""
     left, right = (region.view2d.region_to_view(x, 0.0)[0] for x in (0.0, float(region.width)))
     return View(region.width, region.height, round(left, 6), round(right, 6), ui_scale())
 
@@ -88,12 +83,6 @@ def visible(context: bpy.types.Context) -> bool:
     return bool(context.scene.dermis.show_strip) and getattr(space, "mode", "") != "DRIVERS"  # whose x are no frames
 
 
-def draw_toggle(self: Any, context: bpy.types.Context) -> None:
-    """Draw the switch in an editor's View menu."""
-    self.layout.separator()
-    self.layout.prop(context.scene.dermis, "show_strip", text="Dermis Strip")
-
-
 def _kept(shown: Strip, view: View) -> tuple[Layout, Any]:
     lanes, live, marks, state = shown
     keys = _keys_shown()
@@ -107,7 +96,7 @@ def _kept(shown: Strip, view: View) -> tuple[Layout, Any]:
 
 
 def _keys_shown() -> tuple[float, ...]:
-    """Return the frames of the keys that editors show: those of what is selected."""
+    """Return the frames of the keys that editors show: those of selected objects."""
     chosen = tuple(bpy.context.selected_objects or ())[:MOST]
     key = (changes.edits(), tuple(obj.session_uid for obj in chosen))
 
@@ -128,7 +117,8 @@ def _keyed(obj: bpy.types.Object) -> set[float]:
     return found
 
 
-def _draw() -> None:
+def draw() -> None:
+    """Draw into the current editor."""
     context = bpy.context
     if not visible(context):
         return
@@ -153,7 +143,7 @@ def _draw() -> None:
 
 
 def _write(layout: Layout, view: View, state: str) -> None:
-    """Write what the lanes show, and above them at the right end whose they are where that is not plain."""
+    """Write the titles of the lanes, and above them at the right end their owner where that is not plain."""
     pale, size = state in ("stale", "earlier"), LETTERS * view.scale
     for words, x, y in layout.labels:
         paint.text(words, x, y, paint.FAINT if pale else paint.INK, size)
@@ -170,31 +160,7 @@ def _write(layout: Layout, view: View, state: str) -> None:
         )
 
 
-def register() -> None:
-    """Draw the strip from now on, offer its switch, and listen for clicks on its marks."""
-    for name in EDITORS.values():
-        space = getattr(bpy.types, name)
-        _handles.append((space, space.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")))
-    for menu in MENUS:
-        if hasattr(bpy.types, menu):
-            getattr(bpy.types, menu).append(draw_toggle)
-    ours = bpy.context.window_manager.keyconfigs.addon
-    for name, space in KEYMAPS if ours is not None else ():  # none without a window
-        keymap = ours.keymaps.new(name=name, space_type=space)
-        _keys.append((keymap, keymap.keymap_items.new(JUMP, "LEFTMOUSE", "PRESS", head=True)))
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    while _keys:
-        keymap, item = _keys.pop()
-        keymap.keymap_items.remove(item)
-    for menu in MENUS:
-        if hasattr(bpy.types, menu):
-            getattr(bpy.types, menu).remove(draw_toggle)
-    while _handles:
-        space, handle = _handles.pop()
-        space.draw_handler_remove(handle, "WINDOW")
+def forget() -> None:
+    """Forget the layout."""
     _baked.clear()
     _layouts.clear()
-    live_lanes.forget()

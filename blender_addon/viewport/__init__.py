@@ -1,1 +1,5 @@
-"""What the 3D view shows: `shown` has it worked out and keeps it; what draws only reads."""
+"""The drawings of the 3D view: `shown` has them worked out and keeps them; draw callbacks only read."""
+
+from .. import on_demand
+
+on_demand.modules_of(globals())

@@ -2,7 +2,7 @@
 
 Devices stand in columns at the left, pads in rows at the right with the legend above them; both in the order of the
 fingers, thumb first. Where there is no room cards are folded to a line, and where not even that fits, a line says so.
-Draws what `shown` has kept, and changes nothing.
+Draws from the frame that `shown` has kept, and changes nothing.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from ..layouts import ui_scale
 from ..preview import moment
 from ..preview.rows import Preview, Row
 from . import device_cards, obstacles, packing, paint, shown, skin_cards
-from .drawing import Handlers
 from .packing import Box
 from .skin_shown import Shown
 from .twin import Twin
@@ -34,9 +33,6 @@ SOURCE_COLOURS = {
     "file": paint.GREEN,
 }
 SLIM = 200  # in a view with less room than that for a device, all are folded [px at scale 1]
-FOLD = "dermis.fold_card"
-_handlers = Handlers()
-_keys: list[tuple[Any, Any]] = []
 _folded: set[Card] = set()  # by a click, for the session
 _places: dict[int, list[tuple[Box, Card]]] = {}  # of the devices' cards last drawn into a region, in its pixels
 
@@ -76,10 +72,11 @@ class Plan(NamedTuple):
         taken: Sequence[Box],
         *,
         folded: bool,
+        lines: int = 4,
     ) -> Plan:
         """Plan for devices of these heights and a number of pads [px at scale 1]; all are folded where that is asked.
 
-        None instead of heights: not even the line of words.
+        None instead of heights: not even the line of words. `lines`: of text in the card of a pad.
 
         Devices are folded, the last ones first, until they fit, and all of them where pads would have no room else.
         """
@@ -89,21 +86,22 @@ class Plan(NamedTuple):
         folded = folded or width < SLIM
         plan = cls([], 0, [], False)
         for fold in (True,) if folded else (False, True):
-            lines = [device_cards.FOLDED if fold else height for height in heights or ()]
+            lengths = [device_cards.FOLDED if fold else height for height in heights or ()]
             kept, devices = packing.folding(
-                [device_cards.FOLDED, *lines] if heights is not None else [],
+                [device_cards.FOLDED, *lengths] if heights is not None else [],
                 device_cards.FOLDED,
                 lambda lengths: packing.columns(lengths, width, left, taken, GAP),
             )
-            plan = cls(devices, 1 if fold else kept, *_pads(pads, map_size, low, (*taken, *devices), folded=folded))
+            sizes = [] if folded else skin_cards.sizes(map_size, lines)
+            plan = cls(devices, 1 if fold else kept, *_pads(pads, sizes, low, (*taken, *devices)))
             if len(plan.pads) == pads and plan.open_pads:
                 break
         return plan
 
 
-def _pads(count: int, map_size: float, room: Box, taken: Sequence[Box], *, folded: bool) -> tuple[list[Box], bool]:
-    """Return places for pads, and whether they are open: smaller where there are many, or folded."""
-    for width, height in () if folded else skin_cards.sizes(map_size):
+def _pads(count: int, sizes: Sequence[tuple[float, float]], room: Box, taken: Sequence[Box]) -> tuple[list[Box], bool]:
+    """Return places for pads in the first of the sizes in which all fit, and whether they are open; else folded."""
+    for width, height in sizes:
         places = packing.rows([width] * count, height, room, taken, GAP)
         if len(places) == count:
             return sorted(places, key=lambda box: (-box.bottom, box.left)), True  # to be read from the top
@@ -111,7 +109,8 @@ def _pads(count: int, map_size: float, room: Box, taken: Sequence[Box], *, folde
     return packing.columns(lines, skin_cards.LEGEND_WIDTH, room, taken, GAP, right=True), count == 0
 
 
-def _draw() -> None:
+def draw() -> None:
+    """Draw into the current view."""
     context = bpy.context
     scene, space = context.scene, context.space_data
     _places.pop(context.region.as_pointer(), None)
@@ -141,7 +140,8 @@ def _draw() -> None:
         for name, (row, _) in zip(names, rows, strict=True)
     ]
     size, folded = settings.skin_view.map_size, settings.fold_cards
-    plan = Plan.of(heights if said else None, len(pads), size, room, taken, folded=folded)
+    lines = skin_cards.lines_of(skins.states)
+    plan = Plan.of(heights if said else None, len(pads), size, room, taken, folded=folded, lines=lines)
     count = plan.shown(len(names))
     places = [place.scaled(scale) for place in plan.devices[1 : count + 1]]
     _places[context.region.as_pointer()] = list(zip(places, names[:count], strict=True))
@@ -229,20 +229,7 @@ def fold_at(context: bpy.types.Context, x: float, y: float) -> bool:
     return False
 
 
-def register() -> None:
-    """Draw cards from now on, and listen for clicks on them."""
-    _handlers.add(_draw, "POST_PIXEL")
-    ours = bpy.context.window_manager.keyconfigs.addon
-    if ours is not None:  # none without a window
-        keymap = ours.keymaps.new(name="3D View", space_type="VIEW_3D")
-        _keys.append((keymap, keymap.keymap_items.new(FOLD, "LEFTMOUSE", "PRESS", head=True)))
-
-
-def unregister() -> None:
-    """Draw them no more."""
-    while _keys:
-        keymap, item = _keys.pop()
-        keymap.keymap_items.remove(item)
-    _handlers.clear()
+def forget() -> None:
+    """Forget which cards are folded, and where they were."""
     _folded.clear()
     _places.clear()

@@ -1,4 +1,4 @@
-"""The cards of devices: what each does now, drawn as its kind is best read, or in one line."""
+"""The cards of devices: the current values of each, drawn as its kind is best read, or in one line."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def height(row: Row) -> float:
     """Return how tall a row's open card is [px at scale 1]."""
     if row.drawn == "platform":
         return platform_card.height(row) + 2.0 * MARGIN
-    tall = row.drawn in ("tactor", "pins", "thimble")
+    tall = row.drawn in ("tactor", "coil", "pins", "thimble")
     return DIAL + 3.0 * MARGIN + LINE if tall else 3 * LINE + 2 * MARGIN
 
 
@@ -35,7 +35,7 @@ def card(row: Row, twin: Twin | None, place: Box, scale: float) -> None:
     x = left + MARGIN * scale
     state = twin.state if twin is not None else None
     width, low = place.width - 2 * MARGIN * scale, bottom + 0.7 * MARGIN * scale
-    paint.text(f"{row.finger}   {row.title}", x, top, INK, scale, width=width)
+    paint.text(f"{row.finger}   {row.title}", x, top, INK, scale, width=width, shorter=_shorter(row))
     if row.note:
         paint.text(row.note, x, top - 1.6 * LINE * scale, paint.FAINT, scale, width=width)
     match row.drawn:
@@ -43,6 +43,8 @@ def card(row: Row, twin: Twin | None, place: Box, scale: float) -> None:
             _dial(row, x, bottom + MARGIN * scale, scale)
         case "screen":
             _bar(row, x, top - 1.6 * LINE * scale, width, scale)
+        case "coil":
+            _wave(row, x, bottom + MARGIN * scale, width, scale)
         case "pins":
             pin_card.card(row, state, x, bottom + MARGIN * scale, width, DIAL * scale, scale)
         case "thimble":
@@ -52,23 +54,32 @@ def card(row: Row, twin: Twin | None, place: Box, scale: float) -> None:
 
 
 def line(row: Row, place: Box, scale: float) -> None:
-    """Draw a device's name and what it does now in one line."""
+    """Draw a device's name and its current state in one line."""
     paint.rectangle(*place, PANEL)
     x, y = place.left + MARGIN * scale, place.bottom + 0.3 * place.height
     width = place.width - 2 * MARGIN * scale
     touching = row.contact is None or row.contact > 0.5
     said = paint.text(in_words(row), x + width, y, ORANGE if touching else paint.FAINT, scale, align=1.0)
-    paint.text(f"{row.finger}   {row.title}", x, y, INK, scale, width=width - said - MARGIN * scale)
+    room = width - said - MARGIN * scale
+    paint.text(f"{row.finger}   {row.title}", x, y, INK, scale, width=room, shorter=_shorter(row))
+
+
+def _shorter(row: Row) -> list[str]:
+    """Return ways to name finger and device in fewer words, the longest first."""
+    words = row.title.split()
+    return [f"{row.finger}   {' '.join(words[:count])}" for count in range(len(words) - 1, 0, -1)]
 
 
 def in_words(row: Row) -> str:
-    """Return what a device does now in a few words."""
+    """Return a device's current state in a few words."""
     if row.note:
         return row.note
     if row.contact is not None and row.contact < 0.5:
         return "in the air"
     if row.drawn == "tactor":
         return f"{1e3 * row.values['tactor_x']:+.2f}, {1e3 * row.values['tactor_y']:+.2f} mm"
+    if row.drawn == "coil":
+        return f"{_peak(row):.2f} V peak"
     if row.drawn == "pins":
         return f"{float(row.numbers.sum()):.2f} N"
     if "mismatch" in row.signals:
@@ -104,6 +115,22 @@ def _dial(row: Row, left: float, bottom: float, scale: float) -> None:
     for text, colour in lines:
         paint.text(text, x, y, colour, scale)
         y -= LINE * scale
+
+
+def _wave(row: Row, left: float, bottom: float, width: float, scale: float) -> None:
+    """Draw the last moments of a voltage, now at the right end: a single value of a vibration says nothing."""
+    reach, half = row.full_scale("voltage"), 0.5 * (DIAL - LINE) * scale
+    middle = bottom + half + 1.25 * LINE * scale
+    _line2d(np.array([(left, middle), (left + width, middle)]), FAINT, 1.0)
+    if len(row.path) > 1:
+        across = left + width * (1.0 - row.path[:, 0] / min(float(row.path[0, 0]), -1e-3))
+        _line2d(np.column_stack([across, middle + half * row.path[:, 1] / reach]), ORANGE, 1.2)
+    paint.text(f"{_peak(row):.2f} V peak of ±{reach:g} V", left, bottom, INK, scale)
+
+
+def _peak(row: Row) -> float:
+    """Return the largest voltage of the last moments [V]."""
+    return float(np.abs(row.path[:, 1]).max()) if len(row.path) else abs(row.values["voltage"])
 
 
 def _bar(row: Row, left: float, bottom: float, width: float, scale: float) -> None:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import bpy
 import numpy as np
@@ -16,22 +15,6 @@ from ..quantities import metres_per_unit
 from . import paint, shown
 from .parts import Part
 from .twin import Twin
-
-
-class Handlers:
-    """Draw handlers of 3D views; without a window they are never called."""
-
-    def __init__(self) -> None:
-        self._handles: list[tuple[Any, str]] = []
-
-    def add(self, draw: Callable[[], None], when: str = "POST_VIEW") -> None:
-        """Call `draw` for every redraw of a view's main region."""
-        self._handles.append((bpy.types.SpaceView3D.draw_handler_add(draw, (), "WINDOW", when), "WINDOW"))
-
-    def clear(self) -> None:
-        """Call none of them any more."""
-        while self._handles:
-            bpy.types.SpaceView3D.draw_handler_remove(*self._handles.pop())
 
 
 def twins(context: bpy.types.Context) -> list[tuple[Row, Twin]]:
@@ -71,7 +54,7 @@ def in_finger(frame: Matrix) -> Iterator[None]:
 
 
 def draw_twin(twin: Twin) -> None:
-    """Draw what is hidden, what is seen, and lines over both."""
+    """Draw the hidden parts, the visible parts, and lines over both."""
     import gpu
 
     for part, test, covers in ((twin.hidden, "GREATER", False), (twin.solid, "LESS_EQUAL", twin.covers)):

@@ -1,4 +1,4 @@
-"""What of a 3D view is free for cards: Blender's own text, gizmos, side bars and the redo panel come first."""
+"""The space of a 3D view that is free for cards: Blender's text, gizmos, side bars and the redo panel come first."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ GIZMO_BELOW = 160  # by which the buttons of the view reach below the ball that 
 
 
 def free(context: bpy.types.Context, scale: float) -> tuple[Box, list[Box]]:
-    """Return the box within a view's side bars and headers, and what Blender draws there by itself [px at scale 1]."""
+    """Return the box within a view's side bars and headers, and those of Blender's own drawings [px at scale 1]."""
     region, taken = context.region, []
     left, right, top = 0.0, float(region.width), float(region.height)
     for other in context.area.regions:

@@ -125,7 +125,7 @@ def _stacked(lengths: Sequence[float], free: Box, gap: float) -> list[Box]:
 
 
 def _longest(strip: Box, taken: Sequence[Box], gap: float) -> Box:
-    """Return the longest part of a strip along X that keeps a gap from what is taken; the last of equal ones."""
+    """Return the longest part of a strip along X that keeps a gap from the taken boxes; the last of equal ones."""
     best, left = Box(strip.right, strip.bottom, 0.0, strip.height), strip.left
     wide = [Box(b.left - gap, b.bottom - gap, b.width + 2 * gap, b.height + 2 * gap) for b in taken]
     ends = sorted((b.left, b.right) for b in wide if b.meets(strip))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ VEIL: Colour = (*PANEL[:3], 0.65)
 ORANGE: Colour = (1.0, 0.52, 0.10, 1.0)
 BLUE: Colour = (0.36, 0.62, 1.0, 1.0)
 GREEN: Colour = (0.45, 0.80, 0.55, 1.0)
-FONT_SIZE = 11.5
+FONT_SIZE, SMALLER = 11.5, 0.8  # [px at scale 1], and the share of it that is read as well
 EDGE = 4.0  # of the ground of a line, beyond its letters [px at scale 1]
 # Corners of a unit disc with its middle first, and the triangles of that and of a square.
 SIDES = 24
@@ -40,10 +41,12 @@ def text(
     width: float = 0.0,
     align: float = 0.0,
     ground: bool = False,
+    shorter: Sequence[str] = (),
 ) -> float:
-    """Write a line; cut it off at a width [px] where one is given. `align` is the part of it left of x.
+    """Write a line; where a width [px] is given and too small, a shorter one, then a smaller one, then cut it off.
 
     Args:
+        align: the part of it left of x. shorter: other words that say the same, the longest first.
         ground: draw a dark box behind the line; needed wherever no card is beneath it.
 
     Returns:
@@ -53,6 +56,10 @@ def text(
 
     blf.size(0, FONT_SIZE * scale)
     blf.color(0, *colour)
+    if width:
+        words = next((said for said in (words, *shorter) if blf.dimensions(0, said)[0] <= width), [words, *shorter][-1])
+        if blf.dimensions(0, words)[0] > width:
+            blf.size(0, SMALLER * FONT_SIZE * scale)
     while width and len(words) > 4 and blf.dimensions(0, words)[0] > width:
         words = words.rstrip("…")[:-1] + "…"
     wide = blf.dimensions(0, words)[0] if align or width or ground else 0.0

@@ -1,13 +1,14 @@
-"""Solid parts of which twins are made: coloured triangles, lit by a fixed light so that they read as solid."""
+"""The solid parts of twins: coloured triangles, lit by a fixed light so that they read as solid."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .._core import Array
+from .._core import Array, core
 
 Colour = tuple[float, float, float, float]
 
@@ -34,9 +35,13 @@ class Line(NamedTuple):
     width: float
 
 
-def part_of(positions: Array, colours: Array, triangles: Array) -> Part:
+def part_of(positions: Array, colours: Array, triangles: NDArray[Any]) -> Part:
     """Return a part of any arrays, in the graphics card's types."""
-    return Part(positions.astype(np.float32), colours.astype(np.float32), triangles.astype(np.int32))
+    return Part(
+        positions.astype(np.float32, copy=False),
+        colours.astype(np.float32, copy=False),
+        triangles.astype(np.int32, copy=False),
+    )
 
 
 def heat(level: float) -> Colour:
@@ -56,10 +61,17 @@ def circle(radius: float, height: float = 0.0) -> Array:
 
 def disc(radius: float, height: float, middle: Colour, rim: Colour) -> Part:
     """Return a flat disc in the pad's plane, from one colour in its middle to another at its rim."""
-    ring = circle(radius, height)[:-1]
-    i = np.arange(len(ring))
-    triangles = np.stack([np.zeros_like(i), 1 + i, 1 + np.roll(i, -1)], axis=1)
-    return part_of(np.vstack([[0.0, 0.0, height], ring]), np.array([middle] + [rim] * len(ring)), triangles)
+    points = np.empty((SEGMENTS + 1, 3))
+    points[0], points[1:] = (0.0, 0.0, height), circle(radius, height)[:-1]
+    return part_of(points, np.array([middle] + [rim] * SEGMENTS), _fan())
+
+
+@cache
+def _fan() -> NDArray[np.int32]:
+    i = np.arange(SEGMENTS)
+    triangles = np.stack([np.zeros_like(i), 1 + i, 1 + np.roll(i, -1)], axis=1).astype(np.int32)
+    triangles.flags.writeable = False
+    return triangles
 
 
 def lathe(profile: list[tuple[float, float]], colour: Colour) -> Part:
@@ -83,20 +95,33 @@ def bar(start: Array, end: Array, half: float, colour: Colour, sides: int = 6) -
 
 def bars(starts: Array, ends: Array, halves: Array, colours: Array, sides: int = 6) -> Part:
     """Return bars between points [m], closed at both ends; shapes (n, 3), (n, 3), (n,) and (n, 4)."""
-    side, up = across((ends - starts) / np.maximum(np.linalg.norm(ends - starts, axis=1), 1e-12)[:, None])
-    angle = np.arange(sides + 1)[:, None] * (2.0 * np.pi / sides)
-    normals = np.cos(angle) * side[:, None] + np.sin(angle) * up[:, None]
+    along = ends - starts
+    side, up = across(along / np.maximum(np.sqrt(core.motion.vectors.dot(along, along)), 1e-12)[:, None])
+    cosine, sine = _round(sides)
+    normals = cosine * side[:, None] + sine * up[:, None]
     rims = np.concatenate([p[:, None] + halves[:, None, None] * normals for p in (starts, ends)], axis=1)
     shades = np.repeat(colours[:, None], sides + 1, axis=1)
     shades[:, :, :3] *= _light(normals)[:, :, None]
+    triangles = _bar_triangles(len(starts), sides)
+    return part_of(rims.reshape(-1, 3), np.concatenate([shades, shades], axis=1).reshape(-1, 4), triangles)
+
+
+@cache
+def _round(sides: int) -> tuple[Array, Array]:
+    angle = np.arange(sides + 1)[:, None] * (2.0 * np.pi / sides)
+    return np.cos(angle), np.sin(angle)
+
+
+@cache
+def _bar_triangles(count: int, sides: int) -> NDArray[np.int32]:
     i, k = np.arange(sides), np.arange(1, sides - 1)
     j = i + sides + 1
     corners = ((i, i + 1, j + 1), (i, j + 1, j), (0 * k, k, k + 1), (0 * k + sides + 1, k + sides + 1, k + sides + 2))
     one = np.concatenate([np.stack(three, axis=1) for three in corners])
-    triangles = one + (2 * (sides + 1) * np.arange(len(starts)))[:, None, None]
-    return part_of(
-        rims.reshape(-1, 3), np.concatenate([shades, shades], axis=1).reshape(-1, 4), triangles.reshape(-1, 3)
-    )
+    triangles: NDArray[np.int32] = one + (2 * (sides + 1) * np.arange(count, dtype=np.int32))[:, None, None]
+    triangles = triangles.reshape(-1, 3).astype(np.int32)
+    triangles.flags.writeable = False
+    return triangles
 
 
 def ribbon(first: Array, second: Array, colours: Array) -> Part:
@@ -109,19 +134,20 @@ def ribbon(first: Array, second: Array, colours: Array) -> Part:
 def across(along: Array) -> tuple[Array, Array]:
     """Return two unit vectors that are perpendicular to each unit vector and to each other, shape (n, 3) each."""
     other = np.where(np.abs(along[:, 1:2]) < 0.9, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0])
-    side = np.asarray(np.cross(along, other), np.float64)
-    side /= np.linalg.norm(side, axis=1)[:, None]
-    return side, np.asarray(np.cross(along, side), np.float64)
+    cross = core.motion.vectors.cross
+    side = cross(along, other)
+    side /= np.sqrt(core.motion.vectors.dot(side, side))[:, None]
+    return side, cross(along, side)
 
 
 def joined(pieces: list[Part]) -> Part:
     """Return several parts as one."""
-    starts = np.cumsum([0, *(len(p.positions) for p in pieces[:-1])])
-    return part_of(
-        np.vstack([p.positions for p in pieces]),
-        np.vstack([p.colours for p in pieces]),
-        np.vstack([p.triangles + start for p, start in zip(pieces, starts.tolist(), strict=True)]),
-    )
+    triangles, start = [], 0
+    for piece in pieces:
+        triangles.append(piece.triangles + np.int32(start))
+        start += len(piece.positions)
+    positions, colours = np.concatenate([p.positions for p in pieces]), np.concatenate([p.colours for p in pieces])
+    return Part(positions, colours, np.concatenate(triangles))
 
 
 def placed(part: Part, pose: Array) -> Part:

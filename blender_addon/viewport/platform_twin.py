@@ -45,7 +45,7 @@ def state(spec: Any, commands: Array, skin: Any | None, touching: bool) -> State
     """Return where a platform is for commands of its own channels.
 
     Args:
-        skin: what it presses; None for a platform in the air.
+        skin: the skin that it presses; None for a platform in the air.
 
     Raises:
         DermisError: a broken preset, or commands for which there is no pose.

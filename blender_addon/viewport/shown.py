@@ -1,8 +1,8 @@
-"""What the views and panels show of a scene, worked out when the frame changes or in a timer, and kept for drawing.
+"""The contents of views and panels for a scene, worked out when the frame changes or in a timer, and kept for drawing.
 
-What a device reports comes before a track from a file, a fresh bake before the live preview, and that before a bake
-that is out of date. Draw callbacks call `now`, which reads; where something has happened since, it asks for the work to
-be done anew.
+The reported values of a device come before a track from a file, a fresh bake before the live preview, and that before a
+bake that is out of date. Draw callbacks call `now`, which reads; where something has happened since, it asks for the
+work to be done anew.
 """
 
 from __future__ import annotations
@@ -15,26 +15,39 @@ import bpy
 
 from .. import changes, choices, identity, loading, redraw
 from .. import doubts as doubtful
-from ..devices import readiness, skin_models, thimble_devices
-from ..preview import device_preview, live_lanes, moment, pin_preview, platform_preview, skin_preview, thimble_preview
+from ..devices import readiness, skin_models
+from ..preview import device_preview, live_lanes, moment, pin_preview, skin_preview, thimble_preview
 from ..preview.rows import Preview
 from ..preview.skin_state import SkinState
 from ..results import store
-from ..sampling import instances, scene_header, scene_sweep, simulated_motion
+from ..sampling import (
+    curved_surfaces,
+    frames,
+    height_maps,
+    image_files,
+    instances,
+    recorder,
+    scene_header,
+    scene_sweep,
+    script_changes,
+    simulated_motion,
+    touched_frames,
+)
 from ..streaming import built_devices, reported_values, streamed_track
 from . import platform_twin, skin_field, skin_shown, skin_surface, slices, tactor_twin, thimble_twin, twins
 from .twin import Twin
 
 
 class Frame(NamedTuple):
-    """Everything that is shown of a scene at one frame.
+    """The contents of all views of a scene at one frame.
 
     Attributes:
-        devices: what the devices do; None where nothing is known. twins: of each row, finished for drawing.
+        devices: a row for each; None where nothing is known. twins: of each row, finished for drawing.
         skins: with their values, and the range of the colours.
         active_devices: which device of each family counts on each finger.
-        active, ready: a finger's name, and what its devices need, see `readiness`.
+        active, ready: a finger's name, and the readiness of its devices, see `readiness`.
         doubts: where the track that would be streamed and its preset disagree, in words.
+        span: the first and the last frame that a bake would take; None without a finger.
         lineage: of `changes` when it was worked out; after a rename its names are somebody else's.
     """
 
@@ -46,19 +59,27 @@ class Frame(NamedTuple):
     active: str
     ready: Mapping[str, readiness.Ready]
     doubts: str
+    span: tuple[int, int] | None
     lineage: int
 
 
 _frames: dict[int, Frame] = {}  # by the scene's session uid
 _doubts: dict[int, tuple[doubtful.Doubt, ...]] = {}  # about the scene itself
-_keys: dict[int, tuple[Any, ...]] = {}  # what they were worked out for
-_drawn = {"kept": 0}  # how often a view was drawn from what was worked out
+_keys: dict[int, tuple[Any, ...]] = {}  # for which they were worked out
+_drawn = {"kept": 0}  # how often a view was drawn from a kept frame
 _slices = slices.Slices(lambda: _steps())
 _LIGHT = (
     scene_sweep,
     scene_header,
     simulated_motion,
     instances,
+    curved_surfaces,
+    frames,
+    height_maps,
+    image_files,
+    recorder,
+    script_changes,
+    touched_frames,
     device_preview,
     twins,
     tactor_twin,
@@ -69,7 +90,7 @@ _MODULES = (*_LIGHT, skin_field, skin_surface, skin_shown, platform_twin, thimbl
 
 
 def devices(scene: bpy.types.Scene) -> Preview | None:
-    """Work out what the devices do at the current frame; None where nothing is known."""
+    """Return the preview of the devices at the current frame; None where nothing is known."""
     shown = reported_values.preview(scene)
     return shown if shown is not None else device_preview.computed(scene)
 
@@ -83,38 +104,49 @@ def skins(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
 
 
 def on_frame(scene: bpy.types.Scene) -> None:
-    """Work out what is shown at a new frame for as long as a view may wait; go on in a timer."""
+    """Work on the contents of a new frame for as long as a view may wait; go on in a timer."""
     if scene == bpy.context.scene and skin_preview.any_finger(scene):
-        if _loaded(skins=skin_preview.any_solved(scene)):
+        if _loaded(scene):
             _slices.start(scene)
     else:
         _doubts.pop(scene.session_uid, None)
         renew(scene)
 
 
-def _loaded(*, skins: bool) -> bool:
-    """Return whether the modules are there that the work needs; a thread reads them, so that no view waits."""
-    return loading.engine(_MODULES if skins else _LIGHT, skins=skins)
+def _loaded(scene: bpy.types.Scene) -> bool:
+    """Return whether the modules are there that the work needs; a thread reads them, so that no view waits.
+
+    The presets come with them, which say whether skins are solved, and that needs more.
+    """
+    if not loading.engine(_LIGHT, skins=False, more=choices.reader):
+        return False
+    if skin_preview.any_solved(scene):
+        skin_models.on_read = skin_field.prepare
+        return loading.engine(_MODULES, skins=True)
+    return True
 
 
 def _steps() -> slices.Steps:
-    """Work everything out piece by piece; what was worked out is kept, so that `renew` finds it done."""
+    """Work everything out piece by piece; results are kept, so that `renew` finds them done."""
     scene = yield
+    while not loading.at_rest():  # work that was left
+        scene = yield
     device_preview.refresh(scene)
     scene = yield
     for _ in skin_preview.on_frame(scene, device_preview.take_sample()):
         scene = yield
     for target in skin_preview.own(scene):
         for kind in device_preview.FOLLOWERS:
-            kind.live_rows(scene, (target,))
+            for _ in kind.prepare(scene, target):
+                scene = yield
         scene = yield
     for state in skins(scene) if scene.dermis.skin_view.show else ():
         view = scene.dermis.skin_view
-        if state.model is not None:
+        if state.model is not None and not skin_field.is_light(state):  # `renew` draws the others together
             for _ in skin_field.learn(state, view.quantity):
                 scene = yield
             skin_shown.values(state, view.quantity, view.exaggeration)
-        scene = yield
+            scene = yield
     renew(scene)
     scene = yield
     _doubts[scene.session_uid] = doubtful.of(scene, _layer(scene))
@@ -123,7 +155,7 @@ def _steps() -> slices.Steps:
 def renew(scene: bpy.types.Scene) -> Frame:
     """Work out everything that is shown at the current frame, and keep it."""
     uid, active = scene.session_uid, _active(scene)
-    _keys[uid] = _key(scene)  # first: what cannot be worked out is not tried again at every redraw
+    _keys[uid] = _key(scene)  # first: work that fails is not tried again at every redraw
     _frames.pop(uid, None)
     shown = devices(scene)
     ready = readiness.of(active) if active is not None and active.dermis.role == "FINGER" else {}
@@ -138,6 +170,7 @@ def renew(scene: bpy.types.Scene) -> Frame:
         active.name_full if active is not None else "",
         ready,
         streamed_track.doubts(scene),
+        frames.frame_range_now(scene) if skin_preview.any_finger(scene) else None,
         changes.lineage(),
     )
     live_lanes.note(scene, _frames[uid])
@@ -145,7 +178,7 @@ def renew(scene: bpy.types.Scene) -> Frame:
 
 
 def now(scene: bpy.types.Scene) -> Frame | None:
-    """Return what is shown at the current frame, None where it has not been worked out. Reads; for drawing."""
+    """Return the contents of the current frame, None where they have not been worked out. Reads; for drawing."""
     kept = _read(scene)
     if kept is None or kept.frame == moment.frame_of(scene):
         _drawn["kept"] += kept is not None
@@ -154,12 +187,12 @@ def now(scene: bpy.types.Scene) -> Frame | None:
 
 
 def draws() -> int:
-    """Return how often something was drawn from what had been worked out already."""
+    """Return how often something was drawn from a frame that had been worked out already."""
     return _drawn["kept"]
 
 
 def _late(kept: Frame, scene: bpy.types.Scene) -> Frame:
-    """Return what is shown until the current frame is worked out; it says so."""
+    """Return the frame to show until the current one is worked out; it says so."""
     note = f"frame {kept.frame:g}: {moment.frame_of(scene):g} is being worked out"
     states = tuple(replace(state, note=note) for state in kept.skins.states)
     shown = None if kept.devices is None else replace(kept.devices, note=note)
@@ -176,7 +209,7 @@ def active_device(scene: bpy.types.Scene, obj: bpy.types.Object | None, family: 
 
 
 def ready(scene: bpy.types.Scene, obj: bpy.types.Object, kind: str) -> readiness.Ready | None:
-    """Return what the active finger's 'thimble' or 'platform' has; None while that is not known. Reads; for drawing."""
+    """Return the readiness of the active finger's 'thimble' or 'platform', None while unknown. Reads; for drawing."""
     kept = _read(scene)
     return kept.ready.get(kind) if kept is not None and kept.active == obj.name_full else None
 
@@ -187,14 +220,20 @@ def doubts(scene: bpy.types.Scene) -> str:
     return kept.doubts if kept is not None else ""
 
 
+def span(scene: bpy.types.Scene) -> tuple[int, int] | None:
+    """Return the first and the last frame that a bake would take; None while that is not known. Reads; for drawing."""
+    kept = _read(scene)
+    return kept.span if kept is not None else None
+
+
 def scene_doubts(scene: bpy.types.Scene) -> tuple[doubtful.Doubt, ...]:
-    """Return what is doubtful about a scene, as it was worked out last. Reads; for drawing."""
+    """Return the doubts about a scene, as they were worked out last. Reads; for drawing."""
     _read(scene)
     return _doubts.get(scene.session_uid, ())
 
 
 def work() -> None:
-    """Work out what every window shows."""
+    """Work out the contents of every window."""
     if changes.sweeping():
         return
     built_devices.read()
@@ -208,32 +247,15 @@ def work() -> None:
 
 
 def forget() -> None:
-    """Forget what was worked out: another file is opened."""
+    """Forget all frames: another file is opened."""
     _slices.cancel()
     _frames.clear()
     _doubts.clear()
     _keys.clear()
 
 
-def register() -> None:
-    """Work from now on when somebody asks for a redraw."""
-    redraw.work = work
-    skin_models.on_read = skin_field.prepare
-
-
-def unregister() -> None:
-    """Work no more, and forget everything."""
-    redraw.work = skin_models.on_read = None
-    redraw.cancel()
-    for kept in (pin_preview, platform_preview, thimble_preview):
-        kept.reset()
-    for cache in (twins, skin_shown, readiness, thimble_devices):
-        cache.forget()
-    forget()
-
-
 def _read(scene: bpy.types.Scene) -> Frame | None:
-    """Return what was worked out last; ask for the work where something has happened since."""
+    """Return the frame that was worked out last; ask for the work where something has happened since."""
     if not changes.sweeping() and _keys.get(scene.session_uid) != _key(scene):
         redraw.request()
     kept = _frames.get(scene.session_uid)
@@ -249,7 +271,7 @@ def _layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
 
 
 def _key(scene: bpy.types.Scene) -> tuple[Any, ...]:
-    """Return what the work depends on, but for what is reported: streaming asks for a redraw itself."""
+    """Return the inputs of the work, except reported values: streaming asks for a redraw itself."""
     settings, active = scene.dermis, _active(scene)
     view, thimble = settings.skin_view, settings.thimble_view
     return (

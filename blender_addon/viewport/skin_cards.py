@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,16 +20,21 @@ ASPECT = 0.76  # of a map: its width over its height
 SOURCES = {"bake": paint.GREEN, "live": paint.BLUE, "stale": paint.ORANGE, "earlier": paint.ORANGE}
 
 
-def sizes(map_size: float) -> list[tuple[float, float]]:
-    """Return widths and heights of a card [px at scale 1] to try, the wanted one first."""
+def sizes(map_size: float, lines: int) -> list[tuple[float, float]]:
+    """Return widths and heights of a card with so many lines [px at scale 1] to try, the wanted one first."""
     wide = max(NARROW, ASPECT * map_size)
-    return [(width, min(map_size, width / ASPECT) + _beneath(width)) for width in (wide, NARROW, COMPACT)]
+    return [(width, min(map_size, width / ASPECT) + _beneath(width, lines)) for width in (wide, NARROW, COMPACT)]
+
+
+def lines_of(states: Sequence[SkinState]) -> int:
+    """Return how many lines the cards of skins have beneath the map: one more where a device's two errors are told."""
+    return 5 if any(state.work == "rendered" for state in states) else 4
 
 
 def card(now: Shown, i: int, view: Any, place: Box, scale: float) -> None:
     """Draw a pad's map and figures into a place."""
     state, drawn = now.states[i], now.drawn[i]
-    beneath = _beneath(place.width / scale) * scale
+    beneath = _beneath(place.width / scale, lines_of(now.states)) * scale
     size = place.height - beneath
     paint.rectangle(*place, paint.PANEL)
     if drawn is not None:
@@ -38,16 +44,16 @@ def card(now: Shown, i: int, view: Any, place: Box, scale: float) -> None:
     _figures(state, place.left + 9 * scale, y, width, scale, short=place.width < 0.99 * NARROW * scale)
 
 
-def _beneath(width: float) -> float:
-    """Return how much of a card is text [px at scale 1]."""
-    return (5.2 if width >= 0.99 * NARROW else 3.0) * LINE + MARGIN
+def _beneath(width: float, lines: int) -> float:
+    """Return how much of a card is text [px at scale 1]; a slim one has fewer lines."""
+    return (lines + 1.2 if width >= 0.99 * NARROW else 3.0) * LINE + MARGIN
 
 
 def line(state: SkinState, place: Box, scale: float) -> None:
     """Draw a pad's name, forces and depth in one line."""
     paint.rectangle(*place, paint.PANEL)
     x, y, width = place.left + 9 * scale, place.bottom + 0.3 * place.height, place.width - 18 * scale
-    paint.text(state.finger, x, y, paint.INK, scale, width=0.4 * width)
+    paint.text(state.finger, x, y, paint.INK, scale, width=0.4 * width, shorter=_shorter(state))
     words, colour = "in the air", paint.FAINT
     if state.model is None:
         words, colour = "no skin", paint.ORANGE
@@ -55,6 +61,12 @@ def line(state: SkinState, place: Box, scale: float) -> None:
         words = f"N {force(state.normal_force)}  T {force(state.tangential_force)}  {1e3 * state.depth:.2f} mm"
         colour = paint.INK if state.converged and not (state.too_deep or state.too_far) else paint.ORANGE
     paint.text(words, x + width, y, colour, scale, align=1.0)
+
+
+def _shorter(state: SkinState) -> list[str]:
+    """Return the devices that render a pad, without the finger whose own map stands before it; nothing for that one."""
+    device = state.finger.partition(": ")[2]
+    return [device] if device and state.work == "rendered" else []
 
 
 def _pad_map(state: SkinState, drawn: Drawn, now: Shown, view: Any, at: np.ndarray, size: float, scale: float) -> None:
@@ -79,7 +91,7 @@ def _pad_map(state: SkinState, drawn: Drawn, now: Shown, view: Any, at: np.ndarr
 
 def _figures(state: SkinState, x: float, y: float, width: float, scale: float, *, short: bool) -> None:
     colour = SOURCES.get(state.source, paint.FAINT)
-    paint.text(state.finger, x, y, paint.INK, scale, width=width - 12 * scale)
+    paint.text(state.finger, x, y, paint.INK, scale, width=width - 12 * scale, shorter=_shorter(state))
     if state.model is None:
         rows = [(state.note, paint.ORANGE)]
     elif not state.touching:
@@ -91,7 +103,8 @@ def _figures(state: SkinState, x: float, y: float, width: float, scale: float, *
             (friction(state), paint.FAINT) if state.converged else ("did not converge", paint.ORANGE),
         ]
         if state.work == "rendered":
-            rows[-1] = (state.note, paint.FAINT if state.converged else paint.ORANGE)
+            ink = paint.FAINT if state.converged else paint.ORANGE
+            rows[-1:] = [(part, ink) for part in state.note.split(", ", 1)]
         if short:
             rows = [(force(state.normal_force), rows[1][1])]
     for text, ink in rows:
@@ -101,7 +114,7 @@ def _figures(state: SkinState, x: float, y: float, width: float, scale: float, *
 
 
 class Legend(NamedTuple):
-    """What the legend says beneath the colours, in lines.
+    """The legend's text beneath the colours, in lines.
 
     Attributes:
         off: how far off the model is. deep: it is deeper than it is good for. note, source: where forces come from.
@@ -114,11 +127,11 @@ class Legend(NamedTuple):
 
     @classmethod
     def of(cls, now: Shown, *, full: bool, said: str) -> Legend:
-        """Return the legend of skins; a short one says only what their colours mean. `said` stands elsewhere."""
+        """Return the legend of skins; a short one says only the meaning of their colours. `said` stands elsewhere."""
         deep = any(s.too_deep or s.too_far for s in now.states)
         noted = next((s for s in now.states if s.note not in ("", said) and s.work != "rendered"), None)
         off = paint.wrapped(skin_field.error_text(now.states), 42) if full else []
-        own = "skin: " if said else ""  # of which both frames are, where devices began at another one
+        own = "skin: " if said else ""  # both frames are the skin's, where devices began at another one
         note = paint.wrapped(own + noted.note, 42) if noted is not None and full else []
         return cls(off, deep, note, noted.source if noted is not None else "")
 

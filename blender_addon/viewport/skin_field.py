@@ -1,4 +1,4 @@
-"""From a skin's forces to what is drawn: deformed vertices, one value at each, and what the legend says about them."""
+"""From a skin's forces to its drawing: deformed vertices, one value at each, and the legend's text about them."""
 
 from __future__ import annotations
 
@@ -11,18 +11,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import loading
 from .._core import Array, core
 from ..preview.skin_state import SkinState
 from .skin_surface import DisplaySurface
 
 COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
 SIGNED = frozenset(COMPONENTS)
-NEAR = 2e-3  # to what presses, where stress is read under every drawn vertex and not between nodes [m]
+NEAR = 2e-3  # to a pressing body, where stress is read under every drawn vertex and not between nodes [m]
 SMALL = 250  # pad nodes of a skin whose map from forces to the drawn surface is kept whole: at most 10 MB
 
 
 class Quantity(NamedTuple):
-    """What the colours stand for: its name for people, the legend's unit, and what one such unit is in SI."""
+    """The quantity in colour: its name for people, the legend's unit, and the size of that unit in SI."""
 
     title: str
     unit: str
@@ -43,7 +44,7 @@ class Drawn(NamedTuple):
     """One skin, ready to be drawn, in the finger's frame.
 
     Attributes:
-        surface: what it is drawn on.
+        surface: the surface that it is drawn on.
         positions: deformed vertices [m], shape (d, 3). normals: unit, shape (d, 3). values: SI, shape (d,).
         low, high: least and greatest value at the skin's own nodes.
         centre: of pressure, in X and Y [m], shape (2,). shear: force in X and Y by the normal force, shape (2,).
@@ -66,23 +67,16 @@ class _Below(NamedTuple):
     table: core.skin.stress_table.StressTable
 
 
-class _Beyond(NamedTuple):
-    """What a skin that stiffens is moved [m], shape (s, 3), and stressed [Pa], shape (s, 6), beyond linear skin."""
-
-    moved: Array
-    stress: Array
-
-
 @dataclass(eq=False)
 class _Kit:
-    """What belongs to a mesh: its surface, and how element values get to the surface's nodes.
+    """The parts for drawing a mesh: its surface, and how element values get to the surface's nodes.
 
     Attributes:
-        surface: what is drawn. points: its nodes at rest [m], shape (s, 3).
+        surface: the drawn surface. points: its nodes at rest [m], shape (s, 3).
         averaging: from elements to those nodes, sparse (s, e). pad_rows: which of them may touch.
         stresses: by the skin's key, from displacement to their stress at E = 1 Pa, sparse (6 s, 3 n).
         shortcuts: by the skin's key, displacement and stress of the nodes for unit forces; see `_shortcut`.
-        below: by the smooth skin's remainder, stress below what is drawn of the pad.
+        below: by the smooth skin's remainder, stress below the drawn vertices of the pad.
     """
 
     surface: DisplaySurface
@@ -92,13 +86,14 @@ class _Kit:
     stresses: dict[str, Any] = field(default_factory=dict)
     shortcuts: dict[str, NDArray[np.float32]] = field(default_factory=dict)
     below: dict[int, _Below] = field(default_factory=dict)
+    readings: dict[int, Any] = field(default_factory=dict)
 
 
 _kits: weakref.WeakKeyDictionary[Any, _Kit] = weakref.WeakKeyDictionary()
 
 
 def kit(mesh: Any) -> _Kit:
-    """Return what belongs to a mesh, made when it is first asked for."""
+    """Return the kit of a mesh, made when it is first asked for."""
     own = _kits.get(mesh)
     if own is None:
         surface = DisplaySurface.of(mesh)
@@ -108,7 +103,7 @@ def kit(mesh: Any) -> _Kit:
 
 
 def prepare(model: core.skin.model.SkinModel) -> None:
-    """Make what is drawn of a skin besides its values, so that no view waits for it. Needs nothing of Blender."""
+    """Make all that drawing a skin needs besides its values, so that no view waits for it. Needs nothing of Blender."""
     own, pad = kit(model.mesh), core.skin.surface_store.smooth_pad(model)
     if model.pad_count <= SMALL:
         _shortcut_of(own, model)
@@ -119,43 +114,86 @@ def prepare(model: core.skin.model.SkinModel) -> None:
 
 
 def learn(state: SkinState, quantity: str) -> Iterator[None]:
-    """Work out piece by piece what `draw_of` would work out at once, for a touch in places that are new."""
-    if state.points is not None and (quantity == "von_mises" or quantity in SIGNED) and state.force.any():
-        yield from _below_of(kit(state.model.mesh), state.points.surface).table.learn(state.points.cells)
+    """Do the work of `draw_of` piece by piece, for a touch in places that are new."""
+    if state.points is None or not _is_stress(quantity) or not state.force.any():
+        return
+    own, model, surface = kit(state.model.mesh), state.model, state.points.surface
+    if model.follows_law and id(surface.remainder) not in own.readings:  # skins are read before their law is asked for
+        operator = model.operator
+        yield from loading.aside(
+            lambda: (operator.strain_matrix, operator.volumetric_matrix, _reading_of(own, model.mesh, surface))
+        )
+    yield from _below_of(own, surface).table.learn(state.points.cells)
 
 
 def draw_of(state: SkinState, quantity: str, exaggeration: float = 1.0) -> Drawn:
-    """Return a skin's deformed surface with the values of a quantity; only what that needs is computed."""
+    """Return a skin's deformed surface with the values of a quantity; nothing else is computed."""
+    return draws_of([state], quantity, exaggeration)[0]
+
+
+def draws_of(states: Sequence[SkinState], quantity: str, exaggeration: float = 1.0) -> list[Drawn]:
+    """Return `draw_of` for each of several skins; those of one mesh are refined together."""
+    drawn: dict[int, Drawn] = {}
+    alike: dict[int, list[tuple[int, _Nodes]]] = {}
+    for i, state in enumerate(states):
+        if state.force.any():
+            nodes = _nodes_of(state, quantity)
+            alike.setdefault(id(nodes.own), []).append((i, nodes))
+        else:
+            surface = kit(state.model.mesh).surface
+            zero, lifted = np.zeros(len(surface.rest)), surface.rest + (0.0, 0.0, state.lift)
+            drawn[i] = Drawn(surface, lifted, surface.at_rest, zero, 0.0, 0.0, surface.middle, np.zeros(2))
+    for group in alike.values():
+        own = group[0][1].own
+        fine = own.surface.deformed_alike(own.points, [(exaggeration * n.moved, n.values) for _, n in group])
+        for (i, nodes), refined in zip(group, fine, strict=True):
+            drawn[i] = _refined(states[i], quantity, nodes, *refined)
+    return [drawn[i] for i in range(len(states))]
+
+
+class _Nodes(NamedTuple):
+    """The state of a touched skin at its surface's nodes: displacement [m] (s, 3), values of a quantity (s,)."""
+
+    own: _Kit
+    stimulus: core.skin.stimulus.Stimulus
+    moved: Array
+    values: Array
+
+
+def _nodes_of(state: SkinState, quantity: str) -> _Nodes:
     own = kit(state.model.mesh)
-    surface = own.surface
-    if not state.force.any():
-        zero = np.zeros(len(surface.rest))
-        lifted = surface.rest + (0.0, 0.0, state.lift)
-        return Drawn(surface, lifted, surface.at_rest, zero, 0.0, 0.0, surface.middle, np.zeros(2))
     stimulus = core.skin.stimulus.Stimulus(state.model, state.force, state.points, state.amounts)
-    stressed = quantity == "von_mises" or quantity in SIGNED
-    more: Array | None = None  # stress beyond linear skin's
+    stressed = _is_stress(quantity)
     if state.model.follows_law:
-        moved = stimulus.displacement[surface.nodes]
+        moved = stimulus.displacement[own.surface.nodes]
         stress = np.asarray(own.averaging @ stimulus.stress, float) if stressed else np.zeros((len(moved), 6))
-        if stressed and state.points is not None:
-            more = stress - _linear(own, state, quantity, stressed)[1]
     else:
         moved, stress = _linear(own, state, quantity, stressed)
-        beyond = _beyond(own, stimulus)
-        if beyond is not None:
-            moved, stress, more = moved + beyond.moved, stress + beyond.stress, beyond.stress
-    nodal = _nodal(own, stimulus, quantity, moved, stress)
-    positions, normals, values = surface.deformed(own.points, exaggeration * moved, nodal)
-    if stressed and state.points is not None:
-        near, stress = _beneath(own, state.points, more)
+    return _Nodes(own, stimulus, moved, _nodal(own, stimulus, quantity, moved, stress))
+
+
+def _is_stress(quantity: str) -> bool:
+    return quantity == "von_mises" or quantity in SIGNED
+
+
+def _refined(state: SkinState, quantity: str, nodes: _Nodes, positions: Array, normals: Array, values: Array) -> Drawn:
+    """Return the drawing of a touched skin, from its refined surface, which is changed."""
+    nodal = nodes.values
+    if _is_stress(quantity) and state.points is not None:
+        near, stress = _beneath(nodes.own, state.model.mesh, state.points, nodes.stimulus.more)
         values[near] = _read(quantity, stress)
         nodal = values
     positions[:, 2] += state.lift
     push = np.maximum(-np.einsum("ij,ij->i", state.force, state.model.normals), 0.0)
     centre = push @ state.model.positions[:, :2] / max(float(push.sum()), 1e-30)
     shear = state.force.sum(axis=0)[:2] / max(state.normal_force, 1e-12)
-    return Drawn(surface, positions, normals, values, float(nodal.min()), float(nodal.max()), centre, shear)
+    low, high = float(nodal.min()), float(nodal.max())
+    return Drawn(nodes.own.surface, positions, normals, values, low, high, centre, shear)
+
+
+def is_light(state: SkinState) -> bool:
+    """Return whether drawing a skin takes under a millisecond: linear, touched at nodes, by a map that is kept."""
+    return not state.model.follows_law and state.points is None and state.model.pad_count <= SMALL
 
 
 def _linear(own: _Kit, state: SkinState, quantity: str, stressed: bool) -> tuple[Array, Array]:
@@ -170,24 +208,15 @@ def _linear(own: _Kit, state: SkinState, quantity: str, stressed: bool) -> tuple
     return moved, model.material.modulus * (_stress_of(own, model) @ linear.ravel()).reshape(-1, 6)
 
 
-def _beyond(own: _Kit, stimulus: core.skin.stimulus.Stimulus) -> _Beyond | None:
-    """Return what a skin that goes by a series does beyond linear skin; None where it is linear."""
-    model, amounts = stimulus.skin, stimulus.amounts
-    if model.stiffening is None or amounts is None:
-        return None
-    stress = own.averaging @ (model.material.modulus * model.stiff.beyond(amounts))
-    return _Beyond(-model.stiff.moved(amounts)[1][own.surface.nodes], np.asarray(stress, float))
-
-
 def _beneath(
-    own: _Kit, points: core.skin.point_forces.PointForces, more: Array | None
+    own: _Kit, mesh: Any, points: core.skin.point_forces.PointForces, more: Array | None
 ) -> tuple[NDArray[np.intp], Array]:
-    """Return which drawn vertices are near what presses, and the stress as deep below them as the first receptors lie.
+    """Return which drawn vertices are near a contact, and the stress as deep below them as the first receptors lie.
 
     An edge is finer than the mesh, whose stress is smeared over its elements; farther off that is right.
 
     Args:
-        more: stress of the surface's nodes beyond linear skin's, shape (s, 6).
+        more: stress of each element beyond linear skin's, shape (e, 6); None of linear skin.
     """
     from scipy.spatial import cKDTree
 
@@ -196,8 +225,7 @@ def _beneath(
     near = np.flatnonzero(apart < NEAR)
     stress = below.table.stress(points.cells, points.force, near)
     if more is not None:
-        # what stiffening adds is smooth, and varies no more over the first receptors' depth than between nodes
-        stress = stress + own.surface.refine[below.vertices[near]] @ more
+        stress = stress + _reading_of(own, mesh, points.surface)[near] @ more
     return below.vertices[near], stress
 
 
@@ -213,6 +241,15 @@ def _below_of(own: _Kit, surface: core.skin.surface_compliance.SurfaceCompliance
         probes = surface.probes(places, core.skin.stress.RECEPTOR_DEPTHS[0])
         below = own.below[id(surface.remainder)] = _Below(vertices, core.skin.stress_table.StressTable(surface, probes))
     return below
+
+
+def _reading_of(own: _Kit, mesh: Any, surface: core.skin.surface_compliance.SurfaceCompliance) -> Any:
+    """Return the matrix that takes values of the elements to the places of `_below_of`, sparse (k, e), made once."""
+    reading = own.readings.get(id(surface.remainder))
+    if reading is None:
+        points = _below_of(own, surface).table.probes.points
+        reading = own.readings[id(surface.remainder)] = core.skin.recovery.fitted(mesh, points)
+    return reading
 
 
 def _read(quantity: str, stress: Array) -> Array:
@@ -231,7 +268,7 @@ def _by_shortcut(own: _Kit, model: Any, force: Array) -> tuple[Array, Array]:
     table = _shortcut_of(own, model)
     scale = float(np.abs(force).max())
     touched = np.flatnonzero(force.any(axis=1))
-    if 4 * len(touched) < len(force):  # read only what is touched
+    if 4 * len(touched) < len(force):  # read only the touched rows
         rows, table = force[touched], table.reshape(len(force), 3, -1)[touched].reshape(3 * len(touched), -1)
     else:
         rows = force
@@ -311,7 +348,7 @@ def nice(value: float) -> float:
 
 
 def error_text(states: Sequence[SkinState]) -> str:
-    """Return the legend's word on how far off a frame's skins are: their tissue, and contact by what presses."""
+    """Return the legend's word on how far off a frame's skins are: their tissue, and contact by the pressing body."""
     tissues = list(dict.fromkeys(s.tissue for s in states)) or ["linear"]
     said = [_tissue_text(tissue, [s for s in states if s.tissue == tissue]) for tissue in tissues]
     if not any(s.depth > 0.0 for s in states):
@@ -328,10 +365,20 @@ def _tissue_text(tissue: str, states: Sequence[SkinState]) -> str:
     deepest = max(states, key=lambda s: s.depth, default=None)
     if deepest is None or deepest.depth <= 0.0:
         shallow, deep = (100 * bands.error_band(tissue, depth).stress.median for depth in (1e-3, 2e-3))
-        return f"{name} skin: stress about {shallow:.0f} % off at 1 mm, {deep:.0f} % at 2 mm (simulated)"
+        said = f"{name} skin: stress about {shallow:.0f} % off at 1 mm, {deep:.0f} % at 2 mm (simulated)"
+        return said + _mesh_text(tissue)
     band = bands.error_band(tissue, deepest.depth, deepest.slide)
     place = f"{1e3 * deepest.depth:.2f} mm" + (f", {1e3 * deepest.slide:.1f} mm dragged" if deepest.dragged else "")
     beyond = ": deeper than it is trusted" if deepest.too_deep else ""
     beyond = ": dragged farther than it is trusted" if deepest.too_far and not beyond else beyond
     stress, force = (f"{100 * one.median:.0f} %" if one.median >= 5e-3 else "below 1 %" for one in band)
-    return f"{name} skin: stress about {stress} off, force {force}, at {place} (simulated){beyond}"
+    return f"{name} skin: stress about {stress} off, force {force}, at {place} (simulated){beyond}" + _mesh_text(tissue)
+
+
+def _mesh_text(tissue: str) -> str:
+    """Return how far off the stress of tissue that follows the law is for the standard mesh alone."""
+    bands = core.parameters.error_bands
+    if tissue == bands.LINEAR:
+        return ""
+    deep = max(bands.MESH_STRESS)
+    return f"; for the standard mesh {100 * bands.MESH_STRESS[deep]:.0f} % at 2 mm, {1e3 * deep:g} mm below the skin"

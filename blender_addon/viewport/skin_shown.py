@@ -1,7 +1,8 @@
-"""What the view shows of skins at the current frame: values, worked out once, and the range of their colours."""
+"""The drawn skins at the current frame: values, worked out once, and the range of their colours."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import bpy
@@ -32,9 +33,9 @@ _stresses = {"stress_computed": 0, "stress_skipped": 0, "stress_kept": 0}
 def shown(scene: bpy.types.Scene, states: tuple[SkinState, ...]) -> Shown:
     """Return skins with their values, and the range of the colours; no values where the heat map is off."""
     view = scene.dermis.skin_view
-    drawn = tuple(
-        values(s, view.quantity, view.exaggeration) if s.model is not None and view.show else None for s in states
-    )
+    made = [s for s in states if s.model is not None and view.show]
+    known = dict(zip(map(id, made), all_values(made, view.quantity, view.exaggeration), strict=True))
+    drawn = tuple(known.get(id(s)) for s in states)
     for gone in set(_drawn) - {s.finger for s in states}:
         del _drawn[gone]
     low, high = _range(scene, [d for d in drawn if d is not None])
@@ -53,23 +54,35 @@ def forget_range() -> None:
 
 def values(state: SkinState, quantity: str, exaggeration: float) -> Drawn:
     """Return a skin with its values, worked out once while it stays."""
-    kept = _drawn.get(state.finger)
+    return all_values((state,), quantity, exaggeration)[0]
+
+
+def all_values(states: Sequence[SkinState], quantity: str, exaggeration: float) -> list[Drawn]:
+    """Return several skins with their values, each worked out once while it stays."""
     key = (quantity, round(float(exaggeration), 4))
-    if kept is not None and kept[1] == key:
-        before = kept[0]
-        if before is state or (
-            before.model is state.model
-            and before.lift == state.lift
-            and np.array_equal(before.force, state.force)
-            and _alike(before.amounts, state.amounts)
-        ):
-            _stresses["stress_kept"] += 1
-            return kept[2]
-    _stresses["stress_computed" if state.touching else "stress_skipped"] += 1
-    with skin_models.one_thread():
-        drawn = skin_field.draw_of(state, quantity, key[1])
-    _drawn[state.finger] = (state, key, drawn)
-    return drawn
+    anew = [state for state in states if not _stays(state, key)]
+    _stresses["stress_kept"] += len(states) - len(anew)
+    for state in anew:
+        _stresses["stress_computed" if state.touching else "stress_skipped"] += 1
+    if anew:
+        with skin_models.one_thread():
+            for state, drawn in zip(anew, skin_field.draws_of(anew, *key), strict=True):
+                _drawn[state.finger] = (state, key, drawn)
+    return [_drawn[state.finger][2] for state in states]
+
+
+def _stays(state: SkinState, key: tuple[Any, ...]) -> bool:
+    """Return whether the last drawing of a skin is right for it now."""
+    kept = _drawn.get(state.finger)
+    if kept is None or kept[1] != key:
+        return False
+    before = kept[0]
+    return before is state or (
+        before.model is state.model
+        and before.lift == state.lift
+        and np.array_equal(before.force, state.force)
+        and _alike(before.amounts, state.amounts)
+    )
 
 
 def _alike(first: Array | None, second: Array | None) -> bool:

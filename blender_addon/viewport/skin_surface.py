@@ -7,6 +7,7 @@ values all go through the same matrix, made once for a mesh.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,7 +47,7 @@ class DisplaySurface(NamedTuple):
 
     @classmethod
     def of(cls, mesh: Any) -> DisplaySurface:
-        """Build the surface of a tetrahedral mesh, without what nail and bone hold."""
+        """Build the surface of a tetrahedral mesh, without the part that nail and bone hold."""
         from scipy.sparse import coo_array, identity
 
         held = np.zeros(len(mesh.nodes), bool)
@@ -80,11 +81,24 @@ class DisplaySurface(NamedTuple):
             points: the nodes on the surface at rest [m], shape (s, 3).
             displacement: of those nodes [m], shape (s, 3). nodal: values at them, shape (s,).
         """
-        normals = _unit(self.scatter @ np.stack(_crosses(points + displacement, self.coarse), axis=1))
-        fine = self.refine @ np.concatenate([displacement, normals, nodal[:, None]], axis=1)
-        # a cubic may overshoot; what is drawn stays within what the nodes have
-        values = np.clip(fine[:, 6], nodal.min(), nodal.max())
-        return self.rest + fine[:, :3], _unit(fine[:, 3:6]), values
+        return self.deformed_alike(points, [(displacement, nodal)])[0]
+
+    def deformed_alike(self, points: Array, several: Sequence[tuple[Array, Array]]) -> list[tuple[Array, Array, Array]]:
+        """Return `deformed` for several displacements and values; the matrices are gone through once for all."""
+        count, coarse = len(several), np.empty((len(points), len(several), 7))
+        crosses = np.empty((len(self.coarse), count, 3))
+        for i, (displacement, nodal) in enumerate(several):
+            coarse[:, i, :3], coarse[:, i, 6] = displacement, nodal
+            for axis, component in enumerate(_crosses(points + displacement, self.coarse)):
+                crosses[:, i, axis] = component
+        normals = (self.scatter @ crosses.reshape(-1, 3 * count)).reshape(-1, 3)
+        coarse[:, :, 3:6] = _unit(normals).reshape(-1, count, 3)
+        fine = (self.refine @ coarse.reshape(-1, 7 * count)).reshape(-1, count, 7)
+        return [
+            # a cubic may overshoot; drawn values stay within those of the nodes
+            (self.rest + own[:, :3], _unit(own[:, 3:6]), np.clip(own[:, 6], nodal.min(), nodal.max()))
+            for own, (_, nodal) in zip(fine.transpose(1, 0, 2), several, strict=True)
+        ]
 
 
 def _unit(vectors: Array) -> Array:

@@ -1,7 +1,7 @@
 """The heat map in the 3D view: the deformed skin over the artist's finger.
 
-Where the skin touches, an object hides it from every side, so what is hidden is drawn once more, through whatever is
-in front. The draw handlers read what `shown` has kept.
+Where the skin touches, an object hides it from every side, so the hidden part is drawn once more, through the objects
+in front. Draws from the frame that `shown` has kept.
 """
 
 from __future__ import annotations
@@ -11,10 +11,9 @@ from mathutils import Matrix
 
 from ..quantities import metres_per_unit
 from . import shown, skin_shader
-from .drawing import Handlers, finger_matrix
+from .drawing import finger_matrix
 
 BIAS = 0.3e-3  # [m] by which the skin is brought forward, so that the artist's finger does not cover it
-_handlers = Handlers()
 
 
 def _visible(context: bpy.types.Context) -> bool:
@@ -22,7 +21,8 @@ def _visible(context: bpy.types.Context) -> bool:
     return bool(view.show) and bool(getattr(space.overlay, "show_overlays", True))
 
 
-def _draw_view() -> None:
+def draw() -> None:
+    """Draw into the current view."""
     context = bpy.context
     if not _visible(context):
         return
@@ -53,14 +53,3 @@ def _draw_view() -> None:
             )
         gpu.state.depth_test_set("NONE")
         gpu.state.blend_set("NONE")
-
-
-def register() -> None:
-    """Draw skins from now on."""
-    _handlers.add(_draw_view)
-
-
-def unregister() -> None:
-    """Draw them no more, and take what belongs to them off the graphics card."""
-    _handlers.clear()
-    skin_shader.forget()

@@ -1,4 +1,4 @@
-"""Slices: what may take longer than a view waits is done in the handler for as long as that, and then in a timer.
+"""Slices: work that may take longer than a view waits runs in the handler for as long as that, and then in a timer.
 
 Work is a generator that is sent the scene and yields wherever it may rest, so that nothing of Blender's is kept
 meanwhile. The next change cancels it; the next frames of a play do not, or a slow scene would never be shown while it
@@ -24,7 +24,7 @@ from ..preview.rows import goes_on
 from ..streaming import session
 
 BUDGET = 0.012  # [s] that a view waits at most, but for one step of the work; half of a frame is left for Blender
-PAUSE = 0.001  # [s] between slices: Blender handles what came in
+PAUSE = 0.001  # [s] between slices: Blender handles waiting events
 REST = 0.25  # [s] without a new frame or a change after which the scene rests
 
 Steps = Generator[None, bpy.types.Scene, None]
@@ -47,12 +47,12 @@ def plays() -> bool:
 
 
 def followed(scene: bpy.types.Scene) -> bool:
-    """Return whether a device follows what is shown: nothing is coarse then, or mending it would move the device."""
+    """Return whether a device follows the scene: nothing is coarse then, or mending it would move the device."""
     return session.streams(scene) and scene.dermis_stream.mode == "follow"
 
 
 class Slices:
-    """The work on what is shown of a scene, one piece at a time.
+    """The work on the shown contents of a scene, one piece at a time.
 
     Args:
         begin: makes the work for a scene.
@@ -136,7 +136,7 @@ class Slices:
         return PAUSE if self._work is not None else None
 
     def _on_rest(self) -> float | None:
-        """Work out once more, and well, the frame that the scene rests at; what comes meanwhile has its own timer."""
+        """Work out once more, and well, the frame that the scene rests at; later events have their own timer."""
         scene = self._scene()
         if scene is None or self._work is not None or not skin_preview.coarse() or followed(scene):
             return None

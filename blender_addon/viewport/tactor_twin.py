@@ -25,7 +25,7 @@ FINGER = 6e-3  # [m] radius of the ring that stands for a finger on a screen
 def tactor(row: Row, exaggeration: float) -> Twin:
     """Return a shear tactor's twin; its movement is drawn so many times as large as it is.
 
-    The device sits between the pad and what it touches: what is hidden there shows through as a flat figure.
+    The device sits between the pad and the touched object: its hidden part shows through as a flat figure.
     """
     at = np.eye(4)
     at[:2, 3] = exaggeration * np.array([row.values["tactor_x"], row.values["tactor_y"]])

@@ -1,4 +1,4 @@
-"""Twin: what is drawn of a device on its finger."""
+"""Twin: the drawing of a device on its finger."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from .parts import Line, Part
 
 
 class Twin(NamedTuple):
-    """What is drawn of a device, in the finger's frame [m], finished: a draw callback only draws it.
+    """The drawing of a device, in the finger's frame [m], finished: a draw callback only draws it.
 
     Attributes:
-        solid: what it looks like. hidden: what shows of it where something is in front.
-        covers: whether it hides what is drawn after it.
+        solid: the device itself. hidden: the part that shows where something is in front.
+        covers: whether it hides later drawings.
         lines: drawn over both.
-        state: what its card in the corner reads: `Pins`, a thimble's `Joints`, a platform's `State`, or None.
+        state: for its card in the corner: `Pins`, a thimble's `Joints`, a platform's `State`, or None.
     """
 
     solid: Part

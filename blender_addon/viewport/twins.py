@@ -1,4 +1,4 @@
-"""The twin of each device, worked out for a row of the preview; what takes long is kept while nothing changes."""
+"""The twin of each device, worked out for a row of the preview; slow results are kept while nothing changes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from . import paint, pin_twin, platform_twin, tactor_twin, thimble_twin
 from .parts import Line, Part, faint, heat
 from .twin import Twin
 
-HIDDEN = 0.45  # opacity of what an object hides: where a finger touches, one always does
+HIDDEN = 0.45  # opacity of a part that an object hides: where a finger touches, one always does
 _mechanisms: core.recent.Recent[tuple[Any, ...], core.devices.thimble.Thimble] = core.recent.Recent(8)
 _loops: core.recent.Recent[str, list[Array]] = core.recent.Recent(8)
 _platforms: core.recent.Recent[tuple[Any, ...], Twin] = core.recent.Recent(8)
@@ -54,15 +54,16 @@ def mounted_mechanism(obj: bpy.types.Object, preset: str) -> tuple[core.devices.
     settings = next((d for d in obj.dermis.finger.devices if d.preset == preset), None)
     if spec is None:
         return None
+    mark = active_presets.hash_of(preset)
     if settings is None or not settings.thimble_calibrated:
-        device = _mechanisms.make((spec.hash,), lambda: core.devices.thimble.mechanism(spec))
+        device = _mechanisms.make((mark,), lambda: core.devices.thimble.mechanism(spec))
     else:
         values, model = thimble_devices.parameters_of(settings), platform_devices.model_of(obj)
         if model is None:
             return None
         model = thimble_devices.pressed(obj, model)
         felt = tuple(values[f"thimble_felt_{i}"] for i in (1, 2, 3))
-        key = (spec.hash, model.key, model.tissue, core.surrogate.press_points.pressed_on(model), felt)
+        key = (mark, model.key, model.tissue, core.surrogate.press_points.pressed_on(model), felt)
         device = _mechanisms.make(key, lambda: core.matching.thimble_use.calibrated_mechanism(spec, model, values)[0])
     return device, core.devices.thimble.reference_distance(spec, device)
 

@@ -1,1 +1,1 @@
-"""The command line: `verbs.py` says what may be typed; what verbs do stands in one file for what each takes."""
+"""The command line: `verbs.py` has the parser; the functions of verbs stand in one file per kind of input."""

@@ -1,4 +1,4 @@
-"""`python -m core thimble adapt`: learn what a thimble does to fingers, side by side."""
+"""`python -m core thimble adapt`: learn the effect of a thimble on fingers, side by side."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def _share(future: JobFuture) -> float:
 
 
 def _told(skin: str, future: JobFuture, folder: Path) -> bool:
-    """Write what was learned and say how good it is; return False where it was refused, which is said, too."""
+    """Write the learned model and print its error; return False, and print the reason, where it was refused."""
     try:
         made = future.result()
     except DermisError as error:

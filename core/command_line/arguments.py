@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..errors import DermisError
+from ..parameters.parameter import SWITCH, Parameter
 from ..parameters.skin import DEFAULT_SKIN, SKIN_CONTACT
 from ..parameters.stream import STREAM
+from ..track.formats import FORMATS
 
 
 class Argument(NamedTuple):
@@ -33,7 +35,7 @@ def add_verb(verbs: Any, name: str, *arguments: Argument, run: Any, **more: Any)
 
     Args:
         verbs: what `ArgumentParser.add_subparsers` returned.
-        run: what the verb does; the options hold it.
+        run: function of the verb; the options hold it.
         more: what `add_parser` takes, such as help; and `writes`, the options that name files (False) or folders
             (True) to write.
     """
@@ -60,6 +62,14 @@ def angle(text: str) -> float:
     return value
 
 
+def share(text: str) -> float:
+    """Read a share, 0 to 1."""
+    value = number(text)
+    if not 0.0 <= value <= 1.0:
+        raise argparse.ArgumentTypeError(f"{text} is not allowed: 0 to 1")
+    return value
+
+
 def seconds(text: str) -> float:
     """Read a length of time [s]."""
     value = number(text)
@@ -71,7 +81,22 @@ def seconds(text: str) -> float:
 def setting(name: str) -> Argument:
     """Return the option for a number of `STREAM`, in the unit of Blender's window."""
     row = STREAM[name]
+    return _number_of(row, row.name, row.default)
 
+
+def settings_of(form: str) -> tuple[Argument, ...]:
+    """Return the options for the settings of a format, `--FORMAT-NAME`; None where they are left out."""
+    made = []
+    for row in FORMATS[form].settings.values():
+        if row.unit == SWITCH:
+            text = f"{form}: {row.text[0].lower()}{row.text[1:]}"
+            made.append(argument(f"--{form}-{row.name}", action="store_true", default=None, help=text))
+        else:
+            made.append(_number_of(row, f"{form}_{row.name}", None))
+    return tuple(made)
+
+
+def _number_of(row: Parameter, name: str, default: float | None) -> Argument:
     def read(text: str) -> float:
         value = number(text) * row.factor
         try:
@@ -82,7 +107,27 @@ def setting(name: str) -> Argument:
 
     unit = row.window_unit
     what = f"{row.text[0].lower()}{row.text[1:]} ({row.default / row.factor:g} {unit})"
-    return argument(f"--{name.replace('_', '-')}", type=read, default=row.default, metavar=unit.upper(), help=what)
+    return argument(f"--{name.replace('_', '-')}", type=read, default=default, metavar=unit.upper(), help=what)
+
+
+def span(text: str) -> tuple[float, float]:
+    """Read a stretch of time, 'FROM:TO' [s]."""
+    first, colon, last = text.partition(":")
+    ends = number(first), number(last if colon else first)
+    if not colon or not 0.0 <= ends[0] < ends[1] < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text!r} is no stretch of time: FROM:TO, in seconds")
+    return ends
+
+
+def row_numbers(text: str) -> tuple[int, ...]:
+    """Read numbers of rows from 1, '1,5,20-30'."""
+    rows: list[int] = []
+    for part in text.split(","):
+        first, dash, last = part.partition("-")
+        if not first.strip().isdigit() or (dash and not last.strip().isdigit()):
+            raise argparse.ArgumentTypeError(f"{part!r} is no number of a row: 1,5,20-30")
+        rows += range(int(first), int(last if dash else first) + 1)
+    return tuple(rows)
 
 
 PRESETS = argument("--presets", type=Path, metavar="DIR", help="folder with presets of your own")
@@ -103,6 +148,23 @@ TISSUE = argument(
     "--tissue", default=SKIN_CONTACT["tissue"].default, choices=SKIN_CONTACT["tissue"].keys, help="of the skin (linear)"
 )
 
+REST = (
+    argument(
+        "--rest",
+        type=span,
+        metavar="FROM:TO",
+        help="seconds of each recording in which nothing is touched: its noise is measured there, and its rest is "
+        "moved to the table's",
+    ),
+    argument(
+        "--rest-rows",
+        type=row_numbers,
+        default=(),
+        metavar="ROWS",
+        help="rows of a recorded table in which nothing is touched, such as 1,5,20-30; the one nearest to the device "
+        "at rest if left out",
+    ),
+)
 THIMBLE = (argument("--device", default="thimble_3rrs", metavar="PRESET", help="the device preset"), PRESETS)
 SKIN = (argument("--skin", default=DEFAULT_SKIN, metavar="PRESET", help="the skin preset"), LEVEL, TISSUE)
 
@@ -111,15 +173,15 @@ SPEAKS = (
         "--protocol",
         default=STREAM["protocol"].default,
         choices=sorted(STREAM["protocol"].keys),
-        help="what the device speaks (native)",
+        help="protocol of the device (native)",
     ),
     PRESETS,
 )
 
 
-def device(left_out: str) -> tuple[Argument, ...]:
-    """Return the options that say which device it is; `left_out`: what it is without."""
-    return argument("--device", default="", metavar="KEY", help=f"device preset; {left_out} if left out"), *SPEAKS
+def device(left_out: str, default: str = "") -> tuple[Argument, ...]:
+    """Return the options that choose the device; `left_out`: the choice without them."""
+    return argument("--device", default=default, metavar="KEY", help=f"device preset; {left_out} if left out"), *SPEAKS
 
 
 LINK = (

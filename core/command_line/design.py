@@ -10,18 +10,19 @@ from pathlib import Path
 from typing import Any
 
 from ..design import task
-from ..design.interactions import NAMES, interaction
+from ..design.interactions import NAMES, NOISE, interaction
 from ..design.report import as_json, as_text
 from ..design.synergies import RULES
 from ..design.trial import exceptions, trial
 from ..devices.coupling import refuse_coupled
 from ..devices.safe_state import safe_findings
 from ..devices.spec import from_preset
-from ..errors import DermisError, Finding
-from ..parameters.skin import DEFAULT_SKIN, TISSUE
+from ..errors import DermisError
+from ..parameters.skin import DEFAULT_SKIN, SKIN_CONTACT, TISSUE
 from ..presets import Library, read
 from ..scene import scene_file
 from ..scene.tactile_scene import TactileScene
+from ..skin.finger_skin import of_tissue
 from ..skin.model import skin_from_parameters
 from ..skin.shape import shape_from_parameters
 from ..steps import in_words
@@ -36,26 +37,33 @@ def run(options: argparse.Namespace) -> int:
     refuse_coupled(spec)
     _refuse_nonsense(options, len(spec.channels))
     recordings, scenes = _read(options)
-    parameters = _skin(options, library, scenes)
+    parameters, tissue = _skin(options, library, scenes), _tissue(options, scenes)
     if "mesh" in parameters and options.table is None:
         raise DermisError(
             "tables are swept on the built-in fingertip, not on a mesh of one's own",
             where="skin",
             remedy="Give a table with --table, or a skin preset of a size with --skin",
         )
-    for finding in _linear(options, scenes):
-        print(finding, file=sys.stderr)
     rows = task.ROWS if options.rows is None else options.rows or None
     folder = (options.out or Path.cwd()) / "collection"
     material = {k: float(v) for k, v in parameters.items() if k in TISSUE}
     lengths = {k: v for k, v in parameters.items() if k not in material and k != "mesh"}
     shape = shape_from_parameters(lengths if "mesh" not in parameters else {}, where="skin")
     if options.table is not None:
-        table = task.load_table(spec, options.table)
+        table = task.load_table(spec, options.table, options.rest_rows)
     else:
         with executor_of(options) as executor:
             steps = task.table_for(
-                spec, shape, folder, level=options.level, rows=rows, executor=executor, material=material
+                spec,
+                shape,
+                folder,
+                level=options.level,
+                rows=rows,
+                executor=executor,
+                material=material,
+                tissue=tissue,
+                adaptive=options.adaptive,
+                noise=NOISE if options.noise is None or recordings else options.noise,
             )
             table = drain_shown(steps, quiet=options.quiet)
             tell_unlike(executor)
@@ -63,12 +71,15 @@ def run(options: argparse.Namespace) -> int:
         table.save(options.save_table)
         print(options.save_table, file=sys.stderr)  # standard output is the report, which may be JSON
     simulated = bool(scenes) or options.trial is not None or any(touch in NAMES for touch in options.touches)
-    skin = skin_from_parameters(parameters, level=options.level) if simulated or options.table is None else None
+    skin = None
+    if simulated or options.table is None:
+        skin = of_tissue(skin_from_parameters(parameters, level=options.level), tissue)
     if options.trial is not None:
         assert skin is not None
         return _trial(options, table, skin)
     if not options.touches:
         return 0
+    noise = NOISE if options.noise is None else options.noise
     sensed: dict[str, Any] = {}
     for i, touch in enumerate(options.touches):
         if touch in recordings:
@@ -78,10 +89,16 @@ def run(options: argparse.Namespace) -> int:
         scene = scenes[touch] if touch in scenes else interaction(touch, skin.positions, seed=options.seed)
         name = Path(touch).stem if touch in scenes else touch
         seed = 100 * options.seed + i
-        reading = task.sense_scene(scene, skin, options.finger, noise=options.noise, seed=seed)
+        reading = task.sense_scene(scene, skin, options.finger, noise=noise, seed=seed)
         sensed[name] = drain_shown(reading, quiet=options.quiet)
     answer = task.answer(
-        spec, table, sensed, noise=options.noise, skin=skin, spread=options.table is None and options.out is not None
+        spec,
+        table,
+        sensed,
+        noise=noise,
+        recorded_noise=options.noise,
+        skin=skin,
+        spread=options.table is None and options.out is not None,
     )
     found = drain_shown(answer, quiet=options.quiet)
     for finding in found.findings:
@@ -92,8 +109,8 @@ def run(options: argparse.Namespace) -> int:
     print(shown, end="")
     if options.out is not None:
         paths = task.write(found, options.out, rule=options.rule or "touch", motors=options.motors)
-        made = from_preset(paths[-1].stem, read(paths[-1]))
-        for line in (*paths, *safe_findings(made)):
+        made = [from_preset(path.stem, read(path)) for path in paths[3:]]
+        for line in (*paths, *(finding for spec_made in made for finding in safe_findings(spec_made))):
             print(line, file=sys.stderr)
     return 0
 
@@ -106,12 +123,20 @@ def _refuse_nonsense(options: argparse.Namespace, motors: int) -> None:
         value = getattr(options, name)
         if value is not None and value < least:
             raise DermisError("too small", where=f"--{name}", value=value, limit=f">= {least}")
+    if options.adaptive and (options.rows == 0 or options.table is not None):
+        raise DermisError("an adaptive table is swept, with a number of rows", where="--adaptive", limit="--rows N")
+    if options.adaptive and (options.workers or options.scheduler):
+        where = "--scheduler" if options.scheduler else "--workers"
+        raise DermisError("an adaptive table is pressed in this process, a round after the other", where=where)
+    if options.save_table is not None and options.save_table.suffix.lower() != ".npz":
+        what = "a collected table is kept as .npz"
+        raise DermisError(what, where="--save-table", value=options.save_table.name, limit="NAME.npz")
     if options.motors is not None and options.motors > motors:
         raise DermisError(
             "more motors than the device has", where="--motors", value=options.motors, limit=f"1 to {motors}"
         )
-    if not 0.0 <= options.noise < float("inf"):
-        raise DermisError("not a standard deviation", where="--noise", value=options.noise, limit=">= 0 counts")
+    if options.noise is not None and not 0.0 <= options.noise < float("inf"):
+        raise DermisError("not a standard deviation", where="--noise", value=options.noise, limit=">= 0")
     if options.out is None and (options.motors is not None or options.rule is not None):
         raise DermisError(
             "--motors and --rule are of the preset that --out writes",
@@ -121,7 +146,7 @@ def _refuse_nonsense(options: argparse.Namespace, motors: int) -> None:
 
 
 def _read(options: argparse.Namespace) -> tuple[dict[str, dict[str, Any]], dict[str, TactileScene]]:
-    """Read the touches that are files, by what the command line calls them: recordings and scenes."""
+    """Read the touches that are files, by their names on the command line: recordings and scenes."""
     recordings: dict[str, dict[str, Any]] = {}
     scenes: dict[str, TactileScene] = {}
     for touch in options.touches:
@@ -129,7 +154,7 @@ def _read(options: argparse.Namespace) -> tuple[dict[str, dict[str, Any]], dict[
         if touch in NAMES:
             continue
         if path.suffix.lower() == ".csv":
-            recordings[touch] = dict(task.read_sensed([path]))
+            recordings[touch] = dict(task.read_sensed([path], options.rest))
         else:
             scenes[touch] = scene_file.load(path)
     names = [Path(t).stem if t not in NAMES else t for t in options.touches]
@@ -139,17 +164,29 @@ def _read(options: argparse.Namespace) -> tuple[dict[str, dict[str, Any]], dict[
     return recordings, scenes
 
 
-def _linear(options: argparse.Namespace, scenes: Mapping[str, TactileScene]) -> list[Finding]:
-    """Say of scenes whose finger has a tissue that stiffens that here it is taken for linear."""
-    found = []
+def _tissue(options: argparse.Namespace, scenes: Mapping[str, TactileScene]) -> str:
+    """Return the tissue of the skin: of --tissue, or that of the scenes' finger; linear where nobody says.
+
+    Raises:
+        DermisError: fingers of different tissues, another tissue than --tissue names, or an unknown one.
+    """
+    row = SKIN_CONTACT["tissue"]
+    chosen, whose = options.tissue, "--tissue"
     for touch, scene in scenes.items():
-        if 0 <= options.finger < len(scene.fingers):
-            tissue = scene.fingers[options.finger].parameters.get("tissue", "linear")
-            if tissue != "linear":
-                what = "its finger's tissue stiffens, but tables are swept and touches sensed on linear skin here"
-                remedy = "Sweep and bake in Blender, or take the finger's tissue for linear"
-                found.append(Finding("warning", "tissue-linear", what, f"scene '{touch}'", tissue, "linear", remedy))
-    return found
+        if not 0 <= options.finger < len(scene.fingers):
+            continue  # told where it is sensed
+        where = f"scene '{touch}'"
+        own = str(row.of(scene.fingers[options.finger].parameters, where))
+        if chosen is not None and own != chosen:
+            raise DermisError(
+                f"its finger has another tissue than {whose} says",
+                where=where,
+                value=own,
+                limit=chosen,
+                remedy="Leave --tissue out, or judge the scenes one by one",
+            )
+        chosen, whose = own, where
+    return str(row.default) if chosen is None else str(chosen)
 
 
 def _skin(options: argparse.Namespace, library: Any, scenes: Mapping[str, TactileScene]) -> dict[str, Any]:

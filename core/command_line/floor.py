@@ -19,7 +19,7 @@ from ..matching.thimble_use import by_stress, method_name, prepare
 from ..parameters.skin import DEFAULT_SKIN
 from ..presets import Library
 from ..scene import scene_file
-from ..tissue.finger_skin import finger_skin
+from ..skin.finger_skin import finger_skin
 from .findings import tell
 from .progress import drain_shown
 
@@ -44,7 +44,7 @@ def floor(options: argparse.Namespace) -> int:
             limit="thimble, hexapod",
         )
     felt = skin_contacts(scene, {options.finger: finger_skin(finger.parameters, library.skin(DEFAULT_SKIN))})
-    skin = felt[options.finger].matched
+    skin = felt[options.finger]
     use = prepare(spec, skin.pressed, parameters)
     times = skin.times[looked_at(len(skin.times))]
     found = drain_shown(floor_of(use, forces_at(skin, times), amounts_at(skin, times)), quiet=options.quiet)

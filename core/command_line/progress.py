@@ -12,7 +12,7 @@ Made = TypeVar("Made")
 
 
 def drain_shown(steps: Generator[Any, None, Made], *, quiet: bool) -> Made:
-    """Run some work to its end and return what it made; show each tenth of each stage once, unless quiet."""
+    """Run some work to its end and return its result; show each tenth of each stage once, unless quiet."""
     shown: tuple[Any, int] = ("", -1)
 
     def show(step: Any) -> None:

@@ -57,7 +57,7 @@ def _several(options: argparse.Namespace, library: Library, wanted: shot.Wanted,
 
 
 def _told(made: shot.Shot, paths: Sequence[Path], *, quiet: bool) -> int:
-    """Print what was written, what was refused, skipped and found; return the exit status."""
+    """Print written files, refusals, skipped work and findings; return the exit status."""
     for path in paths:
         print(path)
     for line in made.refused:

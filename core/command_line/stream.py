@@ -11,6 +11,7 @@ from ..presets import Library
 from ..stream import sender, touch_panel_command
 from ..stream.links import serial_port
 from ..stream.protocols.wire import Wire
+from ..stream.sound import card
 from ..stream.virtual.faults import NAMES, number_of
 from ..stream.virtual.program import serve
 
@@ -44,4 +45,13 @@ def ports(_options: argparse.Namespace) -> int:
         print(f"{name}\t{description}".rstrip())
     if not found:
         print("no serial ports", file=sys.stderr)
+    return 0
+
+
+def cards(_options: argparse.Namespace) -> int:
+    """List the sound cards that may drive an amplifier."""
+    found = card.names()
+    print("\n".join(found))
+    if not found:
+        print("no sound card may be used: it has to be for one program alone, and nobody's default", file=sys.stderr)
     return 0

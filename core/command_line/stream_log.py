@@ -1,4 +1,4 @@
-"""`python -m core stream log`: what a binary log holds, and CSV of it."""
+"""`python -m core stream log`: summary of a binary log, or its conversion to CSV."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ def add_studies(verbs: Any) -> None:
         PRESETS,
         QUIET,
         help="which touches of a scene a finger could tell apart, by device and method",
-        description="Let an ideal observer tell a finger's touches apart, in pairs: the real ones, and what each "
+        description="Let an ideal observer tell a finger's touches apart, in pairs: the real ones, and those of each "
         "device and method that presses on skin makes of them. Where it lifts for a tenth of a second, a touch ends.",
         run="command_line.studies.tell_apart",
         writes={"out": True},

@@ -1,4 +1,4 @@
-"""`python -m core thimble`: render a recorded sequence, draw the stimulus plot, tell the reach."""
+"""`python -m core thimble`, and `follow` with a learned thimble: stimulus plots, reach, recorded sequences."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from ..plot import stimuli as plot_stimuli
 from ..presets import Library
 from ..scene import scene_file
 from ..scene.tactile_scene import TactileScene, sample_count
+from ..skin.finger_skin import asked_for, finger_skin
 from ..skin.model import SkinModel, skin_from_parameters
 from ..skin.sensor import electrode_sensor, noise_floor_of, noise_of, read_stimuli
 from ..surrogate.store import contact_of
 from ..surrogate.table import read_table
-from ..tissue.finger_skin import finger_skin, for_devices
 from ..track import csv
 from ..track.command_track import CommandTrack
 
@@ -40,9 +40,7 @@ def follow(options: argparse.Namespace) -> int:
         raise DermisError("noise is a standard deviation", where="--noise", value=options.noise, limit=">= 0")
     library = Library(options.presets)
     spec = _thimble(library, options.device)
-    skin = for_devices(
-        skin_from_parameters(library.skin(options.skin), level=options.level), options.tissue, "--tissue"
-    )
+    skin = asked_for(skin_from_parameters(library.skin(options.skin), level=options.level), options.tissue, "--tissue")
     device, friction = calibrated_mechanism(spec, skin, {})
     change = device.servo_speed / spec.rate
     made = (
@@ -94,7 +92,7 @@ def _recorded(path: Path, skin: SkinModel, device: Thimble, friction: float, cha
 
 
 def _beyond(made: StressMatcher, where: str) -> list[Finding]:
-    """Return what is to be said of readings that a recording has nothing like."""
+    """Return the finding about readings unlike those of the recording."""
     outside: int = getattr(made, "outside", 0)
     if not outside:
         return []
@@ -132,9 +130,11 @@ def plot(options: argparse.Namespace) -> int:
 def picture(made: Any, found: Any, finger: str) -> tuple[Any, ...]:
     """Return what `stimuli.draw` takes, for a plot and the sequence that it shows."""
     lines = {"target": made.target, "predicted": made.predicted, "rendered": made.rendered}
-    off = float(np.median(found.mismatch[found.touched])) if found.touched.any() else 0.0
+    touched = found.touched
+    off, whole = (float(np.median(e[touched])) if touched.any() else 0.0 for e in (found.mismatch, found.stress_error))
     words = (
-        f"simulated; method {found.method}; median mismatch {100 * off:.0f} %; three components leave "
+        f"simulated; method {found.method}; median mismatch {100 * off:.0f} %, of the whole stress {100 * whole:.0f} %;"
+        f" three components leave "
         f"{100 * made.left:.0f} % of what the device can make felt"
     )
     kept = {name: line for name, line in lines.items() if line is not None}
@@ -169,4 +169,4 @@ def _thimble(library: Library, key: str) -> DeviceSpec:
 
 def _felt(scene: TactileScene, library: Library, finger: int) -> SkinContact:
     skin = finger_skin(scene.fingers[finger].parameters, library.skin(DEFAULT_SKIN))
-    return skin_contacts(scene, {finger: skin})[finger].matched
+    return skin_contacts(scene, {finger: skin})[finger]

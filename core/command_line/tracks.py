@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from ..errors import DermisError, worst
 from ..presets import Library
@@ -13,12 +15,13 @@ from ..track import check as checks
 from ..track import export as formats
 from ..track.command_track import CommandTrack
 from ..track.file_names import FileNames
+from ..track.formats import FORMATS
 from .findings import FAILED, REFUSED, tell
 
 
 def export(options: argparse.Namespace) -> int:
     """Write tracks in other formats, whole or a range of them."""
-    failed, names = 0, FileNames()
+    failed, names, settings = 0, FileNames(), _settings(options)
     for path in options.tracks:  # a track that is still to be read is none to write over
         names.reserve(path)
     for path in options.tracks:
@@ -35,7 +38,7 @@ def export(options: argparse.Namespace) -> int:
                 track = track.resampled(options.rate)
             if options.range:
                 track = formats.cut(track, *options.range)
-            print(write(track, target, options.format, options.force))
+            print(write(track, target, options.format, options.force, settings))
         except DermisError as error:  # one bad file does not take the others down
             print(f"error: {error}", file=sys.stderr)
             failed += 1
@@ -43,7 +46,7 @@ def export(options: argparse.Namespace) -> int:
 
 
 def check(options: argparse.Namespace) -> int:
-    """Check a track and say what is wrong with it."""
+    """Check a track and print its problems."""
     track, library = formats.read(options.track), Library(options.presets)
     findings = (*checks.preset_findings(track, library), *checks.findings_of(checks.by_preset(track, library)))
     if options.json:
@@ -68,7 +71,28 @@ def check(options: argparse.Namespace) -> int:
     return status
 
 
-def write(track: CommandTrack, path: Path, form: str, force: bool) -> Path:
+def write(
+    track: CommandTrack, path: Path, form: str, force: bool, settings: Mapping[str, Any] = formats.NO_SETTINGS
+) -> Path:
     """Write one track; tell what its check found."""
-    tell(formats.write(track, path, form, force=force), sys.stderr)
+    tell(formats.write(track, path, form, force=force, settings=settings), sys.stderr)
     return path
+
+
+def _settings(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the settings of the format that were given.
+
+    Raises:
+        DermisError: some of another format.
+    """
+    given: dict[str, Any] = {}
+    for form, entry in FORMATS.items():
+        for name in entry.settings:
+            value = getattr(options, f"{form}_{name}")
+            if value is None:
+                continue
+            if form != options.format:
+                option = f"--{form}-{name.replace('_', '-')}"
+                raise DermisError("an option of another format", value=option, limit=f"with --format {form}")
+            given[name] = value
+    return given

@@ -1,4 +1,4 @@
-"""Who does the work of a verb: processes of this machine, or the workers of a scheduler; and what is said of them."""
+"""Executors for the work of a verb: processes of this machine or workers of a scheduler; and their messages."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""One touch, every device: which presets fit it, what each makes of it, and the report."""
+"""One touch, every device: the presets that fit it, their renderings, and the report."""

@@ -1,4 +1,4 @@
-"""Afferents: what a person's fingertip reads of a touch, as numbers whose differences count in units of their noise.
+"""Afferents: the response of a fingertip to a touch, as numbers whose differences count in units of their noise.
 
 Two kinds resolve where something touches, slowly (SA I) and fast adapting (FA I) ones. Here an SA I afferent reads how
 much its place is strained, an FA I afferent how much that changes, in frames of a quarter second; all are as noisy.
@@ -31,7 +31,7 @@ FRAME = 0.25
 # Force discrimination, JND of 7 %. Source: Pang, Tan and Durlach 1991 (of an actively squeezed force)
 JND, REFERENCE_FORCE = 0.07, 1.0
 HELD = 1.0  # for how long those two presses are felt, pressed within the first frame [s]
-# That both kinds' noise is one, and does not grow with what they read: SA1 and RA afferents repeat their impulses to
+# That both kinds' noise is one, and does not grow with their response: SA1 and RA afferents repeat their impulses to
 # within 1 a trial, whatever their number. Source: Vega-Bermudez and Johnson 1999, J. Neurophysiol. 81
 # How many impulses a change gives an FA I afferent, over those that a frame as strong gives an SA I; assumed
 FAST_OVER_SLOW = 1.0
@@ -83,7 +83,7 @@ class Afferents:
         return np.asarray(np.sqrt(2.0 * material.modulus * np.maximum(energy, 0.0)))
 
     def read(self, strain: Array) -> Array:
-        """Return what all afferents read, each counted as often as it is there, shape (frames, slow + fast) [Pa].
+        """Return the response of all afferents, each counted as often as it occurs, shape (frames, slow + fast) [Pa].
 
         The distance between two readings over `noise` is how far an ideal observer tells them apart, d'.
 

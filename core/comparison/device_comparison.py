@@ -1,4 +1,4 @@
-"""One touch of one finger goes through every device preset that fits, and each is judged by what it can do."""
+"""One touch of one finger goes through every device preset that fits, and each is judged by its own measures."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Comparison:
     Attributes:
         scene, finger: names. duration: of the touch's scene [s]. content_hash: of the rendering.
         rows: devices, the least off in its main measure first among those of one measure. skipped: and why.
-        findings: warnings about the touch, and about what all devices are matched on.
+        findings: warnings about the touch, and about the skin that all devices are matched on.
     """
 
     scene: str
@@ -84,7 +84,7 @@ def compare_devices(
     bake = yield from render(worn, library, cache=cache)
     uses = {use.preset: use for use in reversed(worn.fingers[number].devices)}
     outputs = {o.device: o for o in reversed(bake.outputs) if o.finger == name}
-    felt = bake.skins[name].matched if name in bake.skins else None
+    felt = bake.skins.get(name)
     rows = []
     for step, key in enumerate(fit):
         yield Progress("judging", PARTS * step, PARTS * len(fit))
@@ -133,6 +133,6 @@ def row_of(output: Output, judged: Judged) -> Row:
 
 
 def _refusal(bake: Bake, key: str) -> str:
-    """Return why a device was not rendered: what was said of it, else all that was."""
+    """Return why a device was not rendered: its own findings, else all findings."""
     said = [f.what for f in bake.findings if f.code == "device-unavailable"]
     return next((s for s in said if key in s), "; ".join(said) or "it could not be rendered")

@@ -1,4 +1,4 @@
-"""The floor of each device that is searched for a pose, beside what the comparison says of it."""
+"""The floor of each device that is searched for a pose, beside the comparison's error."""
 
 from __future__ import annotations
 

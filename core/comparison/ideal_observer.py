@@ -2,7 +2,7 @@
 
 Two questions are asked of a rendered pair of touches. *Told apart* counts any difference between the two, whatever it
 feels like. *Taken for* counts only what tells the real touches apart: one who knows those from life, and has no other
-clue, weighs what is read as the real ones teach. A device that renders two touches as different, but not as they
+clue, weighs the response as the real ones teach. A device that renders two touches as different, but not as they
 differ, scores in the first and not in the second.
 """
 
@@ -35,7 +35,7 @@ class Answer:
 
 
 def told(first: Array, second: Array, noise: float, real: tuple[Array, Array] | None = None) -> Answer:
-    """Return how well two touches are told apart from what is read of them.
+    """Return how well two touches are told apart from the responses to them.
 
     Args:
         first, second: of each repetition, shapes (r, ...): repetitions differ a little, as people's do.
@@ -51,7 +51,7 @@ def told(first: Array, second: Array, noise: float, real: tuple[Array, Array] | 
 
 
 def _along(direction: Array, first: Array, second: Array, noise: float) -> float:
-    """Return d' of what is read along a direction: noise and the repetitions' own spread stand against it."""
+    """Return d' of responses along a direction: noise and the repetitions' own spread stand against it."""
     size = float(np.linalg.norm(direction))
     if size <= 0.0:
         return 0.0

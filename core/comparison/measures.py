@@ -1,7 +1,8 @@
 """In which measures a device's rendering is judged against the touch, and how far it misses.
 
 Devices that press on skin are judged by stress where receptors lie, and by the force into the skin and along it; a
-shear tactor by the displacement that its effects ask for, a friction screen by the friction that is perceived.
+shear tactor by the displacement that its effects ask for, a friction screen by the friction that is perceived, a voice
+coil by the voltage.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from ..arrays import Array
 from ..contact.skin_contact import SkinContact
 from ..devices.friction_screen import AMPLITUDE, FrictionScreen
 from ..devices.shear_tactor import ShearTactor
+from ..devices.voice_coil import DISPLACEMENT, VOLTAGE, VoiceCoil
 from ..errors import DermisError
 from ..pipeline.bake import Output
 from ..skin.model import SkinModel
@@ -71,14 +73,14 @@ def judge(output: Output, skin: SkinContact | None, parameters: Mapping[str, Any
     """Judge one device; None where the touch asks nothing of it.
 
     Args:
-        skin: what the finger's skin felt, for a device that presses on it. parameters: of its use.
+        skin: states of the finger's skin, for a device that presses on it. parameters: of its use.
 
     Raises:
         DermisError: a track that the device cannot play, or a kind without a measure.
     """
     if output.track.spec.follows_skin:
         return None if skin is None or not len(skin.contact) else _pressing(output, skin, parameters)
-    judges = {"shear_tactor": _tactor, "friction_screen": _screen}
+    judges = {"shear_tactor": _tactor, "friction_screen": _screen, "voice_coil": _coil}
     if output.track.spec.kind not in judges:
         raise DermisError("there is no measure for its kind", where=output.device, value=output.track.spec.kind)
     return judges[output.track.spec.kind](output)
@@ -103,6 +105,20 @@ def _tactor(output: Output) -> Judged | None:
     target = ShearTactor.from_spec(track.spec).radius * asked
     made = measure("shear displacement", "m", track.times, target, shown)
     return Judged((made,), float((asked[felt] > BEYOND).mean()))
+
+
+def _coil(output: Output) -> Judged | None:
+    """Judge a voice coil by its vibration, within the track's limits, against the requested one in its band."""
+    track, coil = output.track, VoiceCoil.of(output.track.spec)
+    target = track.column(DISPLACEMENT)
+    if not target.any():
+        return None
+    asked = output.signals["magnitude"]
+    driven = coil.volts(target)
+    low, high = (track.spec.channel(VOLTAGE).low or 0.0), (track.spec.channel(VOLTAGE).high or 0.0)
+    made = measure("voltage", "V", track.times, driven, track.column(VOLTAGE))
+    beyond = (asked > BEYOND) | (driven < low * BEYOND) | (driven > high * BEYOND)
+    return Judged((made,), float(beyond[asked > 0.0].mean()))
 
 
 def _screen(output: Output) -> Judged | None:

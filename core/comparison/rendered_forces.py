@@ -1,4 +1,4 @@
-"""What a device that presses on skin does to the pad's nodes, from its track: the same for every kind."""
+"""Forces of a device on the pad's nodes, from its track: the same for every kind that presses on skin."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def rendered_touches(
     times = skin.times[samples]
     if track.spec.kind == "pin_array":
         ready = pins.setup(skin.model, track.spec, DEVICE["pin_nodes"].of(parameters))
-        lead = float(track.meta.get("lead_s", 0.0))  # the track is so much ahead of what the pins press
+        lead = float(track.meta.get("lead_s", 0.0))  # the track is so much ahead of the pins' forces
         pressed = interpolate(track.times, track.values, np.clip(times - lead, track.times[0], track.times[-1]))
         return np.stack([pins.rendered_force(ready, row) for row in pressed]), [None] * len(pressed)
     if by_stress(track.spec, parameters):

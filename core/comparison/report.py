@@ -41,7 +41,7 @@ svg{max-width:100%;height:auto;margin:1em 0}.faint{color:#6b7480}"""
 
 
 def columns(found: Comparison) -> tuple[str, ...]:
-    """Return what the columns of `lines` are called."""
+    """Return the names of the columns of `lines`."""
     return (*COLUMNS, *FLOORS) if _has_floors(found) else COLUMNS
 
 
@@ -81,7 +81,7 @@ def _floor_by(row: Row) -> str:
 
 
 def text(found: Comparison) -> str:
-    """Return the table for a terminal, what was skipped and what is to be known of the touch."""
+    """Return the table for a terminal, the skipped devices and the findings about the touch."""
     made = aligned([columns(found), *lines(found)])
     return "\n".join([*made, *(f"skipped: {s.title}: {s.why}" for s in found.skipped), *map(str, found.findings)])
 
@@ -105,7 +105,7 @@ def csv(found: Comparison) -> str:
 
 
 def html(found: Comparison) -> str:
-    """Return one page that needs nothing else: table, what was skipped, what the words mean, pictures."""
+    """Return one page that needs nothing else: table, skipped devices, glossary, pictures."""
     words = (*WORDS, FLOOR_WORDS) if _has_floors(found) else WORDS
     parts = [
         f"<!DOCTYPE html><html lang=en><meta charset=utf-8><title>{escape(found.finger)}: devices compared</title>",
@@ -137,7 +137,7 @@ def html(found: Comparison) -> str:
 
 
 def as_dict(found: Comparison) -> dict[str, Any]:
-    """Return what a panel shows, as plain JSON values."""
+    """Return the contents of the panel, as plain JSON values."""
     return {
         "scene": found.scene,
         "finger": found.finger,

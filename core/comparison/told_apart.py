@@ -1,7 +1,7 @@
 """Which touches of a scene a finger could tell apart through each device, by an ideal observer.
 
 A finger that touches, lifts and touches again makes touches that are compared in pairs: the real ones with each other,
-and what each device and method makes of them.
+and those rendered by each device and method.
 """
 
 from __future__ import annotations
@@ -95,7 +95,6 @@ def tell_apart(
     worn, skipped = _wearing(scene, library, number)
     bake = yield from render(worn, library, cache=cache)
     skin = bake.skins.get(name)
-    skin = None if skin is None else skin.matched
     touches = () if skin is None else touches_of(skin)
     check_count(name, touches)
     assert skin is not None
@@ -227,7 +226,7 @@ class LookedAt:
         return np.union1d(before, before + 1)
 
     def read(self, afferents: Afferents, states: Sequence[Stimulus]) -> list[Array]:
-        """Return what is read of each touch, from the states at `samples`; nothing is strained once it is over."""
+        """Return the responses to each touch, from the states at `samples`; nothing is strained once it is over."""
         strain, within = afferents.strain(states), self.first >= 0
         at = np.searchsorted(self.samples, self.first[within])
         share = self.share[within][:, None]

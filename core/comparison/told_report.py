@@ -28,7 +28,7 @@ def lines(found: Told) -> list[tuple[str, ...]]:
 
 
 def text(found: Told) -> str:
-    """Return the touches, the table and what was skipped for a terminal."""
+    """Return the touches, the table and the skipped devices for a terminal."""
     out = [
         f"touch {k}: {touch.start:.2f} to {touch.end:.2f} s, from frame {touch.frame:g}"
         for k, touch in enumerate(found.touches, 1)
@@ -51,7 +51,7 @@ def csv(found: Told) -> str:
 
 
 def as_dict(found: Told) -> dict[str, Any]:
-    """Return what a panel shows, as plain JSON values."""
+    """Return the contents of the panel, as plain JSON values."""
     rows = [("", REAL, "", found.real), *((r.device, r.title, r.method, r.answers) for r in found.rows)]
     return {
         "finger": found.finger,

@@ -1,4 +1,4 @@
-"""Contact of fingers with what they touch, in the order of the data.
+"""Contact of fingers with objects, in the order of the data.
 
 Both ways begin with surfaces: `surfaces` after an object's scale, `deforming_surfaces` from sample to sample.
 
@@ -21,8 +21,8 @@ The whole skin:
     held_bodies      all of them, balanced with the fingers' contacts
     skin_sampler     chunks of poses -> forces on the skins
     skin_record      one finger meanwhile
-    skin_contact     what a skin feels, at a sample and over the range
-    packed_forces    its forces in a tenth of the memory, for what is kept of a bake
+    skin_contact     the touch on a skin, at a sample and over the range
+    packed_forces    its forces in a tenth of the memory, for bakes that are kept
     resultants       what that comes to, as series and CSV
 
 `solver/` knows no scene: a compliance and gaps -> forces, along a path or around a grip.

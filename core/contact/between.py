@@ -1,4 +1,4 @@
-"""What a skin feels on the way from one sample to another, in a straight line."""
+"""The touch on a skin between two samples, in a straight line."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .skin_contact import SkinStep
 
 
 def between(a: SkinStep, b: SkinStep, share: float) -> SkinStep:
-    """Return what is felt between two samples, at a share of the way from the first to the second."""
+    """Return the touch between two samples, at a share of the way from the first to the second."""
 
     def mixed(one: float, other: float) -> float:
         return (1.0 - share) * one + share * other
@@ -47,7 +47,7 @@ def _points(a: PointForces | None, b: PointForces | None, share: float) -> Point
 
 
 def _amounts(a: Array | None, b: Array | None, share: float) -> Array | None:
-    """Return what is kept of tissue that stiffens; who feels nothing keeps nothing."""
+    """Return the amounts of tissue that stiffens; skin without touch has none."""
     if a is None:
         return None if b is None else np.asarray(share * b)
     return np.asarray((1.0 - share) * a + (0.0 if b is None else share * b))

@@ -1,4 +1,4 @@
-"""What a chunk of samples may hold: scales that can be measured, animated parameters within their range."""
+"""Checks of a chunk of samples: scales that can be measured, animated parameters within their range."""
 
 from __future__ import annotations
 
@@ -38,19 +38,19 @@ def check_scales(kind: str, names: Sequence[str], poses: Array, frames: Array) -
         k = int(np.argmax(most > LARGEST_SCALE))
         where = f"{kind} '{names[i]}', frame {frames[k]:g}"
         raise DermisError("the scale is too large", where=where, value=most[k], limit=f"<= {LARGEST_SCALE:g}")
-    for name, own in zip(names, linear, strict=True) if kind == "finger" else ():
-        if (flat := singular(own)).any():
-            raise DermisError(
-                "a finger of scale 0 has no direction",
-                where=f"finger '{name}', frame {frames[np.argmax(flat)]:g}",
-                remedy="Give the finger a scale other than 0",
-            )
+    if kind == "finger" and (flat := singular(linear.reshape(-1, 3, 3)).reshape(linear.shape[:2])).any():
+        i = int(flat.any(axis=1).argmax())
+        raise DermisError(
+            "a finger of scale 0 has no direction",
+            where=f"finger '{names[i]}', frame {frames[np.argmax(flat[i])]:g}",
+            remedy="Give the finger a scale other than 0",
+        )
 
 
 def check_animated(scene: TactileScene, chunk: Chunk) -> None:
     """Refuse animated parameters of fingers, objects and screens that are out of range.
 
-    What is no number is mended by `Repairs`; devices are judged where they are rendered (`check_device`).
+    Numbers that are not finite are mended by `Repairs`; devices are judged where they are rendered (`check_device`).
 
     Raises:
         DermisError: with the frame.
@@ -81,8 +81,9 @@ def check_device(pad_contact: PadContact, finger: Finger, index: int, use: Devic
 
 
 def _check_series(animated: Mapping[str, Array], owner: str, table: Table, frames: Array, where: str) -> None:
-    for row in table.values():
-        values = animated.get(f"{owner}/{row.name}")
+    own = {key.removeprefix(f"{owner}/"): values for key, values in animated.items() if key.startswith(f"{owner}/")}
+    for row in table.values() if own else ():
+        values = own.get(row.name)
         if values is None or not row.numeric or len(values) != len(frames):
             continue  # `Repairs` refuses other lengths
         good = np.flatnonzero(np.isfinite(values))

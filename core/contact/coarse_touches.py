@@ -19,8 +19,8 @@ from .solver.solve import Solution
 # Nodes that must carry a touch: as many lie in a circle of two spacings. With fewer, where contact ends is not known
 # to half its radius, and force goes with the radius or a higher power of it.
 FEWEST_NODES = 12
-# How far what presses may turn from a node to the next [rad]: it then is round to four spacings, and a node is half of
-# that off the slope between it and its neighbour. Edges turn by ten times as much, whatever the mesh.
+# How far the object's normal may turn from a node to the next [rad]: the object then is round to four spacings, and a
+# node is half of that off the slope between it and its neighbour. Edges turn by ten times as much, whatever the mesh.
 SHARPEST_TURN = 0.25
 
 
@@ -72,7 +72,7 @@ class CoarseTouches:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What there is to say, of the touch that goes on as if it ended now."""
+        """The findings so far; a touch that goes on counts as if it ended now."""
         saved = self.save()
         self.end()
         found = self._notes.findings()
@@ -88,7 +88,7 @@ class CoarseTouches:
         self._peak, self._notes = state[0], state[1].copy()
 
     def _turn(self, solution: Solution, touching: Indices) -> float:
-        """Return the largest angle between what presses on two neighbouring nodes [rad]."""
+        """Return the largest angle between the contact normals of two neighbouring nodes [rad]."""
         both = self._edges[touching[self._edges].all(axis=1)]
         if not len(both):
             return 0.0

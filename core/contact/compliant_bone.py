@@ -65,7 +65,7 @@ class CompliantBone:
         self.solver, self.stiffness, self.force_limit, self.name = solver, stiffness, force_limit, name
         self._tissue, self._range = WORDS[tissue], trusted(tissue)
         self.sub_steps = SubStepper(solver, float(np.linalg.norm(solver.bone)), modulus)
-        self._retraction = 0.0  # by the force limit, beyond what the spring gives way [m]
+        self._retraction = 0.0  # by the force limit, beyond the spring's displacement [m]
         self._slope = 0.0
         self._before: Callable[[], Sequence[ContactBody] | None] = lambda: None
         self._notes = Notes(name)
@@ -88,7 +88,7 @@ class CompliantBone:
             DermisError: an unknown mode, or a stiffness or limit that is out of range.
         """
         stiffness, limit = touch_depth(parameters, name)
-        # what the spring gives way is known only after the solve: then `step` looks at the depth itself
+        # the spring's displacement is known only after the solve: then `step` looks at the depth itself
         depth_limit = trusted(skin.tissue).depth if stiffness == 0 else np.inf
         if surface is not None:
             if stiffness:

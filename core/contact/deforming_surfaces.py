@@ -1,7 +1,7 @@
 """DeformingSurfaces: the surfaces of objects that change their shape, chunk after chunk.
 
 Each sample brings a surface of its own. One with vertices that are no numbers would silently be nowhere, so the last
-good one stands in for it; what is doubtful about a surface depends on its triangles and is asked once for each set.
+good one stands in for it; doubts about a surface depend on its triangles and are asked once for each set.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class DeformingSurfaces:
         bodies: of the scene's header. repairs: is told of surfaces that are not finite.
 
     Attributes:
-        noted: what is doubtful, by body.
+        noted: doubts, by body.
     """
 
     def __init__(self, bodies: Sequence[Body], repairs: Repairs) -> None:
@@ -74,7 +74,7 @@ class DeformingSurfaces:
                 self._previous[b] = (time, last)
 
     def look(self, b: int, mesh: Mesh, surface: Surface) -> None:
-        """Record what is doubtful about a surface whose triangles are new; each kind is told once."""
+        """Record doubts about a surface whose triangles are new; each kind is told once."""
         if self._looked_at.get(b) is mesh.triangles:
             return
         self._looked_at[b] = mesh.triangles

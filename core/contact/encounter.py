@@ -66,7 +66,8 @@ class Encounter:
     def any(self) -> bool:
         """Whether the pad ever touches."""
         near = self._pair.gap[np.isfinite(self._pair.gap)]
-        return bool(near.size and near.min() <= np.max(self.distance) + DIP and self.touching.any())
+        farthest = self.distance.max() if isinstance(self.distance, np.ndarray) else self.distance
+        return bool(near.size and near.min() <= farthest + DIP and self.touching.any())
 
     @cached_property
     def onsets(self) -> Array:

@@ -128,7 +128,7 @@ def _smallest(pieces: _Squares | _Triangles, body: ContactBody, side: int) -> tu
     while True:
         local = (pieces.middles - body.translation) @ body.rotation
         sizes, found = pieces.sizes, body.surface.query(local)
-        gaps = (found if side > 0 else found.flipped()).gap  # what is beside a rim is outside of either side
+        gaps = (found if side > 0 else found.flipped()).gap  # points beside a rim are outside of either side
         most, least = float(gaps.min()), gaps - sizes
         some = np.flatnonzero(least <= most)
         if len(some) > MOST_PIECES:

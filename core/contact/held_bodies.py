@@ -42,11 +42,11 @@ class HeldBodies:
 
     @property
     def findings(self) -> dict[int, tuple[Finding, ...]]:
-        """What slipped, and what is held by fingers that are not solved, by body."""
+        """Findings of bodies that slipped or are held by fingers that are not solved, by body."""
         return {body.index: body.findings for body in self._held}
 
     def step(self, window: SampleWindow, i: int, sample: int) -> dict[int, SkinStep]:
-        """Balance what is held at sample `i` of a window; return the steps of the fingers that hold something.
+        """Balance the held bodies at sample `i` of a window; return the steps of the fingers that hold something.
 
         Args:
             sample: the same, counted over the whole range.

@@ -52,7 +52,7 @@ class HeldBody:
     Args:
         pad_contact: of the whole range.
         b: the body's index.
-        skins: finger index -> what is known of its skin, for the fingers that are simulated.
+        skins: finger index -> record of its skin, for the fingers that are simulated.
     """
 
     def __init__(

@@ -1,9 +1,9 @@
 """PackedForces: contact forces of a long path in little memory: whole numbers, as they change, with few bits each.
 
 A finger's minute of touch is some 50 MB of forces on the nodes of a standard skin, most of which are zero, and most
-others nearly what they were a sample before. What a bake keeps once its tracks are made is packed: it is drawn, plotted
-and summed up, and no track is made from it. A force is then off by 1 / 65,536 of the largest one within `BLOCK` samples
-at most, a twentieth of what contact is solved to. Packing it again changes nothing.
+others nearly as they were a sample before. Forces that a bake keeps once its tracks are made are packed: they are
+drawn, plotted and summed up, and no track is made from them. A force is then off by 1 / 65,536 of the largest one
+within `BLOCK` samples at most, a twentieth of what contact is solved to. Packing it again changes nothing.
 """
 
 from __future__ import annotations
@@ -194,7 +194,7 @@ def _packed(samples: Sequence[tuple[Indices | NDArray[np.int32], Array | Floats3
     if not math.isfinite(most):
         raise DermisError("a force on the skin is no finite number", where="skin contact", value=most)
     part, exponent = math.frexp(most)
-    unit = 2.0 ** (exponent - (part == 0.5) - BITS)  # what is packed again meets the same unit, or a part
+    unit = 2.0 ** (exponent - (part == 0.5) - BITS)  # forces packed again meet the same unit, or a part
     turned = np.rint(force / unit).astype(np.int32).reshape(len(samples), -1)
     for _ in range(2):
         turned = np.diff(turned, axis=0, prepend=np.zeros((1, turned.shape[1]), np.int32))

@@ -6,7 +6,7 @@ from collections.abc import Callable, Hashable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from ..motion import Motion, MotionSamples, Spline
 from ..parameters.parameter import Parameter
 from ..scene.tactile_scene import Mesh, TactileScene, device_times
 from ..surface.centre import centre_of
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +55,8 @@ class PadContact:
         centres: centre of gravity of deforming bodies in their object space, shape (n, 3).
         animated: animated parameters over the whole range, shape (n,).
         skipped: how much work the scene did not need, by name.
-        findings: what was repaired or refused.
-        kept: what was derived from all this once, so that several devices share it.
+        findings: repairs and refusals.
+        kept: results derived from all this once, so that several devices share them.
         memory: of the time before, where all this is the end of something longer; None where it begins at rest.
     """
 
@@ -99,6 +101,11 @@ class PadContact:
     def carry(self, key: Hashable, times: Array) -> AbstractContextManager[Carry]:
         """Give the state that something at device times begins with, and note how it ends; rest without a memory."""
         return nullcontext(Carry()) if self.memory is None else self.memory.carry(key, times)
+
+    def lasting(self, key: Hashable, make: Callable[[], T]) -> T:
+        """Return what holds for the whole scene, made once where it is computed window by window."""
+        made: T = make() if self.memory is None else self.memory.lasting(key, make)
+        return made
 
     def finger_motion(self, finger: int) -> Motion:
         """Return the smooth motion of a finger, computed once."""
@@ -149,7 +156,7 @@ class PadContact:
         return values[np.clip(np.searchsorted(self.times, times + 1e-9, side="right") - 1, 0, None)]
 
     def keep(self, key: Any, make: Callable[[], Any], times: Array | None = None) -> Any:
-        """Return what was made under a key, making it once; with `times`, only for an object of the same times."""
+        """Return the result under a key, made once; with `times`, only for an object of the same times."""
         known = self.kept.get(key)
         if known is None or (times is not None and known.times is not times and not np.array_equal(known.times, times)):
             self.kept[key] = known = make()

@@ -58,7 +58,7 @@ class PadProxy:
             nails: directions of the finger's Z, of `which`, shape (len(which), 3).
         """
         normals = found.normal[which]
-        before = np.vstack([self._normal[None], normals[:-1]])
+        before = np.concatenate([self._normal[None], normals[:-1]])
         same = np.einsum("ij,ij->i", before, normals) >= SAME_SIDE
         first = 0
         while first < which.size:

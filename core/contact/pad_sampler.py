@@ -1,7 +1,7 @@
 """PadSampler: from chunks of poses to the gap between every pad and every body, sample by sample.
 
-The broad phase compares boxes over a whole chunk, then per sample; what is farther apart than the search radius costs
-nothing more and is counted. The narrow phase asks a body's `Surface` for its gap to the pads' centres, in the body's
+The broad phase compares boxes over a whole chunk, then per sample; pairs farther apart than the search radius cost
+nothing more and are counted. The narrow phase asks a body's `Surface` for its gap to the pads' centres, in the body's
 *carried* space: its object space after scale and shear, before rotation and translation, so that lengths are metres.
 Bodies whose scale changes, and bodies that deform, get a surface per sample, but only where a pad is near.
 """
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..arrays import Array, Indices
 from ..errors import DermisError, Finding
 from ..motion import rotations, singular
-from ..motion.vectors import dot, turn_back
+from ..motion.vectors import dot, turn_back, turn_map_back
 from ..motion.vectors import turn as turned
 from ..parameters.material import BODY
 from ..scene.tactile_scene import Chunk, Mesh, TactileScene
@@ -212,7 +212,8 @@ class PadSampler:
         own: Array | None,
     ) -> None:
         """Measure the gaps between one body and the pads that are near it."""
-        near_samples = np.unique(np.concatenate([index for _, index in near]))
+        single = len(chunk.times) == 1
+        near_samples = near[0][1] if single else np.unique(np.concatenate([index for _, index in near]))
         linear = poses[near_samples, :3, :3]
         flat = singular(linear)
         if flat.any():
@@ -223,11 +224,10 @@ class PadSampler:
         if not near:
             return
         turn = np.zeros((len(chunk.times), 3, 3))
-        maps = linear[:1] if (linear == linear[0]).all() else linear
+        maps = linear[:1] if single or (linear == linear[0]).all() else linear
         rotation = rotations(maps)
         turn[near_samples] = rotation
-        stretch = np.stack([turn_back(rotation, maps[:, :, j]) for j in range(3)], axis=-1)
-        stretch = np.broadcast_to(stretch, linear.shape)
+        stretch = np.broadcast_to(turn_map_back(rotation, maps), linear.shape)
         local = {f: turn_back(turn[i], fingers[f, i, :3, 3] - poses[i, :3, 3]) for f, i in near}
         last = self._chunks[-2] if len(self._chunks) > 1 else None
         before = None if last is None else (float(last.times[-1]), last.bodies[b, -1])
@@ -302,32 +302,26 @@ class PadSampler:
         points, samples, who = points[inside], samples[inside], who[inside]
         nearest = surface.query(points, self._radius.longest)
         if surface.closed:
-            for f in np.unique(who).tolist():
-                which = np.flatnonzero(np.isfinite(nearest.gap) & (who == f))
+            known = np.isfinite(nearest.gap)
+            for f, _ in near:
+                which = (known & (who == f)).nonzero()[0]
                 if which.size:
-                    self._keep_side(
-                        self._pairs.setdefault((f, b), PairRecord()),
-                        surface,
-                        nearest,
-                        which,
-                        points,
-                        samples,
-                        turn,
-                        fingers[f],
-                    )
+                    self._keep_side(self._pair(f, b), surface, nearest, which, points, samples, turn, fingers[f])
         within_reach = np.isfinite(nearest.gap)
-        if own_radius is not None:  # a chunk's longest radius must not lend others what they would not know alone
+        if own_radius is not None:  # a chunk's longest radius must not lend others a touch that they lack alone
             within_reach &= (nearest.gap if surface.closed else np.abs(nearest.gap)) <= own_radius[who, samples]
         moving = np.zeros((len(points), 3))
         if velocity is not None and within_reach.any():
             moving[within_reach] = _interpolated(surface, nearest, within_reach, velocity)
         if rates is not None and within_reach.any():
             moving[within_reach] += turned(rates[samples[within_reach]], nearest.point[within_reach])
-        for f in np.unique(who[within_reach]).tolist():
-            own = np.flatnonzero(within_reach & (who == f))
+        for f, _ in near:
+            own = (within_reach & (who == f)).nonzero()[0]
+            if own.size == 0:
+                continue
             index, gap, normal = samples[own], nearest.gap[own], nearest.normal[own]
             smooth = surface.smooth_normals(nearest.triangle[own], nearest.weights[own]) if f in self._smooth else None
-            pair = self._pairs.setdefault((f, b), PairRecord())
+            pair = self._pair(f, b)
             if not surface.closed:
                 side = self._sides(pair, surface, index, points[own], turn, fingers[f])
                 gap, normal = gap * side, normal * side[:, None]
@@ -341,6 +335,12 @@ class PadSampler:
             if smooth is not None:
                 pair.smooth_normal.append(turned(turn[index], smooth))
 
+    def _pair(self, f: int, b: int) -> PairRecord:
+        pair = self._pairs.get((f, b))
+        if pair is None:
+            pair = self._pairs[f, b] = PairRecord()
+        return pair
+
     def _keep_side(
         self,
         pair: PairRecord,
@@ -353,9 +353,11 @@ class PadSampler:
         finger: Array,
     ) -> None:
         """Let a closed surface be felt on the side that the finger came from; it begins anew after a gap in time."""
-        number = self._count + samples[which]
-        begins = np.flatnonzero(number != np.concatenate([[pair.seen], number[:-1]]) + 1)
-        for part in np.split(which, begins):
+        parts = [which]
+        if which.size > 1:
+            number = self._count + samples[which]
+            parts = np.split(which, np.flatnonzero(number != np.concatenate([[pair.seen], number[:-1]]) + 1))
+        for part in parts:
             if part.size == 0:
                 continue
             up = finger[samples[part], :3, 2]

@@ -1,4 +1,4 @@
-"""One finger and one body while a scene is swept: what is known so far, and the whole of it at the end."""
+"""One finger and one body while a scene is swept: their distances so far, and all of them at the end."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .solver.bodies import BONE
 
 @dataclass
 class PairRecord:
-    """What is known about a finger and a body so far, in pieces as the chunks brought them.
+    """Distances of a finger and a body so far, in pieces as the chunks brought them.
 
     Attributes:
         start: samples at which the gap is known, rising.
@@ -39,21 +39,23 @@ class PairRecord:
     def forget(self, first: int) -> None:
         """Forget the chunks before a sample, which one of them begins with."""
         while self.start and self.start[0][-1] < first:
-            parts = self.start, self.gap, self.normal, self.point, self.surface_velocity, self.smooth_normal
-            for pieces in parts:
+            for pieces in (self.start, self.gap, self.normal, self.point, self.surface_velocity, self.smooth_normal):
                 del pieces[:1]
 
     def assembled(self, first: int, count: int) -> PairContact:
-        """Spread what is known over `count` samples from the first on."""
+        """Spread the pieces over `count` samples from the first on."""
         index = np.concatenate(self.start) - first
-        gap = np.full(count, np.inf)
-        gap[index] = np.concatenate(self.gap)
-        arrays = []
-        for parts in (self.normal, self.point, self.surface_velocity):
-            full = np.zeros((count, 3))
-            full[index] = np.concatenate(parts)
-            arrays.append(full)
-        smooth_normal = np.zeros((count, 3)) if self.smooth_normal else None
-        if smooth_normal is not None:
-            smooth_normal[index] = np.concatenate(self.smooth_normal)
-        return PairContact(gap, arrays[0], arrays[1], arrays[2] if arrays[2].any() else None, smooth_normal)
+
+        def spread(parts: list[Array], beyond: Array) -> Array:
+            known = np.concatenate(parts)
+            if index.size == count:  # it is known at all of them
+                return known
+            beyond[index] = known
+            return beyond
+
+        normal, point, velocity = (
+            spread(parts, np.zeros((count, 3))) for parts in (self.normal, self.point, self.surface_velocity)
+        )
+        smooth = spread(self.smooth_normal, np.zeros((count, 3))) if self.smooth_normal else None
+        gap = spread(self.gap, np.full(count, np.inf))
+        return PairContact(gap, normal, point, velocity if velocity.any() else None, smooth)

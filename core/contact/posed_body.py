@@ -35,7 +35,7 @@ class Posed(NamedTuple):
 
 
 class _Kept(NamedTuple):
-    """A surface, and what it was made of."""
+    """A surface and its sources."""
 
     mesh: Mesh
     stretch: Array

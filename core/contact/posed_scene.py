@@ -21,7 +21,7 @@ class PosedScene:
     """A scene's fingers and bodies in one chunk at a time.
 
     Args:
-        bodies: headers of what may be touched.
+        bodies: headers of the objects that may be touched.
         deforms: as in `PosedBody`, of each; None where only the surfaces that deform come with the chunks.
 
     Attributes:

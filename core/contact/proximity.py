@@ -46,7 +46,7 @@ class _Measured(NamedTuple):
 
 
 class Proximity:
-    """What is known of the distance of one finger to bodies.
+    """The known distances of one finger to bodies.
 
     Args:
         points: of the finger's undeformed skin [m], shape (m, 3).

@@ -1,4 +1,4 @@
-"""Resultants: what a skin's contact forces come to at every sample, as series and as a CSV file."""
+"""Resultants: the sums of a skin's contact forces at every sample, as series and as a CSV file."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def resultants(skin_contact: SkinContact) -> dict[str, Array]:
 
 
 def dumps(skin_contact: SkinContact, meta: Mapping[str, str] | None = None) -> str:
-    """Return the resultants as CSV text: comments with what they are of, names with units, one row a sample."""
+    """Return the resultants as CSV text: comments with their origin, names with units, one row a sample."""
     out = io.StringIO()
     out.write(f"# dermis-resultants {VERSION}\n")
     own = {"tissue": skin_contact.model.tissue, "frame of reference": "finger: +Y to the tip, +Z to the nail"}

@@ -24,18 +24,18 @@ class SearchRadius:
 
     def __init__(self, scene: TactileScene) -> None:
         self._distances = [float(FINGER["touch_distance"].of(f.parameters)) for f in scene.fingers]
+        self._keys = [f"finger/{f}/touch_distance" for f in range(len(self._distances))]
         self._margin = FASTEST_APPROACH / scene.rate
         self.longest = max(self._distances, default=0.0) + self._margin
 
     def over(self, chunk: Chunk) -> Array | None:
         """Return each finger's radius at each sample [m], shape (F, n), or None where no touch distance is animated."""
-        keys = [f"finger/{f}/touch_distance" for f in range(len(self._distances))]
-        if not any(key in chunk.animated for key in keys):
+        if not any(key in chunk.animated for key in self._keys):
             return None
-        own = np.empty((len(keys), len(chunk.times)))
-        for f, key in enumerate(keys):
+        own = np.empty((len(self._keys), len(chunk.times)))
+        for f, key in enumerate(self._keys):
             own[f] = chunk.animated.get(key, self._distances[f])
-        # What is no number is held later, at a value that this chunk or an earlier one has.
+        # A value that is no number is held later, at one that this chunk or an earlier one has.
         radius = np.where(np.isfinite(own), own + self._margin, self.longest)
         self.longest = max(self.longest, float(radius.max()))
         return radius

@@ -71,7 +71,7 @@ class SingleTouch:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What a bake would say of it, without frames, which are of scenes."""
+        """The findings that a bake would have, without frames, which are of scenes."""
         coarse = () if self._coarse is None else self._coarse.findings
         found = (*self._told, *self._bone.solver.findings, *self._bone.findings, *coarse)
         return tuple(replace(finding, frame=None) for finding in found)

@@ -1,4 +1,4 @@
-"""What a skin felt over a scene as plain arrays: for stored results, and from one process to another.
+"""The touch on a skin over a scene as plain arrays: for stored results, and from one process to another.
 
 Displacement and stress are not kept: they follow from the forces, and of skin that stiffens from what its contact found
 beside them (`Stimulus.given`).
@@ -23,7 +23,7 @@ LATER = ("amounts", "slide")  # not in every version's results, or not of every 
 
 
 def arrays_of(touch: SkinContact) -> dict[str, NDArray[Any]]:
-    """Return what a skin felt, without its model, findings and what was skipped."""
+    """Return the touch on a skin, without its model, findings and skipped parts."""
     arrays: dict[str, NDArray[Any]] = {
         "contact": np.asarray(touch.contact, np.int32),
         "force": np.asarray(touch.force, np.float32),
@@ -37,7 +37,7 @@ def arrays_of(touch: SkinContact) -> dict[str, NDArray[Any]]:
 def touch_of(
     model: SkinModel, arrays: Mapping[str, NDArray[Any]], findings: tuple[Finding, ...], skipped: Mapping[str, int]
 ) -> SkinContact:
-    """Return what a skin felt, from what `arrays_of` returned.
+    """Return the touch on a skin, from the arrays of `arrays_of`.
 
     Forces on points are left out where the model's smooth pad is gone, or has become another.
 

@@ -1,29 +1,26 @@
-"""What one finger's skin feels: at one sample, and over a scene."""
+"""The touch on one finger's skin: at one sample, and over a scene."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..errors import Finding
-from ..skin.felt_state import matched_amounts
 from ..skin.model import SkinModel
 from ..skin.nodal_forces import NodalForces
 from ..skin.point_forces import PointForces
 from ..skin.stimulus import Stimulus
 from ..skin.surface_compliance import SurfaceCompliance
-from ..skin.surface_store import smooth_pad
 from .packed_forces import PackedForces, PackedPoints, SpreadForces
 
 
 @dataclass(frozen=True, eq=False)
 class SkinStep:
-    """What one finger's skin feels at one sample.
+    """The touch on one finger's skin at one sample.
 
     Attributes:
         force: on the pad nodes in the finger's frame [N], shape (m, 3).
@@ -31,9 +28,9 @@ class SkinStep:
         depth: how deep the undeformed skin is in an object, 0 without contact [m].
         lift: how far the bone gave way (compliant touch depth) [m].
         sticking, slipping: number of nodes.
-        work: what the solver did, see `PathStep`, 'between' or 'baked'. converged: whether the sample passed its check.
+        work: of the solver, see `PathStep`, 'between' or 'baked'. converged: whether the sample passed its check.
         points: the same forces where they act, on points of the smooth skin; None where contact is solved on nodes.
-        amounts: what a touch keeps of tissue that stiffens, see `Stimulus.given`; None of linear skin.
+        amounts: of tissue that stiffens, see `Stimulus.given`; None of linear skin.
         slide: how far friction has drawn the loaded skin along itself, see `PathStep.slide` [m].
     """
 
@@ -74,7 +71,7 @@ class PointRecord:
 
 @dataclass(frozen=True, eq=False)
 class SkinContact:
-    """What one finger's skin felt over a scene.
+    """The touch on one finger's skin over a scene.
 
     Attributes:
         model: the skin.
@@ -86,12 +83,12 @@ class SkinContact:
         depth: how deep the undeformed skin is in an object, 0 without contact [m], shape (n,).
         lift: how far the bone gave way (compliant touch depth) [m], shape (n,).
         sticking, slipping: number of nodes, shape (n,).
-        findings: what did not converge and what was too deep.
-        skipped: what was not computed, by name.
+        findings: samples that did not converge or were too deep.
+        skipped: parts that were not computed, by name.
         points: the same forces where they act, on points of the smooth skin: stress near the skin is read from them.
             None where contact was solved on nodes.
-        given: what the samples in contact keep of tissue that stiffens, see `Stimulus.given`, float32, shape (k, a); of
-            a finished bake packed. `amounts` is the array. None of linear skin.
+        given: amounts of tissue that stiffens at the samples in contact, see `Stimulus.given`, float32, shape (k, a);
+            of a finished bake packed. `amounts` is the array. None of linear skin.
         slide: how far friction has drawn the loaded skin along itself, see `PathStep.slide` [m], shape (n,); None in
             results of versions that did not measure it.
     """
@@ -118,24 +115,8 @@ class SkinContact:
 
     @property
     def pressed(self) -> SkinModel:
-        """The skin as it was touched: what a device does to it is solved on points, or at nodes, as the touch was."""
+        """The skin as it was touched: devices are solved on points, or at nodes, as the touch was."""
         return self.model.on_nodes if self.points is None else self.model
-
-    @cached_property
-    def matched(self) -> SkinContact:
-        """The same as devices are matched with it: where its tissue follows a law, told by the series of it.
-
-        Forces stay, and amounts become those of the patterns in which the skin lies; of linear skin, where there is no
-        series, there are none.
-        """
-        if self.model.matched is self.model:
-            return self
-        model, points = self.model.matched, self.points
-        if points is not None:
-            points = replace(points, surface=smooth_pad(model) or points.surface.with_stiffening(model.stiffening))
-        felt = [matched_amounts(self.stimulus_at(sample)) for sample in self.contact.tolist()]
-        none = model.stiffening is None or not felt
-        return replace(self, model=model, given=None if none else np.array(felt, np.float32), points=points)
 
     @property
     def force(self) -> NDArray[np.float32]:
@@ -144,7 +125,7 @@ class SkinContact:
 
     @property
     def amounts(self) -> NDArray[np.float32] | None:
-        """What the samples in contact keep of tissue that stiffens, shape (k, a); unpacked anew each time."""
+        """Amounts of tissue that stiffens, of the samples in contact, shape (k, a); unpacked anew each time."""
         return None if self.given is None else np.asarray(self.given).reshape(len(self.contact), -1)
 
     @property
@@ -191,16 +172,16 @@ class SkinContact:
         return replace(self.points.at(at), amounts=self.amounts_at(sample))
 
     def amounts_at(self, sample: int) -> Array | None:
-        """Return what one sample keeps of tissue that stiffens, shape (a,); None without contact, or linear."""
+        """Return the amounts of tissue that stiffens at one sample, shape (a,); None without contact, or linear."""
         at = self._place_of(sample)
         return None if at is None or self.given is None else self.given[at].astype(np.float64).ravel()
 
     def stimulus_at(self, sample: int) -> Stimulus:
-        """Return what the forces of one sample do to the skin."""
+        """Return the stimulus of the forces of one sample."""
         return Stimulus(self.model, self.force_at(sample), self.points_at(sample), self.amounts_at(sample))
 
     def at(self, sample: int) -> SkinStep:
-        """Return what was felt at one sample; it converged where no sample failed to."""
+        """Return the touch at one sample; it converged where no sample failed to."""
         return SkinStep(
             self.force_at(sample),
             float(self.normal_force[sample]),

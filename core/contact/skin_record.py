@@ -1,4 +1,4 @@
-"""One finger's skin while a scene is swept: what it felt so far, and the whole of it at the end."""
+"""One finger's skin while a scene is swept: its touch so far, and all of it at the end."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ class SkinSampler:
             self._add(whole)
 
     def _begun(self, chunk: Chunk) -> Regrouped:
-        """Look at what the first chunk tells of the whole sweep; return how it is cut."""
+        """Look at the first chunk for properties of the whole sweep; return how it is cut."""
         holds = any(can_be_held(self._scene, b, chunk.animated) for b in range(len(self._scene.bodies)))
         # points of the smooth skin cannot hold: whether a finger does must be known before its first sample
         self._waits = holds and any(stepper.on_points for stepper in self._steppers.values())
@@ -101,7 +101,7 @@ class SkinSampler:
                 self._records[f].keep(step)
 
     def _end(self) -> None:
-        """Take in what is left at the end of the sweep."""
+        """Take in the remaining samples at the end of the sweep."""
         for rest in [] if self._cuts is None else self._cuts.rest():
             self._add(rest)
 
@@ -207,7 +207,7 @@ def _may_touch(stepper: SkinStepper, pair: PairContact | None) -> bool:
 
 
 def skin_contacts(scene: TactileScene, skins: Mapping[int, SkinModel]) -> dict[int, SkinContact]:
-    """Return what skins feel over a whole scene; the pads' touch tells what is held, and how it is accelerated.
+    """Return the touch on skins over a whole scene; the pads' touch tells the held objects, and their acceleration.
 
     Args:
         skins: by finger index.

@@ -33,7 +33,7 @@ from .solver.cone import SLIP, STICK
 from .solver.grip import GripStep
 from .solver.point_path import REACH, PointSolver
 
-# Of what is flat or gently curved, normals where skin is this near [m] differ from their mean by less than this cosine
+# On a flat or gently curved object, normals where skin is this near [m] differ from their mean by less than this cosine
 # says; so many places must say so.
 NEARBY, GENTLE, SEVERAL = 0.3e-3, 0.9, 12
 
@@ -201,7 +201,7 @@ class SkinStepper:
 
     @property
     def gentle(self) -> bool:
-        """Whether what was touched last is flat or gently curved: one piece that faces the same way all about."""
+        """Whether the object touched last is flat or gently curved: one piece that faces the same way all about."""
         gaps = self._gaps
         if gaps is None:
             return False
@@ -258,7 +258,7 @@ class SkinStepper:
 
     @property
     def counters(self) -> Mapping[str, int]:
-        """How often what was done, see `PathSolver`."""
+        """How often each kind of work was done, see `PathSolver`."""
         return Counter(idle=self._idle) if self._bone is None else self._bone.solver.counters
 
 

@@ -1,11 +1,11 @@
 """Strides: of the samples of a sweep, those that contact is solved at; between them it goes in a straight line.
 
-What a skin feels depends on the way that things move, not on how long that takes. A sweep has samples for its devices,
+The touch on a skin depends on the way that objects move, not on the time it takes. A sweep has samples for its devices,
 hundreds a second, and between two a hand moves by some hundredths of a millimetre. So where all that is near a finger
 goes straight on, contact is solved a few samples further, and the forces between lie on the line between the two
 solutions. Where something comes, goes, turns back, deforms or changes its friction, where it is sharp or small, and
-where the touch is less deep than the stride is long, every sample is solved; where a stride ends on what its beginning
-did not know of, it is gone back for.
+where the touch is less deep than the stride is long, every sample is solved; where a stride ends on an object that
+its beginning did not know, it is taken back.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Stride(NamedTuple):
 
     Attributes:
         shares: of the way, at each of its samples. travel: its length [m]. pressed: along the finger's Z [m].
-        bent: how far it leaves a line [m]. friction: the least of what is near.
+        bent: how far it leaves a line [m]. friction: the least of the near objects.
     """
 
     shares: list[float]
@@ -85,7 +85,7 @@ class _Ways(NamedTuple):
         return cls(bodies, np.zeros((len(bodies), count + 1), bool), corners, linear, settings)
 
     def at_last(self) -> _Ways:
-        """Return what is near at the last sample, in that alone."""
+        """Return the near objects at the last sample, in that alone."""
         here = self.near[:, -1]
         bodies = [b for b, is_near in zip(self.bodies, here.tolist(), strict=True) if is_near]
         rows = self.corners[here, -1:], self.linear[here, -1:], self.settings[here, -1:]
@@ -106,7 +106,7 @@ class Strides:
         self._stepper, self.count = stepper, count
         low, high = stepper.skin.positions.min(axis=0), stepper.skin.positions.max(axis=0)
         self._box = np.array([np.where([i & 1, i & 2, i & 4], high, low) for i in range(8)])
-        self._last: SkinStep | None = None  # what was solved last
+        self._last: SkinStep | None = None  # the last solved step
         self._before = _Ways.of([], 0)
         self._number = 0  # of the next sample
         self.between = 0
@@ -117,7 +117,7 @@ class Strides:
         self._last, self._before, self._number = None, _Ways.of([], 0), self._number + count
 
     def steps(self, approach: Approach, count: int) -> Iterator[SkinStep]:
-        """Yield what is felt at each of a chunk's samples; every chunk but the last ends where strides may end."""
+        """Yield the touch at each of a chunk's samples; every chunk but the last ends where strides may end."""
         strides, i = self._strides(approach, count), 0
         self._number += count
         while i < count:
@@ -142,11 +142,11 @@ class Strides:
             i += len(shares)
 
     def _smooth(self, step: SkinStep) -> bool:
-        """Return whether a sample that was just solved is a touch of what is flat or gently curved."""
+        """Return whether a sample that was just solved touches a flat or gently curved object."""
         return step.converged and bool(step.force.any()) and self._stepper.gentle
 
     def _chosen(self, last: SkinStep, strides: list[Stride]) -> Stride | None:
-        """Return the longest stride that is short against a touch of what is flat or gently curved."""
+        """Return the longest stride that is short against the touch of a flat or gently curved object."""
         if not strides or not self._smooth(last):
             return None
         return next((stride for stride in strides if stride.suits(last)), None)

@@ -105,5 +105,6 @@ def boxes_in_world(poses: Array, boxes: Array) -> tuple[Array, Array]:
     Args:
         poses: of the objects, shape (..., 4, 4). boxes: lower and upper corners, shape (..., 2, 3).
     """
-    linear, middle, half = poses[..., :3, :3], boxes.mean(axis=-2), (boxes[..., 1, :] - boxes[..., 0, :]) / 2
+    linear, low, high = poses[..., :3, :3], boxes[..., 0, :], boxes[..., 1, :]
+    middle, half = (low + high) / 2, (high - low) / 2
     return (linear @ middle[..., None])[..., 0] + poses[..., :3, 3], (np.abs(linear) @ half[..., None])[..., 0]

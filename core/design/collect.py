@@ -23,7 +23,6 @@ from ..cache import cache_key
 from ..devices.press import Press, Pressed
 from ..devices.press_problem import PressPoints
 from ..devices.spec import DeviceSpec, from_preset
-from ..devices.stiff_points import StiffPoints
 from ..errors import DermisError
 from ..files import write_npz
 from ..matching.platforms import mechanism, original_key
@@ -31,12 +30,12 @@ from ..matching.readings import Counts, Readings, quantised, readings_of
 from ..matching.sweep import commands_swept, reached, sweep
 from ..matching.table import SkinTable, assemble, press_of, tabulate
 from ..npz import opened_npz
+from ..parameters.error_bands import LINEAR
 from ..recent import Recent
-from ..skin.felt_state import felt_key
 from ..skin.material import Elastic
 from ..skin.model import SkinModel, fingertip_skin
+from ..skin.observation import skin_key
 from ..skin.shape import FingertipShape
-from ..stiffening.stiffening import Stiffening
 from ..surrogate.press_points import press_points, pressed_on
 from ..work.executor import POLL_SECONDS, InlineExecutor, JobExecutor
 
@@ -56,7 +55,7 @@ def collect(
     executor: JobExecutor | None = None,
     material: Mapping[str, float] | None = None,
     points: PressPoints | None = None,
-    stiffening: Stiffening | None = None,
+    tissue: str = LINEAR,
 ) -> Generator[tuple[int, int], None, SkinTable]:
     """Sweep a device's configurations on a fingertip; yield (rows done, rows in all), return the table.
 
@@ -64,17 +63,17 @@ def collect(
         folder: where parts are kept until the table is whole; another folder, or none of its parts, starts anew.
         level: of the skin's mesh. rows: about how many; as the preset says where None.
         executor: who does the job 'collect'; this process where None.
-        material: of the skin: young [Pa], poisson, alpha; what is left out is as usual.
+        material: of the skin: young [Pa], poisson, alpha; missing ones have their defaults.
         points: of this very skin that are pressed, where it has some in a cache that only the caller knows.
-        stiffening: what its tissue does beyond linear skin; None where it is linear.
+        tissue: of the skin, 'linear' or 'neo_hookean'.
 
     Raises:
         DermisError: a preset without a sweep, parts that cannot be written, or a table with too few rows.
     """
-    skin = _skin(shape, Elastic(**(material or {})), level).with_stiffening(stiffening)
+    skin = _skin(shape, Elastic(**(material or {})), level, tissue)
     points = press_points(skin) if points is None else points
     commands, unreached = sweep(spec, points.positions, rows)
-    name = "dermis-sweep 2", original_key(spec), felt_key(skin), repr(skin.material), points.on
+    name = "dermis-sweep 2", original_key(spec), skin_key(skin), repr(skin.material), points.on
     key = cache_key(*name, commands.tobytes())[:16]
     folder = Path(folder) / key
     parts = [(i, folder / f"{i:06d}.npz") for i in range(0, len(commands), PART)]
@@ -87,13 +86,10 @@ def collect(
         "shape": asdict(shape),
         "level": level,
         "material": dict(material or {}),
+        "tissue": tissue,
     }
-    if stiffening is not None and todo:
-        parameters["stiffening"] = str(folder / "stiffening.npz")
-        stiffening.write(folder / "stiffening.npz")
     arrays = {"positions": points.positions, "compliance": points.compliance}
     arrays |= {} if points.nodal is None else {"nodal": points.nodal}
-    arrays |= {} if points.stiff is None else {"patterns": points.stiff.patterns}
     for count in _pressed(executor or InlineExecutor(), commands, todo, arrays, parameters):
         done += count
         yield done, len(commands)
@@ -104,12 +100,15 @@ def collect(
 def reversed_spread(spec: DeviceSpec, skin: SkinModel, rows: int = SPREAD_ROWS) -> dict[str, float]:
     """Return how far readings differ when a row is reached from deeper in instead of from rest: friction's doing.
 
-    Kept in memory, since it is the same whatever touches are asked about.
+    Kept in memory, since it is the same whatever touches are asked about. It is that of linear skin, whatever the
+    tissue: by the law the deep rows that it begins from take minutes, and those that do not settle would be told as
+    friction's doing.
 
     Returns:
         'rms' and 'worst' over rows of the root mean square over channels [counts].
     """
-    key = original_key(spec), felt_key(skin), repr(skin.material), pressed_on(skin), rows
+    skin = skin.linear
+    key = original_key(spec), skin_key(skin), repr(skin.material), pressed_on(skin), rows
     return dict(_spreads.make(key, lambda: _spread(spec, skin, rows)))
 
 
@@ -130,13 +129,10 @@ def _spread(spec: DeviceSpec, skin: SkinModel, rows: int) -> dict[str, float]:
 def work(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Any) -> dict[str, NDArray[Any]]:
     """Press one part: the job 'collect'."""
     spec = from_preset(str(parameters["key"]), parameters["preset"])
-    skin = _skin(FingertipShape(**parameters["shape"]), Elastic(**parameters["material"]), str(parameters["level"]))
-    stiff = None
-    if "stiffening" in parameters:
-        skin = _stiff(str(parameters["stiffening"]), skin)
-        assert skin.stiffening is not None
-        stiff = StiffPoints(skin.stiffening, skin.material.modulus, arrays["patterns"])
-    points = PressPoints(arrays["positions"], arrays["compliance"], arrays.get("nodal"), stiff)
+    shape, material = FingertipShape(**parameters["shape"]), Elastic(**parameters["material"])
+    skin = _skin(shape, material, str(parameters["level"]), str(parameters.get("tissue", LINEAR)))
+    law = skin.law if skin.follows_law else None
+    points = PressPoints(arrays["positions"], arrays["compliance"], arrays.get("nodal"), law, skin.material.modulus)
     press = Press(points, mechanism(spec), float(spec.value("friction")))
     kept, counts, left = tabulate(readings_of(skin), arrays["commands"], press.press(arrays["commands"]))
     return {"commands": kept.astype(np.float32), "readings": counts, "left": np.array(list(left.values()), np.int64)}
@@ -148,15 +144,10 @@ def _counts(sensor: Readings, pressed: Pressed, rows: NDArray[np.bool_]) -> Arra
 
 
 @lru_cache(maxsize=1)
-def _skin(shape: FingertipShape, material: Elastic, level: str) -> SkinModel:
+def _skin(shape: FingertipShape, material: Elastic, level: str, tissue: str) -> SkinModel:
     """Return a skin; the parts of one collection have the same."""
-    return fingertip_skin(shape, material, level=level)
-
-
-@lru_cache(maxsize=1)
-def _stiff(path: str, skin: SkinModel) -> SkinModel:
-    """Return a skin of the tissue in a file."""
-    return skin.with_stiffening(Stiffening.read(Path(path)))
+    made = fingertip_skin(shape, material, level=level)
+    return made if tissue == LINEAR else made.with_law()
 
 
 def _pressed(
@@ -166,7 +157,7 @@ def _pressed(
     arrays: Mapping[str, NDArray[Any]],
     parameters: Mapping[str, Any],
 ) -> Generator[int, None, None]:
-    """Hand parts out as workers become free, and keep what they return; yield how many rows each had, or 0."""
+    """Hand parts out as workers become free, and keep their results; yield how many rows each had, or 0."""
     queue = list(reversed(todo))
     running: dict[Future[Any], tuple[Path, int]] = {}
     try:
@@ -192,7 +183,7 @@ def _whole(path: Path) -> bool:
         part = _read_part(path)
     except DermisError:  # missing, or damaged by a full disk: pressed again
         return False
-    return part["left"].shape == (3,) and len(part["commands"]) == len(part["readings"])
+    return part["left"].shape == (4,) and len(part["commands"]) == len(part["readings"])
 
 
 def _read_part(path: Path) -> dict[str, NDArray[Any]]:
@@ -203,18 +194,19 @@ def _read_part(path: Path) -> dict[str, NDArray[Any]]:
 def _joined(spec: DeviceSpec, skin: SkinModel, paths: list[Path], about: Mapping[str, Any]) -> SkinTable:
     commands: list[Array] = []
     counts: list[Counts] = []
-    left = np.zeros(3, np.int64)
+    left = np.zeros(4, np.int64)
     for path in paths:
         part = _read_part(path)
         commands.append(part["commands"].astype(np.float64))
         counts.append(part["readings"])
         left += part["left"]
-    rest, unbalanced, saturated = (int(v) for v in left)
+    rest, unbalanced, saturated, unsettled = (int(v) for v in left)
     meta = {
         **about,
         "rest_rows": rest,
         "unbalanced_rows": unbalanced,
         "saturated_rows": saturated,
+        "law_unsettled_rows": unsettled,
         "tetrahedra": len(skin.mesh.tetrahedra),
     }
     return assemble(spec, skin, readings_of(skin), np.vstack(commands), np.vstack(counts), meta)

@@ -15,26 +15,35 @@ from ..devices.safe_state import safe_state
 from ..devices.spec import DEVICE_SCHEMA, DeviceSpec, from_preset
 from ..errors import DermisError
 from ..files import write_bytes
-from .report import Design
+from .answer import POOR, Design
 from .synergies import Rule
 
-MARGIN = 0.05  # of a new motor's range, left beyond what the interactions need on either side
+MARGIN = 0.05  # of a new motor's range, left beyond the need of the interactions on either side
 
 
 def preset(found: Design, rule: Rule = "touch", motors: int | None = None, name: str = "") -> dict[str, Any]:
     """Return a device preset with fewer motors and the couplings found, as JSON values.
 
-    A new motor's command runs from 0 to 1 over what the interactions and letting go need, with a margin. Each original
-    command is the coupling times the new commands plus an offset, so that the pulley radius of motor j on cable i is
-    the original pulley's times `coupling[i][j]` over the new motor's travel. `safe` is missing where motors so coupled
-    cannot let a finger go; `safe_findings` says so of what was written.
+    A new motor's command runs from 0 to 1 over the range of the interactions and of letting go, with a margin. Each
+    original command is the coupling times the new commands plus an offset, so that the pulley radius of motor j on
+    cable i is the original pulley's times `coupling[i][j]` over the new motor's travel. `safe` is missing where motors
+    so coupled cannot let a finger go; `safe_findings` reports it for the written preset.
 
     Raises:
-        DermisError: more motors than the device has, or fewer than one.
+        DermisError: more motors than the device has, or fewer than one; nobody says how many, and the table is poor.
     """
     spec, reduction = found.spec, found.joint
     parts, n = reduction.components, len(reduction.components.mean)
-    k = reduction.motors(rule) if motors is None else motors
+    chosen = found.motors(rule) if motors is None else motors
+    if chosen is None:
+        raise DermisError(
+            "all motors together leave too much of the touch to say how many it needs",
+            where="design",
+            value=", ".join(found.poor),
+            limit=f"{100 * POOR:g} % of the touch",
+            remedy="Use a table that reaches these touches, or say how many motors the preset shall have",
+        )
+    k = chosen
     if not 1 <= k <= n:
         raise DermisError("as many motors as the device has", where="design", value=k, limit=f"1 to {n}")
     needed = found.amounts[:, :k]
@@ -60,7 +69,7 @@ def preset(found: Design, rule: Rule = "touch", motors: int | None = None, name:
     why = f"design: {', '.join(found.names)}"
     source = {key: value for key, value in spec.source.items() if key not in ("channels", "parameters", "name", "safe")}
     own = f"the original motor's range [{unit}]"
-    plain = spec.name.partition(" (")[0]  # what stands in brackets is how many motors it has
+    plain = spec.name.partition(" (")[0]  # the number of motors stands in brackets
     channels = []
     for j in range(k):
         channel: dict[str, Any] = {

@@ -13,7 +13,7 @@ from ..errors import DermisError
 from ..files import write_bytes
 from ..plot.axes import FAINT, INK, LIMIT, PAPER, SMALL, Axes, legend
 from ..plot.canvas import Canvas, PngCanvas, SvgCanvas
-from .report import Design
+from .answer import Design
 from .synergies import RULES, Rule
 
 LEFT, RIGHT, TOP, BOTTOM = 64.0, 20.0, 76.0, 46.0  # [points]
@@ -22,7 +22,7 @@ WORDS: dict[Rule, str] = {"touch": "lost of the touch", "paper": "above all moto
 
 
 def write_picture(found: Design, path: Path, rule: Rule = "touch") -> None:
-    """Write error against number of motors as PNG or SVG, by the path's ending; what a rule recommends is marked.
+    """Write error against number of motors as PNG or SVG, by the path's ending; the recommended number is marked.
 
     Raises:
         DermisError: another ending, or the file cannot be written.
@@ -38,15 +38,17 @@ def write_picture(found: Design, path: Path, rule: Rule = "touch") -> None:
 
 def _draw(found: Design, canvas: Canvas, width: float, height: float, rule: Rule) -> None:
     canvas.rectangle(0, 0, width, height, PAPER)
-    n, motors, limit = len(found.spec.channels), found.joint.motors(rule), 100.0 * found.joint.limit
+    n, motors, limit = len(found.spec.channels), found.motors(rule), 100.0 * found.joint.limit
     canvas.text(LEFT, 22, f"How many motors? {found.spec.name}", 10, INK)
-    said = f"{motors} of {n}" if motors < n else f"all {n}"
+    said = "no number" if motors is None else f"{motors} of {n}" if motors < n else f"all {n}"
+    said = said if motors is not None else f"{said}, all motors together leave too much"
     canvas.text(LEFT, 42, f"{said}, for {', '.join(found.names)}"[:80], 8.5, FAINT)
     # beyond 160 % a bar says no more: it is cut, and its number stands on it
     most = min(max(float(np.max([found.joint.mean_percent(r) for r in RULES])), 1.5 * limit), 160.0)
     box = (LEFT, TOP, width - LEFT - RIGHT, height - TOP - BOTTOM)
     axes = Axes(canvas, box, (0.5, n + 0.5), (0.0, 1.1 * most))
-    axes.band(motors - 0.5, motors + 0.5)
+    if motors is not None:
+        axes.band(motors - 0.5, motors + 0.5)
     axes.grid("motors", "left beyond all motors [%]", most=(n, 5), colour=FAINT)
     wide = axes.width / n
     for i, own in enumerate(RULES):

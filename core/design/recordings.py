@@ -1,31 +1,31 @@
-"""Recordings from outside: sensor channels over time, and tables of motor commands with what was sensed.
+"""Recordings from outside: channels of a sensor over time.
 
-Both are CSV with one line of names. A recording has a column 'time' [s] and one for each channel: any number of them,
-in any unit, whole or fractional; a table has a column for each motor, in SI, and the same channels.
+They are CSV with one line of names: a column 'time' [s] and one for each channel, any number of them, in any unit,
+whole or fractional.
 
 Source: [S2] III, whose sensor has 19 electrodes and DC pressure, 12 bits
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..arrays import Array
-from ..column_names import columns_of, length_or_angle
+from ..column_names import columns_of
 from ..errors import DermisError
-from ..matching.nearest import NEIGHBOURS
-from ..matching.readings import SATURATED, at_the_end
 from ..matching.table import SkinTable
-from ..number_rows import Rows, lines_of, number
+from ..number_rows import Rows
+from ..skin.sensor import noise_of
+from .sensor_columns import check_channels, sensor_columns
 
-SLACK = 0.01  # of a motor's range, that a recorded command may lie beyond its ends
-LONGEST = 4_000_000  # lines; a whole day at 100 Hz is about twice that, and no interaction
+# A change of unit: in as many channels, by more than this factor, alike in all but for this. Units differ by 1,000, or
+# by the size of a converter's count; no touch multiplies three channels or more by one number within a sample.
+MANY, FACTOR, ALIKE = 3, 8.0, 1.2
+GAP, MISSED = 0.2, 10.0  # [s], and in samples: a touch can begin and end in a longer gap, so no line bridges it
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,34 +35,76 @@ class Recording:
     Attributes:
         name: of the file. times: [s], rising, shape (n,). readings: in the sensor's own unit, shape (n, channels).
         channels: the readings' names, in their order.
+        rest: the part in which nothing is touched, from and to [s], counted from the first sample; None where nobody
+            says it.
+        beside: columns that are no channels of the sensor, such as a sync pulse, by name, shape (n,) each.
     """
 
     name: str
     times: Array
     readings: Array
     channels: tuple[str, ...]
+    rest: tuple[float, float] | None = None
+    beside: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of one channel's noise, in the readings' unit: at rest, else by second differences."""
+        if self.rest is None:
+            return noise_of(self.readings)
+        return float(np.sqrt(self._resting().var(axis=0, ddof=1).mean()))
+
+    def tared(self, rest: Array) -> Array:
+        """Return the readings moved so that those at rest are, on average, those of a table's rest row, shape (c,).
+
+        A sensor's rest drifts from day to day. Where nobody says what rest is, readings are left as they are.
+        """
+        return self.readings if self.rest is None else self.readings + (rest - self._resting().mean(axis=0))
+
+    def _resting(self) -> Array:
+        assert self.rest is not None
+        after = self.times - self.times[0]
+        return self.readings[(after >= self.rest[0]) & (after <= self.rest[1])]
 
 
-def read_recording(path: Path) -> Recording:
+def read_recording(path: Path, rest: tuple[float, float] | None = None, beside: Sequence[str] = ()) -> Recording:
     """Read a recording of a sensor.
+
+    Args:
+        rest: the part in which nothing is touched, from and to [s], counted from the first sample.
+        beside: names of columns that are no channels of the sensor.
 
     Raises:
         DermisError: no channels, one that is constant or saturated, rows of different lengths, a transposed file,
-            trailing separators, values that are no numbers, times that do not rise, or whose unit nobody says and that
-            can hardly be seconds.
+            a column without a name, values that are no numbers, times that do not rise, a gap, times whose unit nobody
+            says and that can hardly be seconds, a unit that changes; a rest with fewer than two samples.
     """
     path = Path(path)
-    rows = _columns(path, 1, "a column 'time' and one a channel")
+    rows = sensor_columns(path, 1, "a column 'time' and one a channel")
     names, where = rows.names, rows.where
     columns = columns_of(names, where)
     if columns[0].meaning != "time":
         raise DermisError("the first column must be the time", where=where, value=names[0], limit="time")
-    readings = rows.values[:, 1:]
-    if len(readings) < 2:
-        raise DermisError("too few samples", where=where, value=len(readings), limit=">= 2")
+    for name in beside:
+        if name not in names[1:]:
+            raise DermisError("no such column", where=where, value=name, limit=", ".join(names[1:])[:200])
+    own = [i for i, name in enumerate(names) if i and name not in beside]
+    readings, channels = rows.values[:, own], tuple(names[i] for i in own)
+    if len(readings) < 2 or not channels:
+        raise DermisError("too few samples", where=where, value=readings.shape, limit=">= 2 samples of >= 1 channel")
     times = rows.seconds(0, columns[0].unit)
-    _channels(readings, names[1:], where)
-    return Recording(path.stem, times, readings, tuple(names[1:]))
+    check_channels(readings, channels, where)
+    _gaps(times, rows)
+    _units(readings, rows)
+    made = Recording(path.stem, times, readings, channels, rest, {n: rows.values[:, names.index(n)] for n in beside})
+    if rest is not None and (len(made._resting()) < 2 or rest[1] > times[-1] - times[0] + GAP):
+        raise DermisError(
+            "too few samples at rest" if len(made._resting()) < 2 else "the rest goes on after the recording",
+            where=where,
+            value=f"{rest[0]:g} to {rest[1]:g} s: {len(made._resting())}",
+            limit=f">= 2, within 0 to {times[-1] - times[0]:g} s",
+        )
+    return made
 
 
 def same_channels(recording: Recording, table: SkinTable) -> None:
@@ -97,143 +139,47 @@ def same_channels(recording: Recording, table: SkinTable) -> None:
     )
 
 
-def read_table(path: Path, scale: Array, ends: Array | None = None) -> SkinTable:
-    """Read a table of motor commands with sensor readings; its rest row is the one that reads most others alike.
-
-    The rest row of an outside table is not marked. It is the row whose reading occurs most often, or, where all differ,
-    the one with the least pressure; other rows with that reading are dropped.
-
-    Args:
-        scale: range of each motor, SI, shape (motors,). ends: least and greatest command, shape (2, motors).
-
-    Raises:
-        DermisError: as in `read_recording`, fewer rows than neighbours, or commands that the motors cannot do.
-    """
-    path = Path(path)
-    motors = len(scale)
-    rows = _columns(path, motors, f"{motors} motors and one a channel")
-    names, where = rows.names, rows.where
-    units = [length_or_angle(name) for name in names[:motors]]
-    commands, readings = rows.values[:, :motors] * units, rows.values[:, motors:]
-    if len(commands) < NEIGHBOURS:
+def _gaps(times: Array, rows: Rows) -> None:
+    """Refuse a recording in which samples are missing for long."""
+    steps = np.diff(times)
+    usual = float(np.median(steps))
+    short = np.flatnonzero(steps < usual / MISSED)
+    if usual > GAP and len(short) >= MANY:
+        row = int(short[0]) + 1
         raise DermisError(
-            "too few rows",
-            where=where,
-            value=len(commands),
-            limit=f">= {NEIGHBOURS}",
-            remedy="Record more configurations of the device",
+            "the time between samples changes: the unit of the times may",
+            where=rows.place(row, 0),
+            value=f"{steps[row - 1]:.4g} s; most samples are {usual:.4g} s apart",
+            limit=f">= {usual / MISSED:.4g} s",
+            remedy="Write all times in one unit, or cut the recording where its rate changes",
         )
-    _channels(readings, names[motors:], where)
-    if ends is not None:
-        outside = np.argwhere((commands < ends[0] - SLACK * scale) | (commands > ends[1] + SLACK * scale))
-        if len(outside):
-            i, j = outside[0]
-            raise DermisError(
-                "a command is beyond the motor's range",
-                where=f"{where}, line {rows.lines[i]}, {names[j]}",
-                value=float(commands[i, j]),
-                limit=f"{ends[0, j]:.4g} to {ends[1, j]:.4g}, in SI",
-                remedy="Write rad and m, or the unit into the column's name, or mend the preset's range",
-            )
-    still = np.flatnonzero(np.ptp(commands, axis=0) == 0.0)
-    if len(still):
-        raise DermisError("a motor never moves", where=where, value=names[int(still[0])])
-    _, first, inverse, count = np.unique(readings, axis=0, return_index=True, return_inverse=True, return_counts=True)
-    group = int(count.argmax()) if count.max() > 1 else int(inverse.ravel()[readings[:, -1].argmin()])
-    rest = int(first[group])
-    keep = inverse.ravel() != group
-    keep[rest] = True
-    meta = {
-        "source": path.name,
-        "asked": len(commands),
-        "rest_rows": int((~keep).sum()) + 1,
-        "channels": list(names[motors:]),
-    }
-    return SkinTable(commands[keep], _smallest(readings[keep]), int(keep[:rest].sum()), scale, 0.0, meta)
-
-
-def _columns(path: Path, leading: int, wanted: str) -> Rows:
-    """Read names and numbers; say what is wrong with the shape of the file, not only that it is wrong."""
-    where = str(path)
-    lines, separator, _ = lines_of(path)
-    if len(lines) < 2:
-        raise DermisError("no data", where=where, value=f"{len(lines)} lines", limit="a line of names, and values")
-    if len(lines) > LONGEST:
-        raise DermisError("too long", where=where, value=len(lines), limit=f"{LONGEST} lines")
-    names = lines[0].cells
-    columns = len(names)
-    if names[-1] == "":
+    wide = np.flatnonzero(steps > max(GAP, MISSED * usual))
+    if len(wide):
+        row = int(wide[0]) + 1
         raise DermisError(
-            "lines end with a separator",
-            where=where,
-            value=", ".join(names)[-12:],
-            remedy="Remove it: it stands for an empty channel",
+            "samples are missing",
+            where=rows.place(row, 0),
+            value=f"{steps[row - 1]:.4g} s without one",
+            limit=f"{max(GAP, MISSED * usual):.4g} s; samples are {usual:.4g} s apart",
+            remedy="Cut the recording there, and give the parts as files of their own",
         )
-    numbers = [number(name, separator) is not None for name in names]
-    if columns > 1 and not numbers[0] and all(numbers[1:]):
+
+
+def _units(readings: Array, rows: Rows) -> None:
+    """Refuse a recording in which all channels are multiplied by one factor at once: its unit changes there."""
+    if readings.shape[1] < MANY:
+        return
+    before, after = readings[:-1], readings[1:]
+    known = ((before > 0.0) & (after > 0.0)).all(axis=1) | ((before < 0.0) & (after < 0.0)).all(axis=1)
+    ratio = np.log(after[known] / before[known])
+    same = (np.ptp(ratio, axis=1) < np.log(ALIKE)) & (np.abs(ratio.mean(axis=1)) > np.log(FACTOR))
+    if same.any():
+        at = int(same.argmax())
+        row = int(np.flatnonzero(known)[at]) + 1
         raise DermisError(
-            "the file is transposed",
-            where=where,
-            value=f"{len(lines)} lines of {columns} values",
-            limit=wanted,
-            remedy="Write one line for each sample, one column for each channel",
+            "the unit of the readings changes",
+            where=f"{rows.where}, line {rows.lines[row]}, all channels",
+            value=f"{np.exp(ratio[at].mean()):.4g} times the row before",
+            limit=f"less than {FACTOR:g} times in all channels alike",
+            remedy="Convert the whole recording to one unit",
         )
-    if columns <= leading:
-        raise DermisError("channels are missing", where=where, value=f"{columns} columns", limit=wanted)
-    if numbers[0]:
-        raise DermisError("the line of names is missing", where=where, value=names[0], limit=wanted)
-    if len(set(names)) != len(names):
-        seen: set[str] = set()
-        twice = next(name for name in names if name in seen or seen.add(name))  # type: ignore[func-returns-value]
-        raise DermisError("two columns have one name", where=where, value=twice)
-    values = np.empty((len(lines) - 1, columns))
-    for i, line in enumerate(lines[1:]):
-        place = f"{where}, line {line.number}"
-        read = line.numbers()
-        if len(read) != columns:
-            if len(read) == columns + 1 and line.cells[-1] == "":
-                raise DermisError("the line ends with a separator", where=place, remedy="Remove it")
-            raise DermisError(
-                "the line has another length", where=place, value=f"{len(read)} values", limit=str(columns)
-            )
-        if None in read:
-            bad = read.index(None)
-            raise DermisError("not a number", where=f"{place}, {names[bad]}", value=line.cells[bad])
-        values[i] = read
-    rows = Rows(where, names, values, tuple(line.number for line in lines[1:]))
-    wrong = np.argwhere(~np.isfinite(values))
-    if len(wrong):
-        i, j = wrong[0]
-        raise DermisError(
-            "a value is not finite",
-            where=f"{where}, line {rows.lines[i]}, {names[j]}",
-            value=str(values[i, j]),
-            remedy="Leave the sample out, or repair it",
-        )
-    return rows
-
-
-def _channels(readings: Array, names: Sequence[str], where: str) -> None:
-    """Refuse channels that are dead or saturated."""
-    for name, series, full in zip(names, readings.T, at_the_end(readings).tolist(), strict=True):
-        if full > SATURATED:
-            raise DermisError(
-                "the channel is saturated",
-                where=f"{where}, {name}",
-                value=f"{100 * full:.0f} % of the time",
-                limit=f"{100 * SATURATED:.0f} %",
-                remedy="Touch less deeply, or leave the part out",
-            )
-        if np.ptp(series) == 0.0:
-            raise DermisError(
-                "the channel is constant",
-                where=f"{where}, {name}",
-                value=float(series[0]),
-                remedy="Look at the sensor: an electrode that reads one value is dead; or leave the column out",
-            )
-
-
-def _smallest(readings: Array) -> NDArray[Any]:
-    """Return whole counts in 16 bits, which tables are fast and small with, and all else as it is."""
-    whole = readings.astype(np.uint16) if 0.0 <= readings.min() and readings.max() < 2**16 else readings
-    return whole if np.array_equal(whole, readings) else readings

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..interpolate import interpolate
 
-SHORT = 0.5  # of the longest: what touches for less is no repetition, but noise or a slip
+SHORT = 0.5  # of the longest: a shorter touch is no repetition, but noise or a slip
 ALIKE = 1.25  # longest over shortest: beyond, they are different touches
 
 
@@ -21,8 +21,8 @@ def scatter(readings: Array, touching: NDArray[np.bool_]) -> tuple[int, float]:
         readings: of the touch, shape (n, channels). touching: where they differ from rest, shape (n,).
 
     Returns:
-        Count, and root mean square over time of the norm of what is off the mean, for a sample of so many; (1, nan)
-        where there are not two alike.
+        Count, and root mean square over time of the norm of the difference from the mean, for a sample of so many; (1,
+        nan) where there are not two alike.
     """
     edges = np.flatnonzero(np.diff(np.concatenate([[False], touching, [False]]).astype(np.int8)))
     runs = edges.reshape(-1, 2)

@@ -25,7 +25,7 @@ class SharedPulleys:
 
     Attributes:
         groups: of two motors or more, by index, rising; empty where none may.
-        percent: lost of the touch beyond what all motors leave where they share, mean over the interactions [%].
+        percent: additional error of the touch where they share, mean over the interactions [%].
     """
 
     groups: tuple[tuple[int, ...], ...] = ()
@@ -69,10 +69,10 @@ def with_shared(parts: Components, commands: Array, k: int, groups: Sequence[Seq
 def shared_pulleys(
     table: SkinTable, sensed: Sequence[Array], commands: Sequence[Array], found: Reduction, motors: int
 ) -> SharedPulleys:
-    """Return which original motors may share a pulley with so many new motors, and what the touch loses by it.
+    """Return which original motors may share a pulley with so many new motors, and the additional error of the touch.
 
     Args:
-        sensed: target readings of each interaction [counts], each (q_i, channels). commands: looked up, each (q_i, n).
+        sensed: target readings of each interaction, each (q_i, channels). commands: looked up, each (q_i, n).
     """
     groups = alike(found.components.directions[:, :motors])
     if not groups:
@@ -81,5 +81,5 @@ def shared_pulleys(
         rendering_error(target, readings_for(table, with_shared(found.components, m, motors, groups)))
         for target, m in zip(sensed, commands, strict=True)
     ]
-    percent = 100.0 * (np.array(lost) - found.error[:, -1]) / np.maximum(found.touch, found.whole_counts)
+    percent = 100.0 * (np.array(lost) - found.error[:, -1]) / np.maximum(found.touch, found.least)
     return SharedPulleys(groups, float(percent.mean()))

@@ -1,7 +1,7 @@
 """Synergies: how few motors render a touch, and how each must be coupled to the original ones.
 
 Commands are centred and each divided by its motor's range before components are sought, so that mm and degrees weigh
-alike. What fewer motors leave beyond what all leave is judged by one of two rules: as a share of the touch itself, or,
+alike. The additional error of fewer motors is judged by one of two rules: as a share of the touch itself, or,
 as the paper does, of the error of all motors. The paper's has no answer where all motors together leave less than the
 hand wobbles from one repetition to the next: it then asks for motors that render the wobble.
 
@@ -19,13 +19,15 @@ import numpy as np
 from ..arrays import Array
 from ..errors import DermisError
 from ..matching.lookup import commands_of, readings_for
+from ..matching.readings import step_of
 from ..matching.table import SkinTable
 
 Rule = Literal["touch", "paper"]
 RULES: tuple[Rule, ...] = get_args(Rule)
 
 STILL = 1e-9  # of a motor's range: commands that move less are at rest
-ROUNDED = 1.0 / 12.0  # [counts^2] a channel's mean square when read in whole counts: errors below say nothing
+ROUNDED = 1.0 / 12.0  # [steps^2] a channel's mean square when read in whole steps: errors below say nothing
+NOUGHT = 1e-12  # of the touch: where readings have no step, errors below are rounding's
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,27 +66,32 @@ class Reduction:
 
     Attributes:
         components: of all interactions together.
-        error: root mean square of the sensed difference for k = 1..n [counts], one row an interaction, (i, n).
-        touch: root mean square of how far each interaction is from rest, over the same samples [counts], (i,).
-        whole_counts: what reading in whole counts leaves [counts].
+        error: root mean square of the sensed difference for k = 1..n, in the table's unit, a row a touch, (i, n).
+        touch: root mean square of how far each interaction is from rest, over the same samples and unit, shape (i,).
+        resolution: what reading in whole steps leaves, in the same unit; 0 where readings have no step.
         limit: of the rules, a share.
     """
 
     components: Components
     error: Array
     touch: Array
-    whole_counts: float
+    resolution: float
     limit: float
 
     def percent(self, rule: Rule = "touch") -> Array:
-        """Return what k motors leave beyond all motors, in percent of what the rule relates it to, shape (i, n).
+        """Return the additional error of k motors, in percent of the rule's reference, shape (i, n).
 
-        'touch': of the touch; a stronger sensor, and rest before and after it, change both alike. 'paper': of what all
-        motors leave, or of whole counts where that is less. Source: [S2] eq. 12.
+        'touch': of the touch; a stronger sensor, and rest before and after it, change both alike. 'paper': of the
+        error that all motors leave, or that whole steps leave where that is less. Source: [S2] eq. 12.
         """
         best = self.error[:, -1:]
         whole = self.touch[:, None] if rule == "touch" else best
-        return 100.0 * (self.error - best) / np.maximum(whole, self.whole_counts)
+        return 100.0 * (self.error - best) / np.maximum(whole, self.least[:, None])
+
+    @property
+    def least(self) -> Array:
+        """The least error of each interaction that says anything, shape (i,)."""
+        return np.maximum(self.resolution, NOUGHT * self.touch)
 
     def mean_percent(self, rule: Rule = "touch") -> Array:
         """Return the mean of the interactions' percentages, (n,). The ratio of mean errors would be another number."""
@@ -126,7 +133,7 @@ def components(commands: Array, scale: Array) -> Components:
 
 
 def rendering_error(target: Array, rendered: Array) -> float:
-    """Return the root mean square over time of the norm of the sensed difference [counts]. Source: [S2] eq. 11."""
+    """Return the root mean square over time of the norm of the sensed difference. Source: [S2] eq. 11."""
     return float(np.sqrt(((rendered - target) ** 2).sum(axis=1).mean()))
 
 
@@ -142,8 +149,8 @@ def reduce(
     """Return what fewer motors cost.
 
     Args:
-        table: what the device does to the skin.
-        sensed: the target readings of each interaction [counts], each (q_i, channels).
+        table: effect of the device on the skin.
+        sensed: the target readings of each interaction, in the table's unit, each (q_i, channels).
         limit: of the rules, a share such as 0.1.
         commands: looked up already; else by the table.
 
@@ -166,4 +173,5 @@ def reduce(
         ]
     )
     touch = np.array([float(np.sqrt((table.from_rest(target) ** 2).mean())) for target in sensed])
-    return Reduction(parts, error, touch, float(np.sqrt(ROUNDED * table.readings.shape[1])), limit)
+    resolution = step_of(table.readings) * float(np.sqrt(ROUNDED * table.readings.shape[1]))
+    return Reduction(parts, error, touch, resolution, limit)

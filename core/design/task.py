@@ -1,4 +1,4 @@
-"""From scenes and recordings to an answer: what the command line and the panel run."""
+"""From scenes and recordings to an answer: the work of the command line and the panel."""
 
 from __future__ import annotations
 
@@ -17,20 +17,26 @@ from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
 from ..files import write_bytes
 from ..interpolate import interpolate
-from ..matching.platforms import ends_of, original_channels, scale_of
+from ..matching.adaptive_sweep import LEAST, build_adaptive
+from ..matching.platforms import ends_of, mechanism, original_channels, scale_of
+from ..matching.readings import readings_of
 from ..matching.table import SkinTable, belongs
+from ..parameters.error_bands import LINEAR
 from ..scene.tactile_scene import TactileScene
-from ..skin.model import SkinModel
+from ..skin.finger_skin import of_tissue
+from ..skin.material import Elastic
+from ..skin.model import SkinModel, fingertip_skin
 from ..skin.shape import FingertipShape
 from ..steps import in_words
-from ..stiffening.stiffening import Stiffening
 from ..work.executor import JobExecutor
+from .answer import Design, design
 from .collect import collect, reversed_spread
 from .coupled_preset import preset, write_preset
 from .interactions import NOISE, RATE
 from .picture import write_picture
-from .recordings import Recording, read_recording, read_table, same_channels
-from .report import Design, as_json, as_text, design
+from .recorded_table import read_table, rest_finding
+from .recordings import Recording, read_recording, same_channels
+from .report import as_json, as_text
 from .synergies import Rule
 from .trial import sense
 
@@ -50,7 +56,7 @@ class Step:
 def sense_scene(
     scene: TactileScene, skin: SkinModel, finger: int = 0, *, noise: float = NOISE, seed: int = 0
 ) -> Generator[Step, None, NDArray[np.uint16]]:
-    """Return what the virtual sensor of one finger reads along a scene, at 100 Hz.
+    """Return the readings of one finger's virtual sensor along a scene, at 100 Hz.
 
     Raises:
         DermisError: the scene has no such finger, or cannot be rendered.
@@ -70,7 +76,7 @@ def sense_scene(
 
 
 def sense_touch(touch: SkinContact, *, noise: float = NOISE, seed: int = 0) -> NDArray[np.uint16]:
-    """Return what the virtual sensor reads along what a skin felt, such as a bake's, at 100 Hz."""
+    """Return the readings of the virtual sensor along the states of a skin, such as a bake's, at 100 Hz."""
     sensed = sense(touch, noise, seed)
     if len(touch.times) < 2 or np.abs(np.diff(touch.times) * RATE - 1.0).max() < 1e-6:
         return sensed
@@ -78,16 +84,21 @@ def sense_touch(touch: SkinContact, *, noise: float = NOISE, seed: int = 0) -> N
     return np.rint(interpolate(touch.times, sensed.astype(float), times)).astype(np.uint16)
 
 
-def load_table(spec: DeviceSpec, file: Path) -> SkinTable:
+def load_table(spec: DeviceSpec, file: Path, rest_rows: Sequence[int] = ()) -> SkinTable:
     """Return a device's table from a file: .npz collected, .csv recorded.
 
+    Args:
+        rest_rows: of a recorded table, the rows in which nothing is touched, counted from 1 below the line of names.
+
     Raises:
-        DermisError: a file that cannot be read, or a table of another device.
+        DermisError: a file that cannot be read, a table of another device, or rows of rest for a collected table.
     """
     if file.suffix.lower() == ".csv":
         ends = np.array([ends_of(channel) for channel in original_channels(spec)]).T
-        table = read_table(file, scale_of(spec), ends)
+        table = read_table(file, scale_of(spec), ends, mechanism(spec).rest, rest_rows)
     else:
+        if rest_rows:
+            raise DermisError("a collected table says itself which row is untouched", where=str(file), limit=".csv")
         table = SkinTable.load(file)
     belongs(table, spec, where=str(file))
     return table
@@ -102,16 +113,27 @@ def table_for(
     rows: int | None = ROWS,
     executor: JobExecutor | None = None,
     material: Mapping[str, float] | None = None,
-    stiffening: Stiffening | None = None,
+    tissue: str = LINEAR,
+    adaptive: bool = False,
+    noise: float = NOISE,
 ) -> Generator[Step, None, SkinTable]:
     """Return a device's table, swept by an executor and kept in a folder.
 
+    Args:
+        adaptive: spend the rows where the device touches and where its readings bend; in this process, from the start.
+        noise: standard deviation of one channel [counts]: an adaptive table's rows are not spent on differences below
+            it.
+
     Raises:
-        DermisError: a sweep that fails.
+        DermisError: a sweep that fails, or an adaptive one whose rows nobody says.
     """
-    steps = collect(
-        spec, shape, folder, level=level, rows=rows, executor=executor, material=material, stiffening=stiffening
-    )
+    if adaptive:
+        if rows is None:
+            raise DermisError("an adaptive table needs a number of rows", where="--rows", limit=f">= {LEAST}")
+        skin = of_tissue(fingertip_skin(shape, Elastic(**(material or {})), level=level), tissue)
+        made = build_adaptive(spec, skin, readings_of(skin), rows, noise)
+        return in_words(made, lambda step: Step("table", *step))
+    steps = collect(spec, shape, folder, level=level, rows=rows, executor=executor, material=material, tissue=tissue)
     return in_words(steps, lambda step: Step("table", *step))
 
 
@@ -121,40 +143,51 @@ def answer(
     sensed: Sensed,
     *,
     noise: float = NOISE,
+    recorded_noise: float | None = None,
     skin: SkinModel | None = None,
     spread: bool = False,
 ) -> Generator[Step, None, Design]:
     """Return how many motors the sensed interactions need.
 
     Args:
-        skin: what the interactions were sensed with, where they are simulated: tells a table of another skin.
+        noise: standard deviation of one channel of the virtual sensor [counts].
+        recorded_noise: the same of recordings, in their own unit; measured on each where None.
+        skin: of the interactions, where they are simulated: tells a table of another skin.
         spread: tell the spread of the reversed sweep on that skin too; a second.
 
     Raises:
-        DermisError: see `report.design`; or a recording whose channels are not those of a recorded table.
+        DermisError: see `answer.design`; or a recording whose channels are not those of a recorded table.
     """
     yield Step("components", 0, 1)
-    targets = {}
+    targets, sensors, noises = {}, {}, []
     for name, given in sensed.items():
         if isinstance(given, Recording):
             same_channels(given, table)
-        targets[name] = np.asarray(given.readings if isinstance(given, Recording) else given, np.float64)
-    found = design(spec, table.heard_with(noise), targets)
-    doubts: tuple[Finding, ...] = belongs(table, spec, skin) + found.findings
+            targets[name] = given.tared(table.exact_readings[table.rest])
+            noises.append(given.noise if recorded_noise is None else recorded_noise)
+            sensors[name] = f"recorded, {len(given.channels)} channels, noise {noises[-1]:.3g} a channel"
+        else:
+            targets[name] = np.asarray(given, np.float64)
+            noises.append(noise)
+    found = design(spec, table.heard_with(max(noises, default=0.0)), targets, sensors)
+    doubts: tuple[Finding, ...] = (*belongs(table, spec, skin), *rest_finding(table), *found.findings)
     reversed_sweep = reversed_spread(spec, skin) if spread and skin is not None else {}
     yield Step("components", 1, 1)
     return replace(found, findings=doubts, reversed_sweep=reversed_sweep)
 
 
-def read_sensed(paths: Sequence[Path]) -> dict[str, Recording]:
+def read_sensed(paths: Sequence[Path], rest: tuple[float, float] | None = None) -> dict[str, Recording]:
     """Read recordings, by the names of their files.
+
+    Args:
+        rest: the part of each in which nothing is touched, from and to [s].
 
     Raises:
         DermisError: one that cannot be used, or two of one name.
     """
     found: dict[str, Recording] = {}
     for path in paths:
-        recording = read_recording(path)
+        recording = read_recording(path, rest)
         if recording.name in found:
             raise DermisError("two recordings have one name", where=str(path), value=recording.name)
         found[recording.name] = recording
@@ -164,18 +197,21 @@ def read_sensed(paths: Sequence[Path]) -> dict[str, Recording]:
 def write(found: Design, folder: Path, *, rule: Rule = "touch", motors: int | None = None) -> tuple[Path, ...]:
     """Write report.txt, report.json, report.png and the new preset into a folder; return their paths.
 
+    There is no preset where no number of motors is given: neither by `motors` nor, with a poor table, by the rule.
+
     Raises:
         DermisError: more motors than the device has, or a folder that cannot be written.
     """
     folder = Path(folder)
-    made = preset(found, rule, motors)
-    count = len(made["channels"])
-    paths = tuple(
-        folder / name for name in ("report.txt", "report.json", "report.png", f"{found.spec.key}_{count}_motors.json")
-    )
+    made = preset(found, rule, motors) if motors is not None or not found.poor else None
+    names = ["report.txt", "report.json", "report.png"]
+    if made is not None:
+        names.append(f"{found.spec.key}_{len(made['channels'])}_motors.json")
+    paths = tuple(folder / name for name in names)
     write_bytes(paths[0], as_text(found).encode())
     text = json.dumps(as_json(found), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     write_bytes(paths[1], text.encode())
     write_picture(found, paths[2], rule)
-    write_preset(made, paths[3])
+    if made is not None:
+        write_preset(made, paths[3])
     return paths

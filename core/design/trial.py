@@ -41,7 +41,7 @@ class Verdict:
 
 
 def felt(skin: SkinModel, name: str, seed: int, wobble: Wobble = WOBBLE) -> SkinContact:
-    """Return what the skin feels in one of the six interactions."""
+    """Return the states of the skin in one of the six interactions."""
     scene = interaction(name, skin.positions, seed=seed, wobble=wobble)
     sampler = SkinSampler(scene, {0: skin})
     for chunk in scene.chunks:
@@ -50,7 +50,7 @@ def felt(skin: SkinModel, name: str, seed: int, wobble: Wobble = WOBBLE) -> Skin
 
 
 def sense(touch: SkinContact, noise: float = NOISE, seed: int = 0) -> Counts:
-    """Return what the virtual sensor reads along a touch, sample by sample, shape (n, 20), with seeded noise."""
+    """Return the readings of the virtual sensor along a touch, sample by sample, shape (n, 20), with seeded noise."""
     sensor = readings_of(touch.model)
     exact = np.tile(sensor.rest, (len(touch.times), 1))
     if len(touch.contact):

@@ -19,7 +19,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import DermisError
-from .poses import Poses, crossing
+from .poses import Poses, crossing, inverted, limited
 from .spec import DeviceSpec
 
 NEWTON_STEPS = 40
@@ -39,7 +39,7 @@ class CablePlatform:
         pulley: radius [m].
         spring: axial stiffness [N/m]. bending: sideways stiffness of a spring [N/m]. free_length: of a spring [m].
         cable: stiffness of a cable [N/m].
-        tension_limit: what a servo can pull [N].
+        tension_limit: largest pull of a servo [N].
     """
 
     disc_radius: float
@@ -98,10 +98,8 @@ class CablePlatform:
                 wrench, stiffness = wrench[left], stiffness[left]
             if not len(active):
                 break
-            twist = np.linalg.solve(stiffness, wrench[:, :, None])[:, :, 0]
-            # no more than some mm and a quarter radian at once: beyond, cables change between taut and slack
-            size = np.maximum(np.abs(twist[:, :3]).max(axis=1) / 6e-3, np.abs(twist[:, 3:]).max(axis=1) / 0.25)
-            poses = poses.moved(twist / np.maximum(size, 1.0)[:, None])
+            twist = np.asarray(np.linalg.solve(stiffness, wrench[:, :, None])[:, :, 0], np.float64)
+            poses = poses.moved(limited(twist))
             rotation[active], centre[active] = poses.rotation, poses.centre
         return Poses(rotation, centre)
 
@@ -109,7 +107,7 @@ class CablePlatform:
         """Return force and moment of cables and springs, and their compliance; see `press.Carrier`."""
         wrench, stiffness = self._balance(poses, self.lengths(commands), taut=first)
         symmetric = 0.5 * (stiffness + stiffness.transpose(0, 2, 1))
-        return wrench, np.asarray(np.linalg.inv(symmetric), np.float64)
+        return wrench, inverted(symmetric)
 
     def tensions(self, poses: Poses, commands: Array) -> Array:
         """Return cable tensions [N] at poses, never negative, shape (n, 3)."""

@@ -12,8 +12,8 @@ reduces to A f = -D b with A = (I - D) / r + D C. The same factors give the exac
 differentiation): in a frame that turns with the disc the law does not change, so with the turning part taken out,
 h = df - Omega f obeys A h = -D (C Omega f - Omega C f + db'), where db' is the change of b as the disc sees it.
 
-Skin that stiffens is a line in the forces near one of its states (`StiffTangent`): C and b are of that line, which is
-laid anew through what was found until the law of the tissue holds.
+Skin that follows the neo-Hookean law gives way less than linear skin by an offset c, which is frozen while poses are
+tried: b is less by it. `solve` finds the contact at one pose by the law itself (`DiscLaw`).
 
 Source: [S0] 3.1 (rigid disc on the skin), 3.4 and 5.1 (friction state); Alart and Curnier 1991.
 """
@@ -28,20 +28,16 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..contact.solver.cone import OPEN, SLIP, STICK
+from ..contact.solver.law_skin import LawState
 from ..contact.solver.solve import Solution
 from ..contact.solver.solve import solve as solve_contact
-from ..errors import DermisError
-from ..stiffening.tangent import StiffTangent
+from .disc_law import DiscLaw
 from .disc_pose import FALLBACK_TOLERANCE, TOLERANCE, Disc, DiscPose, DiscSolution, FrictionState
 from .poses import crossing
 from .press_problem import PressPoints
-from .stiff_points import StiffPoints
 
 MAX_STEPS = 10
-MAX_TANGENTS = 8
-# A tangent of skin that stiffens serves again where it is off by no more than this share of the forces, and these have
-# changed by no more than that share: the series that it is of is off the law by many times as much.
-BENT, FAR = 1e-3, 0.3
+MAX_ROUNDS = 24  # of contact and the law by turns, at one pose
 _UNIT, _NO_LAW = np.eye(3), np.zeros((0, 3, 3))
 _STICKS, _SLIPS = np.int8(STICK), np.int8(SLIP)
 NEAR, MARGIN = 0.9e-3, 0.3e-3  # candidates have gaps below NEAR; they are chosen anew when others come to MARGIN
@@ -95,16 +91,14 @@ class DiscContact:
 
     Attributes:
         solved, fallbacks: how many poses were solved, and for how many Newton's method was not enough.
-        tangent: of skin that stiffens, on which poses are tried: of the last pose that was solved, or of the friction
-            state that is held.
+        law: of skin that follows it; None where skin is linear.
     """
 
     def __init__(self, points: PressPoints, disc: Disc, friction: float) -> None:
         self.points, self.disc, self.friction = points, disc, float(friction)
         self.compliance, self.positions, self.count = points.compliance, points.positions, len(points.positions)
-        self._stiff = points.stiff
-        self.tangent = None if self._stiff is None else self._stiff.rest
-        self._line: tuple[Array, Array] | None = None  # compliance between the candidates on the tangent, and its shift
+        self.law = None if points.law is None else DiscLaw(points.law, points.modulus, points.nodal)
+        self._less: Array | None = None  # by how much less than linear skin the points give way, frozen
         # weighs displacement against force: between the softest and the stiffest point, as in the iteration
         self._stiffness = 1.0 / float(np.median(np.diag(self.compliance)))
         self.near: NDArray[np.intp] = np.zeros(0, np.intp)
@@ -131,11 +125,16 @@ class DiscContact:
         self._stuck = state.sticking.nonzero()[0]
         self._stuck_at = state.anchor[self._stuck]
         near = np.zeros(0, np.intp) if state.last is None else state.last.near
-        if self._stiff is not None:
-            tangent = self._stiff.rest if state.last is None else state.last.tangent
-            if tangent is not self.tangent:
-                self.tangent, self._line = tangent, None
+        if self.law is not None:
+            self.law.begin(state.law)
+            self._less = self.law.less
         self._take(near)
+
+    def go_on(self, state: LawState | None) -> None:
+        """Let skin with a law give way as at a state of it, None at rest: what was solved since led astray."""
+        assert self.law is not None
+        self.law.go_on(state)
+        self._less = self.law.less
 
     def gap(self, pose: DiscPose) -> Array:
         """Return the gap of every undeformed point [m], shape (m,)."""
@@ -147,37 +146,35 @@ class DiscContact:
         over = np.maximum(np.sqrt(across[:, 0] ** 2 + across[:, 1] ** 2) - self.disc.radius, 0.0)
         return over * over * (0.5 / self.disc.rounding)
 
-    def solve(self, pose: DiscPose) -> DiscSolution:
-        """Return the contact at a pose, from the friction state that is held."""
-        found = self.tried(pose)
-        return found if self._stiff is None else self._settled(self._stiff, pose, found)
+    def solve(self, pose: DiscPose, known: DiscSolution | None = None) -> DiscSolution:
+        """Return the contact at a pose from the friction state that is held, of skin with a law by the law.
 
-    def _settled(self, stiff: StiffPoints, pose: DiscPose, found: DiscSolution) -> DiscSolution:
-        """Lay the tangent of skin that stiffens anew through what it led to, until both agree."""
-        off = 0.0
-        for _ in range(MAX_TANGENTS):
-            if not found.touching or found.tangent is None:
-                return found
-            columns, force = _degrees(found.near), found.force.ravel()
-            z = stiff.work(columns, force)
-            way = _apart(found.tangent, z)
-            # what a tangent leaves out falls with the square of the way from where it was laid
-            if way <= FAR and found.tangent.bend * way**2 <= BENT:
-                return found
-            new = stiff.moved(found.tangent, z)
-            beyond = stiff.patterns[columns] @ (new.force_at(z) - found.tangent.force_at(z))
-            off = self._stiffness * float(np.linalg.norm(beyond) / np.linalg.norm(force))
-            if off <= TOLERANCE:
-                return found
-            self.tangent, self._line = replace(new, bend=off / max(way, 1e-300) ** 2), None
-            found = self.tried(pose)
-        return replace(found, residual=max(found.residual, off))
+        The offset is then the one that the law wants at this pose.
+
+        Args:
+            known: what `tried` returned of this pose last; it serves where the offset has not changed since.
+        """
+        law = self.law
+        if law is None:
+            return self.tried(pose)
+        law.look_anew()
+        for again in range(MAX_ROUNDS):
+            first = again == 0 and known is not None and known.less is self._less
+            found = known if first and known is not None else self.tried(pose)
+            lost = law.look(self.nodal(found))
+            if law.settled:
+                break
+            if not lost and again == MAX_ROUNDS - 1:
+                law.take_best()
+                lost = True
+            self._less = law.less
+            if lost:  # no step leads nearer: this is where least was left
+                found = self.tried(pose)
+                break
+        return replace(found, amounts=law.amounts, law=law.save(), less=self._less)
 
     def tried(self, pose: DiscPose) -> DiscSolution:
-        """Return the contact at a pose with skin as stiff as it was where its tangent was laid: linear skin's is exact.
-
-        Skin that stiffens is off by the square of what its displacement differs from that.
-        """
+        """Return the contact at a pose with the offset frozen that skin with a law has; linear skin's is exact."""
         seen = self._seen(pose)
         self._choose(seen)
         self.solved += 1
@@ -185,10 +182,7 @@ class DiscContact:
         if not (seen.gap[self.near] < 0.0).any():
             zero = np.zeros_like(offset)
             nothing = np.zeros(len(offset), np.int8)
-            found = DiscSolution(pose, self.near, zero, offset, np.zeros_like(change), nothing, 0.0, 0, "none")
-            return (
-                found if self._stiff is None else replace(found, tangent=self._stiff.rest, amounts=self._stiff.rest.q)
-            )
+            return DiscSolution(pose, self.near, zero, offset, np.zeros_like(change), nothing, 0.0, 0, "none")
         guess = self._held_force
         if self._guess is not None:
             # forces move with the disc to first order: nearly always the right points stick and slip at once
@@ -200,30 +194,20 @@ class DiscContact:
             self.fallbacks += 1
             method = "fallback"
             other = self._solved_otherwise(pose, offset, force)
-            if other is not None:
-                force, w, slope, status, residual, more = self._newton(pose, offset, change, other.force, steps=1)
-                if residual > other.residual:
-                    force, w, status, residual = other.force, other.displacement, other.status, other.residual
-                steps += other.iterations + more
+            force, w, slope, status, residual, more = self._newton(pose, offset, change, other.force, steps=1)
+            if residual > other.residual:
+                force, w, status, residual = other.force, other.displacement, other.status, other.residual
+            steps += other.iterations + more
         self._guess = (pose.x, force, slope)
-        found = DiscSolution(pose, self.near, force, w, slope, status, residual, steps, method)
-        if self._stiff is None or self.tangent is None:
-            return found
-        z = self._stiff.work(_degrees(self.near), force.ravel())
-        return replace(found, tangent=self.tangent, amounts=self.tangent.amounts_at(z))
+        return DiscSolution(pose, self.near, force, w, slope, status, residual, steps, method, less=self._less)
 
-    def _solved_otherwise(self, pose: DiscPose, offset: Array, start: Array) -> Solution | None:
-        """Return what a slower way finds; None where skin that stiffens is about to give way, and has no way there."""
-        line = offset if self._stiff is None else offset + self._tangent_line(self._stiff)[1]
+    def _solved_otherwise(self, pose: DiscPose, offset: Array, start: Array) -> Solution:
+        """Return what a slower way finds."""
+        b = offset if self._less is None else offset - self._less[self.near]
         normals = np.tile(pose.normal, (len(offset), 1))
-        try:
-            return solve_contact(
-                self._matrix, line.ravel(), self.friction, normals=normals, start=start, tolerance=FALLBACK_TOLERANCE
-            )
-        except DermisError:
-            if self._stiff is None:
-                raise
-            return None
+        return solve_contact(
+            self._matrix, b.ravel(), self.friction, normals=normals, start=start, tolerance=FALLBACK_TOLERANCE
+        )
 
     def nodal(self, solution: DiscSolution) -> Array:
         """Return the forces on the nodes of the skin's mesh [N], shape (m, 3)."""
@@ -248,15 +232,14 @@ class DiscContact:
         if len(loaded):
             rows = _degrees(solution.near[loaded])
             moved = (self.compliance[rows].T @ solution.force[loaded].ravel()).reshape(-1, 3)
-            if self._stiff is not None and solution.tangent is not None:
-                beyond = solution.tangent.force_at(self._stiff.work(rows, solution.force[loaded].ravel()))
-                moved -= (self._stiff.patterns @ beyond).reshape(-1, 3)
+            if solution.less is not None:
+                moved -= solution.less
             anchor += (moved @ pose.rotation)[:, :2]
         kept = solution.near[(solution.status == STICK) & self.state.anchored[solution.near]]
         anchor[kept] = self.state.anchor[kept]
         sticking = np.zeros(self.count, bool)
         sticking[solution.near[solution.status == STICK]] = True
-        return FrictionState(np.ones(self.count, bool), anchor, force, sticking, moved, solution)
+        return FrictionState(np.ones(self.count, bool), anchor, force, sticking, moved, solution, solution.law)
 
     # -- parts -------------------------------------------------------------------------------------------------------
 
@@ -266,8 +249,8 @@ class DiscContact:
         """Newton's method on the forces, and their derivatives from its last factors."""
         normal, r, mu, size = pose.normal, self._stiffness, self.friction, len(offset)
         untouched = offset
-        if self._stiff is not None:
-            offset = offset + self._tangent_line(self._stiff)[1]
+        if self._less is not None:
+            offset = offset - self._less[self.near]
         force, step = guess, 0
         best = (np.inf, force, offset, np.zeros(size, np.int8))
         factors: _Factors | None = None
@@ -383,7 +366,7 @@ class DiscContact:
         """Take these candidates, with what the friction state says of them."""
         if near is not self.near and not np.array_equal(near, self.near):
             self.choice += 1
-            self._built = self._line = self._block = None
+            self._built = self._block = None
             self._rest4, self._places4 = np.ones((2, len(near), 4))
             self._rest4[:, :3] = self.positions[near]
         self.near = near
@@ -404,23 +387,10 @@ class DiscContact:
     @property
     def _matrix(self) -> Array:
         """Compliance between the candidates, built when something touches."""
-        return self._linear if self._stiff is None else self._tangent_line(self._stiff)[0]
-
-    @property
-    def _linear(self) -> Array:
         if self._built is None:
             rows = _degrees(self.near)
             self._built = np.ascontiguousarray(self.compliance[np.ix_(rows, rows)])
         return self._built
-
-    def _tangent_line(self, stiff: StiffPoints) -> tuple[Array, Array]:
-        """Return the compliance between the candidates on the tangent, and where it has them without force, (s, 3)."""
-        if self._line is None:
-            assert self.tangent is not None
-            rows = _degrees(self.near)
-            shift = -(stiff.patterns[rows] @ self.tangent.offset).reshape(-1, 3)
-            self._line, self._block = (self._linear - stiff.matrix(self.tangent, rows), shift), None
-        return self._line
 
     def _active_block(self, active: NDArray[np.intp]) -> _Block:
         """Return what is known of points that touch, from the step before where they are the same."""
@@ -431,12 +401,6 @@ class DiscContact:
             lower, pivots, info = self._factorise(matrix.T)
             self._block = _Block(key, matrix, lower, pivots, info == 0)
         return self._block
-
-
-def _apart(tangent: StiffTangent, z: Array) -> float:
-    """Return how far forces are from those that a tangent was laid at, of what is the larger."""
-    own = tangent.q + tangent.force
-    return float(np.linalg.norm(z - own) / max(float(np.linalg.norm(z)), float(np.linalg.norm(own)), 1e-300))
 
 
 def _degrees(points: NDArray[np.intp]) -> NDArray[np.intp]:

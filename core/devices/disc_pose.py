@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..contact.solver.bodies import ContactBody
 from ..contact.solver.cone import OPEN
-from ..stiffening.tangent import StiffTangent
+from ..contact.solver.law_skin import TOLERANCE as LAW_TOLERANCE
+from ..contact.solver.law_skin import LawState
 from ..surface.gap import GapQuery
 from ..surface.plane import Plane
 from .disc_device import DiscDevice
@@ -108,6 +109,7 @@ class FrictionState:
         sticking: points that the disc carries along, shape (m,).
         moved: how far the points were from rest then [m], shape (m, 3).
         last: the contact that the last step ended in, from which the next one is guessed.
+        law: of skin that follows it, at the end of the last step; None at rest.
     """
 
     anchored: NDArray[np.bool_]
@@ -116,6 +118,7 @@ class FrictionState:
     sticking: NDArray[np.bool_]
     moved: Array
     last: DiscSolution | None = None
+    law: LawState | None = None
 
     @classmethod
     def rest(cls, count: int) -> FrictionState:
@@ -136,8 +139,9 @@ class DiscSolution:
         status: OPEN, STICK or SLIP, shape (s,).
         residual: |f - P(f - w / rho)| / |f|. iterations: Newton steps.
         method: 'none', 'newton', or 'fallback' where Newton did not settle.
-        tangent: of skin that stiffens, that these forces were found with; None of linear skin.
-        amounts: of each pattern that such skin is displaced by, shape (k,); zero without force.
+        amounts: of skin with a law by how much less than linear skin the pad nodes give way [m], shape (3 m,), see
+            `Stimulus.given`; None where the law was not asked.
+        law: its state there. less: the same as `amounts` at the points, that the contact was solved with, shape (n, 3).
     """
 
     pose: DiscPose
@@ -149,13 +153,19 @@ class DiscSolution:
     residual: float
     iterations: int
     method: str
-    tangent: StiffTangent | None = None
     amounts: Array | None = None
+    law: LawState | None = None
+    less: Array | None = None
 
     @property
     def converged(self) -> bool:
         """Whether the forces obey the laws of contact."""
         return self.residual <= max(TOLERANCE, 10 * FALLBACK_TOLERANCE)
+
+    @property
+    def settled(self) -> bool:
+        """Whether the law of skin that follows one has what it wants, too."""
+        return self.law is None or self.law.left <= LAW_TOLERANCE
 
     @property
     def touching(self) -> bool:

@@ -67,7 +67,7 @@ class FrictionLaw:
 
 @dataclass(frozen=True)
 class FrictionScreen:
-    """What one screen needs to be driven.
+    """The data for driving one screen.
 
     Attributes:
         law: from friction to volts.
@@ -121,7 +121,7 @@ class FrictionScreen:
         )
 
     def check(self, volts: Array, carrier: Array, where: str = "") -> tuple[Finding, ...]:
-        """Return findings where a command leaves what was measured; nothing is changed.
+        """Return findings where a command leaves the measured range; nothing is changed.
 
         Args:
             volts: amplitudes [V], 0 where nothing is shown, shape (n,). carrier: [Hz], shape (n,).
@@ -178,7 +178,7 @@ class FrictionScreen:
 
     @classmethod
     def from_dict(cls, fields: Mapping[str, Any]) -> FrictionScreen:
-        """Read what `as_dict` gave.
+        """Read a screen that `as_dict` gave.
 
         Raises:
             DermisError: a field missing, unknown or not a number.

@@ -14,7 +14,7 @@ from typing import Literal
 from ..parameters.material import FRICTION
 from ..parameters.parameter import NAMES, TEXT, Parameter, Table, table
 
-Drawn = Literal["", "tactor", "screen", "pins", "thimble", "platform"]
+Drawn = Literal["", "tactor", "screen", "coil", "pins", "thimble", "platform"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +31,8 @@ class Kind:
         follows_skin: `render` takes what the finger's whole skin feels, besides the touch of its pad.
         platform: its motors have ranges, may be coupled, and a look-up table says what they do.
         drawn: as what Blender shows it; as its name and values alone where empty.
+        sine: the channels of amplitude and frequency of a sinusoid that drives it; empty where none does.
+        wave: the channel that is itself a voltage over time; '' where none is.
     """
 
     mechanism: str
@@ -43,6 +45,8 @@ class Kind:
     follows_skin: bool = False
     platform: bool = False
     drawn: Drawn = ""
+    sine: tuple[str, ...] = ()
+    wave: str = ""
 
 
 def _size(name: str, unit: str) -> Parameter:
@@ -119,6 +123,7 @@ KINDS: Mapping[str, Kind] = {
         mechanism="friction_screen.FrictionScreen.of",
         renderer="friction_screen",
         drawn="screen",
+        sine=("amplitude", "carrier"),
         worn=False,
         settings=(
             *("relief", "relief_formula", "profile", "downhill", "direction_window", "threshold"),
@@ -133,6 +138,21 @@ KINDS: Mapping[str, Kind] = {
             Parameter(name="span_high", unit="V", above=0.0),
             Parameter(name="carrier_low", unit="Hz", above=0.0, default=60.0),
             Parameter(name="carrier_high", unit="Hz", above=0.0, default=200.0),
+        ),
+    ),
+    "voice_coil": Kind(
+        mechanism="voice_coil.VoiceCoil.of",
+        renderer="voice_coil",
+        drawn="coil",
+        channels={"displacement": "m", "voltage": "V"},
+        wave="voltage",
+        settings=("use_transient", "use_texture"),
+        parameters=table(
+            *_RANGE_DISC,
+            _size("range", "m"),
+            Parameter(name="response_frequency", unit="Hz", required=True, size=0, above=0.0),
+            Parameter(name="response_gain", unit="m/s^2/V", required=True, size=0, above=0.0),
+            _told("device_mass", "kg"),
         ),
     ),
     "pin_array": Kind(

@@ -1,4 +1,4 @@
-"""LateralStage: a thimble on a stage that moves it along the pad and turns it, to see what such axes would buy.
+"""LateralStage: a thimble on a stage that moves it along the pad and turns it, to see the benefit of such axes.
 
 No such device is built: it has the thimble's servos and their limits, and three more joints with limits of their own.
 """

@@ -23,7 +23,7 @@ SPREAD_CUTOFF = 3.0  # of sigma: nodes farther from a pin's point of action get 
 
 @dataclass(frozen=True)
 class PinLayout:
-    """Where the pins are and what each can do.
+    """The places of the pins, and the limits of each.
 
     Attributes:
         tips: points on each pin's line, on the cylinder at mid stroke [m], shape (pins, 3).

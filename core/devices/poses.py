@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 
+FAR, TURN = 6e-3, 0.25  # a step of a search may go [m] and turn [rad]: beyond, cables change between taut and slack
+
 
 @dataclass(frozen=True, eq=False)
 class Poses:
@@ -28,6 +30,23 @@ class Poses:
         """Return the poses after a small movement about the finger's origin: shift [m], turn [rad], shape (n, 6)."""
         turn = rotation(twist[:, 3:])
         return Poses(turn @ self.rotation, np.einsum("nij,nj->ni", turn, self.centre) + twist[:, :3])
+
+
+def limited(twist: Array) -> Array:
+    """Return movements (shift, turn), shape (n, 6), of which none goes farther than `FAR` or turns more than `TURN`."""
+    size = np.maximum(np.abs(twist[:, :3]).max(axis=1) / FAR, np.abs(twist[:, 3:]).max(axis=1) / TURN)
+    return np.asarray(twist / np.maximum(size, 1.0)[:, None])
+
+
+def inverted(matrices: Array) -> Array:
+    """Return the inverses of matrices, shape (n, k, k); of one that has none, no numbers: that row has no balance."""
+    try:
+        return np.asarray(np.linalg.inv(matrices), np.float64)
+    except np.linalg.LinAlgError:
+        out = np.full_like(matrices, np.nan)
+        for row in np.flatnonzero(np.linalg.matrix_rank(np.nan_to_num(matrices)) == matrices.shape[-1]):
+            out[row] = np.linalg.inv(matrices[row])
+        return out
 
 
 def rotation(vectors: Array) -> Array:

@@ -1,6 +1,6 @@
-"""Whether a device can be made from a preset: what its kind's row asks for, and its channels.
+"""Whether a device can be made from a preset: the fields that its kind's row asks for, and its channels.
 
-A preset that passes here and at its kind's own reading can be rendered: what is malformed is said where presets are
+A preset that passes here and at its kind's own reading can be rendered: a malformed one is reported where presets are
 listed, not in the middle of a bake.
 """
 
@@ -20,7 +20,7 @@ from .mechanism import kind_of, mechanism_of
 from .safe_state import safe_state
 from .spec import DeviceSpec
 
-# What may be stated of single channels, as 'bandwidth.motor_1': judged before a track leaves.
+# Fields of single channels, as 'bandwidth.motor_1': judged before a track leaves.
 OF_CHANNELS = ("acceleration", "bandwidth", "resolution")
 FIELDS = "schema name kind rate channels parameters safe wire description sources display settings".split()
 CHANNEL_FIELDS = "name unit actuator low high slew rest repeat description source".split()
@@ -107,7 +107,7 @@ def _check_channels(spec: DeviceSpec, kind: Kind, where: str) -> None:
 
 
 def _of_channel(spec: DeviceSpec, name: str) -> Parameter | None:
-    """Return what may be stated of a channel; its unit is the channel's, or left out."""
+    """Return the parameter for a field of a channel; its unit is the channel's, or left out."""
     group, _, channel = name.partition(".")
     if group not in OF_CHANNELS or channel not in {c.name for c in spec.channels}:
         return None

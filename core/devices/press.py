@@ -45,7 +45,9 @@ class Pressed:
         touching: shape (n,).
         residual: |f - P(f - w / rho)| / |f| of the contact, shape (n,).
         imbalance: force on the platform left over [N], shape (n,).
-        amounts: of each pattern that skin which stiffens is displaced by, float32, shape (n, k); None of linear skin.
+        left: residual of the law where it did not settle, over the forces' own energy; 0 where it did, and on linear
+            skin, shape (n,).
+        amounts: see `Stimulus.given`, of skin that follows a law, float32, shape (n, 3 m); None of linear skin.
     """
 
     force: Floats32
@@ -54,11 +56,12 @@ class Pressed:
     touching: NDArray[np.bool_]
     residual: Array
     imbalance: Array
+    left: Array
     amounts: Floats32 | None = None
 
     def set(self, rows: Indices, found: Pressed) -> None:
-        """Put in what was found for some rows."""
-        for name in ("force", "displacement", "touching", "residual", "imbalance"):
+        """Set the results of some rows."""
+        for name in ("force", "displacement", "touching", "residual", "imbalance", "left"):
             getattr(self, name)[rows] = getattr(found, name)
         if self.amounts is not None and found.amounts is not None:
             self.amounts[rows] = found.amounts
@@ -70,7 +73,7 @@ class Press:
 
     Args:
         points: of the skin that are pressed.
-        carrier: what carries the platform.
+        carrier: carries the platform.
         friction: Coulomb's coefficient.
         steps: parts of the path in contact.
 
@@ -81,7 +84,7 @@ class Press:
     def __init__(self, points: PressPoints, carrier: Carrier, friction: float, *, steps: int = STEPS) -> None:
         if steps < 1:
             raise DermisError("too few steps", where="platform", value=steps, limit=">= 1")
-        self.problem = PressProblem(points.compliance, points.positions, carrier, friction, points.stiff)
+        self.problem = PressProblem(points.compliance, points.positions, carrier, friction)
         self.points, self.carrier, self.steps = points, carrier, int(steps)
 
     def press(self, commands: Array, *, via: Array | None = None) -> Pressed:
@@ -94,9 +97,8 @@ class Press:
         n, whole = len(commands), self.problem
         force, moved = (np.zeros((n, m, 3), np.float32) for m in (self.points.node_count, whole.count))
         poses = self.carrier.rest_poses(n)
-        stiff = self.points.stiff
-        amounts = None if stiff is None else np.zeros((n, stiff.stiffening.count), np.float32)
-        made = Pressed(force, moved, poses, np.zeros(n, bool), np.zeros(n), np.zeros(n), amounts)
+        amounts = None if self.points.law is None else np.zeros((n, 3 * self.points.node_count), np.float32)
+        made = Pressed(force, moved, poses, np.zeros(n, bool), np.zeros(n), np.zeros(n), np.zeros(n), amounts)
         first = commands if via is None else via
         free, where = self.carrier.rest_poses(n), np.zeros((n, 3))
         for rows in np.split(np.arange(n), range(AT_ONCE, n, AT_ONCE)):
@@ -156,7 +158,7 @@ class Press:
         share = np.clip(share, 0.0, 1.0)[:, None]
         touch = rest + share * (legs[0] - rest)
         part = (1.0 - share) * start.centre + share * free.centre
-        state = PressState(problem, self.carrier.carry(touch, Poses(free.rotation, part)))
+        state = PressState(problem, self.points, self.carrier.carry(touch, Poses(free.rotation, part)))
         path = [touch + (legs[0] - touch) * (k / self.steps) for k in range(1, self.steps + 1)]
         if via is not None:
             path += [via + (commands - via) * (k / self.steps) for k in range(1, self.steps + 1)]
@@ -168,12 +170,13 @@ class Press:
         force = np.ascontiguousarray(flat.reshape(n, 3, -1).transpose(0, 2, 1))
         image = state.force @ whole.compliance[whole.columns(near)]
         amounts = None
-        if state.stiff is not None and whole.stiff is not None:
-            taken, amounts = state.stiff.balance(state.force)
-            image -= (taken @ whole.stiff.patterns[whole.own].T).astype(np.float32)
+        if state.laws is not None:
+            amounts = state.laws.amounts
+            image -= state.laws.less_at(whole.own).astype(np.float32)
         moved = np.ascontiguousarray(image.reshape(n, 3, -1).transpose(0, 2, 1))
         touching = np.asarray(force.any(axis=(1, 2)))
-        return Pressed(self._nodal(force), moved, state.poses, touching, state.residual, state.imbalance, amounts)
+        ends = state.residual, state.imbalance, state.left
+        return Pressed(self._nodal(force), moved, state.poses, touching, *ends, amounts)
 
     def _nodal(self, force: Floats32) -> Floats32:
         nodal = self.points.nodal
@@ -183,7 +186,7 @@ class Press:
 
 
 def _alike(rows: Indices, where: Array) -> list[Indices]:
-    """Return batches of rows that are near each other: halves of halves across what differs most.
+    """Return batches of rows that are near each other: halves of halves across the axis along which they differ most.
 
     Args:
         rows: shape (k,). where: of all rows, shape (n, 3).

@@ -10,9 +10,9 @@ import numpy as np
 
 from ..arrays import Array, Indices
 from ..errors import DermisError
+from ..skin.law_tables import LawTables
 from .disc_pose import ROUNDING
 from .poses import Poses
-from .stiff_points import StiffPoints
 
 
 class Carrier(Protocol):
@@ -57,13 +57,14 @@ class PressPoints:
         positions: of undeformed skin in the finger's frame [m], shape (n, 3).
         compliance: between them, symmetric [m/N], shape (3 n, 3 n).
         nodal: forces on the nodes of the skin's mesh for forces on them, shape (3 m, 3 n); None where they are these.
-        stiff: what stiffening adds to the compliance; None where skin is linear.
+        law: that the skin's tissue follows; None where it is linear. modulus: E alpha [Pa].
     """
 
     positions: Array
     compliance: Array
     nodal: Array | None = None
-    stiff: StiffPoints | None = None
+    law: LawTables | None = None
+    modulus: float = 1.0
 
     @property
     def node_count(self) -> int:
@@ -86,31 +87,27 @@ class PressProblem:
         positions: those points, undeformed, in the finger's frame [m], shape (m, 3).
         carrier: what carries the platform.
         friction: Coulomb's coefficient.
-        stiff: what stiffening adds at these points; None where skin is linear.
 
     Attributes:
         rho: penalty of the alternating method [N/m].
         own: of each component, where it is among those of all points by point, shape (3 m,).
         exact, compliance: C by component, in double and in single precision.
         jacobian: movement of the points with the platform's (shift, turn).
-        ways: that, and of skin that stiffens its patterns beside it, J, shape (3 m, 6 + k).
-        inverse: (C + rho I)^-1, and that times the ways beside it, float32; spread: the latter alone, transposed.
-        gram: J' (C + rho I)^-1 J, shape (6 + k, 6 + k).
+        inverse: (C + rho I)^-1, and that times the jacobian J beside it, float32; spread: the latter alone, transposed.
+        gram: J' (C + rho I)^-1 J, shape (6, 6).
 
     Raises:
         DermisError: a compliance that is not positive definite.
     """
 
-    def __init__(
-        self, compliance: Array, positions: Array, carrier: Carrier, friction: float, stiff: StiffPoints | None = None
-    ) -> None:
+    def __init__(self, compliance: Array, positions: Array, carrier: Carrier, friction: float) -> None:
         m = len(positions)
         # by component, so that each component of a batch is one block of columns
         order = np.arange(3 * m).reshape(m, 3).T.ravel()
         ends = np.linalg.eigvalsh(compliance)[[0, -1]]
         if not ends[0] > 0.0:
             raise DermisError("the compliance is not positive definite", where="platform", value=float(ends[0]))
-        self.stiff, self.own = stiff, order
+        self.own = order
         self._set(compliance[order][:, order], positions, carrier, float(friction), float(np.sqrt(ends[0] * ends[1])))
 
     def _set(self, compliance: Array, positions: Array, carrier: Carrier, friction: float, rho: float) -> None:
@@ -126,12 +123,9 @@ class PressProblem:
                 np.column_stack([o, o, e, y, -x, o]),
             ]
         )
-        self.ways = self.jacobian
-        if self.stiff is not None:
-            self.ways = np.hstack([self.jacobian, self.stiff.patterns[self.own]])
         inverse = np.linalg.inv(compliance + rho * np.eye(3 * m))
-        spread = inverse @ self.ways
-        self.gram = self.ways.T @ spread
+        spread = inverse @ self.jacobian
+        self.gram = self.jacobian.T @ spread
         self.exact, self.compliance = compliance, np.ascontiguousarray(compliance, np.float32)
         self.inverse = np.ascontiguousarray(np.hstack([inverse, spread]), np.float32)
         self.spread = np.ascontiguousarray(spread.T, np.float32)

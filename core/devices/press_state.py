@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array, Floats32
-from .poses import Poses
-from .press_problem import PressProblem
-from .stiff_rows import StiffRows
+from .poses import Poses, inverted, limited
+from .press_problem import PressPoints, PressProblem
+from .row_laws import RowLaws
 
 TOLERANCE = 2e-4  # of the iteration, relative to the forces of a row: below the last of 12 bits
 MAX_ITERATIONS = 240
@@ -21,14 +21,13 @@ LEAVE = 8  # where one in so many of the rows that are left has settled, those t
 RELAXATION = 1.8
 LINEARISATIONS = 4
 BALANCE = 2e-3  # [N] that may be left over on a platform that gives way
-TANGENTS = 2, 6  # of skin that stiffens, on the way and at the last commands
-BENT = 1e-3  # of a row's forces: what skin that stiffens may be off its tangent at the last commands
+LOOKS = 8, 24  # at the law of skin that follows one, on the way and at the last commands
 
 
 class PressState:
     """A batch between two steps: poses, forces, and the points of the platform that nodes stick to."""
 
-    def __init__(self, problem: PressProblem, poses: Poses) -> None:
+    def __init__(self, problem: PressProblem, points: PressPoints, poses: Poses) -> None:
         self.problem, self.free, self.poses = problem, poses, poses
         n, m = len(poses), problem.count
         self.anchor = problem.local(poses)[0][:, :, :2]
@@ -37,9 +36,9 @@ class PressState:
         self.shift = np.zeros((n, 3 * m), np.float32)  # y of the method
         self.image = np.zeros((n, 3 * m), np.float32)
         self.sticking = np.zeros((n, m), bool)
-        self.residual = np.zeros(n)
+        self.residual, self.left = np.zeros(n), np.zeros(n)
         self.imbalance = np.zeros(n)
-        self.stiff = None if problem.stiff is None else StiffRows(problem.stiff, problem.own, n)
+        self.laws = None if points.law is None else RowLaws(points, problem.own, n)
 
     def step(self, commands: Array, *, last: bool) -> None:
         """Go to the next commands; at the last the platform's balance is linearised anew until it holds."""
@@ -47,7 +46,12 @@ class PressState:
         self.free = problem.carrier.carry(commands, self.free)
         self.poses = self.free.moved(self.deflection)
         rounds = LINEARISATIONS if last else 1
-        for k in range(rounds if self.stiff is None else TANGENTS[last]):
+        if self.laws is not None:
+            self.laws.begin()
+            rounds = LOOKS[last]
+        unsettled = np.arange(len(self.poses))
+        self.residual[:] = self.left[:] = 0.0
+        for k in range(rounds):
             given = problem.carrier.give(commands, self.poses, first=k == 0)
             local, gap = problem.local(self.poses)
             offset = local.copy()
@@ -58,33 +62,42 @@ class PressState:
                 ahead = np.einsum("nij,nj->ni", given[1], given[0])  # where the carrier would go without contact
                 offset -= ahead @ problem.jacobian.T
             rows = np.flatnonzero((gap.min(axis=1) < 0.0) | self.force.any(axis=1))
+            if given is None:  # rows that stay where they are and have settled need no more
+                rows = np.intersect1d(rows, unsettled)
             if len(rows):
                 self._solve(rows, offset, self.poses.rotation[:, :, 2], None if given is None else given[1])
-            bent = self._bent(rows)
+            if given is not None and k < LINEARISATIONS and self.laws is not None:
+                self.laws.look_anew()  # the platform gave way: it is another touch
+            unsettled = self._looked(rows, k == rounds - 2)
             if given is None:
-                if not bent:
+                if not len(unsettled):
                     break
                 continue
             load = self._load()
-            movement = np.einsum("nij,nj->ni", given[1], given[0] + load)
+            movement = limited(np.einsum("nij,nj->ni", given[1], given[0] + load))
             self.poses = self.poses.moved(movement)
             self.deflection += movement
             if last:
                 after = problem.carrier.give(commands, self.poses, first=False)
                 assert after is not None
                 self.imbalance = np.linalg.norm((after[0] + load)[:, :3], axis=1)
-                if self.imbalance.max(initial=0.0) <= BALANCE and not bent:
+                if self.imbalance.max(initial=0.0) <= BALANCE and not len(unsettled):
                     break
         self._settle()
 
-    def _bent(self, rows: NDArray[np.intp]) -> bool:
-        """Lay the tangents of skin that stiffens anew; return whether any was far off."""
-        if self.stiff is None or not len(rows):
-            return False
-        size = np.maximum(np.linalg.norm(self.force[rows], axis=1), 1e-8)
-        off = self.stiff.follow(rows, self.force[rows]) / (self.problem.rho * size)
-        self.residual[rows] = np.maximum(self.residual[rows], off)
-        return bool((off > BENT).any())
+    def _looked(self, rows: NDArray[np.intp], ends: bool) -> NDArray[np.intp]:
+        """Ask the law about rows; return those that it has not settled for.
+
+        Args:
+            ends: contact is solved once more, with the offsets of least residual.
+        """
+        if self.laws is None or not len(rows):
+            return rows[:0]
+        left = rows[~self.laws.look(rows, self.force[rows])]
+        if ends:
+            self.laws.take_best(left)
+        self.left[rows] = self.laws.left(rows)
+        return left
 
     def _load(self) -> Array:
         """Force and moment of the skin on the platform, shape (n, 6)."""
@@ -103,10 +116,10 @@ class PressState:
         rho = np.float32(problem.rho)
         self.sticking[:] = False
         core = None
-        if gives is not None or self.stiff is not None:
-            core = self._giving(rows, gives)
-            core = (core @ np.linalg.inv(np.eye(core.shape[1]) + problem.gram @ core)).astype(np.float32)  # Woodbury
-        b = (offset[rows] if self.stiff is None else offset[rows] + self.stiff.shift(rows)).astype(np.float32)
+        if gives is not None:
+            core = gives[rows]
+            core = (core @ inverted(np.eye(6) + problem.gram @ core)).astype(np.float32)  # Woodbury
+        b = (offset[rows] if self.laws is None else offset[rows] - self.laws.less[rows]).astype(np.float32)
         n = normal[rows].astype(np.float32)
         z, y = self.force[rows].copy(), self.shift[rows].copy()
         active = np.arange(len(rows))
@@ -143,22 +156,10 @@ class PressState:
                     core = None if core is None else core[keep]
                     if not len(active):
                         break
-        self.residual = np.zeros(len(offset))
         self.residual[rows] = residual
         self.image[rows] = self.force[rows] @ problem.compliance
-        if self.stiff is not None:
-            self.image[rows] -= self.stiff.beyond(rows, self.force[rows]).astype(np.float32)
-
-    def _giving(self, rows: NDArray[np.intp], gives: Array | None) -> Array:
-        """Return how platform and stiffening give way, the compliance of the problem's ways, shape (n, w, w)."""
-        if self.stiff is None:
-            assert gives is not None
-            return gives[rows]
-        core = np.zeros((len(rows), *self.problem.gram.shape))
-        core[:, 6:, 6:] = self.stiff.compliance(rows)
-        if gives is not None:
-            core[:, :6, :6] = gives[rows]
-        return core
+        if self.laws is not None:
+            self.image[rows] -= self.laws.less[rows].astype(np.float32)
 
 
 def _projected(v: Floats32, normal: Floats32, friction: float, m: int) -> tuple[Floats32, NDArray[np.bool_]]:

@@ -13,7 +13,7 @@ REACHES = ("at_once", "ramp", "release")
 
 
 class SafeState(NamedTuple):
-    """What a preset states: how its safe state is reached, one of `REACHES`, and values by channel [SI]."""
+    """The statement of a preset: how its safe state is reached, one of `REACHES`, and values by channel [SI]."""
 
     reach: str
     values: Mapping[str, float]
@@ -56,7 +56,7 @@ def bare_channels(spec: DeviceSpec) -> tuple[str, ...]:
 
 
 def safe_findings(spec: DeviceSpec) -> tuple[Finding, ...]:
-    """Return what a person should know before this device is meant to be streamed to."""
+    """Return findings for a person, before this device is meant to be streamed to."""
     bare = bare_channels(spec)
     if not bare:
         return ()

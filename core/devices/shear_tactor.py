@@ -73,7 +73,8 @@ class ShearTactor:
         Raises:
             DermisError: a position that the links cannot reach.
         """
-        x, y = np.moveaxis(np.asarray(position, dtype=np.float64) - self.axis, -1, 0)
+        offset = np.asarray(position, dtype=np.float64) - self.axis
+        x, y = offset[..., 0], offset[..., 1]
         cosine = np.hypot(x, y) / (2.0 * self.link)
         if not (cosine < 1.0).all():
             raise DermisError(

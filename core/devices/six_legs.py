@@ -105,7 +105,7 @@ class SixLegs:
         return length, slopes
 
     def constraints(self, x: ArrayLike, low: Array, high: Array) -> tuple[Array, Array]:
-        """Return what is left to the longest and, after the hold, to the shortest, c >= 0, (13,), and dc/dx, (13, 6).
+        """Return the room to the longest and, after the hold, to the shortest, c >= 0, (13,), and dc/dx, (13, 6).
 
         The slope of the hold is not worked out, and zero.
         """

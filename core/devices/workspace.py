@@ -16,7 +16,7 @@ HALVINGS = 14  # of an interval in the search for a limit: 0.004 degrees, 1 um
 
 @dataclass(frozen=True, eq=False)
 class Workspace:
-    """What a platform can reach, tilted from level at several distances.
+    """The reach of a platform, tilted from level at several distances.
 
     Attributes:
         distance: of the platform from the base [m], rising, shape (d,).

@@ -1,1 +1,1 @@
-"""What a tactor shows without a skin: transient, texture, weight, content, patterns; and reliefs under a screen."""
+"""Effects of a tactor without a skin: transient, texture, weight, content, patterns; and reliefs under a screen."""

@@ -1,7 +1,7 @@
-"""What moves inside a held object: a child object, a pendulum, a liquid, a loose body.
+"""Moving contents of a held object: a child object, a pendulum, a liquid, a loose body.
 
 The built-in contents are integrated at the device's own rate from rest at the first time, each by a rule that keeps
-what it must keep: the pendulum its length and, undamped, its energy; the liquid is an exact linear recursion; the
+its invariants: the pendulum its length and, undamped, its energy; the liquid is an exact linear recursion; the
 loose body flies in exact parabolas from wall to wall.
 
 Source: [S3] eq. 5; the built-in bodies are decisions of Dermis

@@ -25,7 +25,7 @@ class DepthMap:
 
     Attributes:
         heights: row 0 at the bottom, float32, shape (rows, columns), or (k, rows, columns) for a sequence.
-        findings: what was repaired or noticed.
+        findings: repairs and warnings.
         height_unit: metres that one unit of the heights stands for, as `Screen.height_unit`; 0 where nobody said.
         holes: where heights were filled in, booleans of the same shape; None where there were no holes.
     """
@@ -54,8 +54,8 @@ def read(
         meaning: 'height' towards the viewer, or 'depth' away from the viewer, which is negated.
         no_data: the number, as the file stores it, that stands for 'nothing measured', such as -9999; or several, such
             as (65535, 0); or 'none', where every number is a height, and (65535, 'none'), where every other one is.
-            Without 'none', another number that looks so is told. What the file itself declares (alpha 0, a TIFF's tag
-            42113, the page of its mask), and what is not finite, is no height in any case.
+            Without 'none', another number that looks so is told. Pixels that the file itself declares (alpha 0, a
+            TIFF's tag 42113, the page of its mask), and values that are not finite, are no heights in any case.
         steps: what to do with the staircases of 8-bit images; finer formats are exact and stay as they are.
         unit: metres that one stored number stands for, 1e-12 to 1e3: 1e-3 of a depth camera's millimetres. It gives
             `height_unit`.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from copy import copy
 from math import hypot
 
@@ -52,42 +53,52 @@ class Heading:
         Args:
             resting: the finger is known to be at rest, whatever x and y say.
         """
-        anchor, elapsed = self._anchor, time - self._time
-        elapsed, self._time = (elapsed if elapsed > 1e-6 else 1e-6), time
-        if anchor is None:
-            self._anchor = x, y
-            return self._direction
-        ax, ay = anchor
-        dx, dy = x - ax, y - ay
-        far, creep = hypot(dx, dy), STILL_SPEED * elapsed
-        if resting or far <= creep:
-            self._anchor = x, y
-        elif far <= creep + self._radius:
-            self._anchor = ax + dx * creep / far, ay + dy * creep / far
-        else:
-            self._anchor = x, y
-            self._average(time, elapsed, dx / far, dy / far)
-        return self._direction
+        return self.along((time,), (x,), (y,), (resting,))[0]
 
-    def _average(self, time: float, elapsed: float, ux: float, uy: float) -> None:
-        """Add a movement to the average over the window."""
-        if not self._window:
-            self._direction = ux, uy
-            return
-        moves, begin = self._moves, time - self._window
-        sum_x, sum_y = self._sum_x, self._sum_y
-        while moves and moves[0][1] <= begin:
-            start, end, vx, vy = moves.popleft()
-            sum_x -= vx * (end - start)
-            sum_y -= vy * (end - start)
-        if not moves:
-            sum_x = sum_y = 0.0  # what rounding has left goes too
-        moves.append((time - elapsed, time, ux, uy))
-        self._sum_x, self._sum_y = sum_x, sum_y = sum_x + ux * elapsed, sum_y + uy * elapsed
-        start, _, vx, vy = moves[0]
-        before = begin - start if begin > start else 0.0  # of the oldest only what lies within the window counts
-        sx, sy = sum_x - vx * before, sum_y - vy * before
-        size = hypot(sx, sy)
-        # Half a movement's weight: below it the window holds as much of one direction as of its opposite.
-        if size > 0.5 * min(elapsed, self._window):
-            self._direction = sx / size, sy / size
+    def along(
+        self, times: Sequence[float], xs: Sequence[float], ys: Sequence[float], resting: Sequence[bool]
+    ) -> list[tuple[float, float]]:
+        """Take where the finger is [m] at several times [s], and return its direction at each; see `move`."""
+        anchor, direction, earlier = self._anchor, self._direction, self._time
+        window, radius, moves, sum_x, sum_y = self._window, self._radius, self._moves, self._sum_x, self._sum_y
+        out = []
+        for time, x, y, rests in zip(times, xs, ys, resting, strict=True):
+            elapsed = time - earlier
+            elapsed, earlier = (elapsed if elapsed > 1e-6 else 1e-6), time
+            if anchor is None:
+                anchor = x, y
+                out.append(direction)
+                continue
+            ax, ay = anchor
+            dx, dy = x - ax, y - ay
+            far, creep = hypot(dx, dy), STILL_SPEED * elapsed
+            if rests or far <= creep:
+                anchor = x, y
+            elif far <= creep + radius:
+                anchor = ax + dx * creep / far, ay + dy * creep / far
+            else:
+                anchor, ux, uy = (x, y), dx / far, dy / far
+                if not window:
+                    direction = ux, uy
+                    out.append(direction)
+                    continue
+                # the average over the window
+                begin = time - window
+                while moves and moves[0][1] <= begin:
+                    start, end, vx, vy = moves.popleft()
+                    sum_x -= vx * (end - start)
+                    sum_y -= vy * (end - start)
+                if not moves:
+                    sum_x = sum_y = 0.0  # what rounding has left goes too
+                moves.append((time - elapsed, time, ux, uy))
+                sum_x, sum_y = sum_x + ux * elapsed, sum_y + uy * elapsed
+                start, _, vx, vy = moves[0]
+                before = begin - start if begin > start else 0.0  # what of the oldest lies before the window
+                sx, sy = sum_x - vx * before, sum_y - vy * before
+                size = hypot(sx, sy)
+                # Half a movement's weight: below it the window holds as much of one direction as of its opposite.
+                if size > 0.5 * min(elapsed, window):
+                    direction = sx / size, sy / size
+            out.append(direction)
+        self._anchor, self._direction, self._time, self._sum_x, self._sum_y = anchor, direction, earlier, sum_x, sum_y
+        return out

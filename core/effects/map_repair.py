@@ -126,7 +126,7 @@ class MapRepair:
             self._likely[number] = self._likely.get(number, 0) + found[1]
 
     def findings(self) -> tuple[Finding, ...]:
-        """Return what was repaired and noticed, one finding a kind."""
+        """Return repairs and warnings, one finding a kind."""
         levels = f"{self._levels} levels"
         share, zeros = (f"{100.0 * n / max(self._pixels, 1):.3g} %" for n in (self._holes, self._zeros))
         missing = [number for number, held in self._held.items() if not held]
@@ -200,7 +200,7 @@ class MapRepair:
 
 
 def no_data_of(text: str, where: str) -> NoData:
-    """Return what a person's words say: '' nothing, 'none', or numbers with spaces or semicolons between.
+    """Return the meaning of a person's words: '' nothing, 'none', or numbers with spaces or semicolons between.
 
     'none' behind numbers says that there are no others.
 

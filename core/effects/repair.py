@@ -26,7 +26,7 @@ _PASSES = 2
 
 @dataclass(frozen=True)
 class Staircase:
-    """What was found out about the numbers of a map.
+    """Facts about the numbers of a map.
 
     Attributes:
         levels: how many different heights the map has (0 where there are more than 256).
@@ -177,7 +177,7 @@ def smoothed(values: Array, step: float) -> Array:
     """Smooth a staircase within the heights that would have been stored alike.
 
     The map is averaged over squares of shrinking size, and after each average brought back to within half a step
-    of what was stored. The result therefore rounds to the same levels: edges of more than a step stay sharp.
+    of the stored number. The result therefore rounds to the same levels: edges of more than a step stay sharp.
 
     Args:
         values: shape (rows, columns).

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,20 +43,22 @@ def directions(
 
     Source: [S4] eq. 4
     """
-    result = [(0.0, 0.0)] * len(x)
-    still = np.zeros(len(x), bool) if resting is None else resting
+    count, result = len(x), [(0.0, 0.0)] * len(x)
+    still = np.zeros(count, bool) if resting is None else resting
     carry = carry or Carry()
     heading, down, first = carry.start or (Heading(window, radius), False, 0)
     heading, period = heading.copied(), 1.0 / rate
-    samples = zip(x.tolist(), y.tolist(), touching.tolist(), still.tolist(), strict=True)
-    for index, (at_x, at_y, touches, rests) in enumerate(samples):
-        if index == carry.index:
-            carry.found = heading.copied(), down, first + index
-        if touches:
-            result[index] = heading.move((first + index) * period, at_x, at_y, resting=rests)
+    times, xs, ys, rests = [(first + i) * period for i in range(count)], x.tolist(), y.tolist(), still.tolist()
+    changes = (touching[1:] != touching[:-1]).nonzero()[0] + 1
+    bounds = sorted({0, *changes.tolist(), min(carry.index, count), count})
+    for start, end in pairwise(bounds):
+        if start == carry.index:
+            carry.found = heading.copied(), down, first + start
+        if touching[start]:
+            result[start:end] = heading.along(times[start:end], xs[start:end], ys[start:end], rests[start:end])
         elif down:
             heading.lift()
-        down = touches
+        down = bool(touching[start])
     return np.array(result).reshape(-1, 2)
 
 

@@ -6,8 +6,10 @@ Source: [S3] eq. 2 and 3, after Campion et al. 2008.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..errors import DermisError
@@ -44,6 +46,57 @@ def displacement(
                 raise DermisError("a texture's period must be above 0", value=float(np.min(length)), limit="> 0 m")
             wave = wave + alpha * np.sin(place[:, axis] * (2.0 * math.pi / length))
     return scaled(direction, np.broadcast_to(-friction * wave, len(place)))
+
+
+@dataclass(frozen=True)
+class Eased:
+    """A texture that sets in and fades, up to some sample.
+
+    Attributes:
+        values: the last ones, shape (2 * samples,). felt: whether the last was felt. since: samples since that changed.
+    """
+
+    values: Array
+    felt: bool
+    since: int
+
+
+def eased(
+    values: Array, felt: NDArray[np.bool_], samples: int, before: Eased | None, index: int
+) -> tuple[Array, Eased]:
+    """Return a texture that sets in and fades over some samples, for a device that would knock where it jumps.
+
+    It sets in as the rise of a cosine. Where it ends it goes on as its own reflection in its last point, and falls as
+    that cosine: neither the displacement nor its speed jumps.
+
+    Args:
+        values: displacements along one axis, 0 where nothing is felt, shape (n,). felt: shape (n,).
+        samples: how long it takes. before: the time before; None where nothing was felt.
+        index: sample at which the state is wanted.
+
+    Returns:
+        shape (n,), and the state before the sample at `index`.
+    """
+    if before is None:
+        before = Eased(np.zeros(2 * samples), False, samples)
+    start = 2 * samples
+    out = np.concatenate([before.values, values])
+    edges = np.flatnonzero(np.diff(np.r_[before.felt, felt])).tolist()
+    fall = 0.5 + 0.5 * np.cos(np.pi * np.arange(1, samples + 1) / samples)
+    for k, end in zip([-before.since, *edges], [*edges, len(values)], strict=True):
+        first, last = start + max(k, 0), start + min(k + samples, end)
+        if first >= last:
+            continue
+        part = fall[max(-k, 0) :][: last - first]
+        if felt[first - start]:
+            out[first:last] *= 1.0 - part
+        else:
+            point = start + k - 1
+            back = np.arange(first, last) - point
+            out[first:last] = (2.0 * out[point] - out[point - back]) * part
+    changed = [-before.since, *(k for k in edges if k < index)][-1]
+    was = bool(felt[index - 1]) if index else before.felt
+    return out[start:], Eased(out[index : index + start].copy(), was, min(index - changed, samples))
 
 
 def held_direction(velocity: Array, threshold: float | Array, before: Array | None = None) -> Array:

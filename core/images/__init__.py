@@ -72,7 +72,7 @@ def sequence(path: str | Path) -> tuple[Path, ...]:
 
 
 def gap_after(path: str | Path) -> Finding | None:
-    """Return what is to be said where numbers are missing behind `path` and files go on after them.
+    """Return findings where numbers are missing behind `path` and files go on after them.
 
     Raises:
         DermisError: the file does not exist.

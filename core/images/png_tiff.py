@@ -67,7 +67,7 @@ def decode(data: bytes, where: str) -> Raster:
 
 
 def _opened(data: bytes) -> ImageFile:
-    """Read the header only. The two kinds are named: what else Pillow reads is nobody's height map."""
+    """Read the header only. Only these two kinds are read: Pillow's other formats are no height maps."""
     from PIL.PngImagePlugin import PngImageFile
     from PIL.TiffImagePlugin import TiffImageFile
 
@@ -107,7 +107,7 @@ def _check_rows(data: bytes, where: str) -> None:
 
 
 def _unpacked(data: bytes, most: int) -> int:
-    """Return how many bytes the pixels of a PNG unpack to; what goes on beyond `most` is not counted further."""
+    """Return how many bytes the pixels of a PNG unpack to; data beyond `most` are not counted."""
     stream, held = zlib.decompressobj(), 0
     for part in _packed(data):
         rest: bytes | memoryview = part
@@ -137,7 +137,7 @@ def _packed(data: bytes) -> Iterator[memoryview]:
 
 
 def _pixels(image: ImageFile, bits: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.bool_]]:
-    """Return brightness, shape (rows, columns, 1 or 3), what the file stores for it, and where transparency is."""
+    """Return brightness, shape (rows, columns, 1 or 3), the stored numbers, and where transparency is."""
     clear = image.info.get("transparency")
     if image.mode == "P":
         _check_palette(image)

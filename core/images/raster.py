@@ -26,7 +26,7 @@ class Raster:
             float32, shape (rows, columns).
         holes: pixels that the file itself declares empty (alpha 0), bool, same shape.
         levels: how many values the format can tell apart (256 for 8 bit), 0 for floating point.
-        findings: what was noticed while reading.
+        findings: from reading.
         signed: the format's whole numbers reach below 0.
     """
 
@@ -87,7 +87,7 @@ def grey_of(pixels: NDArray[Any], where: str, largest: float = 1.0) -> tuple[NDA
         if part.shape[2] == 3:
             other = (plain != part[..., 1]) | (part[..., 1] != part[..., 2])
             coloured += int(np.count_nonzero(other))
-            plain = np.where(other, part @ np.array(LUMINANCE), plain)  # greys stay exactly what was stored
+            plain = np.where(other, part @ np.array(LUMINANCE), plain)  # greys stay exactly as stored
         with np.errstate(over="ignore"):  # what single precision cannot hold is infinite, a hole of a map
             grey[at : at + rows] = plain
     if not coloured:

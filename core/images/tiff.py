@@ -1,7 +1,7 @@
 """TIFF: one sample a pixel of any type, whole or floating point, as strips or tiles; the rest as Pillow reads it.
 
 Pillow changes samples that are none of its own: it swaps no bytes of packed big-endian floats, and takes signed bytes
-for unsigned ones. Here it unpacks bytes only; what they stand for is decided from the file's own tags.
+for unsigned ones. Here it unpacks bytes only; their meaning is decided from the file's own tags.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ DAMAGED, REMEDY = "the image is damaged or cut short", "Save the image again"
 def decode(header: TiffHeader) -> Raster | None:
     """Read a TIFF of one sample a pixel with 8 bits or more; None for others, which are checked.
 
-    What the file declares to be no data makes holes, see `empty`.
+    Pixels that the file declares to be no data make holes, see `empty`.
 
     Raises:
         DermisError: damaged, cut short, too large, or samples of a kind that is not read.
@@ -60,7 +60,7 @@ def decode(header: TiffHeader) -> Raster | None:
 
 
 def empty(header: TiffHeader, stored: NDArray[Any]) -> tuple[NDArray[np.bool_], tuple[Finding, ...]]:
-    """Return where a file declares its pixels empty, and what it declares besides and is not read.
+    """Return where a file declares its pixels empty, and its other declarations, which are not read.
 
     A pixel is empty where all its samples hold the declared number, or where the page of the mask leaves it out.
 
@@ -161,7 +161,7 @@ def _samples(header: TiffHeader, kind: np.dtype, columns: int, rows: int) -> NDA
     if predictor not in (1, 2, 3) or (predictor == 3 and kind.kind != "f"):
         raise unreadable(f"predictor {predictor} of {8 * kind.itemsize} bit", header.where)
     block = header.number(tags.TILE_WIDTH, columns) or columns
-    width = -(-columns // block) * block  # tiles are whole: what lies beyond the image belongs to their rows
+    width = -(-columns // block) * block  # tiles are whole: their rows go on beyond the image
     check_size(width * rows * kind.itemsize, header.where, packed=len(header.data))
     with damage_told(DAMAGED, header.where, remedy=REMEDY):
         image = TiffImageFile(io.BytesIO(header.as_bytes(kind.itemsize, width)))

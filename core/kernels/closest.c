@@ -11,6 +11,8 @@
 #define TIE 1e-12
 /* Lengths that bound others give way by this share for rounding. */
 #define SLACK 1e-9
+/* A triangle lies in a plane whose corners are no farther from it than this [m]. */
+#define IN_PLANE 1e-9
 /* So many equally close triangles are remembered; where there are more, they are looked for a second time. */
 #define TIES 32
 /* Weights below this count as on an edge or a corner. */
@@ -178,4 +180,43 @@ int dermis_find_closest(const dermis_tree *tree, const double *x, double limit, 
     else
         best = chosen(&found);
     return best != NULL && best->row != NULL && answer(best, (best->row - tree->packed) / DERMIS_ROW, out);
+}
+
+/* Whether a triangle lies in a plane and faces as it does. */
+static int in_plane(const double *row, const double *plane) {
+    double facing[3], at = dermis_dot(row, plane) - plane[3], b = at + dermis_dot(row + AB, plane), c = at + dermis_dot(row + AC, plane);
+    dermis_cross(row + AB, row + AC, facing);
+    return dermis_most(dermis_most(dermis_abs(at), dermis_abs(b)), dermis_abs(c)) <= IN_PLANE && dermis_dot(facing, plane) > 0.0;
+}
+
+int dermis_only_plane(const dermis_tree *tree, const double *x, double radius, const double *plane) {
+    int64_t inner = (((int64_t)1 << 2 * tree->depth) - 1) / 3, blocks = (tree->count + DERMIS_LANES - 1) / DERMIS_LANES;
+    int64_t nodes[64];
+    int open = 1;
+    dermis_place place;
+    if (tree->packed == NULL || !dermis_placed(tree, x, &place)) return 0;
+    float limit = dermis_limit(tree, radius * radius);
+    nodes[0] = 0;
+    while (open) {
+        int64_t node = nodes[--open];
+        float least[DERMIS_LANES];
+        if (node < inner) {
+            dermis_away(tree->boxes + node * DERMIS_BOXES, &place, least);
+            for (int k = 0; k < DERMIS_LANES; k++)
+                if (least[k] <= limit) nodes[open++] = 4 * node + 1 + k;
+            continue;
+        }
+        int64_t j = node - inner, low = j * blocks >> 2 * tree->depth, high = (j + 1) * blocks >> 2 * tree->depth;
+        for (int64_t b = low; b < high; b++) {
+            dermis_away(tree->boxes + (inner + b) * DERMIS_BOXES, &place, least);
+            for (int k = 0; k < DERMIS_LANES; k++) {
+                int64_t slot = b * DERMIS_LANES + k;
+                double u, w;
+                if (!(least[k] <= limit) || slot >= tree->count) continue;
+                const double *row = tree->packed + slot * DERMIS_ROW;
+                if (!in_plane(row, plane) && dermis_on_triangle(row, x, &u, &w) <= radius * radius) return 0;
+            }
+        }
+    }
+    return 1;
 }

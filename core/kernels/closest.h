@@ -18,4 +18,9 @@ typedef struct {
    it changes the time alone. */
 int dermis_find_closest(const dermis_tree *tree, const double *x, double limit, int64_t hint, dermis_closest_point *out);
 
+/* Whether all triangles that are no farther from a point than a radius [m] lie in a plane and face along its unit normal.
+
+   plane: the normal, and how far the plane is along that [m]. */
+int dermis_only_plane(const dermis_tree *tree, const double *x, double radius, const double *plane);
+
 #endif

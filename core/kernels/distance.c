@@ -129,7 +129,7 @@ static int sound_tree(const dermis_tree *tree) {
     return tree != NULL && tree->count >= 1 && tree->count <= tree->total && tree->depth >= 0 && tree->depth <= 15;
 }
 
-static int sound_body(const dermis_body *body) {
+int dermis_sound_body(const dermis_body *body) {
     return body != NULL && sound_tree(body->tree) && (body->all == NULL || sound_tree(body->all)) && body->vertices >= 1 &&
            body->parts >= 0 && body->slabs >= 0 && body->weld >= 0.0;
 }
@@ -137,7 +137,7 @@ static int sound_body(const dermis_body *body) {
 static int sound(const dermis_query *query) {
     if (query->body == NULL) return 0;
     for (const dermis_body *body = query->body; body != NULL; body = body->next)
-        if (!sound_body(body)) return 0;
+        if (!dermis_sound_body(body)) return 0;
     return query->count >= 0 && query->limit >= 0.0;
 }
 
@@ -189,5 +189,5 @@ DERMIS_NOINLINE static int32_t distances(dermis_query *query) {
     return status;
 }
 
-DERMIS_FUNCTION(dermis_body_fit, dermis_body, sound_body, fit)
+DERMIS_FUNCTION(dermis_body_fit, dermis_body, dermis_sound_body, fit)
 DERMIS_FUNCTION(dermis_distances, dermis_query, sound, distances)

@@ -25,4 +25,7 @@ typedef struct {
    answered. hint: `slot` of an answer nearby, such as that of the frame before, or -1; it changes the time alone. */
 void dermis_signed_distance(const dermis_body *body, const double *x, double limit, int64_t hint, dermis_distance *out);
 
+/* Whether a body's record can be one. */
+int dermis_sound_body(const dermis_body *body);
+
 #endif

@@ -10,7 +10,7 @@
 #include <stdint.h>
 
 /* Raise it when a function changes its meaning and no record changes its layout. */
-#define DERMIS_ABI 2
+#define DERMIS_ABI 4
 
 #if defined(_WIN32)
 #define DERMIS_API __declspec(dllexport)
@@ -28,7 +28,7 @@ enum {
 /* Pairs of sweeps that are remembered. */
 enum { DERMIS_KEPT = 3 };
 
-/* Doubles of a triangle in a tree; boxes that are looked at at once, and floats of so many. */
+/* Doubles of a triangle in a tree; boxes, or elements of tissue, that are looked at at once, and floats of so many boxes. */
 enum { DERMIS_ROW = 16, DERMIS_LANES = 4, DERMIS_BOXES = 64 };
 
 /* Triangles, and a tree of boxes over those that are usable.
@@ -117,6 +117,129 @@ typedef struct {
     int64_t wrong;           /* out: the node that is not finite */
 } dermis_contact;
 
+/* A body in the frame of the skin: x in the skin's frame is rotation X + translation. */
+typedef struct {
+    const dermis_body *body; /* fitted, or null for the half-space below a plane */
+    double plane[4];         /* its unit normal, and how far it is along that [m] */
+    double rotation[9];      /* rows first */
+    double translation[3];   /* [m] */
+    double friction;         /* Coulomb's coefficient */
+    double softness;         /* compliance of the body's own surface [m/Pa] */
+    double side;             /* 1; -1 where an open sheet is touched from behind its faces */
+} dermis_posed;
+
+/* A pad's cells, the bodies about it, and which of the cells may touch: a quadtree, see `survey.c`.
+
+   Of every cell are given where it lies in the tree (see core/skin/tiles.py), its centre, normal and sides, and how near it
+   counts as touching. Skin has moved at a cell as the points under it have. */
+typedef struct {
+    int64_t bodies;
+    const dermis_posed *posed;   /* (bodies) */
+    double limit;                /* distances beyond this are of no interest [m] */
+    int64_t roots, levels;       /* cells of level 0, which come first, and levels */
+    int64_t squares;             /* the finest squares in a root */
+    const int64_t *first;        /* cell of each shape that comes first, -1 without (levels, levels) */
+    const int64_t *ways;         /* a way to cut for each way that is wanted, 0 without (levels, levels, 4) */
+    const int64_t *root;         /* of every cell (cells) */
+    const int64_t *halved;       /* how often its sides are halved (cells, 2) */
+    const int64_t *place;        /* in its root (cells, 2) */
+    const int16_t *quarters;     /* the squares in the middles of its quarters (cells, 4) */
+    const double *positions, *normals; /* outward (cells, 3) [m] */
+    const double *sides;         /* (cells, 2, 3) [m] */
+    const double *limits;        /* it may touch below so much clearance (cells) [m] */
+    const double *longs;         /* its longer side (cells) [m] */
+    const int64_t *ways_before;  /* in which way it is cut now, 0 for none (cells) */
+    int64_t points;              /* points of the skin that are known now */
+    const int64_t *owner;        /* the point over each finest square, -1 without (roots, squares) */
+    const int64_t *in_root;      /* the last point in each root, -1 without (roots) */
+    const double *raised;        /* how far each point has moved (points, 3) [m] */
+    int64_t loaded;              /* roots that carry force */
+    const double *load;          /* theirs, over the modulus (loaded, 3) [m^2] */
+    const int64_t *rows;         /* which rows of the table are theirs (loaded) */
+    int64_t filled;              /* rows of the table */
+    const float *table;          /* what a force on a root does to all (filled, 3, roots, 3) [1/m] */
+    double common[3];            /* how far all skin moves with the bone [m] */
+    double turned, edge, sharp, bent, corners, beyond, beside, merge, odd, level, deep, steep; /* the rule, see point_tree.py */
+    int64_t often, coarsest, many;
+    int64_t most;                /* room for so many cells; at least 4 a root are enough */
+    int64_t *room;               /* to work in (2, most) */
+    int64_t finest;              /* in: how often sides were halved at most the last time; out: this time */
+    int64_t found, cut, edges;   /* out: cells that may touch, that are cut, and that an edge is near */
+    int64_t *leaves;             /* out: cells that may touch (found) */
+    double *clearance;           /* out: theirs (found) [m] */
+    int64_t *cuts, *cut_ways;    /* out: cells that are cut, and in which way (cut) */
+} dermis_survey;
+
+/* The neo-Hookean law on a mesh of tetrahedra; elements stand in blocks of DERMIS_LANES, the last filled up with copies
+   of the last element without volume. */
+typedef struct {
+    int64_t nodes, elements;
+    const int32_t *corners; /* (blocks, 4, DERMIS_LANES) */
+    const float *slopes;    /* of the shape functions of corners 1 to 3 [1/m] (blocks, 3, 3, DERMIS_LANES) */
+    const float *volumes;   /* (blocks, DERMIS_LANES) [m^3] */
+    const float *around;    /* volume of the elements around each node (nodes) [m^3] */
+    double first, shear;    /* Lame's constants */
+    double least;           /* ln J goes on as its parabola below this J */
+    const float *moved;     /* displacement (nodes, 3) [m] */
+    float *room;            /* to work in: 9 floats an element of the blocks, and 8 a node */
+    float *force;           /* out: that hold it (nodes, 3), or null */
+    double *stress;         /* out: xx, yy, zz, yz, xz, xy (elements, 6), or null */
+    int64_t stored;         /* 1: `energy` is wanted */
+    double energy;          /* out */
+    double flattest;        /* out: the least J of the elements */
+} dermis_law;
+
+/* Linear tissue: blocks of its stiffness, inverted after those before them are eliminated. */
+typedef struct {
+    int64_t size;           /* of a vector */
+    int64_t levels;
+    const int64_t *starts;  /* where each level begins, multiples of 8: each is filled up (levels + 1) */
+    const int32_t *order;   /* which number of a vector each slot is, -1 for none (slots) */
+    int64_t numbers;        /* of the inverses */
+    const float *inverses;  /* of each level: below the diagonal, see rest.c */
+    const float *diagonals; /* theirs (slots) */
+    int64_t couplings;
+    const int64_t *rows;    /* where each slot's begin (slots + 1) */
+    const int32_t *columns; /* slots of the next level (couplings) */
+    const float *values;    /* stiffness between the two (couplings) */
+    const float *force;     /* (size) */
+    float *moved;           /* out (size) */
+    float *room;            /* to work in (3, slots) */
+} dermis_rest;
+/* Pieces of skin: centres, outward unit normals, two sides and areas. */
+typedef struct {
+    int64_t count;
+    const double *positions, *normals; /* (count, 3) [m] */
+    const double *sides;               /* in the tangent plane (count, 2, 3) [m] */
+    const double *areas;               /* (count) [m^2] */
+} dermis_patches;
+
+/* The displacement of pieces of skin for unit forces on others, see `half_space.c`. */
+typedef struct {
+    const dermis_patches *field, *source; /* pieces that move, and that carry forces */
+    double poisson;
+    int64_t single; /* 1: the answer is in floats; 0: in doubles */
+    void *out;      /* (field, 3, source, 3) [1/m] at E = 1 */
+} dermis_pieces;
+
+/* The points of a contact on a pad's grid of finest squares, see `points.c`. */
+typedef struct {
+    int64_t known;            /* cells of the pad */
+    int64_t side;             /* finest squares along a root */
+    const int64_t *root;      /* of every cell (known) */
+    const int64_t *halved;    /* how often its sides are halved (known, 2) */
+    const int64_t *place;     /* in its root (known, 2) */
+    const int64_t *around;    /* the root at each place around a root, the number of roots without (roots, 3, 3) */
+    int64_t before;           /* points that there were */
+    const int64_t *old_cells; /* theirs (before) */
+    int64_t count;            /* points that there are */
+    const int64_t *cells;     /* theirs (count) */
+    int64_t *owner;           /* in and out: the point over each square, -1 without; the last root is beside the pad (roots + 1, side^2) */
+    int64_t *in_root;         /* in and out: the last point in each root, -1 without (roots) */
+    int64_t *number;          /* in and out: the point that each cell is, -1 for none (known) */
+    int64_t *beside;          /* out: the points before and behind, along the finger and around it, -1 without (count, 4) */
+} dermis_points;
+
 /* Put the triangles `order` into the order of a tree's slots, so that neighbours share leaves. */
 DERMIS_API int32_t dermis_tree_split(dermis_tree *tree);
 
@@ -135,6 +258,20 @@ DERMIS_API int32_t dermis_distances(dermis_query *query);
 
 /* Find the forces of contact from those to start from. */
 DERMIS_API int32_t dermis_sweep(dermis_contact *contact);
+
+/* Find the cells of a pad that may touch. */
+DERMIS_API int32_t dermis_find_cells(dermis_survey *survey);
+
+/* Evaluate the law at a displacement. */
+DERMIS_API int32_t dermis_evaluate_law(dermis_law *law);
+
+/* Displace linear tissue by forces. */
+DERMIS_API int32_t dermis_rest_solve(dermis_rest *rest);
+/* Fill in the displacement between pieces of skin. */
+DERMIS_API int32_t dermis_press_pieces(dermis_pieces *pieces);
+
+/* Go over from points that there were to others. */
+DERMIS_API int32_t dermis_number_points(dermis_points *points);
 
 /* The ABI number, and the size and offsets of each record; the last number is UINT64_MAX. */
 DERMIS_API const uint64_t *dermis_layout(void);

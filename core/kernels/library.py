@@ -2,6 +2,9 @@
 
 It lies beside this file (in a checkout, or installed by pip) or in the package `dermis_kernels` (the wheel that the
 extension brings to Blender). It is loaded where it is first needed. Skins need it; devices without a skin do not.
+
+Windows locks a loaded file, and an update has to remove or replace it. So the extension names a folder of its own in
+the environment variable `COPIES`, and this process and its children load a copy from there. An update leaves it alone.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import DermisError
-from . import building, records
+from . import COPIES, building, records
 
 CODE = "no-kernels"
 PACKAGE = "dermis_kernels"
@@ -45,7 +48,10 @@ class Kernels:
             self.split, self.fit = _function(library.dermis_tree_split), _function(library.dermis_tree_fit)
             self.fit_body, self.judge = _function(library.dermis_body_fit), _function(library.dermis_body_judge)
             self.distances = _function(library.dermis_distances)
-            self.sweep = _function(library.dermis_sweep)
+            self.sweep, self.find_cells = _function(library.dermis_sweep), _function(library.dermis_find_cells)
+            self.law, self.rest = _function(library.dermis_evaluate_law), _function(library.dermis_rest_solve)
+            self.press_pieces = _function(library.dermis_press_pieces)
+            self.number_points = _function(library.dermis_number_points)
             sources = bytes(library.dermis_sources()).decode("ascii", "replace")
             fields = bytes(library.dermis_fields()).decode("ascii", "replace")
             told = library.dermis_layout()
@@ -93,7 +99,13 @@ def have_kernels() -> bool:
 def _loaded() -> Kernels | DermisError:
     try:
         path = find(building.this_platform(), _folders())
-        return Kernels(copied(path, _own_folder()) if os.name == "nt" else path)
+    except DermisError as error:
+        return error
+    if folder := _folder_of_copies():
+        with contextlib.suppress(DermisError):  # a folder that cannot be written: the original does as well
+            return loaded_copy(path, folder)
+    try:
+        return Kernels(path)
     except DermisError as error:
         return error
 
@@ -132,25 +144,26 @@ def find(target: str, folders: list[Path]) -> Path:
     )
 
 
-def copied(path: Path, folder: Path) -> Path:
-    """Return a copy of a library: Windows locks loaded files, and an update removes the original.
+def loaded_copy(path: Path, folder: Path) -> Kernels:
+    """Load a copy of a library, and remove copies of other versions where nobody has them loaded.
 
-    Its name tells its content, as the original's does. Copies of other versions go where nobody has them loaded.
+    A copy has the name of the original, which tells its content.
 
     Raises:
-        DermisError: the folder cannot be written.
+        DermisError: the folder cannot be written, or the library cannot be loaded.
     """
     from ..files import atomic
 
     target = folder / path.name
-    if not target.is_file() or not building.whole(target):
+    if not building.whole(target):
         with atomic(target) as part:
             part.write_bytes(path.read_bytes())
+    loaded = Kernels(target)
     for other in folder.glob(f"dermis-*{path.suffix}"):
         if other != target:
-            with contextlib.suppress(OSError):
+            with contextlib.suppress(OSError):  # locked: another Blender runs with it
                 other.unlink()
-    return target
+    return loaded
 
 
 def _function(function: Any) -> Callable[[Any], int]:
@@ -165,7 +178,9 @@ def _folders() -> list[Path]:
     return [building.FOLDER, *(map(Path, spec.submodule_search_locations or ()) if spec else ())]
 
 
-def _own_folder() -> Path:
-    import tempfile
-
-    return Path(os.environ.get("LOCALAPPDATA") or tempfile.gettempdir()) / "dermis" / "kernels"
+def _folder_of_copies() -> Path | None:
+    """Return the folder to load a copy from, None to load the original: only Windows locks it."""
+    if named := os.environ.get(COPIES):
+        return Path(named)
+    local = os.environ.get("LOCALAPPDATA")
+    return Path(local) / "dermis" / "kernels" if os.name == "nt" and local else None

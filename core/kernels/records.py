@@ -4,15 +4,23 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Iterator
+from typing import Any
 
-ABI = 2
+from numpy.typing import NDArray
+
+ABI = 4
 ROW, LANES, BOXES = (
     16,
     4,
     64,
-)  # doubles of a triangle in a tree; boxes that are looked at at once, and floats of so many
+)  # doubles of a triangle in a tree; boxes or elements that are looked at at once, and floats of so many boxes
 KEPT = 3  # pairs of sweeps that are remembered
 DONE, BAD_RECORD, NOT_FINITE = 0, 1, 2
+
+
+def address(array: NDArray[Any]) -> int:
+    """Return where an array begins; it is contiguous and must be kept for as long as a record points to it."""
+    return int(array.__array_interface__["data"][0])
 
 
 class TreeRecord(ctypes.Structure):
@@ -103,10 +111,189 @@ class ContactRecord(ctypes.Structure):
     ]
 
 
+class PosedRecord(ctypes.Structure):
+    """`dermis_posed`."""
+
+    _fields_ = [
+        ("body", ctypes.c_void_p),
+        ("plane", ctypes.c_double * 4),
+        ("rotation", ctypes.c_double * 9),
+        ("translation", ctypes.c_double * 3),
+        ("friction", ctypes.c_double),
+        ("softness", ctypes.c_double),
+        ("side", ctypes.c_double),
+    ]
+
+
+class SurveyRecord(ctypes.Structure):
+    """`dermis_survey`."""
+
+    _fields_ = [
+        ("bodies", ctypes.c_int64),
+        ("posed", ctypes.c_void_p),
+        ("limit", ctypes.c_double),
+        ("roots", ctypes.c_int64),
+        ("levels", ctypes.c_int64),
+        ("squares", ctypes.c_int64),
+        ("first", ctypes.c_void_p),
+        ("ways", ctypes.c_void_p),
+        ("root", ctypes.c_void_p),
+        ("halved", ctypes.c_void_p),
+        ("place", ctypes.c_void_p),
+        ("quarters", ctypes.c_void_p),
+        ("positions", ctypes.c_void_p),
+        ("normals", ctypes.c_void_p),
+        ("sides", ctypes.c_void_p),
+        ("limits", ctypes.c_void_p),
+        ("longs", ctypes.c_void_p),
+        ("ways_before", ctypes.c_void_p),
+        ("points", ctypes.c_int64),
+        ("owner", ctypes.c_void_p),
+        ("in_root", ctypes.c_void_p),
+        ("raised", ctypes.c_void_p),
+        ("loaded", ctypes.c_int64),
+        ("load", ctypes.c_void_p),
+        ("rows", ctypes.c_void_p),
+        ("filled", ctypes.c_int64),
+        ("table", ctypes.c_void_p),
+        ("common", ctypes.c_double * 3),
+        ("turned", ctypes.c_double),
+        ("edge", ctypes.c_double),
+        ("sharp", ctypes.c_double),
+        ("bent", ctypes.c_double),
+        ("corners", ctypes.c_double),
+        ("beyond", ctypes.c_double),
+        ("beside", ctypes.c_double),
+        ("merge", ctypes.c_double),
+        ("odd", ctypes.c_double),
+        ("level", ctypes.c_double),
+        ("deep", ctypes.c_double),
+        ("steep", ctypes.c_double),
+        ("often", ctypes.c_int64),
+        ("coarsest", ctypes.c_int64),
+        ("many", ctypes.c_int64),
+        ("most", ctypes.c_int64),
+        ("room", ctypes.c_void_p),
+        ("finest", ctypes.c_int64),
+        ("found", ctypes.c_int64),
+        ("cut", ctypes.c_int64),
+        ("edges", ctypes.c_int64),
+        ("leaves", ctypes.c_void_p),
+        ("clearance", ctypes.c_void_p),
+        ("cuts", ctypes.c_void_p),
+        ("cut_ways", ctypes.c_void_p),
+    ]
+
+
+class LawRecord(ctypes.Structure):
+    """`dermis_law`."""
+
+    _fields_ = [
+        ("nodes", ctypes.c_int64),
+        ("elements", ctypes.c_int64),
+        ("corners", ctypes.c_void_p),
+        ("slopes", ctypes.c_void_p),
+        ("volumes", ctypes.c_void_p),
+        ("around", ctypes.c_void_p),
+        ("first", ctypes.c_double),
+        ("shear", ctypes.c_double),
+        ("least", ctypes.c_double),
+        ("moved", ctypes.c_void_p),
+        ("room", ctypes.c_void_p),
+        ("force", ctypes.c_void_p),
+        ("stress", ctypes.c_void_p),
+        ("stored", ctypes.c_int64),
+        ("energy", ctypes.c_double),
+        ("flattest", ctypes.c_double),
+    ]
+
+
+class RestRecord(ctypes.Structure):
+    """`dermis_rest`."""
+
+    _fields_ = [
+        ("size", ctypes.c_int64),
+        ("levels", ctypes.c_int64),
+        ("starts", ctypes.c_void_p),
+        ("order", ctypes.c_void_p),
+        ("numbers", ctypes.c_int64),
+        ("inverses", ctypes.c_void_p),
+        ("diagonals", ctypes.c_void_p),
+        ("couplings", ctypes.c_int64),
+        ("rows", ctypes.c_void_p),
+        ("columns", ctypes.c_void_p),
+        ("values", ctypes.c_void_p),
+        ("force", ctypes.c_void_p),
+        ("moved", ctypes.c_void_p),
+        ("room", ctypes.c_void_p),
+    ]
+
+
+class PatchesRecord(ctypes.Structure):
+    """`dermis_patches`."""
+
+    _fields_ = [
+        ("count", ctypes.c_int64),
+        ("positions", ctypes.c_void_p),
+        ("normals", ctypes.c_void_p),
+        ("sides", ctypes.c_void_p),
+        ("areas", ctypes.c_void_p),
+    ]
+
+
+class PiecesRecord(ctypes.Structure):
+    """`dermis_pieces`."""
+
+    _fields_ = [
+        ("field", ctypes.c_void_p),
+        ("source", ctypes.c_void_p),
+        ("poisson", ctypes.c_double),
+        ("single", ctypes.c_int64),
+        ("out", ctypes.c_void_p),
+    ]
+
+
+class PointsRecord(ctypes.Structure):
+    """`dermis_points`."""
+
+    _fields_ = [
+        ("known", ctypes.c_int64),
+        ("side", ctypes.c_int64),
+        ("root", ctypes.c_void_p),
+        ("halved", ctypes.c_void_p),
+        ("place", ctypes.c_void_p),
+        ("around", ctypes.c_void_p),
+        ("before", ctypes.c_int64),
+        ("old_cells", ctypes.c_void_p),
+        ("count", ctypes.c_int64),
+        ("cells", ctypes.c_void_p),
+        ("owner", ctypes.c_void_p),
+        ("in_root", ctypes.c_void_p),
+        ("number", ctypes.c_void_p),
+        ("beside", ctypes.c_void_p),
+    ]
+
+
+# Their names in C, in the order of the layout.
+RECORDS: tuple[tuple[str, type[ctypes.Structure]], ...] = (
+    ("tree", TreeRecord),
+    ("body", BodyRecord),
+    ("query", QueryRecord),
+    ("contact", ContactRecord),
+    ("posed", PosedRecord),
+    ("survey", SurveyRecord),
+    ("law", LawRecord),
+    ("rest", RestRecord),
+    ("patches", PatchesRecord),
+    ("pieces", PiecesRecord),
+    ("points", PointsRecord),
+)
+
+
 def layout() -> Iterator[int]:
     """Yield what `dermis_layout` returns of a library that fits."""
     yield from (ABI, ROW, LANES, BOXES, KEPT)
-    for record in (TreeRecord, BodyRecord, QueryRecord, ContactRecord):
+    for _, record in RECORDS:
         yield ctypes.sizeof(record)
         yield from (getattr(record, field[0]).offset for field in record._fields_)
     yield 2**64 - 1
@@ -114,5 +301,4 @@ def layout() -> Iterator[int]:
 
 def fields() -> str:
     """Return what `dermis_fields` returns of a library that fits."""
-    records = (("tree", TreeRecord), ("body", BodyRecord), ("query", QueryRecord), ("contact", ContactRecord))
-    return " ".join(word for kind, record in records for word in (kind, *(field[0] for field in record._fields_)))
+    return " ".join(word for kind, record in RECORDS for word in (kind, *(field[0] for field in record._fields_)))

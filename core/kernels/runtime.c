@@ -30,6 +30,48 @@
     FIELD(dermis_contact, given) FIELD(dermis_contact, nodes) FIELD(dermis_contact, room)                    \
     FIELD(dermis_contact, residual) FIELD(dermis_contact, sweeps)                \
     FIELD(dermis_contact, wrong)
+#define POSED(FIELD) \
+    FIELD(dermis_posed, body) FIELD(dermis_posed, plane) FIELD(dermis_posed, rotation) \
+    FIELD(dermis_posed, translation) FIELD(dermis_posed, friction) FIELD(dermis_posed, softness) \
+    FIELD(dermis_posed, side)
+#define SURVEY(FIELD) \
+    FIELD(dermis_survey, bodies) FIELD(dermis_survey, posed) FIELD(dermis_survey, limit) \
+    FIELD(dermis_survey, roots) FIELD(dermis_survey, levels) FIELD(dermis_survey, squares) \
+    FIELD(dermis_survey, first) FIELD(dermis_survey, ways) FIELD(dermis_survey, root) \
+    FIELD(dermis_survey, halved) FIELD(dermis_survey, place) FIELD(dermis_survey, quarters) \
+    FIELD(dermis_survey, positions) FIELD(dermis_survey, normals) FIELD(dermis_survey, sides) \
+    FIELD(dermis_survey, limits) FIELD(dermis_survey, longs) FIELD(dermis_survey, ways_before) \
+    FIELD(dermis_survey, points) FIELD(dermis_survey, owner) FIELD(dermis_survey, in_root) \
+    FIELD(dermis_survey, raised) FIELD(dermis_survey, loaded) FIELD(dermis_survey, load) \
+    FIELD(dermis_survey, rows) FIELD(dermis_survey, filled) FIELD(dermis_survey, table) FIELD(dermis_survey, common) FIELD(dermis_survey, turned) \
+    FIELD(dermis_survey, edge) FIELD(dermis_survey, sharp) FIELD(dermis_survey, bent) FIELD(dermis_survey, corners) \
+    FIELD(dermis_survey, beyond) FIELD(dermis_survey, beside) FIELD(dermis_survey, merge) FIELD(dermis_survey, odd) \
+    FIELD(dermis_survey, level) FIELD(dermis_survey, deep) FIELD(dermis_survey, steep) \
+    FIELD(dermis_survey, often) FIELD(dermis_survey, coarsest) FIELD(dermis_survey, many) \
+    FIELD(dermis_survey, most) FIELD(dermis_survey, room) FIELD(dermis_survey, finest) \
+    FIELD(dermis_survey, found) FIELD(dermis_survey, cut) FIELD(dermis_survey, edges) FIELD(dermis_survey, leaves) \
+    FIELD(dermis_survey, clearance) FIELD(dermis_survey, cuts) FIELD(dermis_survey, cut_ways)
+#define LAW(FIELD) \
+    FIELD(dermis_law, nodes) FIELD(dermis_law, elements) FIELD(dermis_law, corners) FIELD(dermis_law, slopes) \
+    FIELD(dermis_law, volumes) FIELD(dermis_law, around) FIELD(dermis_law, first) FIELD(dermis_law, shear) \
+    FIELD(dermis_law, least) FIELD(dermis_law, moved) FIELD(dermis_law, room) FIELD(dermis_law, force) \
+    FIELD(dermis_law, stress) FIELD(dermis_law, stored) FIELD(dermis_law, energy) FIELD(dermis_law, flattest)
+#define REST(FIELD) \
+    FIELD(dermis_rest, size) FIELD(dermis_rest, levels) FIELD(dermis_rest, starts) FIELD(dermis_rest, order) \
+    FIELD(dermis_rest, numbers) FIELD(dermis_rest, inverses) FIELD(dermis_rest, diagonals) \
+    FIELD(dermis_rest, couplings) FIELD(dermis_rest, rows) FIELD(dermis_rest, columns) FIELD(dermis_rest, values) \
+    FIELD(dermis_rest, force) FIELD(dermis_rest, moved) FIELD(dermis_rest, room)
+#define PATCHES(FIELD) \
+    FIELD(dermis_patches, count) FIELD(dermis_patches, positions) FIELD(dermis_patches, normals) \
+    FIELD(dermis_patches, sides) FIELD(dermis_patches, areas)
+#define PIECES(FIELD) \
+    FIELD(dermis_pieces, field) FIELD(dermis_pieces, source) FIELD(dermis_pieces, poisson) \
+    FIELD(dermis_pieces, single) FIELD(dermis_pieces, out)
+#define POINTS(FIELD) \
+    FIELD(dermis_points, known) FIELD(dermis_points, side) FIELD(dermis_points, root) FIELD(dermis_points, halved) \
+    FIELD(dermis_points, place) FIELD(dermis_points, around) FIELD(dermis_points, before) \
+    FIELD(dermis_points, old_cells) FIELD(dermis_points, count) FIELD(dermis_points, cells) \
+    FIELD(dermis_points, owner) FIELD(dermis_points, in_root) FIELD(dermis_points, number) FIELD(dermis_points, beside)
 #define OFFSET(record, field) offsetof(record, field),
 #define NAME(record, field) " " #field
 
@@ -37,13 +79,18 @@ DERMIS_API const uint64_t *dermis_layout(void) {
     static const uint64_t layout[] = {
         DERMIS_ABI,           DERMIS_ROW,    DERMIS_LANES,           DERMIS_BOXES,    DERMIS_KEPT,
         sizeof(dermis_tree),  TREE(OFFSET)   sizeof(dermis_body),    BODY(OFFSET)
-        sizeof(dermis_query), QUERY(OFFSET)  sizeof(dermis_contact), CONTACT(OFFSET) UINT64_MAX,
+        sizeof(dermis_query), QUERY(OFFSET)  sizeof(dermis_contact), CONTACT(OFFSET) sizeof(dermis_posed), POSED(OFFSET) sizeof(dermis_survey), SURVEY(OFFSET)
+        sizeof(dermis_law),   LAW(OFFSET)    sizeof(dermis_rest),    REST(OFFSET)
+        sizeof(dermis_patches), PATCHES(OFFSET) sizeof(dermis_pieces), PIECES(OFFSET) sizeof(dermis_points), POINTS(OFFSET)
+        UINT64_MAX,
     };
     return layout;
 }
 
 DERMIS_API const char *dermis_fields(void) {
-    return "tree" TREE(NAME) " body" BODY(NAME) " query" QUERY(NAME) " contact" CONTACT(NAME);
+    return "tree" TREE(NAME) " body" BODY(NAME) " query" QUERY(NAME) " contact" CONTACT(NAME) " posed" POSED(NAME)
+           " survey" SURVEY(NAME) " law" LAW(NAME) " rest" REST(NAME) " patches" PATCHES(NAME) " pieces" PIECES(NAME)
+           " points" POINTS(NAME);
 }
 
 DERMIS_API const char *dermis_sources(void) { return DERMIS_SOURCES; }

@@ -1,4 +1,4 @@
-"""A guess of which variables sit on which bound, with what solving on it needs again."""
+"""Guess of which variables sit on which bound, with the matrices that its solves share."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Box:
 
 @dataclass(slots=True)
 class ActiveBounds:
-    """What one guess of the active bounds needs in every frame that shares it.
+    """One guess of the active bounds, with the quantities that all its frames share.
 
     Attributes:
         status: -1 at the lower bound, 0 free, +1 at the upper one. free: which are free.
@@ -73,7 +73,7 @@ class ActiveBounds:
 
     @classmethod
     def of(cls, h: Array, status: NDArray[np.int8], box: Box) -> ActiveBounds:
-        """Return what a guess needs of H, which is symmetric, in C order."""
+        """Return a guess with its parts of H, which is symmetric, in C order."""
         free = np.logical_not(status).nonzero()[0]
         rows = h.take(free, axis=0)
         low, high = box.uniform or (box.low[free], box.high[free])

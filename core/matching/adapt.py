@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from ..cache import Cache
 from ..devices.spec import from_preset
 from ..parameters.skin import SKIN_CONTACT
+from ..skin.finger_skin import asked_for
 from ..skin.model import skin_from_parameters
 from ..steps import drain
 from ..surrogate.lessons import KINDS
 from ..surrogate.store import adapt, place_of, save
-from ..tissue.finger_skin import for_devices
 from .thimble_use import disc_device
 
 SHARES = {"dataset": (0, 600), "descriptors": (600, 620), "training": (620, 1000)}  # of the time, in thousandths
@@ -37,17 +37,18 @@ def adapt_job(
 
     Returns:
         'errors': of ridge and network on straight presses held out, shape (2,); 'samples' and 'movements' that were
-        learned from; 'held_out': for each of `KINDS` error and what nine in ten movements stay below, of ridge and of
-        network, and the number of movements, shape (2, 5). Without a folder also 'file NAME', its bytes, for each file.
+        learned from; 'held_out': for each of `KINDS` error and the value that nine in ten movements stay below, of
+        ridge and of network, and the number of movements, shape (2, 5). Without a folder also 'file NAME', its bytes,
+        for each file.
 
     Raises:
         DermisError: a preset or skin that cannot be used, or servo limits that exclude contact.
     """
     spec = from_preset(str(parameters.get("device_key", "thimble")), parameters["device"])
-    # what is learned is proportional to stiffness: one surrogate serves a finger whatever its personal factor
+    # the learned values are proportional to stiffness: one surrogate serves a finger whatever its personal factor
     cache = Cache(Path(str(parameters["skins"])), int(parameters["limit"])) if "skins" in parameters else None
     skin = skin_from_parameters(parameters["skin"], level=str(parameters.get("level", "standard")), cache=cache)
-    skin = for_devices(skin, str(parameters.get("tissue", SKIN_CONTACT["tissue"].absent)), "skin")
+    skin = asked_for(skin, str(parameters.get("tissue", SKIN_CONTACT["tissue"].absent)), "skin")
     if parameters.get("contact") == "nodes":
         skin = skin.on_nodes
     device, friction = disc_device(spec, skin, parameters.get("use", {}))

@@ -1,4 +1,4 @@
-"""What [S0] compares itself with: the same search for the total force alone, and a plane fitted to the contact.
+"""Baselines of [S0]: the same search for the total force alone, and a plane fitted to the contact.
 
 Force only replaces the stress descriptor by the sum of the contact forces and leaves the rest as it is. The geometric
 method lays the platform's plane on the contact surface of the virtual touch, as [S0] describes Perez et al. 2017: it
@@ -55,7 +55,7 @@ def fit_plane(device: DiscDevice, patch: ContactPatch, start: Array, limits: Ser
     """Return the configuration whose plane is nearest to a contact patch, in the mean square over its area.
 
     Args:
-        start: configuration before, which also settles what the patch leaves open (a line or a point).
+        start: configuration before, which also settles the freedoms that the patch leaves open (a line or a point).
 
     Raises:
         DermisError: the start is outside the servos' range.

@@ -1,4 +1,4 @@
-"""What a bounded least-squares problem is given besides its matrix: bounds and a start, checked."""
+"""Input of a bounded least-squares problem besides its matrix: bounds and a start, checked."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from ..arrays import Array
 
 
 class BoundedSolution(NamedTuple):
-    """A solution with what is needed to verify it.
+    """A solution with the quantities that verify it.
 
     Attributes:
         x: the minimiser, shape (n,).
@@ -19,7 +19,7 @@ class BoundedSolution(NamedTuple):
         status: -1 at the lower bound, 0 free, +1 at the upper bound, shape (n,), int8.
         pivots: how often the guess of the active bounds was changed.
         converged: False where the pivots ran out; x is then feasible but not optimal.
-        scale: what a gradient is compared with, max |c| + max |H| max |x|.
+        scale: reference of the gradient, max |c| + max |H| max |x|.
     """
 
     x: Array

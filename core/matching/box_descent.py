@@ -38,8 +38,8 @@ from .gauss_newton import (
 )
 
 MARQUARDT = 1e-3  # of each value's own curvature
-LEAST = 1e-7  # of the largest curvature: for what a touch says nothing of
-INSIDE = 1e-12  # of a joint's range: what is put back onto a limit lies this much within
+LEAST = 1e-7  # of the largest curvature: for values that a touch does not determine
+INSIDE = 1e-12  # of a joint's range: a joint put back onto a limit lies this much within
 
 
 def descend_in_box(
@@ -144,8 +144,8 @@ def descend_in_box(
 def _step(
     jacobian: Array, gradient: Array, by_x: Array, low: Array, high: Array
 ) -> tuple[Array, tuple[int, ...], Array, float]:
-    """Return the damped step within low <= by_x step <= high, the ends that hold it, their multipliers, and what of
-    the gradient is left."""
+    """Return the damped step within low <= by_x step <= high, the ends that hold it, their multipliers, and the
+    norm of the gradient that remains."""
     gram = jacobian.T @ jacobian
     curvature = np.diag(gram)
     gram.flat[:: len(gram) + 1] += MARQUARDT * curvature + LEAST * max(float(curvature.max()), 1e-300)

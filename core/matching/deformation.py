@@ -16,12 +16,12 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Array
+from ..arrays import Array, Floats32
+from ..contact.solver.law_skin import LawSkin
 from ..errors import DermisError
-from ..skin.stiff_tables import StiffTables
-from ..stiffening.tangent import StiffTangent
+from ..skin.law_tables import LawTables
 from .bounded_lsq import BoundedLeastSquares, BoundedSolution
-from .pin_tissue import ROUNDS, SETTLED, PinTissue
+from .pin_law import PinLaw, PinLook
 
 Method = Literal["DM0", "DM1", "DM2", "FM0", "FM1", "FM2"]
 METHODS: tuple[Method, ...] = get_args(Method)
@@ -30,24 +30,25 @@ RANK_TOLERANCE = 1e-10  # of the largest singular value: below it there is only 
 
 
 class PinStep(NamedTuple):
-    """What the pins shall do at one instant, as it comes from the solver.
+    """Command of the pins at one instant, as the solver returns it.
 
     Attributes:
         x: forces of the active pins [N], shape (active pins,).
         optimality, converged: as in `PinForces`.
-        goal: of skin that stiffens the forces that `Matcher.displacement_error` compares with; None of linear skin,
-            where they are the target's.
+        look: at the law of skin that follows one; None of linear skin.
+        displacement_error: u_err by the law [m]; nan of linear skin, see `Matcher.displacement_error`.
     """
 
     x: Array
     optimality: float
     converged: bool
-    goal: Array | None = None
+    look: PinLook | None = None
+    displacement_error: float = float("nan")
 
 
 @dataclass(frozen=True)
 class PinForces:
-    """What the pins shall do at one instant.
+    """Command of the pins at one instant.
 
     Attributes:
         forces: [N], shape (pins,).
@@ -55,6 +56,7 @@ class PinForces:
         force_error: f_err [N] (eq. 21).
         optimality: KKT residual, relative; 0 for the methods that only clamp.
         at_limit: pins at their upper bound.
+        look: at the law of skin that follows one; None of linear skin.
     """
 
     forces: Array
@@ -63,6 +65,7 @@ class PinForces:
     optimality: float
     at_limit: int
     converged: bool = True
+    look: PinLook | None = None
 
 
 class Matcher:
@@ -75,10 +78,11 @@ class Matcher:
         active: pins that meet the skin, shape (pins,); the others stay at zero.
         tolerance: patterns of pins whose gain on the pad, a singular value of A, is below this share of the largest
             are not controllable: DM0, DM1, FM0 and FM1 do without them.
-        stiff: tables of skin that stiffens, of E alpha = `modulus` [Pa]; None where it is linear.
+        law: tables of the law that the skin follows, of E alpha = `modulus` [Pa]; None where it is linear.
+        chosen: which components of the free nodes are compared, of skin with a law, shape (3 free,).
 
     Attributes:
-        tissue: what stiffening changes; None of linear skin.
+        law: correction by the law; None of linear skin.
         controllable_patterns: how many patterns of pins are controllable.
 
     Raises:
@@ -93,7 +97,8 @@ class Matcher:
         active: NDArray[np.bool_] | None = None,
         *,
         tolerance: float = RANK_TOLERANCE,
-        stiff: StiffTables | None = None,
+        law: LawTables | None = None,
+        chosen: NDArray[np.bool_] | None = None,
         modulus: float = 1.0,
     ) -> None:
         pins = distribution.shape[1]
@@ -132,11 +137,14 @@ class Matcher:
         patterns = right[seen].T
         self.force_inverse = (patterns / gains[seen]) @ left[:, seen].T
         self.patterns = patterns
-        self.tissue = None if stiff is None else PinTissue(stiff, modulus, a, self.target_gram)
+        self.law = None
+        if law is not None and chosen is not None:
+            self.law = PinLaw(law, modulus, a, chosen, rendered, np.sqrt(np.repeat(weights, 3)))
         if self.controllable_patterns == a.shape[1]:
-            self.deformation_inverse = np.linalg.pinv(rendered, rcond=RANK_TOLERANCE) @ weighted
-        else:  # the least squares among what is left
-            self.deformation_inverse = patterns @ (np.linalg.pinv(rendered @ patterns, rcond=RANK_TOLERANCE) @ weighted)
+            self.rendered_inverse = np.linalg.pinv(rendered, rcond=RANK_TOLERANCE)
+        else:  # least squares over the controllable patterns
+            self.rendered_inverse = patterns @ np.linalg.pinv(rendered @ patterns, rcond=RANK_TOLERANCE)
+        self.deformation_inverse = self.rendered_inverse @ weighted
 
     def rhs(self, method: Method, force: Array) -> Array:
         """Return c of min 1/2 x'Hx - c'x for target pad forces [N], shape (3m,)."""
@@ -150,27 +158,31 @@ class Matcher:
     def displacement_error(self, force: Array, x: Array) -> Array:
         """Return u_err [m] of frames: pad forces f of the target, (k, 3m), against active pins' x, (k, pins); (k,).
 
-        Of skin that stiffens f are the goals of the steps (`PinStep`), or from `goals`.
+        It is that of linear skin; by a law see `law_error`, and `PinStep`.
 
         Source: [S1] eq. 20
         """
         return self._error(force, x, self.target_gram, self.deformation_rhs, self.deformation_gram)
 
-    def goals(self, force: Array, x: Array, amounts: NDArray[np.floating[Any]] | None = None) -> Array:
-        """Return what `displacement_error` compares with: of skin that stiffens less than the target's forces.
+    def pressed(self, x: Array) -> Array:
+        """Return the forces of active pins on the pad nodes [N], shape (m, 3)."""
+        return (self.force_rhs.T @ x).reshape(-1, 3)
+
+    def law_error(self, force: Array, x: Array, amounts: NDArray[np.floating[Any]] | None = None) -> Array:
+        """Return u_err [m] of frames by the law of skin that follows one, on linear skin as `displacement_error`.
 
         Args:
             force: of the target [N], shape (k, 3m). x: of the active pins [N], shape (k, pins).
-            amounts: of each pattern in the target, shape (k, patterns); from the forces where None.
+            amounts: of the target, see `Stimulus.given`, shape (k, 3m); from the forces where None.
         """
-        if self.tissue is None:
-            return force
-        given = [None] * len(force) if amounts is None else np.asarray(amounts, np.float64)
-        rows = zip(force, x, given, strict=True)
-        return np.array([self._goal(self.tissue, *row) for row in rows]).reshape(force.shape)
-
-    def _goal(self, tissue: PinTissue, force: Array, x: Array, amounts: Array | None) -> Array:
-        return tissue.like(force, tissue.taken_by(force, amounts) - tissue.settled(x))
+        law = self.law
+        if law is None:
+            return self.displacement_error(force, x)
+        out, skin = np.zeros(len(force)), law.skin()
+        for i, (target, own) in enumerate(zip(force, x, strict=True)):
+            wanted = law.moved_by(target, None if amounts is None else amounts[i])
+            out[i] = law.apart(law.follow(skin, skin.save(), lambda less, own=own: own).moved, wanted)  # type: ignore[misc]
+        return out
 
     def force_error(self, force: Array, x: Array) -> Array:
         """Return f_err [N] of frames over the compared nodes, as `displacement_error`. Source: [S1] eq. 21."""
@@ -190,7 +202,7 @@ class PinSolver:
     Args:
         matcher: the matrices.
         method: DM0, FM0 unconstrained as printed; DM1, FM1 clamped; DM2, FM2 optimal within the bounds.
-        force_limit: what a pin can do [N], one number or shape (pins,); None for the paper's unbounded form (only
+        force_limit: largest force of a pin [N], one number or shape (pins,); None for the paper's unbounded form (only
             f >= 0).
         slew: largest change of a pin's force between two calls [N]; None for no limit.
 
@@ -215,9 +227,8 @@ class PinSolver:
         most = self.UNBOUNDED if force_limit is None else force_limit
         self.high = np.broadcast_to(np.asarray(most, np.float64), (matcher.pins,))[matcher.active]
         self._last = np.zeros(len(matcher.active))
-        self._tangent = None if matcher.tissue is None else matcher.tissue.rest
+        self._law = None if matcher.law is None else matcher.law.skin()
         self._quadratic = BoundedLeastSquares(matcher.gram(method), 0.0, self.high) if method.endswith("2") else None
-        self._status: NDArray[np.int8] | None = None
 
     def solve(self, force: Array, amounts: Array | None = None) -> PinForces:
         """Match target pad forces [N], shape (3m,) or (m, 3), and say how far off the skin is.
@@ -230,23 +241,24 @@ class PinSolver:
         """
         matcher, force = self.matcher, np.asarray(force, dtype=np.float64).ravel()
         step = self.step(force, amounts)
-        goal = force if step.goal is None else step.goal
         result = np.zeros(matcher.pins)
         result[matcher.active] = step.x
+        linear = step.look is None
         return PinForces(
             result,
-            float(matcher.displacement_error(goal, step.x)[0]),
+            float(matcher.displacement_error(force, step.x)[0]) if linear else step.displacement_error,
             float(matcher.force_error(force, step.x)[0]),
             step.optimality,
             self.at_limit(step.x),
             step.converged,
+            step.look,
         )
 
     def step(self, force: Array, amounts: Array | None = None) -> PinStep:
-        """Match target pad forces [N], shape (3m,), and nothing else: what a frame costs live.
+        """Match target pad forces [N], shape (3m,), and nothing else, at the cost of a live frame.
 
         Args:
-            amounts: of each pattern that skin which stiffens is displaced by, shape (k,); from the forces where None.
+            amounts: of skin that follows a law, see `Stimulus.given`, shape (3m,); from the forces where None.
 
         Raises:
             DermisError: forces of another size, or not finite.
@@ -258,8 +270,7 @@ class PinSolver:
                 value=force.shape,
                 limit=f"({3 * self.matcher.loaded},)",
             )
-        tissue = self.matcher.tissue
-        step = self._active(force) if tissue is None else self._bent(tissue, force, amounts)
+        step = self._active(force) if self._law is None else self._by_law(self._law, force, amounts)
         self._last = step.x
         return step
 
@@ -270,48 +281,51 @@ class PinSolver:
     def reset(self) -> None:
         """Forget the frame before: the pins are at rest."""
         self._last = np.zeros(len(self.matcher.active))
-        self._tangent = None if self.matcher.tissue is None else self.matcher.tissue.rest
+        if self._law is not None:
+            self._law.reset()
 
-    def _bent(self, tissue: PinTissue, force: Array, amounts: Array | None) -> PinStep:
-        """Match the displacement of skin that stiffens, on its tangent, laid anew until the law of its tissue holds."""
-        taken, settled = tissue.taken_by(force, amounts), False
-        tangent, deforming = self._tangent or tissue.rest, self.method.startswith("DM")
+    def _by_law(self, skin: LawSkin, force: Array, amounts: Array | None) -> PinStep:
+        """Match on skin that follows a law, and say how far off that is by it."""
+        law = self.matcher.law
+        assert law is not None
+        wanted, deforming = law.moved_by(force, amounts), self.method.startswith("DM")
         step = PinStep(self._last, 0.0, True) if deforming else self._active(force)
-        for _ in range(ROUNDS):
-            if deforming:
-                step = self._on(tissue, tangent, tissue.like(force, taken))
-            tangent, off = tissue.moved(tangent, step.x)
-            settled = off <= SETTLED
-            if settled:
-                break
-        self._tangent = tangent
-        goal = tissue.like(force, taken - tissue.taken_at(tangent, step.x))
-        return PinStep(step.x, step.optimality, step.converged and settled, goal)
 
-    def _on(self, tissue: PinTissue, tangent: StiffTangent, goal: Array) -> PinStep:
-        """Match displacement on a tangent by the method."""
-        low, high = self._bounds()
+        def forces(less: Floats32) -> Array:
+            nonlocal step
+            if deforming:
+                step = self._deforming(law.goal(wanted, less))
+            return step.x
+
+        look = law.follow(skin, skin.save(), forces)
+        return PinStep(step.x, step.optimality, step.converged, look, law.apart(look.moved, wanted))
+
+    def _deforming(self, goal: Array) -> PinStep:
+        """Return pin forces for the displacement that is wanted of the compared nodes, weighted [m], shape (3n,)."""
         if self._quadratic is None:
-            x = tissue.least_squares(tangent, goal, self.matcher.patterns, RANK_TOLERANCE)
-            return PinStep(x if self.method.endswith("0") else np.clip(x, low, high), 0.0, True)
-        gram, c = tissue.quadratic(tangent, goal)
-        found = BoundedLeastSquares(gram, low, high).solve(c, start=self._status)
-        self._status = found.status
-        return PinStep(found.x, found.optimality(low, high), found.converged)
+            return self._plain(self.matcher.rendered_inverse @ goal)
+        assert self.matcher.law is not None
+        return self._best(goal @ self.matcher.law.rendered)
 
     def _active(self, force: Array) -> PinStep:
         matcher = self.matcher
         if self._quadratic is not None:
-            solution = self._bounded(matcher.rhs(self.method, force))
-            optimality = solution.optimality(self._quadratic.box.low, self._quadratic.box.high)
-            return PinStep(solution.x, optimality, solution.converged)
+            return self._best(matcher.rhs(self.method, force))
         inverse = matcher.deformation_inverse if self.method.startswith("DM") else matcher.force_inverse
-        x = inverse @ force
+        return self._plain(inverse @ force)
+
+    def _plain(self, x: Array) -> PinStep:
         if not np.isfinite(x).all():
             raise DermisError("the target's forces are not finite", where="pin matching")
         if self.method.endswith("0"):
             return PinStep(x, 0.0, True)
         return PinStep(np.clip(x, *self._bounds()), 0.0, True)
+
+    def _best(self, c: Array) -> PinStep:
+        assert self._quadratic is not None
+        solution = self._bounded(c)
+        optimality = solution.optimality(self._quadratic.box.low, self._quadratic.box.high)
+        return PinStep(solution.x, optimality, solution.converged)
 
     def _bounded(self, c: Array) -> BoundedSolution:
         assert self._quadratic is not None

@@ -57,9 +57,9 @@ def descend(
     Args:
         reach: of a search nearby, as its `Minimum` tells it.
         foreseen: a thimble's step that promises no more than this share of the cost is taken without looking where it
-            leads: the search ends there with what the linearised model says.
+            leads: the search ends there with the prediction of the linearised model.
         follows: a search like it is made in the next frame. A thimble's steps after the first then have to promise
-            more: what they do not gain now, that search's first step gains.
+            more: the gain that they forgo now, that search's first step makes.
 
     Raises:
         DermisError: a start outside the limits.
@@ -72,7 +72,7 @@ def descend(
     pitch, roll, distance = start.tolist()
     room = device.room(pitch, roll, distance, low, high)
     if room is None:
-        return minimise(evaluate, target, start, device, limits)  # which says what is wrong, or holds the limit
+        return minimise(evaluate, target, start, device, limits)  # which reports the error, or holds the limit
     both = np.empty((size, 4))
     x = np.array(start, np.float64)
     stimulus, jacobian = evaluate(x)
@@ -170,10 +170,10 @@ def descend(
 def response(jacobian: Array, before: Array, target: Array, device: DiscDevice) -> Array:
     """Return by how much a configuration changes where another stimulus is wanted, as the slope there says, (n,).
 
-    None is said where that leads beyond what any slope tells.
+    None where that leads beyond the reach of any slope.
 
     Args:
-        jacobian: derivative of the stimulus, shape (k, n). before, target: what was wanted and what is, shape (k,).
+        jacobian: derivative of the stimulus, shape (k, n). before, target: the target before and now, shape (k,).
     """
     scale = scale_of(device)
     if isinstance(device, Thimble):
@@ -218,7 +218,7 @@ def _step(gram: list[list[float]]) -> list[float] | None:
 
 
 def _after(more: Minimum, start_cost: float, iterations: int, evaluations: int) -> Minimum:
-    """Return what the active-set method found, with what was spent before it."""
+    """Return the active-set method's minimum, with the iterations and evaluations spent before it."""
     return replace(
         more, start_cost=start_cost, iterations=more.iterations + iterations, evaluations=more.evaluations + evaluations
     )

@@ -25,7 +25,6 @@ from ..npz import read_npz
 from ..parameters.skin import TISSUE
 from ..recent import Recent
 from ..shipped import BUILT_IN
-from ..skin.felt_state import felt_key, state_size, stress_components
 from ..skin.model import SkinModel
 from ..skin.store import kept
 from ..skin.surface_store import remainder_key
@@ -48,8 +47,10 @@ _movements: Recent[tuple[str, str, str, str, float, int], Dataset] = Recent(1)
 
 def movements_of(device: DiscDevice, skin: SkinModel, friction: float) -> Dataset:
     """Return what a device does to a skin between random configurations; the last is kept, since a floor asks again."""
-    key = (felt_key(skin), pressed_on(skin), repr(skin.material), device_key(device), friction, DESCRIPTOR_MOVEMENTS)
-    return _movements.make(key, lambda: drain(record(device, contact_of(device, skin, friction), DESCRIPTOR_MOVEMENTS)))
+    key = (skin.key, pressed_on(skin), repr(skin.material), device_key(device), friction, DESCRIPTOR_MOVEMENTS)
+    return _movements.make(
+        key, lambda: drain(record(device, contact_of(device, skin.linear, friction), DESCRIPTOR_MOVEMENTS))
+    )
 
 
 def describe(device: DiscDevice, skin: SkinModel, friction: float, tolerance: float = TOLERANCE) -> Descriptors:
@@ -59,13 +60,13 @@ def describe(device: DiscDevice, skin: SkinModel, friction: float, tolerance: fl
         # no part of the key: movements end at a force, so that without one stiffness for all the first finger decided
         nominal = skin.with_material(young=TISSUE["young"].default, alpha=1.0)
         data = movements_of(device, nominal, friction)
-        return descriptors(data, stress_components(skin), tolerance=tolerance)
+        return descriptors(data, skin.stress_components(), tolerance=tolerance)
 
-    return _known.make((felt_key(skin), pressed_on(skin), device_key(device), friction, tolerance), made)
+    return _known.make((skin.key, pressed_on(skin), device_key(device), friction, tolerance), made)
 
 
 def observation_of(device: DiscDevice, skin: SkinModel, friction: float) -> Array:
-    """Return the observation matrix of `describe`: one that ships, one from the cache, or a new one; (k, state)."""
+    """Return the observation matrix of `describe`: one that ships, one from the cache, or a new one; (k, 3 m)."""
     shipped = shipped_of(device, skin, friction)
     if shipped is not None:
         return shipped
@@ -73,7 +74,7 @@ def observation_of(device: DiscDevice, skin: SkinModel, friction: float) -> Arra
     def made() -> dict[str, Array]:
         return {"table": describe(device, skin, friction).observation_matrix}
 
-    return kept(skin.cache, _cached_key(device, skin, friction), {"table": (None, state_size(skin))}, made)["table"]
+    return kept(skin.cache, _cached_key(device, skin, friction), {"table": (None, 3 * skin.pad_count)}, made)["table"]
 
 
 def description_key(device: DiscDevice, skin: SkinModel, friction: float) -> str:
@@ -83,8 +84,7 @@ def description_key(device: DiscDevice, skin: SkinModel, friction: float) -> str
     if points == "points" and skin.shape is not None:
         smooth = remainder_key(skin.shape, skin.material.poisson)
     nominal = repr(TISSUE["young"].default)
-    stiffens = "" if skin.stiffening is None else skin.stiffening.key
-    what = [skin.rounded_key or skin.key, stiffens, points, smooth, device_key(device), repr(float(friction))]
+    what = [skin.rounded_key or skin.key, "", points, smooth, device_key(device), repr(float(friction))]
     return cache_key(SCHEMA, *what, nominal, repr(TOLERANCE), repr(DESCRIPTOR_MOVEMENTS))
 
 
@@ -114,7 +114,7 @@ def write_shipped(
 def shipped_of(device: DiscDevice, skin: SkinModel, friction: float) -> Array | None:
     """Return the matrix of the description that ships, None where none does or none may be used."""
     path = SHIPPED / shipped_name(device, skin, friction)
-    return read_shipped(path, description_key(device, skin, friction), state_size(skin)) if path.is_file() else None
+    return read_shipped(path, description_key(device, skin, friction), 3 * skin.pad_count) if path.is_file() else None
 
 
 def read_shipped(path: Path, key: str, size: int) -> Array | None:
@@ -154,4 +154,4 @@ def digest_of(names: tuple[str, ...]) -> str:
 
 
 def _cached_key(device: DiscDevice, skin: SkinModel, friction: float) -> str:
-    return cache_key(version(), felt_key(skin), pressed_on(skin), device_key(device), repr(friction), "observation")
+    return cache_key(version(), skin.key, pressed_on(skin), device_key(device), repr(friction), "observation")

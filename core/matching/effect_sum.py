@@ -1,7 +1,8 @@
-"""EffectSum: what one finger feels of all bodies, effect by effect, added up before the tactor's plane limits it.
+"""EffectSum: effects of all bodies on one finger, added up one by one before the device's range limits their sum.
 
-Every effect has a switch per device and per object. What nothing switches on, and bodies that the finger never
-touches, are not computed; both are counted in `skipped`.
+A device that moves along one axis only shows no directions: an impact counts by its speed, a texture by its height.
+Every effect has a switch per device and per object. Effects that nothing switches on, and bodies that the
+finger never touches, are not computed; both are counted in `skipped`.
 
 Source: [S3] section 4
 """
@@ -29,7 +30,9 @@ from ..parameters.material import BODY
 from ..scene.tactile_scene import DeviceUse, TactileScene
 from .content_offset import content_offset
 
+SLOWEST = 1.0  # [Hz] a texture that passes more slowly is not felt as a vibration
 Tap = tuple[float, Array, float, float, float]  # instant, velocity, amplitude, decay, frequency
+EFFECTS = ("transient", "texture", "weight", "content", "pattern")
 PLAYED = ("pattern_play", "pattern_frequency", "pattern_amplitude", "pattern_angle")
 
 
@@ -38,8 +41,10 @@ class EffectSum:
     """The displacement of one finger's tactor, effect by effect.
 
     Attributes:
-        tap_axis: in the pad's plane, to which the normal part of a tap turns.
-        sum: in the finger's frame, as fractions of the range, shape (n, 3); None while nothing was added.
+        tap_axis: in the pad's plane, to which the normal part of a tap turns; None where the device has one axis only.
+        effects: that the device can render. band: frequencies that it can make [Hz].
+        sum: in the finger's frame, as fractions of the range, shape (n, 3), or (n, 1) along one axis; None while
+            nothing was added.
         contact, held: whether the finger touches, and holds, something, shape (n,).
     """
 
@@ -47,8 +52,10 @@ class EffectSum:
     scene: TactileScene
     finger: int
     use: DeviceUse
-    tap_axis: tuple[float, float]
+    tap_axis: tuple[float, float] | None
     times: Array
+    effects: tuple[str, ...] = EFFECTS
+    band: tuple[float, float] = (0.0, math.inf)
     findings: list[Finding] = field(default_factory=list)
     skipped: dict[str, int] = field(default_factory=dict)
 
@@ -63,7 +70,7 @@ class EffectSum:
         self._taps: list[Tap] = []
 
     def add_body(self, b: int) -> None:
-        """Add what the finger feels of one body."""
+        """Add the effects of one body on the finger."""
         if self.pad_contact.memory is not None and self._wants_content(b):
             self._content(b, np.zeros(0, dtype=np.intp))  # it goes on while nobody holds it
         met = meet(self.pad_contact, self.scene, self.finger, b, self.times)
@@ -133,8 +140,11 @@ class EffectSum:
             for v in (amplitude, self._parameter(b, "transient_decay"), self._parameter(b, "transient_frequency"), on)
         )
         self._audible(b, float(np.max(hertz)))
+        self._check_band(b, "contact transient", hertz[np.abs(alpha * live) > 0.0])
         velocities = met.onset_velocities
-        if self.axis == "tilted":
+        if self.tap_axis is None:
+            velocities = np.sqrt(np.einsum("ij,ij->i", velocities, velocities))[:, None]
+        elif self.axis == "tilted":
             # Fixed in the pad from the impact on: the axis belongs to the finger.
             there = self.pad_contact.finger_motion(self.finger).at(onsets)
             local = turned_back(there, slice(None), velocities)
@@ -158,21 +168,20 @@ class EffectSum:
             earlier = met.touching[: carry.index].sum()
             carry.found = direction[earlier - 1] if earlier else carry.start
         friction = self._at(self._parameter(b, "friction"), which) * self._at(on, which)
-        shape = texture.displacement(
-            place,
-            direction,
-            friction,
-            (self._at(amplitudes[0], which), self._at(amplitudes[1], which)),
-            (
-                self._at(self._parameter(b, "texture_period_x"), which),
-                self._at(self._parameter(b, "texture_period_y"), which),
-            ),
-        )
+        heights = (self._at(amplitudes[0], which), self._at(amplitudes[1], which))
+        periods = tuple(self._at(self._parameter(b, f"texture_period_{axis}"), which) for axis in "xy")
+        if self.tap_axis is None:
+            moved = np.any(direction != 0.0, axis=1, keepdims=True)
+            shape = texture.displacement(place, moved.astype(np.float64), friction, heights, periods)
+            self._add_eased(b, which, shape[:, 0], moved[:, 0] & (self._at(on, which) > 0.0))
+            self._check_band(b, "texture", self._texture_frequency(place, which, heights, periods))
+            return
+        shape = texture.displacement(place, direction, friction, heights, periods)
         self._add_world(which, turned(self.pad_contact.body_at(b, self.times), which, shape))
 
     def _add_taps(self, onsets: Array, velocities: Array, amplitude: Array, decay: Array, hertz: Array) -> None:
         shape = transient.displacement(self.times, onsets, velocities, amplitude, decay, hertz)
-        if self.axis == "tilted":
+        if self.tap_axis is None or self.axis == "tilted":
             self._total[:] += shape
         else:
             index = np.flatnonzero(shape.any(axis=1))
@@ -261,7 +270,7 @@ class EffectSum:
     @property
     def _total(self) -> Array:
         if self.sum is None:
-            self.sum = np.zeros((len(self.times), 3))
+            self.sum = np.zeros((len(self.times), 1 if self.tap_axis is None else 3))
         return self.sum
 
     def _add_world(self, index: slice | NDArray[np.intp], displacement: Array) -> None:
@@ -283,13 +292,17 @@ class EffectSum:
 
     def _switch(self, b: int, effect: str) -> Any:
         """1 where an effect is on, or None where it never is, on this device or this body."""
-        on = (np.asarray(self._parameter(b, f"{effect}_on")) > 0.5) & self._used(effect)
+        on = (self._parameter(b, f"{effect}_on") > 0.5) & self._used(effect)
+        if not isinstance(on, np.ndarray):
+            return 1.0 if on else None
         return on.astype(np.float64) if on.any() else None
 
     def _used(self, effect: str) -> Any:
         """Whether this device renders an effect: all the time, or at each time, shape (n,)."""
+        if effect not in self.effects:
+            return False
         owner, row = f"device/{self.finger}/{self.device}", DEVICE[f"use_{effect}"]
-        return np.asarray(self.pad_contact.series(owner, row, self.use.parameters, self.times)) > 0.5
+        return self.pad_contact.series(owner, row, self.use.parameters, self.times) > 0.5
 
     @property
     def device(self) -> int:
@@ -298,7 +311,48 @@ class EffectSum:
         return next((i for i, use in enumerate(devices) if use is self.use), 0)
 
     def _at(self, value: Any, index: slice | NDArray[np.intp]) -> Any:
-        return value[index] if np.ndim(value) else value
+        return value[index] if isinstance(value, np.ndarray) else value
+
+    def _add_eased(self, b: int, which: Any, shape: Array, felt: NDArray[np.bool_]) -> None:
+        """Add a texture that sets in and fades over a period of the lowest frequency that the device makes."""
+        whole, active = np.zeros(len(self.times)), np.zeros(len(self.times), dtype=bool)
+        whole[which], active[which] = shape, felt
+        step = self.times[1] - self.times[0] if len(self.times) > 1 else 1.0
+        samples = max(round(1.0 / (self.band[0] * step)), 1)
+        with self._carry("texture ends", b) as carry:
+            whole, carry.found = texture.eased(whole, active, samples, carry.start, carry.index)
+        self._total[:, 0] += whole
+
+    def _texture_frequency(self, place: Array, which: Any, heights: Any, periods: Any) -> Array:
+        """Frequencies of a texture while the finger slides over it [Hz], of both its axes."""
+        step = self.times[1] - self.times[0] if len(self.times) > 1 else math.inf
+        rows = np.arange(len(self.times))[which]
+        found = []
+        for axis, (height, period) in enumerate(zip(heights, periods, strict=True)):
+            cycles = np.abs(np.diff(place[:, axis] / period)) / step
+            on = (np.broadcast_to(height, len(place))[1:] != 0.0) & (np.diff(rows) == 1) & (cycles > SLOWEST)
+            found.append(cycles[on])
+        return np.concatenate(found)
+
+    def _check_band(self, b: int, effect: str, hertz: Array) -> None:
+        """Tell frequencies that the device was not measured at, and so hardly makes."""
+        low, high = self.band
+        lost = (hertz < low) | (hertz > high)
+        if not lost.any():
+            return
+        worst = hertz[lost][[np.argmin(hertz[lost]), np.argmax(hertz[lost])]]
+        share = float(lost.mean())
+        self.findings.append(
+            Finding(
+                "warning" if share > 0.5 else "info",
+                "outside-band",
+                f"{share:.0%} of the {effect} is outside of the frequencies that the device makes, and weaker",
+                f"object '{self.scene.bodies[b].name}'",
+                value=f"{worst[0]:.4g} to {worst[1]:.4g} Hz",
+                limit=f"{low:g} to {high:g} Hz",
+                remedy="Change the material's frequency or period, or the speed of the finger",
+            )
+        )
 
     def _audible(self, b: int, hertz: float) -> None:
         rate = (len(self.times) - 1) / (self.times[-1] - self.times[0]) if len(self.times) > 1 else math.inf

@@ -1,8 +1,8 @@
 """How far a rendered touch is off, in three measures side by side: whole stress, coarse cells, electrodes.
 
-They are not the same quantity. The stress of every element is the strictest; the mean stress of 154 cells is of the
-size that the paper describes stress with, and smooths what is between them; nineteen virtual electrodes read how thick
-the pulp is, and are a smooth summary of the touch, as the paper's sensor was.
+They are not the same quantity. The stress of every element is the strictest. The mean stress of 154 cells is of the
+size that the paper describes stress with, and smooths the details between them. Nineteen virtual electrodes read how
+thick the pulp is, and are a smooth summary of the touch, as the paper's sensor was.
 
 Source: [S0] 4.1 (154 tetrahedra), 6 (19 electrodes), 7.1 (errors)
 """
@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 from ..arrays import Array, Indices
 from ..errors import DermisError
-from ..skin.felt_state import state_of, stress_components
 from ..skin.model import SkinModel
+from ..skin.observation import Observer, stress_vector, touch_of
 from ..skin.sensor import electrode_sensor
-from ..skin.stimulus import Stimulus
 
 WHOLE, CELLS, ELECTRODES = MEASURES = ("whole stress", "154 cells", "electrodes")
 COUNT = 154  # of cells. Source: [S0] 4.1
@@ -28,20 +27,20 @@ class FeltErrors:
     """The measures of one skin.
 
     Args:
-        skin: the model; with tissue that stiffens, its touches have amounts of patterns.
+        skin: the model; all measures are by its tissue's law.
     """
 
     def __init__(self, skin: SkinModel) -> None:
         self.skin = skin
-        self._whole, self._electrodes = stress_components(skin), electrode_sensor(skin).matrix
+        self._electrodes = Observer(skin, electrode_sensor(skin).observation)
         self._cell, self._share, self._root = _cells(skin)
 
     def of(self, target: Array, rendered: Array, amounts: Array | None = None, made: Array | None = None) -> Array:
-        """Return the relative RMS between touches and what was rendered of them, in the order of `MEASURES`.
+        """Return the relative RMS between touches and their renderings, in the order of `MEASURES`.
 
         Args:
             target, rendered: forces on the pad nodes [N], shape (n, m, 3).
-            amounts, made: of each pattern of skin that stiffens, in both, shape (n, k); from the forces where None.
+            amounts, made: see `Stimulus.given`, of both, shape (n, 3 m); from the forces where None.
 
         Raises:
             DermisError: sequences of unlike length, or nothing touched.
@@ -63,16 +62,17 @@ class FeltErrors:
         return np.sqrt(left / whole)
 
     def _values(self, force: NDArray[np.floating], amounts: Array | None) -> tuple[Array, Array, Array]:
-        state = state_of(self.skin, force.astype(np.float64), amounts)
-        stress = Stimulus(self.skin, force.astype(np.float64).reshape(-1, 3), None, amounts).stress * _SHEAR
+        felt = touch_of(self.skin, force.astype(np.float64), amounts)
+        stress = felt.stress * _SHEAR
         cells = np.stack([np.bincount(self._cell, self._share * column, COUNT) for column in stress.T], axis=1)
-        return self._whole @ state, self._root[:, None] * cells, self._electrodes @ state
+        return stress_vector(felt), self._root[:, None] * cells, self._electrodes.see(felt)
 
 
 def _cells(skin: SkinModel) -> tuple[Indices, Array, Array]:
     """Return each element's cell, its share of that cell's volume, and the root of each cell's volume.
 
-    Cells are what lies nearest to places that are as far apart as can be, from the one under the pad's centre on.
+    A cell holds the elements nearest to one place. The places are as far apart as can be, from the one under the pad's
+    centre on.
     """
     mesh = skin.mesh
     corners = mesh.nodes[mesh.tetrahedra[:, :4]]

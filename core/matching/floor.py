@@ -1,7 +1,7 @@
-"""Floor: how good any pose of a device could be for a touch, and what axes along the pad would buy.
+"""Floor: how good any pose of a device could be for a touch, and the gain of axes along the pad.
 
 Several ways through the touch are followed, without limits of speed, and for each sample the best pose on any of them
-counts, with the friction of its own way; what the device does itself counts too. What is found so is the *best found*:
+counts, with the friction of its own way; the device's own poses count too. The result is the *best found*:
 no search proves that there is nothing better. The same is done for the device on a stage that moves it along both axes
 of the pad and turns it, unless it can do so by itself.
 
@@ -26,8 +26,8 @@ from ..devices.lateral_stage import LateralStage
 from ..devices.thimble import Thimble
 from ..errors import DermisError, Finding
 from ..recent import Recent
-from ..skin.felt_state import felt_key, observed, stress_components
 from ..skin.model import SkinModel
+from ..skin.observation import Observer, stress_vector, touch_of
 from ..skin.store import read_table, write_table
 from ..steps import in_words
 from ..surrogate.learned import descriptors
@@ -37,18 +37,19 @@ from ..version import version
 from .description import movements_of, observation_of
 from .felt_errors import MEASURES, FeltErrors
 from .stress import StressMatcher, ThimbleFrame
-from .thimble import Follower, follower
+from .thimble import follower
+from .thimble_sequence import amounts_of
 from .thimble_use import ThimbleUse
 from .trajectory import trajectory
 
-COMPONENTS = 60  # of stress, that poses are told apart by: on the built-in thimble they leave 2 % of what it can do
+COMPONENTS = 60  # of stress, that poses are told apart by: on the built-in thimble they leave 2 % of its stress
 MOST = 120  # samples of a touch: every one costs some hundred searches
 
 _known: Recent[str, Floor] = Recent(16)
 
 
 class Step(NamedTuple):
-    """How far the search for a floor is: what it is at, and parts of the whole search done and in all."""
+    """Progress of the search for a floor: its present task, and parts of the whole search done and in all."""
 
     stage: str
     done: int
@@ -79,7 +80,7 @@ class Floor:
         return {"schema": "dermis-floor 1", **named, "touched_samples": self.samples, "samples_beyond": self.beyond}
 
     def words(self) -> list[str]:
-        """Return what a designer wants to know, a sentence each."""
+        """Return the results for a designer, a sentence each."""
         rendered, best = _percent(self.rendered), _percent(self.best)
         out = [f"Of the touch's stress the device leaves {rendered}, the best pose found {best}"]
         if self.lateral is not None:
@@ -87,7 +88,7 @@ class Floor:
         return out
 
     def findings(self, where: str) -> tuple[Finding, ...]:
-        """Return what a person must not miss: a touch that no pose renders better than none would."""
+        """Return the findings that a person must not miss: a touch that no pose renders better than none would."""
         if self.best[0] < 1.0 and not self.beyond:
             return ()
         whole = self.best[0] >= 1.0
@@ -117,7 +118,7 @@ def floor_of(use: ThimbleUse, forces: Array, amounts: Array | None = None) -> Ge
 
     Args:
         use: the device on its finger. forces: of the touch on the pad nodes [N], shape (n, m, 3).
-        amounts: of each pattern of skin that stiffens, shape (n, k).
+        amounts: see `Stimulus.given`, of skin that follows a law, shape (n, 3 m).
 
     Raises:
         DermisError: nothing is touched, forces that do not fit, or limits that exclude contact.
@@ -128,7 +129,8 @@ def floor_of(use: ThimbleUse, forces: Array, amounts: Array | None = None) -> Ge
         raise DermisError("the finger touches nothing, so there is no floor", where="floor")
     skin = use.skin
     key = cache_key(
-        *(version(), felt_key(skin), pressed_on(skin), repr(skin.material), device_key(use.device), repr(use.friction)),
+        *(version(), skin.key, skin.tissue, pressed_on(skin), repr(skin.material), device_key(use.device)),
+        repr(use.friction),
         *(use.method, "" if use.observation_matrix is None else use.observation_matrix.tobytes(), "floor 1"),
         *(forces.tobytes(), b"" if amounts is None else amounts.tobytes()),
     )
@@ -145,18 +147,17 @@ def floor_of(use: ThimbleUse, forces: Array, amounts: Array | None = None) -> Ge
         frames.append(frame)
         rendered[i] = own.matching.contact.nodal(frame.solution)
         yield Step("rendered", i + 1, passes * total)
-    made = _amounts(own, frames)
-    root = stress_components(skin)
-    wanted = np.stack([observed(skin, root, force, given) for force, given in zip(forces, felt, strict=True)])
-    results: list[_Found] = [_Found(rendered, made, _left(skin, root, wanted, rendered, made))]
+    made = amounts_of(frames, own.matching.contact)
+    wanted = np.stack([_stress(skin, force, given) for force, given in zip(forces, felt, strict=True)])
+    results: list[_Found] = [_Found(rendered, made, _left(skin, wanted, rendered, made))]
     behind = 1
     for name, device in zip(("best pose", "lateral axes"), devices, strict=False):
-        best = results[-1]  # what a device can do without its stage, it can do with it
+        best = results[-1]  # a device reaches it with its stage too
         for matrix in _matrices(device, use):
             words = partial(_part, name, behind * total, passes * total)
             found, given_ = yield from in_words(_tried(device, use, matrix, forces, felt), words)
             behind += 1
-            best = best.or_better(_Found(found, given_, _left(skin, root, wanted, found, given_)))
+            best = best.or_better(_Found(found, given_, _left(skin, wanted, found, given_)))
         results.append(best)
     errors = [tuple(judge.of(forces, found.force, amounts, found.amounts).tolist()) for found in results]
     beyond = int((results[1].left[touched] >= np.linalg.norm(wanted[touched], axis=1)).sum())
@@ -173,7 +174,7 @@ def _part(name: str, before: int, total: int, step: tuple[int, int]) -> Step:
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """Forces at each sample, amounts of patterns that go with them, and what they leave of the stress, shape (n,)."""
+    """Forces at each sample, their amounts on skin with a law, and the norm of their stress error, shape (n,)."""
 
     force: Array
     amounts: Array | None
@@ -194,7 +195,7 @@ def _matrices(device: DiscDevice, use: ThimbleUse) -> list[Array]:
     skin = use.skin
     data = movements_of(device, skin, use.friction)
     size = min(COMPONENTS, len(data.force), 3 * skin.pad_count)
-    many = descriptors(data, stress_components(skin), size=size).observation_matrix
+    many = descriptors(data, skin.stress_components(), size=size).observation_matrix
     return [observation_of(device, skin, use.friction), many]
 
 
@@ -203,23 +204,22 @@ def _tried(
 ) -> Generator[tuple[int, int], None, tuple[Array, Array | None]]:
     """Return forces and amounts of the best pose found at each sample by some components."""
     skin, contact = use.skin, contact_of(device, use.skin, use.friction)
-    matching = StressMatcher(device, contact, matrix, hover=use.hover)
-    targets = np.stack([observed(skin, matrix, force, given) for force, given in zip(forces, felt, strict=True)])
+    observer = Observer(skin, matrix)
+    matching = StressMatcher(device, contact, observer, hover=use.hover)
+    targets = np.stack([observer.seen(force, given) for force, given in zip(forces, felt, strict=True)])
     searched = yield from trajectory(matching, targets)
     best: list[ThimbleFrame] = searched.best
-    made = None if contact.points.stiff is None else np.array([f.solution.amounts for f in best])
-    return np.stack([contact.nodal(frame.solution) for frame in best]), made
+    return np.stack([contact.nodal(frame.solution) for frame in best]), amounts_of(best, contact)
 
 
-def _amounts(own: Follower, frames: list[ThimbleFrame]) -> Array | None:
-    stiff = own.matching.contact.points.stiff
-    return None if stiff is None else np.array([frame.solution.amounts for frame in frames])
+def _stress(skin: SkinModel, force: Array, amounts: Array | None) -> Array:
+    return stress_vector(touch_of(skin, force, amounts))
 
 
-def _left(skin: SkinModel, root: Array, wanted: Array, force: Array, amounts: Array | None) -> Array:
-    """Return what forces leave of the stress that is wanted, at each sample, shape (n,)."""
+def _left(skin: SkinModel, wanted: Array, force: Array, amounts: Array | None) -> Array:
+    """Return the norm of the stress error that forces leave at each sample, shape (n,)."""
     given = [None] * len(force) if amounts is None else amounts
-    shown = (observed(skin, root, f, q) for f, q in zip(force, given, strict=True))
+    shown = (_stress(skin, f, c) for f, c in zip(force, given, strict=True))
     return np.array([float(np.linalg.norm(s - w)) for s, w in zip(shown, wanted, strict=True)])
 
 

@@ -43,7 +43,7 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
 
     Source: [S4] eq. 1 to 6
     """
-    device = FrictionScreen.of(spec)
+    device = pad_contact.lasting(("screen", spec.key), lambda: FrictionScreen.of(spec))
     where = f"finger '{scene.fingers[finger].name}', {spec.name}"
     if DEVICE["relief"].of(use.parameters, where) == "mesh":
         from . import mesh_relief
@@ -224,7 +224,7 @@ def _unit_findings(maps: Mapping[int, ScreenMap], scene: TactileScene, *, absolu
 def _hole_findings(
     x: Array, y: Array, touching: NDArray[np.bool_], times: Array, map_: ScreenMap, scene: TactileScene, screen: int
 ) -> list[Finding]:
-    """Find where a finger passes over what was never measured: it feels what the rims let expect."""
+    """Find where a finger passes over a hole in the measurements: it feels values estimated from the rims."""
     holes = scene.screens[screen].holes
     if holes is None:
         return []

@@ -31,7 +31,7 @@ SMALL_GAIN = 1e-3  # of the cost in one step, 0.05 % of the mismatch: at a kink 
 # residual is 0.05 at most.
 HARDLY = 2.5e-3
 LATER = 1e-2  # the same of steps after the first, where another frame follows: 0.5 % of the mismatch
-LEAST_REACH, NEARLY = 0.25, 0.8  # of a full step: what is believed of a reach, and from where on a step is tried whole
+LEAST_REACH, NEARLY = 0.25, 0.8  # of a full step: the least reach, and the reach from which a step is tried whole
 MAX_ITERATIONS = 20
 MAX_EVALUATIONS = 16  # the longest searches creep along kinks for hardly any gain: frames must come in time
 SHORTEST = 1.0 / 64.0
@@ -83,7 +83,7 @@ class Minimum:
 
     @property
     def mismatch(self) -> float:
-        """Norm of what is left, in the stimulus's unit."""
+        """Norm of the residual, in the stimulus's unit."""
         return float(np.sqrt(2.0 * self.cost))
 
 
@@ -100,7 +100,7 @@ class ServoLimits:
         return cls(*device.servo_limits)
 
     def near(self, angles: Array, change: float) -> ServoLimits:
-        """Return what can be reached from given angles from neutral when none may change by more than `change`."""
+        """Return the limits of a step from given angles from neutral when none may change by more than `change`."""
         return ServoLimits(np.maximum(self.low, angles - change), np.minimum(self.high, angles + change))
 
     def constraints(self, device: DiscDevice, x: Array) -> tuple[Array, Array]:
@@ -217,13 +217,13 @@ def minimise(
 
 
 def shorter(share: float, cost: float, new_cost: float, descent: float) -> float:
-    """Return by how much to shorten a step: to the minimum of the parabola through what is known, within limits."""
+    """Return the factor that shortens a step to the minimum of the parabola through its costs, within limits."""
     curve = new_cost - cost + share * descent
     return float(min(max(0.5 * share * descent / curve, 0.1), 0.5)) if curve > 0 else 0.5
 
 
 def promised(share: float, cost: float, new_cost: float, descent: float) -> float:
-    """Return by how much the parabola through what is known of a step falls below the cost; inf if it has no end."""
+    """Return by how much the parabola through the costs of a step falls below the first cost; inf if it has no end."""
     curve = new_cost - cost + share * descent
     return 0.25 * (share * descent) ** 2 / curve if curve > 0 else math.inf
 
@@ -231,8 +231,8 @@ def promised(share: float, cost: float, new_cost: float, descent: float) -> floa
 def reach_of(share: float, cost: float, new_cost: float, descent: float) -> float:
     """Return the share of a full step at which that parabola ends, within limits.
 
-    A touch that no pose can make leaves much, and its curvature, which Gauss-Newton leaves out, makes steps too long:
-    what one of them told holds for the next, and for the next frame.
+    A touch that no pose can make leaves a large residual. Its curvature, which Gauss-Newton leaves out, makes steps too
+    long. The reach of one step holds for the next, and for the next frame.
     """
     curve = new_cost - cost + share * descent
     return min(max(0.5 * share * share * descent / curve, LEAST_REACH), 1.0) if curve > 0 else 1.0

@@ -1,7 +1,7 @@
-"""Local fit: what a query's neighbours say of it together, where plain averages blur.
+"""Local fit: joint estimate of a query by its neighbours, where plain averages blur.
 
 Neighbours of a query that lie to one side of it have a mean that lies there too: in a table of some thousand poses of
-six motors, far apart from each other, that is most of what a look-up misses. So the neighbours are weighted such that
+six motors, far apart from each other, that is most of a look-up's error. So the neighbours are weighted such that
 they come nearest to the query itself, in the least-squares sense, by weights of least norm. The norm counts each
 weight times its neighbour's distance, so that where nothing is gained weights fall with the inverse square of it, as
 the plain average's do. Redundant motors reach one reading in many ways: least norm decides among them.
@@ -18,7 +18,7 @@ REDUNDANT = 4  # motors from which on a pose has more freedom than the depth and
 
 
 def fitted_mean(points: Array, query: Array, squared: Array, values: Array) -> Array:
-    """Return what neighbours say of each query, within what they say one by one, shape (q, m).
+    """Return the neighbours' joint value for each query, within the range of their own values, shape (q, m).
 
     Args:
         points: neighbours in the space of the search, nearest first, shape (q, k, d). query: shape (q, d).

@@ -1,4 +1,4 @@
-"""Look-up matching: from what the virtual sensor reads to motor commands and back, by the nearest rows of a table.
+"""Look-up matching: from readings of the virtual sensor to motor commands and back, by the nearest rows of a table.
 
 The eight nearest rows are averaged with weights of the inverse square of their distance; where there are more motors
 than three, with weights that come nearest to the query itself (`local_fit`). A query that hits a row gets that row. Of
@@ -24,12 +24,13 @@ from ..cache import cache_key
 from ..devices.coupling import Coupling, coupling_of
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
+from ..following import in_time
 from ..interpolate import interpolate
 from ..parameters.device import DEVICE
 from ..recent import Recent
 from ..scene.tactile_scene import DeviceUse, TactileScene, device_times
-from ..skin.felt_state import felt_key
 from ..skin.model import SkinModel
+from ..skin.observation import skin_key
 from ..track.command_track import CommandTrack
 from . import thimble
 from .local_fit import REDUNDANT, fitted_mean
@@ -46,13 +47,13 @@ if TYPE_CHECKING:
     from .nearest import NearestPoints
 
 
-SLACK = 0.01  # of an original motor's range, that a coupling may drive it beyond unsaid
+SLACK = 0.01  # of a motor's range: a coupling may drive it so far beyond, and its speed hold it back by as much, unsaid
 ROWS = DEVICE["table_rows"].default
 TABLES = 8  # kept in this process
 
 
 def commands_of(table: SkinTable, readings: NDArray[Any], last: Array | None = None) -> Array:
-    """Return motor commands for sensed readings [counts], (q, channels) to (q, motors), in order of time.
+    """Return motor commands for sensed readings, in the table's unit, (q, channels) to (q, motors), in order of time.
 
     Readings that cannot be told from those of untouched skin give the command of rest.
 
@@ -72,7 +73,7 @@ def commands_of(table: SkinTable, readings: NDArray[Any], last: Array | None = N
     values, rest = table.heard_commands, table.commands[table.rest]
     loud = np.ones(len(readings), bool)
     if table.noise_floor > 0.0 and readings.shape[1:] == table.readings.shape[1:]:
-        # what cannot be told from rest is rest, and needs no search; what is no number is left to the search to refuse
+        # readings that cannot be told from rest are rest, and need no search; the search itself refuses NaN
         loud = ~(table.from_rest(readings) <= table.noise_floor)
         if not loud.any():
             return np.repeat(rest[None], len(readings), axis=0)
@@ -97,7 +98,7 @@ def commands_of(table: SkinTable, readings: NDArray[Any], last: Array | None = N
 
 
 def readings_for(table: SkinTable, commands: Array) -> Array:
-    """Return the readings [counts] to expect from motor commands, (q, motors) to (q, channels).
+    """Return the readings to expect from motor commands, (q, motors) to (q, channels).
 
     Distances are of commands over each motor's range.
 
@@ -140,14 +141,14 @@ def _mean(table: SkinTable, searched: NearestPoints, queries: Array, found: Neig
 def render(
     pad_contact: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinContact
 ) -> Rendered:
-    """Render one finger's platform: what the virtual sensor reads at every sample, looked up.
+    """Render one finger's platform: the virtual sensor's readings at every sample, looked up.
 
     The use's parameters: table (path of a collected table; where empty, a small one is swept and kept with the skin),
     table_rows (its size); platform_method, with which six legs can be searched for a pose as a thimble is (see
     `thimble.render`). A device with couplings looks up the original motors' commands, and its own come nearest.
 
-    Signals: 'contact', 'sensed_error' (norm of the difference between what is read and what the command will make the
-    sensor read, by the same table) [counts], 'target_force' [N], and 'clipped' (1 where a motor would leave its range).
+    Signals: 'contact', 'sensed_error' (norm of the difference between the readings and those that the command will
+    make, by the same table) [counts], 'target_force' [N], and 'clipped' (1 where a motor would leave its range).
 
     Raises:
         DermisError: a table that cannot be read or is another device's, or a broken preset.
@@ -157,7 +158,6 @@ def render(
     p = use.parameters
     if by_stress(spec, p):
         return thimble.render(pad_contact, scene, finger, use, spec, skin)
-    coupling = coupling_of(spec)
     path = DEVICE["table"].of(p, spec.key)
     table = table_of(skin.model, spec, path, int(DEVICE["table_rows"].of(p, spec.key)))
     sensor = readings_of(skin.model)
@@ -208,30 +208,18 @@ def render(
                 f"finger '{scene.fingers[finger].name}'",
             )
         )
-    values = commands if coupling is None else coupling.reduced(commands)
-    low, high = _ends(spec)
-    limited = np.clip(values, low, high)
-    beyond = np.abs(limited - values).max(axis=1) > 1e-9 * np.maximum(np.abs(values).max(axis=1), 1e-9)
+    limited, driven, beyond, told = driven_within(spec, commands, skin.frames)
     series["clipped"][beyond] = 1.0
-    if beyond.any():
-        worst = float(np.abs(limited - values).max())
-        findings.append(
-            Finding(
-                "warning",
-                "motor-range",
-                "a motor would leave its range and stays at its end",
-                f"device '{spec.key}'",
-                f"by up to {worst:.3g} {spec.channels[0].unit}",
-                frame=float(skin.frames[beyond.argmax()]),
-                count=int(beyond.sum()),
-            )
-        )
+    findings += told
+    coupling = coupling_of(spec)
+    own_rest = rest if coupling is None else coupling.reduced(rest)
+    name = scene.fingers[finger].name
+    limited, late = _in_time(spec, skin.times, limited, own_rest, series["contact"] > 0.0, name, skin.frames)
     driven = limited if coupling is None else coupling.original(limited)
+    findings += late
     if len(touched):
         expected = readings_for(table, driven[touched])
         series["sensed_error"][touched] = np.linalg.norm(expected - sensed, axis=1)
-    if coupling is not None:
-        findings += _overdriven(coupling, driven, spec, skin.frames)
     times = device_times(scene, spec.rate)
     if count > 1:
         at = np.minimum(times, skin.times[-1])
@@ -245,6 +233,58 @@ def render(
     }
     skipped = {"lookups_without_contact": count - len(touched)}
     return Rendered(CommandTrack(spec, times, limited, meta), series, tuple(findings), skipped)
+
+
+def _in_time(
+    spec: DeviceSpec, times: Array, commands: Array, rest: Array, touched: NDArray[np.bool_], finger: str, frames: Array
+) -> tuple[Array, list[Finding]]:
+    """Return commands that the motors' speeds allow: they set out before a touch, and go back to rest after it."""
+    slews = np.array([np.inf if c.slew is None else c.slew for c in spec.channels])
+    path = in_time(times, commands, touched, slews, np.clip(rest, *_ends(spec)))
+    away = np.where(touched, np.abs(path - commands).max(axis=1, initial=0.0), 0.0)
+    late = away > SLACK * np.ptp(_ends(spec), axis=0).max()
+    if not late.any():
+        return path, []
+    what = "a motor's speed holds the look-up back"
+    worst = f"by up to {away.max():.3g} {spec.channels[0].unit}"
+    where, frame = f"finger '{finger}', {spec.key}", float(frames[away.argmax()])
+    return path, [Finding("info", "servo-limit", what, where, worst, frame=frame, count=int(late.sum()))]
+
+
+def driven_within(
+    spec: DeviceSpec, original: Array, frames: Array | None = None
+) -> tuple[Array, Array, NDArray[np.bool_], list[Finding]]:
+    """Return a device's commands for those of its original motors, and the original motors' commands that result.
+
+    Args:
+        original: SI, shape (n, motors). frames: scene frames of the samples, for findings; None outside a scene.
+
+    Returns:
+        The device's own commands within its range, shape (n, channels); commands of the original motors that come of
+        them, shape (n, motors); samples in which a motor stays at its end, shape (n,); findings.
+    """
+    coupling = coupling_of(spec)
+    values = original if coupling is None else coupling.reduced(original)
+    limited = np.clip(values, *_ends(spec))
+    beyond = np.abs(limited - values).max(axis=1) > 1e-9 * np.maximum(np.abs(values).max(axis=1), 1e-9)
+    findings = []
+    if beyond.any():
+        worst = float(np.abs(limited - values).max())
+        findings.append(
+            Finding(
+                "warning",
+                "motor-range",
+                "a motor would leave its range and stays at its end",
+                f"device '{spec.key}'",
+                f"by up to {worst:.3g} {spec.channels[0].unit}",
+                frame=None if frames is None else float(frames[beyond.argmax()]),
+                count=int(beyond.sum()),
+            )
+        )
+    if coupling is None:
+        return limited, limited, beyond, findings
+    driven = coupling.original(limited)
+    return limited, driven, beyond, findings + _overdriven(coupling, driven, spec, frames)
 
 
 def commands_now(
@@ -265,7 +305,7 @@ def commands_now(
     return np.clip(original if coupling is None else coupling.reduced(original), *_ends(spec))
 
 
-def _overdriven(coupling: Coupling, driven: Array, spec: DeviceSpec, frames: Array) -> list[Finding]:
+def _overdriven(coupling: Coupling, driven: Array, spec: DeviceSpec, frames: Array | None) -> list[Finding]:
     """Find motors that a coupling would drive beyond the range they had of their own."""
     low, high = np.array([(c.low or 0.0, c.high or 0.0) for c in coupling.channels]).T
     beyond = np.maximum(low - driven, driven - high)
@@ -283,7 +323,7 @@ def _overdriven(coupling: Coupling, driven: Array, spec: DeviceSpec, frames: Arr
             f"{driven[i, j]:.3g} {unit}",
             f"{low[j]:.3g} to {high[j]:.3g} {unit}",
             "Use more motors, or check that the mechanism allows it",
-            frame=float(frames[wrong.argmax()]),
+            frame=None if frames is None else float(frames[wrong.argmax()]),
             count=int(wrong.sum()),
         )
     ]
@@ -338,7 +378,7 @@ def keep_table(skin: SkinModel, spec: DeviceSpec, rows: int, table: SkinTable) -
 
 
 def _table_name(skin: SkinModel, spec: DeviceSpec, rows: int) -> tuple[str, str, int]:
-    return original_key(spec), felt_key(skin) + repr(skin.material), rows
+    return original_key(spec), skin_key(skin) + repr(skin.material), rows
 
 
 def _from_file(path: Path, spec: DeviceSpec) -> SkinTable:

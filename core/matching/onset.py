@@ -2,7 +2,7 @@
 
 At a new contact nothing holds the disc to one side yet, so that several are tried. A touch begins weakly, and many
 poses render its first instant alike; from then on friction holds the disc to the one that it began with. So each side
-is judged by what it would leave of the same touch once that is strong.
+is judged by the residual that it would leave of the same touch once that is strong.
 
 Source: [S0] 5.1 for the search of a frame; the look ahead is this project's own
 """
@@ -36,7 +36,7 @@ def best_side(
         starts: configurations, those that promise most first.
         search: from one of them.
         scale: of a configuration, see `disc_device.scale_of`.
-        left_of: what a strong touch would leave, if the disc began on this side; None where the touch is strong.
+        left_of: residual of a strong touch, if the disc began on this side; None where the touch is strong.
     """
     found = [search(start) for start in starts]
     first = found[:FIRST_STARTS]

@@ -25,8 +25,8 @@ from ..parameters.device import DEVICE
 from ..parameters.skin import DEFAULT_SKIN, SKIN_CONTACT
 from ..presets import Library
 from ..scene.tactile_scene import TactileScene
+from ..skin.finger_skin import finger_skin
 from ..skin.model import SkinModel
-from ..tissue.finger_skin import finger_skin
 from . import pin_resolution
 from .deformation import METHODS, Method
 from .pins import Matched, PinSetup, Weighting, make_solver, match, setup
@@ -44,6 +44,7 @@ class MethodReport:
         normal_force, target_normal: RMS force along the pad's normal [N].
         at_limit: most pins at their limit in one frame.
         kkt: worst optimality of DM2 and FM2.
+        stress_share: error of the whole stress of the skin, over the target's.
         finer_error, finer_share: as the first ones, with the commands on a finer mesh; NaN where none was given.
     """
 
@@ -60,13 +61,14 @@ class MethodReport:
     kkt: float
     finer_error: float = float("nan")
     finer_share: float = float("nan")
+    stress_share: float = float("nan")
 
 
 class SceneReports(NamedTuple):
     """All methods for every finger of a scene that wears a pin array and touches.
 
     Attributes:
-        reports: by finger's and device's name. findings: which fingers were left out, and what to doubt.
+        reports: by finger's and device's name. findings: fingers that were left out, and doubts.
     """
 
     reports: dict[str, tuple[MethodReport, ...]]
@@ -83,7 +85,7 @@ def compare(
     finer: SkinContact | None = None,
     where: str = "",
 ) -> tuple[MethodReport, ...]:
-    """Return one report per method for what a finger's skin felt.
+    """Return one report per method for the touch of a finger's skin.
 
     Args:
         skin: of the matching mesh.
@@ -143,8 +145,8 @@ def compare_scene(
     others = _skins(scene, library, wearers, finer, cache) if finer else {}
     for f in wearers if finer else ():
         _finer(own[f].mesh.free.size, others[f].mesh.free.size, _named(scene, f))
-    contacts = {f: felt.matched for f, felt in skin_contacts(scene, own).items()}
-    finer_contacts = {f: felt.matched for f, felt in skin_contacts(scene, others).items()} if finer else contacts
+    contacts = skin_contacts(scene, own)
+    finer_contacts = skin_contacts(scene, others) if finer else contacts
     idle = [f for f in wearers if not len(contacts[f].contact) or not len(finer_contacts[f].contact)]
     if idle == wearers:
         raise DermisError(
@@ -175,7 +177,7 @@ def compare_scene(
 def doubts(
     skin: SkinContact, spec: DeviceSpec, *, weighting: Weighting = "all", where: str = ""
 ) -> tuple[Finding, ...]:
-    """Return what is to be doubted about a comparison of all methods: a mesh that is coarser than the pins."""
+    """Return the doubts about a comparison of all methods: a mesh that is coarser than the pins."""
     ready = setup(skin.model, spec, weighting)
     return pin_resolution.doubts(ready.matcher, ready.distribution, METHODS, where or spec.name)
 
@@ -201,7 +203,7 @@ def _skins(
 ) -> dict[int, SkinModel]:
     """Return the skins of wearers, of their own accuracy or another, and of all other fingers that have one.
 
-    What the others feel is not asked for, but they may hold an object together with a wearer.
+    The touches of the others are not asked for, but they may hold an object together with a wearer.
     """
     skins = {}
     for f, finger in enumerate(scene.fingers):
@@ -221,7 +223,7 @@ def error_on(ready: PinSetup, skin: SkinContact, matched: Matched) -> Array:
     result = np.zeros(len(skin.times))
     targets = skin.force.reshape(len(skin.contact), -1).astype(np.float64)
     forces = matched.forces[np.ix_(skin.contact, matcher.active)]
-    result[skin.contact] = matcher.displacement_error(matcher.goals(targets, forces, skin.amounts), forces)
+    result[skin.contact] = matcher.law_error(targets, forces, skin.amounts)
     return result
 
 
@@ -231,12 +233,12 @@ def table(reports: Sequence[MethodReport]) -> str:
     head = (
         f"{'':4} {'u_err um':>9} {'peak um':>9} {'of target':>9} {'f_err mN':>9} {'normal N':>9} {'shear/normal':>13}"
     )
-    head += f" {'at limit':>8}" + (f" {'finer um':>9} {'of target':>9}" if finer else "")
+    head += f" {'stress left':>11} {'at limit':>8}" + (f" {'finer um':>9} {'of target':>9}" if finer else "")
     lines = [head]
     for r in reports:
         line = f"{r.method:4} {1e6 * r.displacement_error:9.1f} {1e6 * r.displacement_peak:9.1f} "
         line += f"{100 * r.displacement_share:8.1f}% {1e3 * r.force_error:9.2f} {r.normal_force:9.3f} "
-        line += f"{r.shear_ratio:13.3f} {r.at_limit:8d}"
+        line += f"{r.shear_ratio:13.3f} {100 * r.stress_share:10.1f}% {r.at_limit:8d}"
         lines.append(line + (f" {1e6 * r.finer_error:9.1f} {100 * r.finer_share:8.1f}%" if finer else ""))
     if reports:
         lines.append(f"target: normal {reports[0].target_normal:.3f} N, shear/normal {reports[0].target_ratio:.3f}")
@@ -266,6 +268,7 @@ def _report(
         matched.worst,
         fine,
         fine_share,
+        _rms(matched.stress_error[frames]),
     )
 
 
@@ -278,8 +281,7 @@ def _target_size(ready: PinSetup, skin: SkinContact) -> float:
     """Return the RMS of the target's displacement in the norm of u_err [m]."""
     targets = skin.force.reshape(len(skin.contact), -1).astype(np.float64)
     nothing = np.zeros((len(targets), len(ready.matcher.active)))
-    goals = ready.matcher.goals(targets, nothing, skin.amounts)
-    return _rms(ready.matcher.displacement_error(goals, nothing))
+    return _rms(ready.matcher.law_error(targets, nothing, skin.amounts))
 
 
 def _rms(values: Array) -> float:

@@ -3,7 +3,7 @@
 Pins that press by turns more and less put less pressure on skin than pins that press alike. How much less follows from
 the array: pressures of neighbours overlap. Where a mesh has fewer nodes than there are pins, some patterns put hardly
 anything on its nodes, and an inverse would press a hundred times as hard to get something out of them. Real skin
-answers to every pattern, so what a mesh says of those is not about skin.
+answers to every pattern, so a mesh's answer to those is not about skin.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ SEEN = 0.1
 
 
 def weakest_gain(points: Array, directions: Array, spread: float) -> float:
-    """Return what the weakest pattern of pins puts on skin over what the strongest does, free of any mesh.
+    """Return the gain of the weakest pattern of pins on skin over that of the strongest, free of any mesh.
 
     A pattern's gain is the root mean square of its pressure over that of its forces. Pins press with Gaussians, of
     which two at a distance d overlap by exp(-d^2 / 4 spread^2).

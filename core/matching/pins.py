@@ -1,4 +1,4 @@
-"""Pin array: what every pin shall press, sample by sample, so that the skin is deformed as by the virtual touch.
+"""Pin array: force of every pin, sample by sample, that deforms the skin as the virtual touch does.
 
 Source: [S1] III and IV
 """
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..contact.pad_contact import PadContact
@@ -22,13 +23,15 @@ from ..interpolate import interpolate, smoothstep
 from ..parameters.device import DEVICE
 from ..recent import Recent
 from ..scene.tactile_scene import DeviceUse, TactileScene, device_times
-from ..skin.felt_state import felt_key
 from ..skin.model import SkinModel
+from ..skin.observation import skin_key, stress_error
+from ..skin.stimulus import Stimulus
 from ..skin.stress import RECEPTOR_DEPTHS
 from ..surface.gap import Surface
 from ..track.command_track import CommandTrack
 from . import pin_resolution
 from .deformation import Matcher, Method, PinSolver
+from .pin_law import MOST_LOOKS
 from .rendered import Rendered
 
 Weighting = Literal["all", "surface", "receptor"]
@@ -55,7 +58,7 @@ class PinSetup:
 
 
 def setup(skin: SkinModel, spec: DeviceSpec, weighting: Weighting = "all") -> PinSetup:
-    """Build the matrices of a skin and a pin array; the last few are kept, by what the skin and the preset say.
+    """Build the matrices of a skin and a pin array; the last few are kept, by skin and preset.
 
     Args:
         weighting: which nodes' displacements are compared: 'all' free nodes as in the paper, those of the 'surface',
@@ -66,7 +69,7 @@ def setup(skin: SkinModel, spec: DeviceSpec, weighting: Weighting = "all") -> Pi
     """
     if weighting not in WEIGHTINGS:
         raise DermisError("unknown weighting", where=spec.key, value=weighting, limit=", ".join(WEIGHTINGS))
-    key = (felt_key(skin), skin.material.modulus, spec.hash, weighting)
+    key = (skin_key(skin), skin.material.modulus, spec.hash, weighting)
     return _setups.make(key, lambda: _made(skin, spec, weighting))
 
 
@@ -83,7 +86,8 @@ def _made(skin: SkinModel, spec: DeviceSpec, weighting: Weighting) -> PinSetup:
         influence,
         active=met.hits,
         tolerance=pin_resolution.tolerance_of(pins, met),
-        stiff=None if skin.stiffening is None else skin.stiff,
+        law=skin.law if skin.follows_law else None,
+        chosen=np.repeat(chosen, 3),
         modulus=skin.material.modulus,
     )
     return PinSetup(pins, met, matcher, distribution)
@@ -114,13 +118,13 @@ def render(
 ) -> Rendered:
     """Render one finger's pin array.
 
-    The use's parameters: pin_method ('DM2'), pin_nodes (a weighting, 'all'), pin_bounded (True: within what a pin can
-    do; False: the paper's form), pin_lead (True: the track leads by the device's delay), pin_fade_in and
+    The use's parameters: pin_method ('DM2'), pin_nodes (a weighting, 'all'), pin_bounded (True: within a pin's
+    limits; False: the paper's form), pin_lead (True: the track leads by the device's delay), pin_fade_in and
     pin_fade_out [s].
 
-    Signals, at the times of the touch whatever the lead: 'contact', 'displacement_error' u_err [m], 'force_error'
-    f_err [N], 'target_force' and 'rendered_force' along the pad's normal, 'target_shear' and 'rendered_shear' across
-    it [N], 'at_limit' (pins).
+    Signals, at the times of the touch whatever the lead: 'contact', 'displacement_error' u_err [m], 'stress_error' (of
+    the whole stress, relative; on skin that follows a law both are by the law), 'force_error' f_err [N], 'target_force'
+    and 'rendered_force' along the pad's normal, 'target_shear' and 'rendered_shear' across it [N], 'at_limit' (pins).
 
     Raises:
         DermisError: an unknown method or weighting, a negative fade, or a bad layout.
@@ -149,7 +153,7 @@ def render(
     values = values * _fade(times, *fades)[:, None]
     signals = {name: interpolate(skin.times, s[:, None], times)[:, 0] for name, s in series.items()}
     coarse = pin_resolution.doubts(ready.matcher, ready.distribution, (method,), "pin array")
-    findings = [*ready.met.findings, *coarse, *_findings(series, ready, matched.unsolved, skin.frames)]
+    findings = [*ready.met.findings, *coarse, *_findings(series, ready, matched, skin.frames)]
     meta["worst_kkt"] = f"{matched.worst:.2g}"
     return Rendered(CommandTrack(spec, times, values, meta), signals, tuple(findings), skipped)
 
@@ -163,6 +167,9 @@ class Matched:
         displacement_error, force_error: u_err [m] and f_err [N], 0 without contact, shape (n,).
         at_limit: pins at their upper bound, shape (n,).
         worst: largest KKT residual. unsolved: frames that did not converge.
+        stress_error: error of the whole stress, relative to the target's, 0 without contact, shape (n,).
+        looks: at the law of skin that follows one, 0 on linear skin, shape (n,).
+        unsettled: residual of the law under the pins' forces where it did not settle, else 0, shape (n,).
     """
 
     forces: Array
@@ -171,6 +178,9 @@ class Matched:
     at_limit: Array
     worst: float
     unsolved: int
+    stress_error: Array
+    looks: NDArray[np.int64]
+    unsettled: Array
 
 
 def make_solver(
@@ -192,35 +202,39 @@ def make_solver(
 
 
 def match(solver: PinSolver, skin: SkinContact) -> Matched:
-    """Match every frame in which the skin touches; errors are computed many frames at once."""
+    """Match every frame in which the skin touches; errors on linear skin are computed many frames at once."""
     matcher, count = solver.matcher, len(skin.times)
     forces = np.zeros((count, matcher.pins))
     u, f, at_limit = np.zeros(count), np.zeros(count), np.zeros(count)
+    stress, looks, unsettled = np.zeros(count), np.zeros(count, np.int64), np.zeros(count)
     worst, unsolved, before = 0.0, 0, -2
     felt = skin.force
     for start in range(0, len(skin.contact), BLOCK):
         frames = skin.contact[start : start + BLOCK]
         targets = felt[start : start + BLOCK].reshape(len(frames), -1).astype(np.float64)
-        active_forces, goals = np.zeros((len(frames), len(matcher.active))), targets
-        if matcher.tissue is not None:
-            goals = targets.copy()
+        active_forces = np.zeros((len(frames), len(matcher.active)))
         for row, (i, target) in enumerate(zip(frames.tolist(), targets, strict=True)):
             if i != before + 1:
                 solver.reset()
             before, step = i, solver.step(target, skin.amounts_at(i))
-            if step.goal is not None:
-                goals[row] = step.goal
             active_forces[row] = step.x
             at_limit[i] = solver.at_limit(step.x)
             worst, unsolved = max(worst, step.optimality), unsolved + (not step.converged)
+            pressed = matcher.pressed(step.x)
+            made = Stimulus(skin.model, pressed)
+            if step.look is not None:
+                u[i], looks[i], made = step.displacement_error, step.look.looks, step.look.felt(skin.model, pressed)
+                unsettled[i] = 0.0 if step.look.settled else max(step.look.left, 1e-12)
+            stress[i] = stress_error(Stimulus(skin.model, target.reshape(-1, 3), None, skin.amounts_at(i)), made)
         forces[np.ix_(frames, matcher.active)] = active_forces
-        u[frames] = matcher.displacement_error(goals, active_forces)
+        if matcher.law is None:
+            u[frames] = matcher.displacement_error(targets, active_forces)
         f[frames] = matcher.force_error(targets, active_forces)
-    return Matched(forces, u, f, at_limit, worst, unsolved)
+    return Matched(forces, u, f, at_limit, worst, unsolved, stress, looks, unsettled)
 
 
 def rendered_force(ready: PinSetup, forces: Array) -> Array:
-    """Return what pin forces [N], shape (pins,), press on the pad's nodes [N], shape (m, 3).
+    """Return the forces of pins [N], shape (pins,), on the pad's nodes [N], shape (m, 3).
 
     `Stimulus(skin, rendered_force(...))` is the skin as the device renders it, beside `Stimulus(skin, target)`.
 
@@ -236,7 +250,7 @@ def _series(matched: Matched, ready: PinSetup, skin: SkinContact) -> dict[str, A
     shown = matched.forces @ ready.pins.directions
     series["contact"][skin.contact] = 1.0
     series["displacement_error"], series["force_error"] = matched.displacement_error, matched.force_error
-    series["at_limit"] = matched.at_limit
+    series["at_limit"], series["stress_error"] = matched.at_limit, matched.stress_error
     series["target_force"][skin.contact] = total[:, 2]
     series["target_shear"][skin.contact] = np.hypot(total[:, 0], total[:, 1])
     series["rendered_force"], series["rendered_shear"] = shown[:, 2], np.hypot(shown[:, 0], shown[:, 1])
@@ -246,6 +260,7 @@ def _series(matched: Matched, ready: PinSetup, skin: SkinContact) -> dict[str, A
 _SIGNALS = (
     "contact",
     "displacement_error",
+    "stress_error",
     "force_error",
     "target_force",
     "target_shear",
@@ -271,7 +286,7 @@ def _fade(times: Array, fade_in: float, fade_out: float) -> Array:
     return gain
 
 
-def _findings(series: dict[str, Array], ready: PinSetup, unsolved: int, frames: Array) -> list[Finding]:
+def _findings(series: dict[str, Array], ready: PinSetup, matched: Matched, frames: Array) -> list[Finding]:
     found = []
     limited = np.flatnonzero(series["at_limit"])
     if len(limited):
@@ -288,8 +303,22 @@ def _findings(series: dict[str, Array], ready: PinSetup, unsolved: int, frames: 
                 count=len(limited),
             )
         )
-    if unsolved:
+    if matched.unsolved:
+        what = "pin forces are not optimal"
+        found.append(Finding("warning", "pins-not-converged", what, "pin array", count=matched.unsolved))
+    astray = np.flatnonzero(matched.unsettled)
+    if len(astray):
         found.append(
-            Finding("warning", "pins-not-converged", "pin forces are not optimal", "pin array", count=unsolved)
+            Finding(
+                "warning",
+                "law-unsettled",
+                "the tissue's law did not settle under the pins; where it is far off, errors are linear skin's",
+                "pin array",
+                f"{100 * min(float(matched.unsettled.max()), 1.0):.0f} % of the forces left",
+                f"{MOST_LOOKS} looks at the law",
+                "Use DM2 or FM2, which keep within what pins can do, or touch less deeply",
+                frame=float(frames[astray[0]]),
+                count=len(astray),
+            )
         )
     return found

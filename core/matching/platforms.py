@@ -41,14 +41,14 @@ def original_channels(spec: DeviceSpec) -> tuple[Channel, ...]:
 
 
 def original_key(spec: DeviceSpec) -> str:
-    """Return what a table depends on of a device: its mechanism and sweep, not how its motors are coupled or named."""
+    """Return the key of a device for tables: its mechanism and sweep, not how its motors are coupled or named."""
     parts = {k: v for k, v in spec.parameters.items() if not k.startswith("coupling") and k != "knee_error"}
     ends = [(c.low, c.high) for c in original_channels(spec)]
     return hashlib.sha256(json.dumps([spec.kind, parts, ends], sort_keys=True, default=str).encode()).hexdigest()
 
 
 def mechanism_key(spec: DeviceSpec) -> str:
-    """Return what a row of a table depends on of a device: its mechanism, not how far or finely it was swept."""
+    """Return the key of a device for rows of a table: its mechanism, not how far or finely it was swept."""
     plain = {k: v for k, v in spec.parameters.items() if not k.startswith(("coupling", "sweep")) and k != "knee_error"}
     return hashlib.sha256(json.dumps([spec.kind, plain], sort_keys=True, default=str).encode()).hexdigest()
 

@@ -1,7 +1,7 @@
 """Recorded: following sensor readings with a model learned from a recording of the real sensor in the real device.
 
-What the channels mean is the recording's own affair: nothing of the simulated skin can check them, take the model's
-place or judge the match. The device stays where the recording has been, for no polynomial knows what is beyond.
+The recording alone gives its channels a meaning: nothing of the simulated skin can check them, take the model's place
+or judge the match. The device stays where the recording has been, for polynomials do not extrapolate.
 
 The model is a quadratic polynomial of the pose and of how deep it presses into a skin of the finger's shape: a sensor
 reads nothing before it touches, which no polynomial of the pose alone can say. A recording tells no friction memory.
@@ -44,7 +44,7 @@ class RecordedMatcher(StressMatcher):
 
     Args:
         device: the mechanism. contact: disc and skin, for the poses in which nothing is touched.
-        model: learned from the table. table: what was recorded.
+        model: learned from the table. table: the recording.
         change, hover, noise_floor: as in `StressMatcher`.
 
     Attributes:
@@ -53,6 +53,8 @@ class RecordedMatcher(StressMatcher):
     Raises:
         DermisError: no recorded pose makes the channels change, or the servo limits exclude first contact.
     """
+
+    follows_law = False  # of the simulated skin, which knows nothing of the readings
 
     def __init__(
         self,
@@ -67,12 +69,12 @@ class RecordedMatcher(StressMatcher):
     ) -> None:
         self.low, self.high = table.x.min(axis=0), table.x.max(axis=0)
         self.outside = 0
-        unknown = np.zeros((model.size, 3 * contact.points.node_count))  # what simulated forces would read
+        unknown = np.zeros((model.size, 3 * contact.points.node_count))  # the readings of simulated forces
         starts = recorded_table(device, contact, model, table.x)
         super().__init__(
             device, contact, unknown, model, change=change, hover=hover, noise_floor=noise_floor, table=starts
         )
-        # what a reading will be is all that is known of the skin, and friction is not remembered
+        # the predicted reading is all that is known of the skin, and friction is not remembered
         self._usual = self._foreseen = 0.0
 
     def reset(self) -> None:
@@ -83,7 +85,7 @@ class RecordedMatcher(StressMatcher):
     def step(self, target: Array, search: Search | None = None, start: Array | None = None) -> ThimbleFrame:
         """Find the pose for the next frame's readings, shape (k,); see `StressMatcher.step`."""
         frame = super().step(target, search)
-        self._pressed = frame.minimum is not None  # what the simulated skin says of it does not count
+        self._pressed = frame.minimum is not None  # the simulated skin's answer to it does not count
         return frame
 
     def _search(self, target: Array, limits: ServoLimits) -> Minimum:
@@ -114,13 +116,13 @@ class RecordedMatcher(StressMatcher):
     def _rendered_stimulus(self, solution: DiscSolution, minimum: Minimum | None) -> Array:
         return np.zeros(self.model.size) if minimum is None else minimum.stimulus
 
-    def _mistrusted(self, stimulus: Array, minimum: Minimum, size: float) -> bool:
+    def _mistrusted(self, found: object, size: float) -> bool:
         return False
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """What was learned from a recording.
+    """Model learned from a recording, with its error.
 
     Attributes:
         model: of all its rows. table: the rows, with components of depth as memory, shape (n, components).
@@ -136,7 +138,7 @@ class Recording:
     still: tuple[int, ...]
 
     def findings(self, where: str) -> list[Finding]:
-        """Return what a person should know about a recording."""
+        """Return the findings about a recording."""
         out = []
         if self.error > NOT_GOOD:
             out.append(
@@ -188,7 +190,7 @@ def learn(table: SampleTable, device: Thimble, contact: DiscContact) -> Recordin
 
 
 def held_out_error(table: SampleTable, fold: Indices) -> float:
-    """Return what polynomials leave of rows that they were not fitted to, one fold after the other; nan for nothing.
+    """Return the error of polynomials on rows that they were not fitted to, one fold after the other; nan for none.
 
     Args:
         fold: of each row, shape (n,).

@@ -1,4 +1,4 @@
-"""Rendered: what a matching method hands to the pipeline for one device on one finger."""
+"""Rendered: result of a matching method for one device on one finger, as the pipeline takes it."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from ..track.command_track import CommandTrack
 
 @dataclass(frozen=True)
 class Rendered:
-    """One device's commands, and what is worth knowing about how they came about.
+    """One device's commands, with the diagnostics of how they came about.
 
     Attributes:
         track: the commands at the device's rate, within its range; the pipeline checks every limit again.
         signals: diagnostic series at the track's times, such as 'contact' (0 or 1), shape (n,) each.
-        findings: what a person should look at.
-        skipped: what was not computed because the scene did not need it, by name.
+        findings: for a person to look at.
+        skipped: results not computed because the scene did not need them, by name.
     """
 
     track: CommandTrack

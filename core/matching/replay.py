@@ -1,6 +1,6 @@
 """Replay: the forces on the skin while a device goes through given configurations, from rest, with friction's memory.
 
-A bake keeps what the device does, not what that makes the skin feel; this works it out again, for any sample. Friction
+A bake keeps the device's motion, not the forces on the skin; a replay computes them again, for any sample. Friction
 states are kept at intervals, so that going back a little costs a little.
 """
 
@@ -26,7 +26,7 @@ class Replay:
     """A device that goes through configurations on a skin.
 
     Args:
-        device: the mechanism. skin: what it presses on. friction: Coulomb's coefficient.
+        device: the mechanism. skin: under the device. friction: Coulomb's coefficient.
         x: pitch, roll [rad], distance [m], and more where a device has them, at every sample, shape (n, freedoms).
 
     Raises:

@@ -1,4 +1,4 @@
-"""ScreenMap: heights, profile and law in one; answers where a finger is with what the screen shall do.
+"""ScreenMap: heights, profile and law in one; answers a finger's position with the screen's command.
 
 A bake asks it at every sample, and so does whoever follows a real finger: the same file, the same answer.
 """
@@ -32,7 +32,7 @@ SCHEMA = "dermis-screen-map 1"
 
 @dataclass(frozen=True)
 class Relief:
-    """What a finger finds under it, each of shape (n,); all zero off the screen.
+    """Properties of the screen under a finger, each of shape (n,); all zero off the screen.
 
     Attributes:
         friction: from 0 to 100, before the law. grad_x, grad_y: slopes [m/m]. height: above the lowest point [m].
@@ -46,10 +46,10 @@ class Relief:
 
 @dataclass(frozen=True)
 class Answer:
-    """What the screen shall do for one touch.
+    """Command of the screen for one touch.
 
     Attributes:
-        amplitude: [V], never above the device's limit. carrier: [Hz]. friction: what was asked for.
+        amplitude: [V], never above the device's limit. carrier: [Hz]. friction: as asked for.
         limited: the law asked for more than the limit.
     """
 
@@ -134,7 +134,7 @@ class ScreenMap:
         scale: float | Array | None = None,
         threshold: float | Array | None = None,
     ) -> Relief:
-        """Return what a finger feels at points of the screen.
+        """Return the properties that a finger feels at points of the screen.
 
         Args:
             x, y: [m] from the screen's centre, finite, shape (n,).
@@ -158,7 +158,7 @@ class ScreenMap:
         return Relief(*(np.where(inside, values, 0.0) for values in (friction, grad_x, grad_y, height)))
 
     def answer(self, x: float, y: float, direction: tuple[float, float], time: float = 0.0) -> Answer:
-        """Return the command for one touch, limited to what the device allows.
+        """Return the command for one touch, within the device's limits.
 
         Args:
             x, y: [m] from the screen's centre. direction: of the motion, of any length; (0, 0) before it moved.
@@ -227,7 +227,7 @@ class ScreenMap:
 
     @classmethod
     def load(cls, path: str | Path) -> ScreenMap:
-        """Read what `save` wrote.
+        """Read a map that `save` wrote.
 
         Raises:
             DermisError: missing, damaged, or of another version.

@@ -17,6 +17,7 @@ from ..effects.heading import STILL_SPEED
 from ..errors import DermisError, Finding
 from ..memory import Carry
 from ..motion import Spline
+from ..motion.vectors import cross, dot
 from ..parameters.device import DEVICE
 from ..parameters.finger import FINGER
 from ..scene.tactile_scene import DeviceUse, TactileScene
@@ -85,7 +86,7 @@ def screen_path(
     where = f"screen '{screen.name}'"
     pads = pad_contact.fingers[finger, :, :3, 3]
     axes = matrices[:, :3, :3]
-    lengths = np.linalg.norm(axes, axis=1)
+    lengths = np.sqrt(np.add.reduce(axes * axes, axis=1))
     volume = np.abs(np.linalg.det(axes))
     flat = volume <= 1e-9 * lengths.prod(axis=1)
     if flat.any():
@@ -98,7 +99,8 @@ def screen_path(
     local = np.linalg.solve(axes, (pads - matrices[:, :3, 3])[..., None])[..., 0]
     # Across the screen the map goes with its object; from its plane the true distance counts.
     local[:, :2] *= lengths[0, :2]
-    local[:, 2] *= volume / np.linalg.norm(np.cross(axes[:, :, 0], axes[:, :, 1]), axis=1)
+    across = cross(axes[:, :, 0], axes[:, :, 1])
+    local[:, 2] *= volume / np.sqrt(dot(across, across))
     x, y, z = Spline(pad_contact.times, local).at(settings.times).T
     reach = settings.touch_distance(index)
     inside = (np.abs(x) <= 0.5 * screen.size[0] * lengths[0, 0]) & (np.abs(y) <= 0.5 * screen.size[1] * lengths[0, 1])
@@ -139,10 +141,8 @@ class Settings:
         return self._pad_contact.carry((self._prefix, key), self.times)
 
     def lasting(self, name: str, make: Callable[[], T]) -> T:
-        """Return what holds for the whole scene, made once where it is computed window by window."""
-        memory = self._pad_contact.memory
-        made: T = make() if memory is None else memory.lasting((self._prefix, name), make)
-        return made
+        """Return a value that holds for the whole scene, made once where it is computed window by window."""
+        return self._pad_contact.lasting((self._prefix, name), make)
 
     def constant(self, name: str) -> Any:
         """Return a setting that does not change over a scene."""
@@ -179,7 +179,7 @@ class Settings:
 def driven_values(
     friction: Array, settings: Settings, device: FrictionScreen, spec: DeviceSpec, where: str
 ) -> tuple[Array, Sequence[Finding]]:
-    """Return the channels' values for a friction, shape (n, channels), and what the device has to say of them."""
+    """Return the channels' values for a friction, shape (n, channels), and the device's findings about them."""
     volts = device.law.volts(friction)
     animated = settings.series("carrier")
     carrier = np.full(len(friction), device.carrier) if animated is None else animated

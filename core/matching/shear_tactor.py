@@ -32,12 +32,12 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
     Signals: 'contact' and 'held' (0 or 1), 'magnitude' (asked for, as a fraction of the range).
 
     Raises:
-        DermisError: an unknown method or effect setting, or a preset without what the mechanism needs.
+        DermisError: an unknown method or effect setting, or a preset without a parameter that the mechanism needs.
 
     Source: [S3] eq. 1-8
     """
     method = DEVICE["projection"].of(use.parameters, f"finger '{scene.fingers[finger].name}'")
-    tactor = ShearTactor.from_spec(spec)
+    tactor = pad_contact.lasting(("tactor", spec.key), lambda: ShearTactor.from_spec(spec))
     times = pad_contact.device_times(scene, spec.rate)
     sums = EffectSum(pad_contact, scene, finger, use, tactor.tap_axis, times)
     for body in range(len(scene.bodies)):

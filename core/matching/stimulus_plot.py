@@ -1,7 +1,7 @@
 """The three-component stimulus plot: where stimuli lie in the space that the device's own stimuli span.
 
-The cloud is what the device makes felt all over its workspace; a touch is a line through or past it. Three components
-do not describe a stimulus well, but they show what the device can reach and what it cannot.
+The cloud holds the device's stimuli all over its workspace; a touch is a line through or past it. Three components do
+not describe a stimulus well, but they show which stimuli the device can reach and which it cannot.
 
 Source: [S0] 3.3 ('3-PCA stimulus viz') and figures 3, 4, 7
 """
@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array
-from ..skin.felt_state import state_of, state_size
 from ..skin.model import SkinModel
+from ..skin.observation import Observer
 from ..steps import drain
 from ..surrogate.dataset import MAX_DEPTH, MAX_TILT, record
 from ..surrogate.store import contact_of
@@ -32,10 +32,10 @@ class StimulusPlot:
     """Stimuli in their first three components.
 
     Attributes:
-        cloud: of the device, from rest and along random movements, shape (n, 3).
+        cloud: of the device on linear skin, from rest and along random movements, shape (n, 3).
         configuration: of each dot: pitch and roll over the largest, depth over the largest, -1 to 1, shape (n, 3).
-        target: of the touch, shape (k, 3). rendered: what the device made of it, shape (k, 3).
-        predicted: what the search expected, shape (k, 3); None for methods that look for something else.
+        target: of the touch, shape (k, 3). rendered: stimuli of the device for it, shape (k, 3).
+        predicted: as the search expected, shape (k, 3); None for methods that look for something else.
         left: relative RMS that three components leave of the cloud about its mean.
     """
 
@@ -50,11 +50,11 @@ class StimulusPlot:
 def stimulus_plot(
     use: ThimbleUse, forces: Array, found: ThimbleSequence, seed: int = 1, amounts: Array | None = None
 ) -> StimulusPlot:
-    """Return the plot of a touch and what a thimble made of it.
+    """Return the plot of a touch and a thimble's rendering of it.
 
     Args:
-        forces: of the virtual touch on the pad nodes [N], shape (k, m, 3). found: what the thimble did.
-        amounts: of each pattern in that touch, as in `Follower.follow`, shape (k, patterns).
+        forces: of the virtual touch on the pad nodes [N], shape (k, m, 3). found: the thimble's commands.
+        amounts: of that touch, as in `Follower.follow`, shape (k, 3 m).
 
     Raises:
         DermisError: servo limits that exclude contact.
@@ -62,7 +62,7 @@ def stimulus_plot(
     spaces = None if use.observation_matrix is not None else describe(use.device, use.skin, use.friction)
     observation_matrix = use.observation_matrix if spaces is None else spaces.observation_matrix
     assert observation_matrix is not None
-    data = drain(record(use.device, contact_of(use.device, use.skin, use.friction), MOVEMENTS, seed=seed))
+    data = drain(record(use.device, contact_of(use.device, use.skin.linear, use.friction), MOVEMENTS, seed=seed))
     stimuli = data.force.astype(np.float64) @ observation_matrix.T
     about = stimuli - stimuli.mean(axis=0)
     chosen = slice(None, None, max(1, -(-len(stimuli) // MAX_DOTS)))
@@ -82,9 +82,7 @@ def stimulus_plot(
 
 
 def _through(skin: SkinModel, force: NDArray[np.floating], amounts: Array | None, observation_matrix: Array) -> Array:
-    flat: Array = force.reshape(len(force), 3 * skin.pad_count).astype(np.float64)
-    if skin.stiffening is not None:
-        given = [None] * len(flat) if amounts is None else amounts
-        states = [state_of(skin, row, own) for row, own in zip(flat, given, strict=True)]
-        flat = np.array(states).reshape(len(flat), state_size(skin))
-    return flat @ observation_matrix.T
+    observer = Observer(skin, observation_matrix)
+    given = [None] * len(force) if amounts is None else list(amounts)
+    seen = [observer.seen(row, own) for row, own in zip(force, given, strict=True)]
+    return np.array(seen).reshape(len(force), len(observation_matrix))

@@ -1,9 +1,9 @@
 """Skin stress optimisation: the device pose whose stress in the skin is nearest to the target's, frame after frame.
 
 On each frame the friction state is fixed, the pose is searched for, and then the friction state is renewed with the
-pose fixed (staggering). The search starts where the last one's slope makes up for what the target changed by, or, at
-a new contact, from the few entries of a small table of poses that promise most, of which the one is kept that leaves
-least of the touch once it is strong; whenever an entry of that table promises a better match, it starts from there too.
+pose fixed (staggering). The search starts where the last one's slope makes up for the change of the target. At a new
+contact it starts from the few entries of a small table of poses that promise most, of which the one is kept that leaves
+least of the touch once it is strong. Whenever an entry of that table promises a better match, it starts from there too.
 
 Source: [S0] 5.1 and eq. 1, whose norm is minimised through its square.
 """
@@ -11,7 +11,7 @@ Source: [S0] 5.1 and eq. 1, whose norm is minimised through its square.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -22,9 +22,11 @@ from ..devices.disc_device import DiscDevice, scale_of, seated
 from ..devices.disc_pose import DiscSolution, FrictionState, placed
 from ..devices.first_contact import first_contact
 from ..errors import DermisError
+from ..skin.observation import Observer
+from ..skin.stimulus import Stimulus
 from ..surrogate.forward import DirectModel, ForwardModel
 from .descent import descend, response
-from .gauss_newton import GIVES_WAY, Minimum, ServoLimits
+from .gauss_newton import GIVES_WAY, SMALL_STEP, Minimum, ServoLimits
 from .onset import AHEAD, FAINT, FIRST_STARTS, SIDES, best_side
 from .thimble_use import HOVER
 from .warm_start import WarmStartTable, warm_start_table
@@ -35,19 +37,20 @@ NOTHING = 1e-12  # targets below this share of the table's strongest stimulus ar
 PROMISE = 0.9  # a table entry must leave less than this share of a mismatch to be tried
 MISTRUST = 0.5  # of the target: a learned model farther from the true contact at its own pose is not believed
 WORTHWHILE = 0.05  # of the cost: for less than that the device does not jump
-# Skin that stiffens is searched again on a tangent laid where the search ended, if it was off its own by more than this
-# share of the target there, and of what is left of it: a poor match needs no fine one.
-BENT, LEFT = 1e-3, 0.02
-TANGENTS = 4  # searches of a frame
-# Of the cost: what a learned model says of a step that gains less than this is as good as another look at it. It is a
-# hundredth of the mismatch; the model's own error is more.
+# On skin that follows a law the search goes on where the law was off by more than these shares of the target, which is
+# how well the law itself is solved, and of the residual. An offset that is off by a share of the residual makes the
+# pose found leave no more than twice that share more, and next to the best pose the square of it: 0.25 %.
+CLOSE, LEFT = 5e-3, 0.05
+MOST_LOOKS = 6  # of a frame at the law
+# Of the cost: a learned model's prediction of a step that gains less than this is as good as another look at it. It is
+# a hundredth of the mismatch; the model's own error is more.
 FORESEEN = 0.02
 LONGEST_WAIT = 32  # frames between two tries of the table while they fail
 
 
 @dataclass(frozen=True, eq=False)
 class ThimbleFrame:
-    """What the device shall do at one instant, and how well that matches.
+    """Command of the device at one instant, and how well it matches.
 
     Attributes:
         x: configuration, see `disc_device`, shape (n,). angles: of the joints from neutral, shape (n,).
@@ -55,6 +58,11 @@ class ThimbleFrame:
         solution: contact of the disc with the skin.
         minimum: the search's own account, None where the target is no touch.
         rescued: a learned model was wrong, and the direct search took its place.
+        looks: at the law of skin that follows one; 0 on linear skin.
+        unsettled: difference between the law and the search's expectation at the last look, relative to the target; 0
+            where it settled, and on linear skin.
+        felt: stimulus of the disc on the skin; None where the matcher was told no skin.
+        stress_error: error of the whole stress, relative to the target's; where the matcher is told of that.
     """
 
     x: Array
@@ -64,6 +72,10 @@ class ThimbleFrame:
     solution: DiscSolution
     minimum: Minimum | None
     rescued: bool = False
+    looks: int = 0
+    unsettled: float = 0.0
+    felt: Stimulus | None = None
+    stress_error: float = 0.0
 
     @property
     def touching(self) -> bool:
@@ -71,13 +83,32 @@ class ThimbleFrame:
         return self.solution.touching
 
 
+@dataclass(frozen=True, eq=False)
+class _Looked:
+    """A pose that a search chose, and the skin's response to it.
+
+    Attributes:
+        minimum: the search's own account. solution, stimulus: there, by the law of skin that follows one.
+        beyond: excess of the law over the search's evaluation there, shape (k,).
+        looks, unsettled, rescued: see `ThimbleFrame`.
+    """
+
+    minimum: Minimum
+    solution: DiscSolution
+    stimulus: Array
+    beyond: Array = field(default_factory=lambda: np.zeros(0))
+    looks: int = 0
+    unsettled: float = 0.0
+    rescued: bool = False
+
+
 class StressMatcher:
     """Follows targets with the device, one frame after the other.
 
     Args:
         device: the mechanism. contact: disc and skin, for the friction update.
-        observation_matrix: stimulus components of forces, shape (k, 3 m), or of all that is felt (`skin.felt_state`).
-        model: what the search evaluates; the contact itself where None.
+        observation: the quantity compared; of linear skin a matrix from forces, shape (k, 3 m), will do.
+        model: evaluated by the search; the contact itself where None.
         change: largest change of a joint from frame to frame [rad or m]; None: not limited here.
         hover: distance kept from the skin while nothing is touched [m].
         noise_floor: targets no stronger than this cannot be told from a sensor's noise and are no touch.
@@ -85,16 +116,19 @@ class StressMatcher:
 
     Attributes:
         rescues: frames since the last reset in which a learned model was wrong and the direct search took its place.
+        follows_law: whether the law of a skin is looked at where it has one.
 
     Raises:
         DermisError: the servo limits exclude first contact, or model and observation matrix have different components.
     """
 
+    follows_law = True
+
     def __init__(
         self,
         device: DiscDevice,
         contact: DiscContact,
-        observation_matrix: Array,
+        observation: Array | Observer,
         model: ForwardModel | None = None,
         *,
         change: float | None = None,
@@ -109,7 +143,7 @@ class StressMatcher:
             change,
             noise_floor,
         )
-        self.direct = DirectModel(device, contact, observation_matrix)
+        self.direct = DirectModel(device, contact, observation)
         self.model: ForwardModel = self.direct if model is None else model
         if self.model.size != self.direct.size:
             raise DermisError(
@@ -132,21 +166,23 @@ class StressMatcher:
         self.angles = self._angles(self.x)
         self.state = FrictionState.rest(self.contact.count)
         self._pressed = False
-        self._told: tuple[Array, Array] | None = None  # what was wanted in the last search, and the slope it ended with
+        self._told: tuple[Array, Array] | None = None  # target of the last search, and the slope it ended with
         self._wait, self._patience = 0, 1
         self._goal: Array | None = None  # a better minimum that is farther away than one frame
         self._reach = 1.0  # of steps, in the last search
+        # excess of the law over the search's evaluation, at the last commanded pose and at the one before it
+        self._beyond: tuple[Array, Array] | None = None
         self.rescues = 0
 
     def save(self) -> tuple[Any, ...]:
         """Return all that the next frame depends on."""
-        how = self._wait, self._patience, self._goal, self._reach
+        how = self._wait, self._patience, self._goal, self._reach, self._beyond
         return (self.x, self.angles, self.state, self._pressed, self._told, *how)
 
     def restore(self, saved: tuple[Any, ...]) -> None:
         """Go back to where `save` was called."""
         self.x, self.angles, self.state, self._pressed, self._told, *how = saved
-        self._wait, self._patience, self._goal, self._reach = how
+        self._wait, self._patience, self._goal, self._reach, self._beyond = how
 
     def step(self, target: Array, search: Search | None = None, start: Array | None = None) -> ThimbleFrame:
         """Find the pose for the next frame's target, shape (k,), and renew the friction state.
@@ -154,7 +190,7 @@ class StressMatcher:
         Args:
             start: a configuration to search from, whether that is better than where the device is or not, shape (n,).
             search: another way to find the pose, from where the device is and within limits; the target then only
-                says whether anything is touched, and what to compare with.
+                says whether anything is touched, and serves for comparison.
 
         Raises:
             DermisError: a target of another size, or not finite.
@@ -169,32 +205,43 @@ class StressMatcher:
             )
         limits = self.limits if self.change is None else self.limits.near(self.angles, self.change)
         size = float(np.sqrt(target @ target))
-        minimum: Minimum | None = None
-        rescued = False
+        found: _Looked | None = None
         if size > max(self.noise_floor, NOTHING * float(self.table.strength.max())):
+            expected = self._expected()
+            goal = target - expected
             if search is not None:
                 minimum = search(self.x, limits)
+                found = _Looked(minimum, *self._held_at(minimum.x))
             else:
-                minimum = self._search(target, limits) if start is None else self._started(start, target, limits)
-            x = minimum.x
+                minimum = self._search(goal, limits) if start is None else self._started(start, goal, limits)
+                found = self._looked(target, limits, minimum, expected)
+                if self.model is not self.direct and self._mistrusted(found, size):
+                    found = self._rescued(target, limits, found)
+            solution, stimulus = found.solution, found.stimulus
+            x = found.minimum.x
         else:
             x, self._goal = self._retracted(limits), None
-        solution = self._contact_at(x, searched=minimum is not None and search is None)
-        stimulus = self._rendered_stimulus(solution, minimum)
-        if minimum is not None and search is None and self.model is self.direct:
-            minimum, x, solution, stimulus = self._straightened(target, limits, minimum, x, solution, stimulus)
-        learned = minimum is not None and search is None and self.model is not self.direct
-        if learned and minimum is not None and self._mistrusted(stimulus, minimum, size):
-            before = self.rescues
-            minimum, x, solution, stimulus = self._rescued(target, limits, minimum, x, solution, stimulus)
-            rescued = self.rescues > before
+            solution, stimulus = self._held_at(x)
         self._settle(solution)
         miss = stimulus - target
-        self._reach = 1.0 if minimum is None else minimum.reach
-        self._told = None if minimum is None or search is not None else (target, minimum.jacobian)
+        searched = found is not None and search is None
+        self._told = (target - found.beyond, found.minimum.jacobian) if found is not None and searched else None
+        self._reach = 1.0 if found is None else found.minimum.reach
+        before = None if self._beyond is None else self._beyond[0]
+        self._beyond = None
+        if found is not None and searched and self.contact.law is not None and self._pressed:
+            self._beyond = found.beyond, found.beyond if before is None else before
         self.x, self.angles = x, self._angles(x)
-        mismatch = float(np.sqrt(miss @ miss)) / size if minimum is not None else 0.0
-        return ThimbleFrame(x, self.angles, stimulus, mismatch, solution, minimum, rescued)
+        made = None if self.direct.observer is None else self.direct.felt(self.direct.observer, solution)
+        if found is None:
+            return ThimbleFrame(x, self.angles, stimulus, 0.0, solution, None, felt=made)
+        mismatch = float(np.sqrt(miss @ miss)) / size
+        minimum = found.minimum
+        if found.beyond.any():  # the search's stimulus is of linear skin
+            minimum = replace(minimum, stimulus=minimum.stimulus + found.beyond)
+        return ThimbleFrame(
+            x, self.angles, stimulus, mismatch, solution, minimum, found.rescued, found.looks, found.unsettled, made
+        )
 
     def follow(self, targets: Iterable[Array]) -> Iterator[ThimbleFrame]:
         """Take targets one after the other."""
@@ -246,9 +293,9 @@ class StressMatcher:
         return best
 
     def _left_of(self, target: Array, side: Minimum) -> float:
-        """Return what would be left of a target in the next frame, if the disc began on a side."""
+        """Return the cost of a target in the next frame, if the disc began on a side."""
         self.model.hold(self.state)
-        self.model.hold(self.contact.settle(self._contact_at(side.x, searched=True)))
+        self.model.hold(self.contact.settle(self._contact_at(side.x)))
         return descend(self.model.evaluate, target, side.x, self.device, self.limits).cost
 
     def _started(self, start: Array, target: Array, limits: ServoLimits) -> Minimum:
@@ -289,61 +336,105 @@ class StressMatcher:
         )
 
     def _ahead(self, target: Array, limits: ServoLimits) -> Array:
-        """Return where the device makes up for what the target changed by since the last search, as that one's slope
-        says: what it left then, it leaves there, and the right nodes slip from the first evaluation on."""
+        """Return where the device makes up for the change of the target since the last search, as that one's slope
+        says: the residual stays as it was then, and the right nodes slip from the first evaluation on."""
         if self._told is None:
             return self.x
         before, jacobian = self._told
         ahead: Array = self.x + response(jacobian, before, target, self.device)
         return ahead if self._allowed(ahead, limits) else self.x
 
-    def _rescued(
-        self, target: Array, limits: ServoLimits, minimum: Minimum, x: Array, solution: DiscSolution, stimulus: Array
-    ) -> tuple[Minimum, Array, DiscSolution, Array]:
+    def _expected(self) -> Array:
+        """Return the expected excess of the law over the search's evaluation: it goes on changing as it did."""
+        if self._beyond is None:
+            return np.zeros(self.model.size)
+        return 2.0 * self._beyond[0] - self._beyond[1]
+
+    def _looked(self, target: Array, limits: ServoLimits, minimum: Minimum, expected: Array) -> _Looked:
+        """Look at the law where a search ended, and search on while it is not as expected.
+
+        A pose at which the law leaves more than at the best so far is too far: a part of the way there is looked at.
+        Where that does not settle, the pose that leaves least by the law is kept, and where no pose did, the one
+        before. A learned model is off by more than another search would gain, so it is looked at once.
+        """
+        if self.contact.law is None or not self.follows_law:
+            solution = self._contact_at(minimum.x)
+            return _Looked(minimum, solution, self._rendered_stimulus(solution, minimum), np.zeros(self.model.size))
+        size = float(np.linalg.norm(target))
+        if self.model is not self.direct:
+            self.direct.hold(self.state)
+        before, start, share = self.state.law, self.x, 1.0  # where the law was right last
+        best: _Looked | None = None
+        least, off = np.inf, 0.0
+        for looks in range(1, MOST_LOOKS + 1):
+            solution = self.direct.looked(minimum.x)
+            stimulus = self.direct.stimulus(solution)
+            now = minimum.stimulus if self.model is not self.direct else self.direct.linear(solution)
+            found = _Looked(minimum, solution, stimulus, stimulus - now, looks)
+            left = float(np.linalg.norm(stimulus - target)) if solution.settled else np.inf
+            off = float(np.linalg.norm(stimulus - minimum.stimulus - expected)) / max(size, 1e-300)
+            if best is None or left < least:
+                best, least, share = found, left, 1.0
+                close = solution.settled and off <= max(CLOSE, LEFT * left / max(size, 1e-300))
+                if close or self.model is not self.direct or minimum.why == "underway":
+                    return best
+                if solution.settled:
+                    before, start, expected = solution.law, minimum.x, found.beyond
+                    minimum = descend(self.model.evaluate, target - expected, start, self.device, limits)
+                    continue
+            # the law leaves more than the search foresaw: go a part of the way only
+            way = minimum.x - start
+            share *= 0.0 if not best.solution.settled and looks == MOST_LOOKS - 1 else 0.5
+            if best.solution.settled and share * float(np.abs(way / scale_of(self.device)).max()) < SMALL_STEP:
+                return replace(best, looks=looks)
+            self.contact.go_on(before)
+            part = self._part_of(start, way, share)
+            stimulus, jacobian = self.model.evaluate(part)
+            minimum = replace(minimum, x=part, stimulus=stimulus, jacobian=jacobian)
+        assert best is not None
+        return replace(best, looks=MOST_LOOKS, unsettled=max(off, 0.0 if best.solution.settled else 1.0))
+
+    def _part_of(self, start: Array, way: Array, share: float) -> Array:
+        """Return a pose on the way from one that the device holds to another: a part of it, if it holds that too."""
+        part: Array = start + share * way
+        return part if share == 0.0 or self.device.feasible(part) else start + way
+
+    def _rescued(self, target: Array, limits: ServoLimits, found: _Looked) -> _Looked:
         """Search directly where a learned model was far from the contact that its pose made, and keep the better."""
         learned, self.model = self.model, self.direct
         try:
-            other = self._search(target, limits)
-            found = self.direct.solution(other.x)
+            expected = np.zeros(self.model.size)
+            if self.contact.law is not None:
+                expected = found.stimulus - self.direct.linear(found.solution)
+            other = self._looked(target, limits, self._search(target - expected, limits), expected)
         finally:
             self.model = learned
-        if other.mismatch >= float(np.linalg.norm(stimulus - target)):
-            return minimum, x, solution, stimulus
+        if np.linalg.norm(other.stimulus - target) >= np.linalg.norm(found.stimulus - target):
+            return found
         self.rescues += 1
-        return other, other.x, found, self.direct.stimulus(found)
-
-    def _straightened(
-        self, target: Array, limits: ServoLimits, minimum: Minimum, x: Array, solution: DiscSolution, stimulus: Array
-    ) -> tuple[Minimum, Array, DiscSolution, Array]:
-        """Search again where skin that stiffens was far off the tangent that the search was on."""
-        if self.contact.points.stiff is None or minimum.why == "underway":
-            return minimum, x, solution, stimulus
-        for _ in range(1, TANGENTS):
-            off = float(np.linalg.norm(stimulus - minimum.stimulus))
-            left = float(np.linalg.norm(stimulus - target))
-            if off <= max(BENT * float(np.linalg.norm(target)), LEFT * left):
-                break
-            minimum = descend(self.model.evaluate, target, x, self.device, limits)
-            x, solution = minimum.x, self.direct.solution(minimum.x)
-            stimulus = self.direct.stimulus(solution)
-        return minimum, x, solution, stimulus
+        # the next frame asks the learned model first, whose own offset that search has not seen
+        return replace(other, rescued=True, looks=found.looks + other.looks, beyond=found.beyond)
 
     def _rendered_stimulus(self, solution: DiscSolution, minimum: Minimum | None) -> Array:
         """Return the stimulus at the pose chosen."""
         return self.direct.stimulus(solution)
 
-    def _mistrusted(self, stimulus: Array, minimum: Minimum, size: float) -> bool:
+    def _mistrusted(self, found: _Looked, size: float) -> bool:
         """Return whether a learned model was far from the contact that its pose made."""
-        return float(np.linalg.norm(stimulus - minimum.stimulus)) > MISTRUST * size
+        return float(np.linalg.norm(found.stimulus - found.minimum.stimulus)) > MISTRUST * size
 
-    def _contact_at(self, x: Array, *, searched: bool) -> DiscSolution:
-        """Return the contact at the pose chosen, from the friction state before it."""
-        if searched and self.model is self.direct:
-            solution = self.direct.solution(x)  # the search tried this very pose
-        else:
-            self.contact.hold(self.state)
-            solution = self.contact.solve(placed(self.device, self.device.pose(x)))
-        return solution
+    def _contact_at(self, x: Array) -> DiscSolution:
+        """Return the contact at the pose that a search chose, from the friction state before it."""
+        if self.model is self.direct:
+            return self.direct.solution(x)  # the search tried this very pose
+        self.contact.hold(self.state)
+        return self.contact.solve(placed(self.device, self.device.pose(x)))
+
+    def _held_at(self, x: Array) -> tuple[DiscSolution, Array]:
+        """Return contact and stimulus at a pose that no search of this matcher chose."""
+        self.contact.hold(self.state)
+        solution = self.contact.solve(placed(self.device, self.device.pose(x)))
+        return solution, self._rendered_stimulus(solution, None)
 
     def _settle(self, solution: DiscSolution) -> None:
         """Renew the friction state with the pose fixed."""

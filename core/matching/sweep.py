@@ -1,4 +1,4 @@
-"""Which configurations of a platform a look-up table has: by what they do to the skin, not by the motors' angles.
+"""Configurations of a platform in a look-up table: by their effect on the skin, not by the motors' angles.
 
 Source: [S2] III.A
 """
@@ -15,6 +15,7 @@ from ..errors import DermisError
 from .nearest import NEIGHBOURS
 from .platforms import ends_of, mechanism, original_channels
 
+MOST_ROWS = 10_000_000  # of a table: at 1,700 a second they are pressed in two hours, and take 2 GB
 UNREACHED = 0.25  # of the poses: a table that lacks more has a part of the touch missing
 
 
@@ -60,25 +61,52 @@ def commands_swept(spec: DeviceSpec, points: Array, rows: int | None = None) -> 
         rows: about how many; as the preset says where None. A grid takes the next smaller cube.
 
     Raises:
-        DermisError: fewer rows than neighbours.
+        DermisError: fewer rows than neighbours, or more than can be pressed.
     """
-    device, p = mechanism(spec), spec.parameters
-    low, high = (float(v) for v in p["sweep_press"])
-    tilt = float(p["sweep_tilt"])
-    motors = len(device.rest)
-    if motors == 3:
+    p = spec.parameters
+    refuse_many(rows or 0)
+    if freedoms(spec) == 3:
         asked = int(p["sweep_levels"]) if rows is None else int(np.floor(rows ** (1 / 3) + 1e-9))
         _enough(asked**3)
         levels = np.linspace(0.0, 1.0, asked)
         share = np.stack(np.meshgrid(levels, levels, levels, indexing="ij"), axis=-1).reshape(-1, 3)
-        extent = np.zeros((len(share), 3))
     else:
         count = int(p["sweep_rows"]) if rows is None else int(rows)
         _enough(count)
-        sequence = halton(count, 6)
-        share = sequence[:, :3]
+        share = halton(count, 6)
+    return commands_at(spec, points, share)
+
+
+def refuse_many(rows: int) -> None:
+    """Refuse more rows than can be pressed.
+
+    Raises:
+        DermisError: there are more.
+    """
+    if rows > MOST_ROWS:
+        raise DermisError("too many rows for a table", where="look-up table", value=rows, limit=f"<= {MOST_ROWS:,}")
+
+
+def freedoms(spec: DeviceSpec) -> int:
+    """Return in how many ways the poses of a sweep differ: as many as the device has motors of its own."""
+    return len(mechanism(spec).rest)
+
+
+def commands_at(spec: DeviceSpec, points: Array, share: Array) -> Array:
+    """Return the commands of poses within a preset's sweep, within the motors' reach or not, shape (n, motors).
+
+    Args:
+        points: of undeformed skin that are pressed [m], shape (m, 3).
+        share: of the way from the least to the greatest depth, pitch and roll, and with six motors of both shifts and
+            yaw, 0 to 1, shape (n, freedoms).
+    """
+    p = spec.parameters
+    low, high = (float(v) for v in p["sweep_press"])
+    tilt = float(p["sweep_tilt"])
+    extent = np.zeros((len(share), 3))
+    if share.shape[1] == 6:
         shift, yaw = float(p["sweep_shift"]), float(p["sweep_yaw"])
-        extent = (2.0 * sequence[:, 3:] - 1.0) * np.array([shift, shift, yaw])
+        extent = (2.0 * share[:, 3:] - 1.0) * np.array([shift, shift, yaw])
     poses = platform_poses(
         points,
         low + (high - low) * share[:, 0],
@@ -87,11 +115,11 @@ def commands_swept(spec: DeviceSpec, points: Array, rows: int | None = None) -> 
         extent[:, :2],
         extent[:, 2],
     )
-    return device.commands(poses)
+    return mechanism(spec).commands(poses)
 
 
 def platform_poses(points: Array, depth: Array, pitch: Array, roll: Array, shift: Array, yaw: Array) -> Poses:
-    """Return platform poses by what they do to the skin.
+    """Return platform poses from their effect on the skin.
 
     Args:
         points: undeformed pad nodes [m], shape (m, 3).

@@ -1,4 +1,4 @@
-"""SkinTable: what a device does to the skin, configuration by configuration: commands and sensed readings.
+"""SkinTable: effect of a device on the skin, configuration by configuration: commands and sensed readings.
 
 Source: [S2] III.A; corrections: one rest row for all configurations in which nothing touches, rows come from rest
 """
@@ -16,14 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array
+from ..contact.solver.law_frame import USABLE
 from ..devices.press import Press, Pressed
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
 from ..files import write_npz
 from ..foreign import json_of
 from ..npz import opened_npz
-from ..skin.felt_state import felt_key
 from ..skin.model import SkinModel
+from ..skin.observation import skin_key
 from ..surrogate.press_points import press_points
 from .nearest import NEIGHBOURS, NearestPoints
 from .platforms import mechanism, mechanism_key, scale_of
@@ -41,11 +42,11 @@ class SkinTable:
     """A look-up table.
 
     Attributes:
-        commands: of each row, SI, shape (n, motors). readings: what was sensed [counts], shape (n, channels).
+        commands: of each row, SI, shape (n, motors). readings: of the sensor, in its unit, shape (n, channels).
         rest: the row in which nothing touches.
         scale: range of each motor, by which commands are compared, shape (motors,).
-        noise_floor: readings nearer to those of rest than this cannot be told from rest [counts]: such rows count as
-            the rest row, and such queries hit it. 0 for a sensor without noise.
+        noise_floor: readings nearer to those of rest than this cannot be told from rest: such rows count as the
+            rest row, and such queries hit it. 0 for a sensor without noise.
         meta: where it comes from: device, skin, counts of rows left out.
 
     Raises:
@@ -84,7 +85,7 @@ class SkinTable:
 
     @cached_property
     def by_reading(self) -> NearestPoints:
-        """The rows prepared for searches by what is sensed; those that cannot be told from rest are left out."""
+        """The rows prepared for searches by reading; those that cannot be told from rest are left out."""
         return NearestPoints(self.readings[self.heard])
 
     @cached_property
@@ -114,17 +115,17 @@ class SkinTable:
 
     @cached_property
     def exact_readings(self) -> Array:
-        """Readings of all rows in double precision [counts]."""
+        """Readings of all rows in double precision."""
         return np.asarray(self.readings, np.float64)
 
     def from_rest(self, readings: NDArray[Any]) -> Array:
-        """Return how far readings are from those of rest [counts], shape (n,)."""
+        """Return how far readings are from those of rest, shape (n,)."""
         off = np.asarray(readings, np.float64) - self.exact_readings[self.rest]
         return np.sqrt(np.einsum("ij,ij->i", off, off))
 
     def heard_with(self, noise: float) -> SkinTable:
-        """Return the same table for a sensor with noise of a standard deviation [counts] in every channel."""
-        return replace(self, noise_floor=NOISE_FLOOR * noise * float(np.sqrt(self.readings.shape[1])))
+        """Return the same table for a sensor with noise of a standard deviation in every channel."""
+        return replace(self, noise_floor=noise_floor(noise, self.readings.shape[1]))
 
     @cached_property
     def by_command(self) -> NearestPoints:
@@ -181,14 +182,28 @@ class SkinTable:
         return cls(commands.astype(np.float64), readings, int(rest), scale.astype(np.float64), 0.0, meta)
 
 
+def noise_floor(noise: float, channels: int) -> float:
+    """Return how far from rest an untouched sensor may read, for noise of a standard deviation in every channel."""
+    return NOISE_FLOOR * noise * float(np.sqrt(channels))
+
+
 def press_of(skin: SkinModel, spec: DeviceSpec) -> Press:
-    """Return what presses a skin with a preset's platform."""
+    """Return the press of a preset's platform on a skin."""
     return Press(press_points(skin), mechanism(spec), float(spec.value("friction")))
 
 
+def sound(pressed: Pressed) -> NDArray[np.bool_]:
+    """Return which rows are in balance, obey Coulomb's law, and are near to the law of the tissue, shape (n,)."""
+    good: NDArray[np.bool_] = (pressed.imbalance <= UNBALANCED) & (pressed.residual <= UNSETTLED)
+    return good & (pressed.left <= USABLE)
+
+
 def tabulate(readings: Readings, commands: Array, pressed: Pressed) -> tuple[Array, Counts, dict[str, int]]:
-    """Return commands and readings of the rows that touch and are in balance, and how many were left out and why."""
-    good = (pressed.imbalance <= UNBALANCED) & (pressed.residual <= UNSETTLED)
+    """Return commands and readings of the rows that touch and are in balance, and how many were left out and why.
+
+    Rows that the law of the tissue did not quite settle for are kept where they are nearer to it than linear skin.
+    """
+    good = sound(pressed)
     keep = good & pressed.touching
     amounts = None if pressed.amounts is None else pressed.amounts[keep]
     counts = quantised(readings.counts(pressed.force[keep], amounts))
@@ -196,6 +211,7 @@ def tabulate(readings: Readings, commands: Array, pressed: Pressed) -> tuple[Arr
         "rest_rows": int((good & ~pressed.touching).sum()),
         "unbalanced_rows": int((~good).sum()),
         "saturated_rows": saturated(counts),
+        "law_unsettled_rows": int((pressed.left[keep] > 0.0).sum()),
     }
     return commands[keep], counts, left
 
@@ -219,8 +235,9 @@ def assemble(
         "device": spec.key,
         "device_hash": spec.hash,
         "mechanism": mechanism_key(spec),
-        "skin": felt_key(skin),
+        "skin": skin_key(skin),
         "material": repr(skin.material),
+        "tissue": skin.tissue,
         **meta,
     }
     return SkinTable(np.vstack([rest_command, commands]), readings, 0, scale_of(spec), 0.0, about)
@@ -248,7 +265,7 @@ def belongs(table: SkinTable, spec: DeviceSpec, skin: SkinModel | None = None, w
             limit=f"device preset '{spec.key}' as it is now",
             remedy="Collect a table for this preset",
         )
-    own = None if skin is None else (felt_key(skin), repr(skin.material))
+    own = None if skin is None else (skin_key(skin), repr(skin.material))
     if own is None or own == (table.meta.get("skin", own[0]), table.meta.get("material", own[1])):
         return ()
     return (

@@ -1,4 +1,4 @@
-"""Thimble: from what a finger's skin shall feel to a disc's joints, by any of the methods, over a whole sequence.
+"""Thimble: from the target stimulus of a skin to a disc's joints, by any of the methods, over a whole sequence.
 
 The device is a thimble with its servos, or a platform on six legs that is matched as one.
 
@@ -10,6 +10,7 @@ disc on such points, and the forces of either come as forces on nodes with the s
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -24,8 +25,9 @@ from ..errors import DermisError, Finding, Severity
 from ..parameters.material import FRICTION
 from ..recent import Recent
 from ..scene.tactile_scene import DeviceUse, TactileScene, device_times
-from ..skin.felt_state import felt_key, observed
 from ..skin.model import SkinModel
+from ..skin.observation import Observation, Observer, stress_error, touch_of
+from ..skin.stimulus import Stimulus
 from ..surrogate.forward import DirectModel, ForwardModel
 from ..surrogate.press_points import pressed_on
 from ..surrogate.store import contact_of, device_key
@@ -34,7 +36,7 @@ from ..version import version
 from .baselines import contact_patch, fit_plane, total_force
 from .description import observation_of
 from .rendered import Rendered
-from .stress import MISTRUST, StressMatcher, ThimbleFrame
+from .stress import MISTRUST, MOST_LOOKS, StressMatcher, ThimbleFrame
 from .thimble_sequence import ThimbleSequence, collect
 from .thimble_use import HOVER, LEARNED, METHODS, ThimbleUse, prepare
 from .warm_start import WarmStartTable, kept_table
@@ -58,16 +60,17 @@ def matcher(
     method: str = "stress",
     *,
     friction: float = FRICTION,
-    observation_matrix: Array | None = None,
+    observation_matrix: Array | Observation | None = None,
     model: ForwardModel | None = None,
     change: float | None = None,
     hover: float = HOVER,
     noise_floor: float = 0.0,
 ) -> StressMatcher:
-    """Return what follows targets by a method.
+    """Return a matcher that follows targets by a method.
 
     Args:
-        observation_matrix: stress components of forces; those of `observation_of` where None. Not used by 'force'.
+        observation_matrix: stress components of forces, or another observation; that of `observation_of` where None.
+            Not used by 'force'.
         model: learned model for 'network' and 'ridge'.
         change: largest change of a joint from frame to frame [rad, or m of legs].
         hover: distance kept while nothing is touched [m].
@@ -87,17 +90,18 @@ def matcher(
         )
     contact = contact_of(device, skin, friction)
     if method == "force":
-        observation_matrix = total_force(skin.pad_count)
+        observation_matrix = Observation(total_force(skin.pad_count), stress=False)
     elif observation_matrix is None:
         observation_matrix = observation_of(device, skin, friction)
+    observer = Observer(skin, observation_matrix)
     table, learned = None, model if method in LEARNED else None
     if learned is None:  # five fingers of one hand start from the same table
-        what = (felt_key(skin), pressed_on(skin), repr(skin.material), device_key(device), repr(friction))
-        key = cache_key(version(), *what, observation_matrix.tobytes(), "warm start")
-        made = partial(DirectModel, device, contact, observation_matrix)
+        what = (skin.key, pressed_on(skin), repr(skin.material), device_key(device), repr(friction))
+        key = cache_key(version(), *what, observer.matrix.tobytes(), "warm start")
+        made = partial(DirectModel, device, contact, observer)
         table = _tables.make(key, lambda: kept_table(skin.cache, key, device, contact, made()))
     return StressMatcher(
-        device, contact, observation_matrix, learned, change=change, hover=hover, noise_floor=noise_floor, table=table
+        device, contact, observer, learned, change=change, hover=hover, noise_floor=noise_floor, table=table
     )
 
 
@@ -105,33 +109,42 @@ class Follower:
     """Follows a virtual touch with a thimble, one instant after the other.
 
     Args:
-        matching: what searches. method: see `METHODS`.
+        matching: the matcher. method: see `METHODS`.
     """
 
     def __init__(self, matching: StressMatcher, skin: SkinModel, method: str) -> None:
         self.matching, self.skin, self.method = matching, skin, method
 
     def step(self, force: Array, amounts: Array | None = None) -> ThimbleFrame:
-        """Find what the device does for the touch's forces on the pad nodes [N], shape (m, 3) or (3 m,).
+        """Find the device's frame for the touch's forces on the pad nodes [N], shape (m, 3) or (3 m,).
 
         Args:
-            amounts: of each pattern that skin which stiffens is displaced by, shape (k,); from the forces where None.
+            amounts: by how much less than linear skin the pad gives way [m], see `Stimulus.given`, shape (3 m,); from
+                the forces where None.
 
         Raises:
             DermisError: forces that are not finite.
         """
-        force = np.asarray(force, np.float64).ravel()
-        target = observed(self.skin, self.matching.direct.observation_matrix, force, amounts)
+        felt, observer = touch_of(self.skin, force, amounts), self.matching.direct.observer
+        assert observer is not None
+        target = observer.see(felt)
         if self.method != "geometry" or not target.any():
-            return self.matching.step(target)
-        patch = contact_patch(self.skin, force, amounts)
-        return self.matching.step(target, lambda x, limits: fit_plane(self.matching.device, patch, x, limits))
+            return self._told(felt, self.matching.step(target))
+        patch = contact_patch(self.skin, felt.force, amounts)
+        frame = self.matching.step(target, lambda x, limits: fit_plane(self.matching.device, patch, x, limits))
+        return self._told(felt, frame)
+
+    def _told(self, target: Stimulus, frame: ThimbleFrame) -> ThimbleFrame:
+        """Return a frame with the error of the whole stress, where there was a touch to match."""
+        if frame.minimum is None or frame.felt is None:
+            return frame
+        return replace(frame, stress_error=stress_error(target, frame.felt))
 
     def follow(self, forces: Array, amounts: Array | None = None) -> ThimbleSequence:
         """Follow a sequence of touches; forces on the pad nodes [N], shape (n, m, 3) or (n, 3 m).
 
         Args:
-            amounts: of each pattern, as in `step`, shape (n, k).
+            amounts: as in `step`, shape (n, 3 m).
 
         Raises:
             DermisError: forces that do not fit the skin or are not finite.
@@ -151,7 +164,7 @@ class Follower:
 
 
 def follower(use: ThimbleUse, change: float | None = None) -> Follower:
-    """Return what follows a virtual touch as a thimble is used; `change` as in `matcher`.
+    """Return the follower of a virtual touch as a thimble is used; `change` as in `matcher`.
 
     Raises:
         DermisError: servo limits that exclude contact.
@@ -187,8 +200,9 @@ def render(
     """Render one finger's thimble, or platform that is matched as one.
 
     Parameters of the use: see `prepare`.
-    Signals: 'contact' (0 or 1), 'mismatch', 'normal_force' and 'target_force' [N]; of a learned method also 'rescued'
-    (1 where the direct search took its place).
+    Signals: 'contact' (0 or 1), 'mismatch' (in the method's observation), 'stress_error' (of the whole stress,
+    relative; on skin that follows a law both are by the law), 'normal_force' and 'target_force' [N]; of a learned
+    method also 'rescued' (1 where the direct search took its place).
 
     Raises:
         DermisError: an unknown method, or a device that cannot touch this finger.
@@ -205,6 +219,7 @@ def render(
     signals = {
         "contact": found.touched.astype(np.float64),
         "mismatch": found.mismatch,
+        "stress_error": found.stress_error,
         "normal_force": found.force[:, :, 2].sum(axis=1, dtype=np.float64),
         "target_force": forces[:, :, 2].sum(axis=1),
     }
@@ -219,7 +234,7 @@ def forces_at(skin: SkinContact, times: Array) -> Array:
 
 
 def amounts_at(skin: SkinContact, times: Array) -> Array | None:
-    """Amounts of each pattern at the device's times, linear between samples, shape (n, k); None of linear skin."""
+    """Return `Stimulus.given` at the device's times, linear between samples, shape (n, 3 m); None of linear skin."""
     if skin.amounts is None:
         return None
 
@@ -232,7 +247,7 @@ def amounts_at(skin: SkinContact, times: Array) -> Array | None:
 
 
 def _between(skin: SkinContact, times: Array, at: Callable[[int], Array], shape: tuple[int, ...]) -> Array:
-    """Return what is known of samples in contact, linear between samples and zero without contact."""
+    """Return values of samples in contact, linear between samples and zero without contact."""
     out = np.zeros((len(times), *shape))
     place = np.interp(times, skin.times, np.arange(len(skin.times)))
     before = np.minimum(place.astype(int), len(skin.times) - 1)
@@ -247,7 +262,7 @@ def _between(skin: SkinContact, times: Array, at: Callable[[int], Array], shape:
 
 
 def findings_of(found: ThimbleSequence, where: str) -> list[Finding]:
-    """Return what a person should know about a sequence."""
+    """Return the findings about a sequence."""
     out, touched = [], int(found.touched.sum())
     limited, steep, rescued = int(found.held_back.sum()), int(found.steep.sum()), int(found.rescued.sum())
     if limited:
@@ -291,9 +306,23 @@ def findings_of(found: ThimbleSequence, where: str) -> list[Finding]:
                 count=rough,
             )
         )
+    astray = found.unsettled > 0.0
+    if astray.any():
+        out.append(
+            Finding(
+                "warning",
+                "law-unsettled",
+                "the search and the tissue's law did not settle; the pose that leaves least by the law was kept",
+                where,
+                f"{100 * float(found.unsettled.max()):.1f} % of the touch",
+                f"{MOST_LOOKS} looks at the law",
+                remedy="Use more samples per second, or touch less deeply",
+                count=int(astray.sum()),
+            )
+        )
     lost = int((found.touched & ~found.pressing).sum())
     if lost:
-        # a frame or two at first touch is what any device with a speed needs
+        # any device with a speed needs a frame or two at first touch
         severity: Severity = "warning" if lost > LATE * touched else "info"
         out.append(Finding(severity, "out-of-reach", "the device does not reach the skin in time", where, count=lost))
     return out

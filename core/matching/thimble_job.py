@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from ..cache import Cache, cache_key
 from ..devices.spec import DeviceSpec, from_preset
 from ..parameters.skin import SKIN_CONTACT
+from ..skin.finger_skin import asked_for
 from ..skin.model import SkinModel, skin_from_parameters
 from ..skin.store import write_table
 from ..surrogate.press_points import pressed_on
-from ..tissue.finger_skin import for_devices
 from ..version import version
 from .thimble import follower
 from .thimble_use import prepare
@@ -34,7 +34,7 @@ def tables_key(spec: DeviceSpec, skin: SkinModel, use: Mapping[str, Any]) -> str
 def make(
     arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Callable[[int, int], None]
 ) -> dict[str, NDArray[Any]]:
-    """Put what a device is followed by on a skin into the cache: points, description, where searches start.
+    """Put the inputs of a device's follower on a skin into the cache: points, description, where searches start.
 
     Args:
         arrays: not used.
@@ -48,7 +48,7 @@ def make(
     spec = from_preset(str(parameters["device_key"]), parameters["device"])
     cache = Cache(Path(str(parameters["folder"])), int(parameters["limit"]))
     skin = skin_from_parameters(parameters["skin"], level=str(parameters["level"]), cache=cache)
-    skin = for_devices(skin, str(parameters.get("tissue", SKIN_CONTACT["tissue"].absent)), "skin")
+    skin = asked_for(skin, str(parameters.get("tissue", SKIN_CONTACT["tissue"].absent)), "skin")
     if parameters.get("contact") == "nodes":
         skin = skin.on_nodes
     report(1, STAGES)

@@ -1,8 +1,8 @@
-"""What a thimble does over a sequence of touches, and how well that matches."""
+"""Commands of a thimble over a sequence of touches, and how well they match."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from .stress import ThimbleFrame
 
 @dataclass(frozen=True, eq=False)
 class ThimbleSequence:
-    """What the device shall do over a sequence, and how well that matches.
+    """Commands of the device over a sequence, and how well they match.
 
     Attributes:
         x: pitch, roll [rad], distance [m], and of six legs shifts [m] and yaw [rad], shape (n, freedoms).
@@ -33,7 +33,10 @@ class ThimbleSequence:
         method: which one.
         predicted: stimulus that the search expected, in its model's components, shape (n, k); zeros without touch. None
             for 'force' and 'geometry', which look for something else.
-        amounts: of each pattern that skin which stiffens is displaced by, shape (n, k); None of linear skin.
+        amounts: of skin with a law by how much less than linear skin the pad gives way [m], see `Stimulus.given`, shape
+            (n, 3 m); None of linear skin.
+        stress_error: error of the whole stress, relative to the target's; 0 without touch, shape (n,).
+        looks, unsettled: see `ThimbleFrame`, shape (n,).
     """
 
     x: Array
@@ -50,9 +53,12 @@ class ThimbleSequence:
     method: str
     predicted: Array | None = None
     amounts: Array | None = None
+    stress_error: Array = field(default_factory=lambda: np.zeros(0))
+    looks: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    unsettled: Array = field(default_factory=lambda: np.zeros(0))
 
     def commands(self, spec: DeviceSpec) -> Array:
-        """Return what the channels of a preset hold, shape (n, channels).
+        """Return the values of a preset's channels, shape (n, channels).
 
         Raises:
             DermisError: a channel that no thimble has.
@@ -92,5 +98,16 @@ def collect(frames: list[ThimbleFrame], contact: DiscContact, method: str) -> Th
         np.array([f.rescued for f in frames]),
         method,
         predicted,
-        None if contact.points.stiff is None else np.array([f.solution.amounts for f in frames]),
+        amounts_of(frames, contact),
+        np.array([f.stress_error for f in frames]),
+        np.array([f.looks for f in frames]),
+        np.array([f.unsettled for f in frames]),
     )
+
+
+def amounts_of(frames: list[ThimbleFrame], contact: DiscContact) -> Array | None:
+    """Return the amounts of each frame on skin with a law, shape (n, 3 m)."""
+    if contact.law is None:
+        return None
+    none = np.zeros(3 * contact.points.node_count)
+    return np.array([none if f.solution.amounts is None else f.solution.amounts for f in frames])

@@ -1,7 +1,7 @@
 """How a thimble is used on one finger: the mechanism as it sits on the person, the method, and its learned model.
 
-Everybody who needs to know what a finger's thimble does (bake, preview, plot, adaptation) asks here, so that all of
-them speak of the same device.
+Every user of a finger's thimble (bake, preview, plot, adaptation) asks here, so that all of them speak of the same
+device.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ class ThimbleUse:
 
     Attributes:
         device: the mechanism, mounted as it sits on this person.
-        skin: what it presses on. friction: between both. hover: distance kept while nothing is touched [m].
+        skin: under the device. friction: between both. hover: distance kept while nothing is touched [m].
         method: one of `METHODS`, after a learned one that cannot be used was replaced.
         observation_matrix: stress components that the learned model speaks of; None where the device's own are meant.
         learned: the model of 'network' and 'ridge'; None for the others.
-        findings: what was replaced, and why.
+        findings: replacements, and their reasons.
     """
 
     device: DiscDevice
@@ -135,7 +135,7 @@ def prepare(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any], wh
     Where a surrogate cannot be used, a finding says why and the direct method takes its place.
 
     Raises:
-        DermisError: an unknown method, a hover out of range, or what `calibrated_mechanism` raises.
+        DermisError: an unknown method, a hover out of range, or an error of `calibrated_mechanism`.
     """
     device, friction = disc_device(spec, skin, parameters)
     method, hover = (DEVICE[name].of(parameters, where) for name in (method_name(spec), "thimble_hover"))

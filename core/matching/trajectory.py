@@ -1,9 +1,9 @@
 """Trajectory: several ways through the same targets side by side, of which those are kept that leave least so far.
 
 A search frame by frame takes the pose that is best now, with the friction that its own past left. Which side a disc
-leans to at first contact, and what sticks from then on, may cost more later than it gained. Here every way goes on as
-the search does; every few frames the best of them also set out anew from entries of the table that promise most, be
-they better at once or not. Ways that came to the same pose are one.
+leans to at first contact, and which nodes stick from then on, may cost more later than it gained. Here every way goes
+on as the search does; every few frames the best of them also set out anew from entries of the table that promise
+most, be they better at once or not. Ways that came to the same pose are one.
 
 Source: [S0] 5.1 for the search of a frame; Lowerre 1976 for the beam
 """
@@ -29,7 +29,7 @@ PARENTS = 2  # of the ways that do
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """One way through the targets so far: what it left, summed, its last frame, and what it came from."""
+    """One way through the targets so far: its summed cost, its last frame, and the way before it."""
 
     cost: float
     saved: tuple[Any, ...]
@@ -48,11 +48,11 @@ class Way:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """What was found.
+    """Result of a search for a trajectory.
 
     Attributes:
         frames: of the way that leaves least in all.
-        best: for each target the frame that leaves least of it, whichever way it is on: what a pose could leave.
+        best: for each target the frame that leaves least of it, whichever way it is on: the least residual of a pose.
     """
 
     frames: list[ThimbleFrame]

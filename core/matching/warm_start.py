@@ -1,4 +1,4 @@
-"""WarmStartTable: configurations all over a thimble's workspace and what they make felt, to start searches from."""
+"""WarmStartTable: configurations all over a thimble's workspace and their stimuli, to start searches from."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TABLE_DEPTHS = (0.05e-3, 0.15e-3, 0.35e-3, 0.7e-3, 1.1e-3, 1.5e-3)
 
 @dataclass(frozen=True, eq=False)
 class WarmStartTable:
-    """Poses all over the workspace and what they make felt from rest, to start searches from.
+    """Poses all over the workspace and their stimuli from rest, to start searches from.
 
     Attributes:
         x: configurations, shape (t, n). depth: each beyond first contact [m], shape (t,).

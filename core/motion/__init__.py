@@ -3,7 +3,7 @@
 Position is a cubic spline with not-a-knot ends, so a parabola (a falling body) keeps its acceleration to the very
 first sample. Rotation is a cubic spline through the four components of the unit quaternions (signs made continuous),
 normalised where it is read. Both are twice continuously differentiable and exact at the samples; velocity,
-acceleration and angular velocity are the exact derivatives of what is interpolated, not differences.
+acceleration and angular velocity are the exact derivatives of the interpolation, not differences.
 """
 
 from .kinks import RoundedPath

@@ -1,7 +1,7 @@
 """Kinks: samples at which a path changes its velocity at once, and the path's acceleration with them rounded.
 
 Keys joined by straight lines, steps and baked captures have kinks. Between two samples no finite acceleration takes a
-body round them, so what moves with inertia takes its time. A kink is a change of velocity that stands out from those
+body round them, so a body with inertia takes its time. A kink is a change of velocity that stands out from those
 at the samples about it; a smooth path has none, and keeps its acceleration to the last digit.
 """
 

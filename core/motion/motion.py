@@ -18,19 +18,42 @@ class Motion:
     Args:
         times: [s], strictly rising, shape (n,). One sample means at rest, two mean uniform speed.
         poses: object-to-world matrices of any invertible scale, shape (n, 4, 4).
+        positions: the spline through their origins [m], where it is known.
 
     Raises:
         DermisError: see `Spline` and `rotations`.
     """
 
-    def __init__(self, times: Array, poses: Array) -> None:
+    def __init__(self, times: Array, poses: Array, positions: Spline | None = None) -> None:
         self.times = np.asarray(times, dtype=np.float64)
-        self.positions = Spline(self.times, poses[:, :3, 3])
+        self.positions = Spline(self.times, poses[:, :3, 3]) if positions is None else positions
         self._linear = poses[:, :3, :3]
+        self._rotations: Spline | None = None  # where they are known
+
+    @classmethod
+    def several(cls, times: Array, poses: Array) -> list[Motion]:
+        """Return several motions, shape (m, n, 4, 4), that are solved together: of short ones that is much faster.
+
+        Raises:
+            DermisError: see the class.
+        """
+        count, n = poses.shape[:2]
+        turns = quaternions(rotations(poses[:, :, :3, :3].reshape(-1, 3, 3))).reshape(count, n, 4)
+        columns = np.empty((n, count, 7))
+        for i, own in enumerate(turns):
+            columns[:, i, :3], columns[:, i, 3:] = poses[i, :, :3, 3], continuous(own)
+        whole, made = Spline(times, columns.reshape(n, 7 * count)), []
+        for i, own in enumerate(poses):
+            motion = cls(times, own, whole.part(slice(7 * i, 7 * i + 3)))
+            motion._rotations = whole.part(slice(7 * i + 3, 7 * i + 7))
+            made.append(motion)
+        return made
 
     @cached_property
     def rotations(self) -> Spline:
         """The spline through the unit quaternions (w, x, y, z)."""
+        if self._rotations is not None:
+            return self._rotations
         if (self._linear == self._linear[0]).all():
             one = quaternions(rotations(self._linear[:1]))
             return Spline(self.times, np.repeat(one, len(self.times), axis=0))

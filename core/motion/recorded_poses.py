@@ -53,7 +53,7 @@ class RecordedPoses:
 
 @dataclass(frozen=True)
 class Guess:
-    """What a file without names may hold: keys of `TIMES` and `TURNS`, and the unit of places; '' if nothing tells."""
+    """Contents of a file without names: keys of `TIMES` and `TURNS`, and the unit of places; '' if nothing tells."""
 
     time: str
     turn: str
@@ -72,7 +72,7 @@ def read(path: Path, *, columns: str = "", rate: float = 100.0, unit: float | No
         unit: of places whose names have none [m]; left out, they are metres.
 
     Raises:
-        DermisError: the code is 'columns-not-said' where the file does not say what it holds, and where nobody says a
+        DermisError: the code is 'columns-not-said' where the file does not name its columns, and where nobody says a
             unit and the numbers can be no seconds or metres; numbers that contradict the names: a quaternion far from
             unit length, times that do not rise or last longer than a day.
     """
@@ -132,10 +132,10 @@ def guess(rows: Rows) -> Guess:
 
 
 def suggestion(rows: Rows, known: Sequence[Column] = ()) -> str:
-    """Return the names of columns that most likely answer for what a file does not say; '' where nothing fits.
+    """Return the names of columns that most likely fit a file without names; '' where none fits.
 
     Args:
-        known: what the columns were said to be; left out, what the file's own names say.
+        known: the given names of the columns; the file's own names without them.
 
     Raises:
         DermisError: see `column_names.columns_of`.
@@ -199,10 +199,10 @@ def _angle_unit(angles: Array) -> str:
 
 
 def _known(rows: Rows, columns: str) -> tuple[Column, ...]:
-    """Return what each column is.
+    """Return the meaning of each column.
 
     Raises:
-        DermisError: nobody says so, or what is said is not enough.
+        DermisError: no or too few names are given.
     """
     if columns.strip():
         names = [name.strip() for name in columns.split(",")]

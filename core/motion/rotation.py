@@ -25,21 +25,18 @@ def rotations(linear: Array) -> Array:
     Raises:
         DermisError: a map without an inverse, such as one of scale 0.
     """
-    columns, volume = _columns(linear)
+    unit, volume = _columns(linear)
     if not (np.abs(volume) > SINGULAR).all():
         raise DermisError("a pose of scale 0 has no direction", limit="a scale other than 0")
-    x, y, z = columns
-    skew = np.maximum(np.maximum(np.abs(dot(x, y)), np.abs(dot(y, z))), np.abs(dot(z, x)))
-    out = np.empty((3, 3, len(linear)))
+    skew = np.abs(_sums(unit * unit[:, (1, 2, 0)])).max(axis=0)
     side = np.sign(volume)
-    for j, column in enumerate(columns):
-        np.multiply(column.T, side, out=out[:, j])
-    unit = np.moveaxis(out, -1, 0)
+    unit *= side
+    out = unit.transpose(2, 0, 1)
     sheared = np.flatnonzero(skew > ORTHOGONAL)
     if sheared.size:
         left, _, right = np.linalg.svd(linear[sheared])
-        unit[sheared] = left @ right * side[sheared, None, None]
-    return unit
+        out[sheared] = left @ right * side[sheared, None, None]
+    return out
 
 
 def singular(linear: Array) -> NDArray[np.bool_]:
@@ -47,11 +44,23 @@ def singular(linear: Array) -> NDArray[np.bool_]:
     return ~(np.abs(_columns(linear)[1]) > SINGULAR)
 
 
-def _columns(linear: Array) -> tuple[list[Array], Array]:
-    """Unit columns, (n, 3) each, and the signed volume that they span, shape (n,); NaN at scale 0."""
+def _columns(linear: Array) -> tuple[Array, Array]:
+    """Unit columns, components lying together, shape (3, 3, n), and the signed volume that they span, shape (n,).
+
+    NaN at scale 0.
+    """
+    unit = linear.transpose(1, 2, 0).astype(np.float64, order="C")
     with np.errstate(divide="ignore", invalid="ignore"):
-        columns = [scaled(linear[:, :, j], 1.0 / np.sqrt(dot(linear[:, :, j], linear[:, :, j]))) for j in range(3)]
-    return columns, dot(columns[0], cross(columns[1], columns[2]))
+        unit *= 1.0 / np.sqrt(_sums(unit * unit))
+        x, y, z = unit.transpose(1, 2, 0)
+        return unit, dot(x, cross(y, z))
+
+
+def _sums(rows: Array) -> Array:
+    """Return the sum of three rows, first to last."""
+    total: Array = rows[0] + rows[1]
+    total += rows[2]
+    return total
 
 
 def quaternions(matrix: Array) -> Array:
@@ -86,7 +95,7 @@ def matrices(quaternion: Array) -> Array:
     for i, j, a, b in ((0, 1, x * y, w * z), (1, 2, y * z, w * x), (2, 0, x * z, w * y)):
         np.subtract(a, b, out=out[i, j])
         np.add(a, b, out=out[j, i])
-    return np.moveaxis(out, -1, 0)
+    return out.transpose(2, 0, 1)
 
 
 def accumulated(quaternion: Array) -> Array:

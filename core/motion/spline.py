@@ -34,24 +34,37 @@ class Spline:
             )
         if not np.isfinite(self.values).all():
             raise DermisError("motion has values that are not finite numbers")
-        if len(self.times) > 1 and not (np.diff(self.times) > 0.0).all():
+        if not (self.times[1:] > self.times[:-1]).all():
             raise DermisError("the times of a motion must rise")
         self.still = bool((self.values == self.values[0]).all())
+        self._within: tuple[Spline, slice] | None = None  # the one that it is solved with, and its columns there
+
+    def part(self, columns: slice) -> Spline:
+        """Return the spline through some of the columns; it is solved with all of them, where it is needed."""
+        part = Spline.__new__(Spline)
+        part.times, part.values = self.times, self.values[:, columns]
+        part.still = bool((part.values == part.values[0]).all())
+        part._within = self, columns
+        return part
 
     @cached_property
     def _pieces(self) -> tuple[Array, Array, Array, Array]:
         """Values, and coefficients of (t - t_i), its square and its cube, shape (k, n - 1) each: by component."""
-        step = np.diff(self.times)[:, None]
-        second = second_derivatives(self.times, self.values)
-        slope = np.diff(self.values, axis=0) / step - step * (2.0 * second[:-1] + second[1:]) / 6.0
-        parts = self.values[:-1], slope, second[:-1] / 2.0, np.diff(second, axis=0) / (6.0 * step)
+        if self._within is not None:
+            whole, columns = self._within
+            value, slope, square, cube = (part[columns] for part in whole._pieces)
+            return value, slope, square, cube
+        times, values = self.times, self.values
+        step = (times[1:] - times[:-1])[:, None]
+        second = second_derivatives(times, values)
+        slope = (values[1:] - values[:-1]) / step - step * (2.0 * second[:-1] + second[1:]) / 6.0
+        parts = values[:-1], slope, second[:-1] / 2.0, (second[1:] - second[:-1]) / (6.0 * step)
         value, slope, square, cube = (np.ascontiguousarray(p.T) for p in parts)
         return value, slope, square, cube
 
     def piece(self, t: Array) -> tuple[NDArray[np.intp], Array]:
         """Return for each time the index of its piece, and the time since that piece began, shapes (m,)."""
-        last = max(len(self.times) - 2, 0)
-        index = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, last)
+        index = np.searchsorted(self.times[1:-1], t, side="right")
         return index, t - self.times[index]
 
     def at(self, t: Array, order: int = 0, piece: tuple[NDArray[np.intp], Array] | None = None) -> Array:
@@ -79,8 +92,8 @@ def second_derivatives(times: Array, values: Array) -> Array:
     second = np.zeros_like(values)
     if n < 3:
         return second
-    step = np.diff(times)
-    slope = np.diff(values, axis=0) / step[:, None]
+    step = times[1:] - times[:-1]
+    slope = (values[1:] - values[:-1]) / step[:, None]
     if n == 3:
         second[:] = 2.0 * (slope[1] - slope[0]) / (times[2] - times[0])
         return second
@@ -91,7 +104,7 @@ def second_derivatives(times: Array, values: Array) -> Array:
     upper[0] -= first * first / next_
     diagonal[-1] += last * (last + before) / before
     lower[-1] -= last * last / before
-    second[1:-1] = solve_tridiagonal(lower, diagonal, upper, 6.0 * np.diff(slope, axis=0))
+    second[1:-1] = solve_tridiagonal(lower, diagonal, upper, 6.0 * (slope[1:] - slope[:-1]))
     second[0] = second[1] + (second[1] - second[2]) * (first / next_)
     second[-1] = second[-2] + (second[-2] - second[-3]) * (last / before)
     return second

@@ -21,10 +21,7 @@ def dot(a: Array, b: Array) -> Array:
 
 def scaled(vectors: Array, factor: Array) -> Array:
     """Return each row times its own factor, shape (n, k)."""
-    out = np.empty(vectors.shape[::-1])
-    for i, row in enumerate(out):
-        np.multiply(vectors[:, i], factor, out=row)
-    return out.T
+    return np.multiply(vectors.T, factor, out=np.empty(vectors.shape[::-1])).T
 
 
 def cross(a: Array, b: Array) -> Array:
@@ -46,10 +43,18 @@ def turn_back(rotation: Array, vectors: Array) -> Array:
     return _product(rotation, vectors)
 
 
+def turn_map_back(rotation: Array, linear: Array) -> Array:
+    """Return rotation transposed @ linear map for each pair, shapes (n, 3, 3)."""
+    out: Array = rotation[:, 0, :, None] * linear[:, 0, None]
+    for i in (1, 2):
+        out += rotation[:, i, :, None] * linear[:, i, None]
+    return out
+
+
 def _product(rotation: Array, vectors: Array) -> Array:
-    out = np.empty((3, len(vectors)))
-    for i, row in enumerate(out):
-        np.multiply(rotation[:, 0, i], vectors[:, 0], out=row)
-        row += rotation[:, 1, i] * vectors[:, 1]
-        row += rotation[:, 2, i] * vectors[:, 2]
+    by_row = rotation.transpose(1, 2, 0)
+    out = np.multiply(by_row[0], vectors[:, 0], out=np.empty((3, len(vectors))))
+    part = np.empty_like(out)
+    for i in (1, 2):
+        out += np.multiply(by_row[i], vectors[:, i], out=part)
     return out.T

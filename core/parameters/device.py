@@ -1,4 +1,4 @@
-"""What a device is told on a finger, besides its preset: the parameters of a `DeviceUse`.
+"""Settings of a device on a finger, besides its preset: the parameters of a `DeviceUse`.
 
 Which kinds of device read which of them says `devices/kinds.py`.
 """
@@ -15,9 +15,9 @@ def _effect(name: str, label: str, text: str, source: str) -> Parameter:
 
 _TACTOR = table(
     _effect("use_transient", "Contact Transient", "Render the vibration of making contact", "[S3] eq. 1"),
-    _effect("use_texture", "Texture", "Render the texture of what the finger slides over", "[S3] eq. 2 and 3"),
+    _effect("use_texture", "Texture", "Render the texture of the surface under the finger", "[S3] eq. 2 and 3"),
     _effect("use_weight", "Weight", "Render weight and inertia of a held object", "[S3] eq. 4"),
-    _effect("use_content", "Content", "Render what moves inside a held object", "[S3] eq. 5"),
+    _effect("use_content", "Content", "Render the moving contents of a held object", "[S3] eq. 5"),
     _effect("use_pattern", "Pattern", "Render the finger's own pattern, a cue for direction", "[S3] eq. 7 and 8"),
     Parameter(
         name="projection",
@@ -94,7 +94,7 @@ _FRICTION_SCREEN = table(
         source="[S4] eq. 6",
         default="slope",
         choices=(
-            ("slope", "Equal to the Map", "-f0 n_xy . v / n_z, the slope of the surface: what a map of it would give"),
+            ("slope", "Equal to the Map", "-f0 n_xy . v / n_z, the slope of the surface, as a map of it would give"),
             (
                 "printed",
                 "As Printed",

@@ -1,4 +1,4 @@
-"""What a fingertip is told, besides its skin and its devices: the parameters of a `Finger`."""
+"""Settings of a fingertip, besides its skin and its devices: the parameters of a `Finger`."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """What something that can be touched is made of, and how it behaves: the parameters of a `Body`.
 
-`MATERIAL` is what a haptic material's preset may hold; `BODY` has besides what only an object in a scene can be.
+`MATERIAL` has the rows of a haptic material's preset; `BODY` also those of an object in a scene.
 """
 
 from __future__ import annotations
@@ -214,7 +214,7 @@ MATERIAL = table(
         name="content_kind",
         unit=TEXT,
         label="Content",
-        text="What is inside",
+        text="Contents of the object",
         default="child",
         choices=(
             ("child", "Child Objects", "The touchable objects parented to this one"),

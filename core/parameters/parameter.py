@@ -1,4 +1,4 @@
-"""Parameter: what one setting is called, what it may be, and what it is where nobody says."""
+"""Parameter: name, range, unit, default and description of one setting."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ class Parameter:
     Attributes:
         name: in scenes, presets and the engine.
         unit: SI, '1' for a plain number, '' for one whose unit others give; or `SWITCH`, `TEXT`, `NAMES`.
-        text: what it is. source: of what it means or of its default; 'chosen' where nobody printed one.
-        default: what something new has in Blender's window; None in a preset that need not say.
-        absent: what the engine takes where a scene or preset does not say; the default unless stated.
+        text: description. source: of its meaning or of its default; 'chosen' where none is published.
+        default: value of a new item in Blender's window; None where a preset need not state it.
+        absent: value where a scene or preset does not state it; the default unless given.
         above, low, high: every number is above, at least, at most this; in the window, in presets and in scenes alike.
         whole: no fractions.
-        choices: of a text: what is stored, what people read, and what it means.
+        choices: of a text: stored value, label and description.
         besides: what scripts may say that the window does not offer.
         size: how many numbers: None for one alone, n for a list of n, 0 for a list of any length, -1 for a table.
         required: a preset must have it.
@@ -74,17 +74,17 @@ class Parameter:
 
     @property
     def factor(self) -> float:
-        """What one of the window's unit is in SI: value = property * factor."""
+        """The window's unit in SI: value = property * factor."""
         return UNITS[self.window_unit][1] if self.window_unit in UNITS else 1.0
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """What a text may be; empty where it is free."""
+        """Allowed texts; empty where any is allowed."""
         return (*(key for key, _, _ in self.choices), *self.besides)
 
     @property
     def allowed(self) -> str:
-        """What it may be, as one phrase with the unit."""
+        """The allowed values, as one phrase with the unit."""
         if not self.numeric:
             return ", ".join(self.keys) or self.unit
         unit = "" if self.window_unit in ("", "1") else f" {self.window_unit}"

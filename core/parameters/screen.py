@@ -1,4 +1,4 @@
-"""What a touch screen is told: the parameters of a `Screen`, and how high its relief is."""
+"""Settings of a touch screen: the parameters of a `Screen`, and how high its relief is."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ HEIGHT = Parameter(
     soft=(None, 20e-3),
     digits=3,
 )
-# Says which stored number of a map is no height; what the reader of maps gets as `no_data`.
+# The stored number of a map that is no height: `no_data` of the reader of maps.
 NO_DATA = Parameter(
     name="no_data",
     unit=TEXT,
@@ -72,7 +72,7 @@ MAP_UNIT = Parameter(
     name="map_unit",
     unit=TEXT,
     label="Values Are",
-    text="What the numbers of the map stand for",
+    text="Unit of the numbers in the map",
     default="white",
     choices=(
         ("white", "Brightness", "From black to white; Height says how high white stands"),

@@ -30,22 +30,18 @@ PINS = table(
         name="pin_method",
         unit=TEXT,
         label="Method",
-        text="How pin forces are found from what the skin shall feel",
+        text="Method that finds pin forces for the target skin state",
         source="[S1]",
         default="DM2",
         choices=(
             (
                 "DM2",
                 "Deformation, Optimal (DM2)",
-                "The pins' forces whose effect on the skin is nearest to the target's, within what a pin can do",
+                "The pins' forces whose effect on the skin is nearest to the target's, within a pin's limits",
             ),
             ("DM1", "Deformation, Clamped (DM1)", "As DM0, then every force moved into its range: for comparison"),
             ("DM0", "Deformation, Free (DM0)", "Pins that could pull as well as push: for comparison"),
-            (
-                "FM2",
-                "Force, Optimal (FM2)",
-                "The pins' forces nearest to the target's forces, within what a pin can do",
-            ),
+            ("FM2", "Force, Optimal (FM2)", "The pins' forces nearest to the target's forces, within a pin's limits"),
             ("FM1", "Force, Clamped (FM1)", "As FM0, then every force moved into its range: the usual way"),
             ("FM0", "Force, Free (FM0)", "Pins that could pull as well as push: for comparison"),
         ),
@@ -67,7 +63,7 @@ PINS = table(
         unit=SWITCH,
         label="Force Limit",
         text="Solve within the force that a pin can give; without it as the paper does, and "
-        "what is too much is cut off afterwards",
+        "forces beyond the limits are clipped afterwards",
         default=True,
     ),
     Parameter(
@@ -103,12 +99,12 @@ PLATFORM = table(
         name="platform_method",
         unit=TEXT,
         label="Method",
-        text="How the motors' commands are found from what the skin shall feel; six legs with a motor each can be "
+        text="Method that finds the motors' commands for the target skin state; six legs with a motor each can be "
         "searched for a pose as a thimble is",
         source="[S2] III; [S0] 5",
         default="lookup",
         choices=(
-            ("lookup", "Look-Up Table", "What a virtual sensor reads is looked up in a table of this platform"),
+            ("lookup", "Look-Up Table", "The readings of a virtual sensor are looked up in a table of this platform"),
             *_METHOD_TEXTS,
         ),
     ),
@@ -139,7 +135,7 @@ THIMBLE = table(
         name="thimble_method",
         unit=TEXT,
         label="Method",
-        text="How the disc's pose is found from what the skin shall feel",
+        text="Method that finds the disc's pose for the target skin state",
         source="[S0]",
         default="stress",
         choices=_METHOD_TEXTS,

@@ -1,4 +1,4 @@
-"""What rendering a scene gives: a track per finger and device, the skins, and what there is to say about them."""
+"""Results of rendering a scene: a track per finger and device, the skins, and the findings."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ..arrays import Array
 from ..errors import Finding
-from ..track.command_track import CommandTrack
+from ..track.command_track import RECORDED, CommandTrack
 
 if TYPE_CHECKING:
     from ..contact.skin_contact import SkinContact
@@ -29,7 +29,7 @@ class Output:
 
     Attributes:
         finger, device: the finger's name and the preset's key.
-        track: what the device shall do, limited to what it can do.
+        track: commands of the device, limited to its abilities.
         signals: diagnostic series at the track's times, such as 'contact'.
         findings: of the method and of the track's own check.
     """
@@ -52,10 +52,10 @@ class Bake:
     Attributes:
         outputs: one per finger and device, in the scene's order.
         findings: of the scene as a whole; `all_findings` has those of the outputs too.
-        skipped: what was not computed because the scene did not need it, by name.
+        skipped: counts of work that the scene did not need, by name.
         content_hash: hash of scene, device presets and version.
         stage_seconds: run time of each stage [s].
-        skins: what the skin of each finger felt that shows it or wears a device that needs it, by finger's name.
+        skins: states of the skin of each finger that shows it or wears a device that needs it, by finger's name.
         inputs: hashes of all that it was made from, thing by thing, see `inputs.inputs_of`.
     """
 
@@ -70,6 +70,12 @@ class Bake:
     def __repr__(self) -> str:
         names = ", ".join(f"{output.finger}: {output.device}" for output in self.outputs)
         return f"Bake({names or 'no outputs'}; {len(self.skins)} skins, {len(self.all_findings)} findings)"
+
+    @property
+    def recorded(self) -> bool:
+        """Whether all tracks follow recordings of sensors: then nothing of the scene is in them."""
+        sensors = [str(output.track.meta.get("sensor", "")) for output in self.outputs]
+        return bool(sensors) and all(sensor.startswith(RECORDED) for sensor in sensors)
 
     @property
     def all_findings(self) -> tuple[Finding, ...]:

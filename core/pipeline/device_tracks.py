@@ -15,7 +15,7 @@ from ..errors import DermisError, Finding
 from ..parameters.skin import SKIN_CONTACT
 from ..presets import Library
 from ..scene.tactile_scene import DeviceUse, TactileScene
-from ..version import version
+from ..version import made_by
 from .bake import Output
 
 if TYPE_CHECKING:
@@ -28,11 +28,11 @@ Renderer = Callable[..., "Rendered"]
 
 @dataclass(frozen=True)
 class Driven:
-    """What came of one device on one finger.
+    """Results of one device on one finger.
 
     Attributes:
         output: its track; None where it could not be rendered, and then a finding of the scene says why.
-        findings: of the scene. skipped: what was not computed because the scene did not need it, by name.
+        findings: of the scene. skipped: counts of work that the scene did not need, by name.
     """
 
     output: Output | None
@@ -111,7 +111,7 @@ def renderer(spec: DeviceSpec) -> Renderer:
 
 
 def finished(rendered: Rendered, scene: TactileScene, finger: int, use: DeviceUse, content_hash: str) -> Output:
-    """Limit the track to what the device can do, check it, and write down where it comes from."""
+    """Limit the track to the abilities of the device, check it, and note its origin."""
     name = scene.fingers[finger].name
     limited = rendered.track.within_limits()
     meta = {
@@ -119,7 +119,7 @@ def finished(rendered: Rendered, scene: TactileScene, finger: int, use: DeviceUs
         "scene": scene.name,
         "frame_range": f"{scene.frame_range[0]} {scene.frame_range[1]}",
         "fps": f"{scene.fps.numerator}/{scene.fps.denominator}",
-        "generator": f"dermis {version()}",
+        "generator": made_by(),
         "content_hash": content_hash,
         **limited.meta,
     }

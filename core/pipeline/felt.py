@@ -1,4 +1,4 @@
-"""What is felt over a scene: contact of the pads' centres and, where somebody needs it, of whole skins."""
+"""Contact over a scene: of the pads' centres and, where somebody needs it, of whole skins."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def skin_models(
     alike: dict[str, SkinModel] = {}
     for done, f in enumerate(sorted(fingers)):
         yield Progress("skin", done, len(fingers))
-        from ..tissue.finger_skin import finger_skin
+        from ..skin.finger_skin import finger_skin
 
         finger = scene.fingers[f]
         key = json.dumps([finger.parameters.get(name) for name in ("skin", "skin_level", "tissue")], sort_keys=True)

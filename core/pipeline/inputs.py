@@ -1,4 +1,4 @@
-"""What a bake was made from, hashed thing by thing, and whether that is still so."""
+"""Hashes of the inputs of a bake, one by one, and their comparison with the present scene."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["differences", "inputs_of", "sampled"]
 
 
 def inputs_of(scene: TactileScene, content: ContentHash, library: Library) -> Parts:
-    """Return the hashes of what a scene is rendered from, once its chunks have passed: its things, and the presets.
+    """Return the hashes of a scene's inputs, once its chunks have passed: its objects, and the presets.
 
     Each finger has besides its own those of its devices' presets, and of the files that their settings name.
     """
@@ -25,7 +25,7 @@ def inputs_of(scene: TactileScene, content: ContentHash, library: Library) -> Pa
 
 
 def sampled(scene: TactileScene, library: Library) -> Generator[None, None, Parts]:
-    """Read a scene's chunks, and return the hashes of what it would be rendered from; yield after each."""
+    """Read a scene's chunks, and return the hashes of its inputs; yield after each."""
     content = ContentHash(scene)
     for _ in content.through(scene.chunks):
         yield

@@ -1,7 +1,7 @@
-"""What came of fingers in earlier bakes, kept so that a bake renders only those that something has changed for.
+"""Results of fingers in earlier bakes, kept so that a bake renders only fingers whose inputs have changed.
 
 A finger is known by all that its skin and the devices which follow it could be rendered from: its own header and path,
-what may be held together with it, every object that ever comes near it, the presets, and the files and tables that they
+objects that may be held with it, every object that ever comes near it, the presets, and the files and tables that they
 name. What stays away from it is no part of that: it may move and change.
 """
 
@@ -25,7 +25,7 @@ from ..parameters.skin import DEFAULT_SKIN
 from ..presets import Library
 from ..scene.tactile_scene import Chunk, DeviceUse, Mesh, TactileScene, header
 from ..skin.surface_store import smooth_pad
-from ..version import version
+from ..version import made_by
 from .share_job import Share
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ ALL = ("frames/", "times/")  # of the series, whose samples they are
 
 
 class KeptShares:
-    """Shares of bakes by what they were rendered from, so many at most; those not used for longest make room.
+    """Shares of bakes by their inputs, so many at most; those not used for longest make room.
 
     Args:
         limit_bytes: of all of them; one that is larger is not kept.
@@ -129,7 +129,7 @@ def _key(
         if name.startswith(ALL) or tuple(name.split("/")[:2]) in owners or "/touch_distance/" in name
     }
     told = {
-        "version": version(),
+        "version": made_by(),
         "scene": {name: value for name, value in whole.items() if name not in ("fingers", "bodies", "screens")},
         "counts": [len(scene.fingers), len(scene.bodies)],
         "reach": [finger.parameters.get("touch_distance") for finger in scene.fingers],  # the longest is everyone's
@@ -148,7 +148,7 @@ def _near(
 ) -> dict[int, set[int]]:
     """Return what ever comes near each finger, and what that contains; by boxes, so rather too much than too little.
 
-    What may be held is known by the touch of pads, which looks farther.
+    Objects that may be held are found by the touch of pads, which looks farther.
     """
     near: dict[int, set[int]] = {f: set() for f in range(len(scene.fingers))}
     for f, b in pad_contact.pairs:
@@ -213,12 +213,11 @@ def _series(scene: TactileScene, chunks: Sequence[Chunk]) -> dict[str, str]:
 
 def _skin(model: SkinModel) -> list[Any]:
     """Return what of a skin depends on tables that may be there or not; else it is as the scene says."""
-    key = "" if model.stiffening is None else model.stiffening.key
-    return [model.tissue, key, smooth_pad(model) is not None]
+    return [model.tissue, smooth_pad(model) is not None]
 
 
 def device_sources(use: DeviceUse, library: Library) -> list[Any]:
-    """Return what a device is made from besides the scene: its preset, and the files that its settings name."""
+    """Return the inputs of a device besides the scene: its preset, and the files that its settings name."""
     try:
         preset = library.device(use.preset).hash
     except DermisError as error:

@@ -108,7 +108,7 @@ def file_names(bake: Bake) -> tuple[str, ...]:
 
 
 def name_findings(bake: Bake) -> tuple[Finding, ...]:
-    """Return what is to be said of `file_names`: those that were shortened."""
+    """Return findings about `file_names`: those that were shortened."""
     return _named(bake)[1].findings()
 
 

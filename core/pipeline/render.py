@@ -4,9 +4,9 @@ scene -> contact of the pads' centres and of the skins -> each device's commands
 
 `outputs` writes them to files.
 
-`render` decides what a scene does not need: fingers without devices are not rendered, far objects are dropped
-by the broad phase, and effects that nothing switches on are never computed. `skipping` has the table of what is
-skipped when, and is counted. Fingers that
+`render` decides which work a scene does not need: fingers without devices are not rendered, far objects are dropped
+by the broad phase, and effects that nothing switches on are never computed. `skipping` has the table of skipped work,
+its conditions and counters. Fingers that
 hold nothing together are independent: given an executor, `shares` lets other processes render them, to the same bytes.
 """
 
@@ -24,9 +24,8 @@ from ..parameters.skin import SKIN_CONTACT
 from ..presets import Library
 from ..scene.content_hash import ContentHash
 from ..scene.tactile_scene import TactileScene
-from ..skin.stiff_tables import no_series
 from ..steps import drain
-from ..version import version
+from ..version import made_by
 from .bake import Bake, Progress
 from .device_tracks import Driven, driven, usable
 from .felt import skin_models, touched
@@ -37,7 +36,6 @@ RENDERERS = {kind.renderer for kind in KINDS.values()}
 
 if TYPE_CHECKING:
     from ..cache import Cache
-    from ..contact.skin_contact import SkinContact
     from ..work.executor import JobExecutor
     from .kept_shares import KeptShares
 
@@ -56,8 +54,8 @@ def render(
         library: the presets.
         cache: where condensed skins are kept; without one they are made anew.
         executor: of child processes, which render fingers side by side where that is worth it. Bytes stay the same.
-        before: what came of earlier bakes: fingers that nothing has changed for are taken from there, and what is
-            rendered is put there. Bytes stay the same.
+        before: results of earlier bakes: fingers whose inputs are unchanged are taken from there, and rendered ones
+            are put there. Bytes stay the same.
 
     Raises:
         DermisError: the scene cannot be rendered at all (see `TactileScene.validate`).
@@ -72,12 +70,9 @@ def render(
     needed |= {f for f, finger in enumerate(scene.fingers) if SKIN_CONTACT["skin_shown"].of(finger.parameters)}
     models = yield from skin_models(scene, needed, library, cache, clock, findings)
     uses = [(f, use, spec) for f, use, spec in uses if f in models or not spec.follows_skin]
-    for f in sorted({f for f, _, spec in uses if spec.follows_skin}):
-        if models[f].follows_law and models[f].stiffening is None:
-            findings.append(no_series(models[f].shape, f"finger '{scene.fingers[f].name}'"))
     chunks = content.through(scene.chunks)
     ready: dict[int, Iterator[Driven]] = {}
-    rigid = all(body.mesh is not None for body in scene.bodies)  # what deforms is too much to hand over
+    rigid = all(body.mesh is not None for body in scene.bodies)  # deforming meshes are too much to hand over
     unchanged = 0
     # a share reads the scene's file
     several = executor is not None and executor.shares_files and executor.workers > 1 and len(models) > 1
@@ -98,7 +93,7 @@ def render(
         findings += contact.findings
         skipped.update(contact.skipped)
 
-    tables = [mark for f, contact in skin_contacts.items() for mark in _tables_of(scene.fingers[f].name, contact)]
+    tables = [scene.fingers[f].name for f, contact in skin_contacts.items() if contact.points is not None]
     content_hash = _full_hash(content, [spec for _, _, spec in uses], tables)
     outputs = []
     for step, (finger, use, spec) in enumerate(uses):
@@ -107,7 +102,7 @@ def render(
             if spec.follows_skin and finger in ready:
                 made = next(ready[finger]).stamped(content_hash)
             else:
-                felt = skin_contacts[finger].matched if spec.follows_skin else None
+                felt = skin_contacts[finger] if spec.follows_skin else None
                 made = driven(pad_contact, scene, finger, use, spec, felt, content_hash)
         findings += made.findings
         skipped.update(made.skipped)
@@ -142,18 +137,10 @@ def run(scene: TactileScene, library: Library | None = None) -> Bake:
     return drain(render(scene, library or Library()))
 
 
-def _tables_of(finger: str, contact: SkinContact) -> list[str]:
-    """Return what of a finger's skin depends on tables that may be there or not: it is otherwise as the scene says."""
-    stiffening = contact.model.stiffening
-    on_points = [] if contact.points is None else [finger]
-    return on_points if stiffening is None else [*on_points, f"{finger} {stiffening.key}"]
-
-
 def _full_hash(content: ContentHash, specs: list[DeviceSpec], tables: list[str]) -> str:
     """Hash of the scene's content, the presets it uses, the version that rendered it and the skins' tables.
 
-    The last since the table of a smooth pad, or of how tissue stiffens, may be there or not: whoever asked for points
-    or for such tissue then gets something else.
+    The last since the table of a smooth pad may be there or not: whoever asked for points then gets something else.
     """
-    parts = [content.hexdigest(), version(), *(spec.hash for spec in specs), *tables]
+    parts = [content.hexdigest(), made_by(), *(spec.hash for spec in specs), *tables]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:32]

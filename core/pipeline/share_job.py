@@ -33,10 +33,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Share:
-    """What came of some fingers.
+    """Results of some fingers.
 
     Attributes:
-        felt: by finger index. driven: what came of the devices that follow its skin, in the scene's order; their
+        felt: by finger index. driven: results of the devices that follow its skin, in the scene's order; their
             tracks do not know the hash of the whole scene yet. seconds: run time by stage.
     """
 
@@ -45,7 +45,7 @@ class Share:
     seconds: Mapping[str, float]
 
     def packed(self) -> Share:
-        """Return the same with what is felt in a tenth of the memory."""
+        """Return the same with states of skin in a tenth of the memory."""
         return replace(self, felt={f: touch.packed() for f, touch in self.felt.items()})
 
 
@@ -73,7 +73,7 @@ def driven_by(
     for step, (f, use, spec) in enumerate(uses):
         yield Progress("devices", step, len(uses))
         with clock.stage("devices"):
-            made[f].append(driven(pad_contact, scene, f, use, spec, felt[f].matched, ""))
+            made[f].append(driven(pad_contact, scene, f, use, spec, felt[f], ""))
     return made
 
 
@@ -109,7 +109,7 @@ def work(_arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], rep
 
 
 def size_of(samples: int) -> int:
-    """Return what a share of so many samples is in all, for progress: contact and devices take about as long."""
+    """Return the size of a share of so many samples, for progress: contact and devices take about as long."""
     return 2 * samples
 
 

@@ -36,14 +36,14 @@ if TYPE_CHECKING:
 
 # Samples of a finger in reach of something that must be saved: a process takes as long to begin as some 150.
 SAVED = 300
-LOOK = 0.02  # seconds between two looks at what is under way
+LOOK = 0.02  # seconds between two looks at running processes
 # Of so few processes this one is one, for a scene of so many samples: to begin another takes a third of a second. Of
 # more, or for longer, it is left to its window: the devices of a finger are a step that nothing interrupts.
 FEW, SHORT = 2, 1200
 
 
 class Touched(NamedTuple):
-    """What is felt over a scene: of the pads and of the skins, what came of the devices that follow these, by finger.
+    """Contact over a scene: of the pads and of the skins, with results of the devices that follow these, by finger.
 
     `unchanged` says how many fingers are as an earlier bake had them.
     """
@@ -64,13 +64,13 @@ def touched_in_shares(
     executor: JobExecutor | None,
     before: KeptShares | None = None,
 ) -> Generator[Progress, None, Touched]:
-    """Return contact of the pads, of the skins, and what came of the devices that follow these, by finger.
+    """Return contact of the pads, of the skins, and results of the devices that follow these, by finger.
 
     Shares that nothing has changed for are taken from earlier bakes. Others are rendered by other processes where that
     saves time, else here.
 
     Raises:
-        DermisError: what a process refuses.
+        DermisError: refused by a process.
     """
     kept: list[Chunk] = []
     pad_contact, _ = yield from touched(scene, chunks, {}, clock, kept)
@@ -192,7 +192,7 @@ def _rendered(
                     if job.exception() is None:
                         made[k] = made_of(job.result(), scene, models, library).packed()
             for k in range(len(parts)):
-                if k not in made:  # its process died: what it was to do is done here
+                if k not in made:  # its process died: its work is done here
                     made[k] = yield from render_share(scene, library, parts[k][0], cache, parts[k][1])
             return [made[k] for k in range(len(parts))]
         finally:

@@ -38,7 +38,7 @@ SKIN_BYTES = 1 << 30  # that a worker keeps of skins: some seventy of the standa
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is written of a shot: pictures, maps of touch screens, other formats, and those in spite of errors."""
+    """Options of a shot's files: pictures, maps of touch screens, other formats, and those in spite of errors."""
 
     plots: bool = False
     maps: bool = False
@@ -48,11 +48,11 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Shot:
-    """What came of a scene.
+    """Results of a scene.
 
     Attributes:
         names: of its files, in the order in which they were written. refused: tracks that were not written, in words.
-        findings: of the bake and of what was written. skipped: what was not computed, by name.
+        findings: of the bake and of the files. skipped: counts of skipped work, by name.
         content_hash: of the bake, see `Bake`.
     """
 
@@ -75,7 +75,7 @@ def render_shot(
     """Render a scene and write its files into a folder; yield progress.
 
     Raises:
-        DermisError: see `render` and `export`; where there is nothing to export, what was found is said too.
+        DermisError: see `render` and `export`; where there is nothing to export, with the findings.
     """
     bake = yield from render(scene, library, cache=cache, executor=executor)
     try:
@@ -138,7 +138,7 @@ def work(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], repo
 
 @dataclass(frozen=True)
 class Given:
-    """What a job is given a scene with: the scene's file, presets, skins, and a folder of its own to write to."""
+    """Inputs of a job for a scene: the scene's file, presets, skins, and a folder of its own to write to."""
 
     scene: Path
     library: Library
@@ -163,7 +163,7 @@ def opened_shot(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any
 
 
 def shot_of(arrays: Mapping[str, NDArray[Any]]) -> tuple[Shot, list[bytes]]:
-    """Return what the job 'shot' returned: the shot, and the bytes of its files in the order of their names."""
+    """Return the results of the job 'shot': the shot, and the bytes of its files in the order of their names."""
     head = json.loads(bytes_of(arrays["head"]))
     made = Shot(
         tuple(head["names"]),

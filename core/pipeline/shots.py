@@ -35,7 +35,7 @@ CACHE_BYTES = 1 << 40  # of the folder that holds skins while the shots are rend
 
 @dataclass(frozen=True)
 class Rendered:
-    """One scene: its file, and either what came of it and the paths written, or why there is nothing."""
+    """One scene: its file, and either its results and the written paths, or the reason for their absence."""
 
     scene: Path
     shot: Shot | None
@@ -49,7 +49,7 @@ def render_shots(
     """Render scenes, each into a folder of its own, named as its file; yield progress, and each scene as it is done.
 
     A scene that is refused takes no other down. Files appear when a scene is done: in a new folder all at once, in
-    one that is there already each whole. Leaving early drops what is under way.
+    one that is there already each whole. Leaving early drops unfinished work.
 
     Raises:
         DermisError: presets that cannot be read, or a folder that cannot be written.
@@ -81,7 +81,7 @@ def render_shots(
 
 
 def _rendered(scene: Path, folder: Path, future: JobFuture) -> Rendered:
-    """Write what came of a scene."""
+    """Write the results of a scene."""
     error = future.exception()
     if isinstance(error, DermisError):
         return Rendered(scene, None, error=error)
@@ -102,7 +102,7 @@ class Skins:
         self._folder = ""
         if executor.shares_files:
             self._folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="dermis-skins-"))
-        self._files: dict[str, Mapping[str, NDArray[Any]]] = {}  # by what a skin is: its files
+        self._files: dict[str, Mapping[str, NDArray[Any]]] = {}  # by skin: its files
 
     def make(self, wanted: Iterable[str]) -> Generator[Progress, None, None]:
         """Condense skins that are not there yet; one that is refused is told where it is used."""
@@ -124,7 +124,7 @@ class Skins:
                 yield Progress("skins", done, len(missing))
 
     def shot(self, scene: Path, skins: Sequence[str], parameters: Mapping[str, Any]) -> Asked:
-        """Return the job 'shot' of a scene, with what it needs: read when it is asked for, since many are large."""
+        """Return the job 'shot' of a scene, with its inputs: read when it is asked for, since many are large."""
         arrays, place = self.given(scene, skins)
         return Asked("shot", arrays, {**parameters, **place})
 

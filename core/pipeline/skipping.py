@@ -1,6 +1,6 @@
-"""What each part of the pipeline needs, and what it leaves out where a scene does not need it: one row a counter.
+"""Inputs of each part of the pipeline, and the work that it skips where a scene does not need it: one row a counter.
 
-What is left out changes no byte of a track, but for forces that still hold, where a new solution would be another
+Skipped work changes no byte of a track, but for forces that still hold, where a new solution would be another
 within the contact's tolerance, and for forces between two solutions, which the benchmark `stride_force_error` judges.
 Who leaves something out counts it in `skipped` by a name of this table; panels and summaries show the counts in its
 words.
@@ -16,8 +16,8 @@ class Skip(NamedTuple):
     """One thing that may be left out.
 
     Attributes:
-        part: of the pipeline. needs: what the part is computed from. when: nothing of it is, and then it is counted.
-        counted: what one of the count is, in words that follow a number.
+        part: of the pipeline. needs: inputs of the part. when: the condition under which it is skipped and counted.
+        counted: unit of the count, in words that follow a number.
     """
 
     part: str
@@ -86,7 +86,7 @@ SKIPPED: Mapping[str, Skip] = {
 
 
 def told(skipped: Mapping[str, int]) -> Iterator[tuple[str, str]]:
-    """Yield part and words for all that was left out, in the order of the table; what it does not know comes last."""
+    """Yield part and words for all that was left out, in the order of the table; unknown ones come last."""
     for name in sorted(skipped, key=lambda name: ([*SKIPPED].index(name) if name in SKIPPED else len(SKIPPED), name)):
         if skipped[name]:
             row = SKIPPED.get(name)

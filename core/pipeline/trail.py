@@ -1,8 +1,8 @@
-"""Trail: the last moments of a scene while it is played, and what the devices do at their end.
+"""Trail: the last moments of a scene while it is played, and the commands of the devices at their end.
 
 Contact of the pads' centres is measured once a sample and kept. The paths' splines bend with every further sample, but
-only near their end: what lies further back is settled. There the devices' state is noted, and carried on from; only
-what comes after it is computed anew with each sample, by what a bake computes tracks with. Devices that follow a skin
+only near their end: earlier ones are settled. There the devices' state is noted, and carried on from; only
+later commands are computed anew with each sample, by the same code as in a bake. Devices that follow a skin
 are left out: whoever shows skins solves them frame by frame.
 """
 
@@ -16,16 +16,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..contact.chunk_checks import check_device
+from ..contact.pad_contact import PadContact
 from ..contact.pad_sampler import PadSampler
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
 from ..memory import Memory
+from ..motion import Motion, singular
 from ..presets import Library
 from ..scene.tactile_scene import Chunk, DeviceUse, TactileScene
 from .bake import Output
 from .device_tracks import Renderer, renderer, usable
 
-# Samples from the end after which a path bends by less than 1 % of what it does there: a spline forgets 3/4 a knot.
+# Samples from the end after which a path bends by less than 1 % of its value there: a spline forgets 3/4 a knot.
 SETTLED = 4
 SHOWN = 0.13  # [s] of a track before its end that must be there to be drawn
 State = tuple[float, Mapping[Hashable, Any]]
@@ -35,7 +37,7 @@ class Kept(NamedTuple):
     """The end of a trail.
 
     Attributes:
-        chunks: the last samples. state: what is noted where they begin to settle. taken: how many samples led there.
+        chunks: the last samples. state: of the devices where they begin to settle. taken: how many samples led there.
     """
 
     chunks: tuple[Chunk, ...]
@@ -64,7 +66,7 @@ class Trail:
         self._settled = max(SETTLED, math.ceil(SHOWN * scene.fps)) if settled is None else settled
         self._sampler = PadSampler(scene)
         self._chunks: list[Chunk] = []  # the samples that are kept
-        # where the next window begins, and what is noted there; the same as it was before the last sample
+        # where the next window begins, and the state there; the same as it was before the last sample
         self._state: State = (-math.inf, {})
         self._before: State = self._state
         self._lasting: dict[Hashable, Any] = {}
@@ -137,6 +139,7 @@ class Trail:
         start = max(start, times[0])
         memory = Memory(start, max(until, start), now, noted, self._lasting)
         contact = replace(self._sampler.finish(), memory=memory)
+        _solve_motions(contact)
         end = math.ceil(self.first + now * self.frames_per_second)
         scene = replace(self._scene, frame_range=(self._scene.frame_range[0], max(end, self._scene.frame_range[0])))
         found = []
@@ -155,3 +158,15 @@ class Trail:
             found.append(Output(scene.fingers[finger].name, use.preset, track, rendered.signals, ()))
         self._state = max(until, start), memory.noted
         return tuple(found)
+
+
+def _solve_motions(contact: PadContact) -> None:
+    """Solve the motions of all that meet together, where each by itself would be solved when it is asked for."""
+    fingers, bodies = sorted({f for f, _ in contact.pairs}), sorted({b for _, b in contact.pairs})
+    poses = np.concatenate([contact.fingers[fingers], contact.bodies[bodies]])
+    flat = singular(poses[:, :, :3, :3].reshape(-1, 3, 3)).reshape(poses.shape[:2]).any(axis=1)
+    keys = [*(("finger", f) for f in fingers), *(("body", b) for b in bodies)]
+    usable = np.flatnonzero(~flat).tolist()  # a body of scale 0 for a moment would take the others with it
+    if usable:
+        made = Motion.several(contact.times, poses[usable])
+        contact.kept.update(zip((keys[i] for i in usable), made, strict=True))

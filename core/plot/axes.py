@@ -58,7 +58,7 @@ class Axes:
     def grid(
         self, across: str, up: str, *, most: tuple[int, int] = (8, 5), factor: float = 1.0, colour: str = INK
     ) -> None:
-        """Draw lines and numbers at round values, the frame, and what the axes are called.
+        """Draw lines and numbers at round values, the frame, and the names of the axes.
 
         Args:
             most: steps of numbers at most across and up. factor: what y is divided by to be shown. colour: of `up`.

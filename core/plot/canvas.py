@@ -25,7 +25,7 @@ _PLAIN = str.maketrans({"µ": "u", "μ": "u", "²": "^2", "–": "-"})  # what P
 
 
 class Canvas(Protocol):
-    """What a plot draws on. Lengths in points, y down."""
+    """Canvas of a plot. Lengths in points, y down."""
 
     def rectangle(self, x: float, y: float, width: float, height: float, fill: Colour) -> None:
         """Fill a rectangle."""
@@ -177,7 +177,7 @@ def _printable(text: str) -> str:
 
 
 def _plain(text: str) -> str:
-    """Return a text in the letters that Pillow's font has: accents go; what is missing will show as a box."""
+    """Return a text in the letters that Pillow's font has: accents are dropped; missing letters show as a box."""
     return "".join(unicodedata.normalize("NFKD", c)[0] for c in _printable(text).translate(_PLAIN))
 
 

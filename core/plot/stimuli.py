@@ -14,7 +14,10 @@ from .canvas import Canvas, PngCanvas, SvgCanvas
 
 SIDE, GAP, LEFT, TOP, FOOT = 240.0, 56.0, 56.0, 76.0, 64.0
 WIDTH, HEIGHT = LEFT + 3 * SIDE + 2 * GAP + 20.0, TOP + SIDE + FOOT
-COLOURS = {"target": "#2a9d3a", "predicted": "#d0342c", "rendered": "#2255cc", "from A": "#2a9d3a", "from B": "#12306b"}
+COLOURS = {
+    "target": "#2a9d3a", "predicted": "#d0342c", "rendered": "#2255cc", "estimated": "#d0342c", "measured": "#2255cc",
+    "from A": "#2a9d3a", "from B": "#12306b",
+}  # fmt: skip
 VIEWS = ((0, 1), (0, 2), (1, 2))
 
 
@@ -26,7 +29,7 @@ def draw(
     Args:
         cloud: dots in three components, shape (n, 3).
         configuration: of each dot, -1 to 1, decides its colour, shape (n, 3).
-        lines: by name, 'target', 'predicted' or 'rendered', in three components, shape (k, 3) each.
+        lines: by name, such as 'target', 'predicted' or 'measured', in three components, shape (k, 3) each.
     """
     canvas.rectangle(0, 0, WIDTH, HEIGHT, PAPER)
     canvas.text(LEFT, 24, title[:88], 11.0, INK)

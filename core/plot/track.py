@@ -143,7 +143,7 @@ def _likeness(channel: Channel) -> tuple[str, str]:
 
 
 def _range(channel: Channel, values: Array) -> tuple[float, float]:
-    """Choose what a panel shows: the values and, where they come near, the limits."""
+    """Choose the curves of a panel: the values and, where they come near, the limits."""
     low, high = (float(values.min()), float(values.max())) if len(values) else (channel.rest, channel.rest)
     low, high = min(low, channel.rest), max(high, channel.rest)
     for limit in (channel.low, channel.high):

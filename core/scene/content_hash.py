@@ -1,4 +1,4 @@
-"""Hashes of what a scene contains, whole and thing by thing, blind to how it was cut into chunks."""
+"""Hashes of a scene's contents, whole and thing by thing, blind to how it was cut into chunks."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ def said(what: Any) -> str:
 
 
 def differences(before: Parts, now: Parts) -> list[str]:
-    """Return in words how the parts of a scene differ from what they were; empty where nothing does.
+    """Return in words how the parts of a scene differ from their earlier state; empty if they are equal.
 
-    Objects and screens may have other names: what is all the same under another name is the same thing. Fingers are
+    Objects and screens may have other names: an object that differs by its name alone is the same. Fingers are
     those of their names.
     """
     left = {name: aspects for name, aspects in before.items() if now.get(name) != aspects}
@@ -98,7 +98,7 @@ class ContentHash:
     def parts(self) -> Parts:
         """Return the hash of each aspect of each thing, under the thing's name; names themselves are no part of them.
 
-        What one thing is to another, such as the screen that a device touches, goes in by that other one's hash.
+        The relation of two objects, such as the screen that a device touches, goes in by that other one's hash.
         """
         scene, series = self._scene, self._grouped()
         meshes: dict[int, str] = {}  # instances share one

@@ -34,7 +34,7 @@ class Regrouped:
         return [*before, part(whole, slice(0, end))] if end else before
 
     def rest(self) -> list[Chunk]:
-        """Return what is left at the end, once."""
+        """Return the rest at the end, once."""
         return [] if self._left is None else [self._ended()]
 
     def _ended(self) -> Chunk:

@@ -102,7 +102,7 @@ class SceneChunks:
 
     Attributes:
         path: the file; it must stay where it is.
-        table: what the header says of each chunk.
+        table: the header's entry for each chunk.
     """
 
     path: Path

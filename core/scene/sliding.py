@@ -54,7 +54,7 @@ def sliding_plane(
         depth: how deep the undeformed pad is in the plane [m].
         friction: Coulomb coefficient.
         direction: of the movement in the pad's plane, from +X (the finger's right) to +Y (the tip) [rad].
-        devices: what the finger wears.
+        devices: of the finger.
         slide: length of the movement [s]; the scene begins `SETTLE` before it.
         rate: of the samples [Hz].
     """

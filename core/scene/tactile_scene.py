@@ -49,7 +49,7 @@ class DeviceUse:
 
     Attributes:
         preset: the file stem of the device preset, such as 'haptip'.
-        parameters: what the author set for this use: switches and methods (SI or plain values).
+        parameters: settings of this use: switches and methods (SI or plain values).
         screen: name of the touch screen object, for screens.
     """
 
@@ -92,7 +92,7 @@ class Body:
     simulated: bool = False
 
 
-# What stands for a surface that is not there at a sample [m]: too far away to be touched.
+# Coordinate that stands for a missing surface at a sample [m]: too far away to be touched.
 ABSENT = Mesh(
     np.array([[1e6, 1e6, 1e6], [1e6 + 1.0, 1e6, 1e6], [1e6, 1e6 + 1.0, 1e6]]), np.array([[0, 1, 2]], np.int32)
 )
@@ -109,7 +109,7 @@ class Screen:
             map and 'map_fps' their rate (one a frame where it is not given).
         height_unit: metres that one unit of the map stands for (0 where the map has no physical unit).
         parameters: rendering settings (SI or plain values).
-        findings: what was repaired or noticed while the map was read.
+        findings: repairs and warnings from reading the map.
         holes: where its heights were filled in because nothing was measured, booleans of its shape; None: nowhere.
     """
 

@@ -7,31 +7,52 @@ and restored afterwards.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
 
 
-_held = 0
+_lock = threading.Lock()
+_held = 0  # blocks that run, in whichever thread
+_limit: Any = None  # of threadpoolctl, while the libraries are held at one thread
+_holder: threading.Thread | None = None  # the thread that set it: from another one the libraries take no count
 
 
 @contextmanager
 def one_thread() -> Iterator[None]:
     """Hold the BLAS of numpy and scipy at one thread while a block runs, then give each back what it had.
 
-    Asking the libraries takes a fifth of a millisecond, so only the outermost of nested blocks does.
+    Blocks may be nested and may run in several threads: the first one sets the count, which takes a fifth of a
+    millisecond, and the last one restores it. Where that one may not, the next block of the thread that set it does.
     """
-    global _held
-    with pools().limit(limits=1) if not _held else nullcontext():
+    global _held, _limit, _holder
+    with _lock:
+        if _limit is None:
+            _limit, _holder = pools().limit(limits=1), threading.current_thread()
+            _limit.__enter__()
         _held += 1
-        try:
-            yield
-        finally:
+    try:
+        yield
+    finally:
+        with _lock:
             _held -= 1
+            if not _held:
+                _restore()
+
+
+def _restore() -> None:
+    global _limit, _holder
+    if _holder is not threading.current_thread():
+        if _holder is not None and _holder.is_alive():
+            return
+        _limit.__enter__()
+    _limit.__exit__(None, None, None)
+    _limit = _holder = None
 
 
 @cache

@@ -1,25 +1,25 @@
 """What a force on the skin of an elastic half-space does: Boussinesq, Cerruti and Love in closed form, for E = 1.
 
-Displacement between pieces of the skin takes their chord, their mean normal and, where they are near, the exact
-average over the larger piece. Below the skin, the foot of a point stands in for the plane. Johnson, Contact Mechanics,
-chapter 3; Love, Phil. Trans. A 228 (1929).
+Displacement between pieces of the skin is compiled (`core/kernels/half_space.c`). Below the skin, the foot of a point
+stands in for the plane. Johnson, Contact Mechanics, chapter 3; Love, Phil. Trans. A 228 (1929).
 """
 
 from __future__ import annotations
 
+from ctypes import addressof, byref
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array, Indices
+from ..errors import DermisError
+from ..kernels import records
+from ..kernels.library import kernels
+from ..kernels.records import address
 from .pad_chart import Patches
 
-_TIE, _SIDEWAYS = 1e-9, np.array([1.0, 1.41, 1.73])  # of two areas that are equal, a direction decides
-NEAR = 2.0  # sides of the larger piece within which it is no point
 STRESS_PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))  # xx, yy, zz, yz, xz, xy
-_CORNERS, _SIGNS = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]]), np.array([1.0, -1.0, -1.0, 1.0])
-_TINY, _UNIT, _NEXT, _AFTER = 1e-30, np.eye(3), [1, 2, 0], [2, 0, 1]
 
 
 def surface_kernel(field: Patches, source: Patches, poisson: float, dtype: type = np.float64) -> NDArray[Any]:
@@ -30,78 +30,25 @@ def surface_kernel(field: Patches, source: Patches, poisson: float, dtype: type 
     Args:
         field: where skin moves, I pieces. source: what carries the forces, J pieces.
         poisson: ratio.
-        dtype: of the work; single precision is 1e-6 off.
+        dtype: of the answer, float32 or float64; the work is in double precision.
 
     Returns:
         [1/m], shape (I, 3, J, 3).
     """
-    here, there = (np.ascontiguousarray(p.positions.T, dtype=np.float64) for p in (field, source))
-    chord: NDArray[Any] = (here[:, :, None] - there[:, None]).astype(dtype)
-    turned: list[NDArray[Any]] = [p.normals.astype(dtype) for p in (field, source)]
-    cosine = turned[0] @ turned[1].T
-    scale = 1.0 / np.sqrt(np.maximum(2.0 + 2.0 * cosine, dtype(1e-6)))
-    normal = np.stack([(turned[0][:, k, None] + turned[1][None, :, k]) * scale for k in range(3)])
-    r2 = chord[0] ** 2 + chord[1] ** 2 + chord[2] ** 2
-    sides = np.sqrt(np.maximum(field.areas[:, None], source.areas[None])).astype(dtype)
-    near = np.nonzero(r2 < (NEAR * sides) ** 2)
-    r2[near] = 1.0
-    inverse = 1.0 / np.sqrt(r2)
-    tangent = chord * inverse
-    strength = dtype((1.0 + poisson) / np.pi) * inverse
-    even, odd = strength * dtype(poisson), strength * dtype(0.5 - poisson)
     out: NDArray[Any] = np.empty((len(field), 3, len(source), 3), dtype)
-    for a in range(3):
-        along = even * tangent[a]
-        np.multiply(along, tangent[a], out=out[:, a, :, a])
-        out[:, a, :, a] += dtype(1.0 - poisson) * strength
-        for b in range(a):
-            symmetric = along * tangent[b]
-            turning = odd * (tangent[a] * normal[b] - tangent[b] * normal[a])
-            np.add(symmetric, turning, out=out[:, a, :, b])
-            np.subtract(symmetric, turning, out=out[:, b, :, a])
-    i, j = near
-    apart = here[:, i].T - there[:, j].T
-    ratio = field.areas[i] / source.areas[j] - 1.0
-    first = np.where(np.abs(ratio) < _TIE, apart @ _SIDEWAYS, ratio) > 0  # the same piece from both ends
-    larger = np.where(first[:, None, None], field.sides[i], source.sides[j])
-    out[i, :, j, :] = rectangle_kernel(apart, normal[:, i, j].T, larger, poisson)
+    kept: list[NDArray[Any]] = []
+    both = _record(field, kept), _record(source, kept)
+    pieces = records.PiecesRecord(*map(addressof, both), poisson, dtype is np.float32, address(out))
+    if kernels().press_pieces(byref(pieces)) != records.DONE:
+        raise DermisError("a record for the kernels is damaged", where=kernels().path.name)
     return out
 
 
-def rectangle_kernel(chord: Array, normal: Array, sides: Array, poisson: float) -> Array:
-    """Return the displacement at points for a unit force spread evenly over rectangles, at E = 1.
-
-    Args:
-        chord: from the rectangle's centre to the point, shape (n, 3) [m]. normal: outward, shape (n, 3).
-        sides: of the rectangle, shape (n, 2, 3) [m]; their parallelogram counts as the rectangle of its area.
-        poisson: ratio.
-
-    Returns:
-        [1/m], shape (n, 3, 3).
-    """
-    normal = np.asarray(normal, np.float64)
-    first = sides[:, 0] - _dot(sides[:, 0], normal)[:, None] * normal
-    length = np.sqrt(_dot(first, first))
-    first = first / length[:, None]
-    second = _cross(normal, first)
-    halves = np.stack([0.5 * length, 0.5 * np.abs(_dot(second, sides[:, 1]))])
-    corners = np.stack([_dot(chord, first), _dot(chord, second)]) + _CORNERS[:, :, None] * halves  # (4, 2, n)
-    s, t = corners[:, 0], corners[:, 1]
-    r = np.hypot(s, t)
-    logarithm = np.log(np.maximum(r, _TINY))
-    size, other = np.maximum(np.abs(s), _TINY), np.maximum(np.abs(t), _TINY)  # at zero each term is zero
-    xx, yy = _SIGNS @ (t * np.arcsinh(s / other)), _SIGNS @ (s * np.arcsinh(t / size))  # of s^2 / r^3, t^2 / r^3
-    xy = _SIGNS @ -r  # of s t / r^3
-    ax = _SIGNS @ (t * logarithm + size * np.arctan(t / size))  # of s / r^2
-    ay = _SIGNS @ (s * logarithm + other * np.arctan(s / other))
-    lengthwise = xx[:, None] * first + xy[:, None] * second
-    crosswise = xy[:, None] * first + yy[:, None] * second
-    even = lengthwise[:, :, None] * first[:, None] + crosswise[:, :, None] * second[:, None]
-    turning = (ax[:, None] * first + ay[:, None] * second)[:, :, None] * normal[:, None]
-    out = poisson * even + (0.5 - poisson) * (turning - turning.transpose(0, 2, 1))
-    out += ((1.0 - poisson) * (xx + yy))[:, None, None] * _UNIT
-    out *= ((1.0 + poisson) / (4.0 * np.pi * halves[0] * halves[1]))[:, None, None]
-    return out
+def _record(pieces: Patches, kept: list[NDArray[Any]]) -> records.PatchesRecord:
+    """Return a record of pieces, and keep its arrays in a list."""
+    arrays = [np.ascontiguousarray(v) for v in (pieces.positions, pieces.normals, pieces.sides, pieces.areas)]
+    kept += arrays
+    return records.PatchesRecord(len(pieces), *map(address, arrays))
 
 
 class Beneath:
@@ -206,8 +153,3 @@ def _point_force(place: Array, poisson: float) -> Array:
 
 def _dot(a: Array, b: Array) -> Array:
     return np.einsum("ij,ij->i", a, b)
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Return a x b, shape (n, 3): numpy's own takes three times as long for few."""
-    return a[:, _NEXT] * b[:, _AFTER] - a[:, _AFTER] * b[:, _NEXT]

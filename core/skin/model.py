@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,12 +26,8 @@ from .mesh import TetraMesh
 from .own_mesh import own_mesh
 from .quality import check_mesh, unsolvable
 from .shape import FingertipShape, shape_from_parameters
-from .stiff_tables import StiffTables
 from .store import MESH_ARRAYS, read_model, read_table, write_model, write_table
 from .stress import Probes, StressOperator, receptor_probes
-
-if TYPE_CHECKING:
-    from ..stiffening.stiffening import Stiffening
 
 Floats = NDArray[np.floating[Any]]
 
@@ -57,9 +53,8 @@ class SkinModel:
         key: what the model depends on besides E and alpha, 64 hexadecimal digits.
         cache: where larger tables go, or None.
         shape: the fingertip that was meshed, whose skin is smooth; None for any other mesh.
-        stiffening: a series of what its tissue does beyond linear skin, which devices are matched by; None where there
-            is none. What is said of displacement, stress and energy here is of linear skin: `Stimulus` adds the rest.
-        follows_law: its tissue follows the neo-Hookean law itself, node by node (`law`).
+        follows_law: its tissue follows the neo-Hookean law, node by node (`law`). What is said of displacement, stress
+            and energy here is of linear skin: `Stimulus` adds the rest.
         rounded_key: as `key`, of lengths to the nanometre, so that a length is the same in metres and in millimetres;
             '' of any other mesh.
     """
@@ -71,7 +66,6 @@ class SkinModel:
     key: str
     cache: Cache | None = None
     shape: FingertipShape | None = None
-    stiffening: Stiffening | None = None
     follows_law: bool = False
     rounded_key: str = ""
 
@@ -88,7 +82,7 @@ class SkinModel:
     @property
     def tissue(self) -> str:
         """What its tissue is: 'linear' or 'neo_hookean'."""
-        return NEO_HOOKEAN if self.follows_law or self.stiffening is not None else LINEAR
+        return NEO_HOOKEAN if self.follows_law else LINEAR
 
     @property
     def positions(self) -> Array:
@@ -123,39 +117,24 @@ class SkinModel:
             alpha=self.material.alpha if alpha is None else alpha,
         )
         other = replace(self, material=material)
-        self._share(other, "unit_response", "_unit_stress", "probes", "stiff", "law")
+        self._share(other, "unit_response", "unit_stress", "probes", "law")
         if "operator" in self.__dict__:
             other.__dict__["operator"] = self.operator.with_material(material)
         return other
 
-    def with_stiffening(self, stiffening: Stiffening | None) -> SkinModel:
-        """Return the same skin of tissue that stiffens by a series, or with None of linear tissue: no work."""
-        return self._like(stiffening=stiffening, follows_law=False)
+    def with_law(self) -> SkinModel:
+        """Return the same skin of tissue that follows the neo-Hookean law: no work, tables are shared."""
+        return self if self.follows_law else self._like(follows_law=True)
 
-    def with_law(self, series: Stiffening | None = None) -> SkinModel:
-        """Return the same skin of tissue that follows the neo-Hookean law: no work, tables are shared.
-
-        Args:
-            series: of the same tissue, for devices; without it they are matched on linear skin.
-        """
-        return self._like(stiffening=series, follows_law=True)
+    @cached_property
+    def linear(self) -> SkinModel:
+        """The same skin of linear tissue: no work, tables are shared."""
+        return self._like(follows_law=False) if self.follows_law else self
 
     def _like(self, **changed: Any) -> SkinModel:
         other = replace(self, **changed)
-        self._share(other, "unit_response", "_unit_stress", "probes", "operator", "compliance", "compliance32", "law")
-        if other.stiffening is self.stiffening:
-            self._share(other, "stiff")
+        self._share(other, "unit_response", "unit_stress", "probes", "operator", "compliance", "compliance32", "law")
         return other
-
-    @cached_property
-    def matched(self) -> SkinModel:
-        """The same skin as devices are matched on it: where it follows a law, in the series of the same tissue."""
-        if not self.follows_law:
-            return self
-        made = self.with_stiffening(self.stiffening)
-        if self.stiffening is not None:
-            made.__dict__["stiff"] = self.stiff  # which tells in what patterns it lies: one for both
-        return made
 
     @cached_property
     def on_nodes(self) -> SkinModel:
@@ -238,13 +217,6 @@ class SkinModel:
         """The neo-Hookean law on this mesh, which fingers that are alike share."""
         return _laws.make(self.key, lambda: LawTables(self.mesh, self.material.poisson, lambda: self.unit_response))
 
-    @cached_property
-    def stiff(self) -> StiffTables:
-        """What `stiffening` is on this mesh; only of skin that has one."""
-        assert self.stiffening is not None
-        poisson = self.material.poisson
-        return StiffTables(self.stiffening, self.mesh, self.unit_compliance, lambda: self.unit_response, poisson)
-
     def stress_components(self, count: int | None = None, forces: Floats | None = None) -> Array:
         """Return W: few numbers whose norm is the stress's, sigma_k = W f.
 
@@ -265,7 +237,7 @@ class SkinModel:
         count = size if count is None else count
         if not 1 <= count <= size:
             raise DermisError("as many components as there are", where="skin stress", value=count, limit=f"1 to {size}")
-        root = self._unit_stress
+        root = self.unit_stress
         samples = root if forces is None else root @ np.asarray(forces, np.float64).reshape(-1, size).T
         from scipy.linalg import eigh
 
@@ -275,7 +247,7 @@ class SkinModel:
         return keep.T @ root
 
     @cached_property
-    def _unit_stress(self) -> Array:
+    def unit_stress(self) -> Array:
         """Return H (3 m, 3 m) with |H f| the stress norm of f; stress does not depend on E when forces are given."""
         from scipy.linalg import eigh
 

@@ -7,6 +7,7 @@ nor on the process.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -37,6 +38,7 @@ class RowTable:
 
     def __init__(self, count: int, make: Callable[[Indices], NDArray[Any]], *, together: int = 1) -> None:
         self._make, self._used, self._together = make, 0, together
+        self._lock = threading.Lock()  # skins of several fingers share a table, and threads read them
         self._place = np.full(count, -1, dtype=np.int32)
         self._rows: NDArray[Any] | None = None
 
@@ -45,9 +47,23 @@ class RowTable:
         place = self._place[index]
         missing = place < 0
         if self._rows is None or missing.any():
-            rows = self._add(np.unique(index[missing]) if missing.any() else np.zeros(1, dtype=np.int64))
-            return np.asarray(rows[self._place[index]])
+            with self._lock:
+                rows = self._added(index)
+                return np.asarray(rows[self._place[index]])
         return np.asarray(self._rows[place])
+
+    def places(self, index: Indices) -> tuple[NDArray[Any], Indices]:
+        """Return a table and where in it some rows are, shape (n,); nothing is copied."""
+        with self._lock:
+            rows = self._added(index)
+            return rows, self._place[index].astype(np.int64)
+
+    def _added(self, index: Indices) -> NDArray[Any]:
+        """Return all rows, those that were asked for among them; another thread may have added them meanwhile."""
+        missing = self._place[index] < 0
+        if self._rows is not None and not missing.any():
+            return self._rows
+        return self._add(np.unique(index[missing]) if missing.any() else np.zeros(1, dtype=np.int64))
 
     def _add(self, missing: Indices) -> NDArray[Any]:
         if self._together > 1:

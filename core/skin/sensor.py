@@ -20,8 +20,8 @@ from ..arrays import Array
 from ..errors import DermisError
 from ..npz import opened_npz
 from ..number_rows import read_rows
-from .felt_state import state_size
 from .model import SkinModel
+from .observation import Observation
 
 # Places of the electrodes seen from the pad, as fractions of half the finger's width (x) and of the distance from the
 # pad's centre to the tip (y): seven along the middle, six to either side.
@@ -42,14 +42,18 @@ class ElectrodeSensor:
         places: of the skin over each electrode [m], shape (c, 3).
         thickness: of the tissue there [m], shape (c,).
         weights: how much of each pad node it sees, rows sum to 1, shape (c, m).
-        matrix: readings [1] of forces on the pad nodes [N], shape (c, 3 m), or of all that skin which stiffens feels
-            (`felt_state`), shape (c, 3 m + r + k).
+        observation: readings [1], of forces on the pad nodes or of their displacement.
     """
 
     places: Array
     thickness: Array
     weights: Array
-    matrix: Array
+    observation: Observation
+
+    @property
+    def matrix(self) -> Array:
+        """Readings [1] for forces on the pad nodes of linear skin [N], shape (c, 3 m)."""
+        return self.observation.matrix
 
 
 def electrode_sensor(skin: SkinModel, layout: Array = LAYOUT, spread: float = SPREAD) -> ElectrodeSensor:
@@ -81,12 +85,7 @@ def electrode_sensor(skin: SkinModel, layout: Array = LAYOUT, spread: float = SP
     bone = skin.mesh.nodes[skin.mesh.fixed]
     thickness = np.array([np.sqrt(((bone - p) ** 2).sum(axis=1).min()) for p in places])
     inward = -(weights[:, :, None] * normals[None]).reshape(len(places), -1) / thickness[:, None]
-    matrix = inward @ skin.compliance
-    if skin.stiffening is not None:
-        beyond = np.zeros((len(inward), state_size(skin) - inward.shape[1]))
-        beyond[:, -skin.stiffening.count :] = -inward @ skin.stiff.pad
-        matrix = np.hstack([matrix, beyond])
-    return ElectrodeSensor(places, thickness, weights, matrix)
+    return ElectrodeSensor(places, thickness, weights, Observation(inward @ skin.compliance, inward, stress=False))
 
 
 def read_stimuli(path: Path, channels: int) -> tuple[Array, Array]:

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Array, Floats32
-from ..parameters.error_bands import LINEAR
 from .point_forces import PointForces
-from .stress import COMPONENTS, nodal_average, stored, von_mises
+from .stress import COMPONENTS, Probes, nodal_average, stored, von_mises
 
 if TYPE_CHECKING:
     from .model import SkinModel
@@ -31,9 +30,8 @@ class Stimulus:
         skin: the model.
         force: on the skin at each pad node [N], shape (m, 3).
         points: the same forces where they act, on points of the smooth skin; None where they act on nodes.
-        given: what a touch keeps of tissue that stiffens, as its contact found it: by how much less than linear skin
-            the pad gives way [m], shape (3 m,); of skin that goes by a series how much there is of each pattern, shape
-            (k,). Where None it is found from the forces.
+        given: what a touch keeps of tissue that follows a law, as its contact found it: by how much less than linear
+            skin the pad gives way [m], shape (3 m,). Where None it is found from the forces.
     """
 
     skin: SkinModel
@@ -51,30 +49,23 @@ class Stimulus:
 
     @cached_property
     def amounts(self) -> Array | None:
-        """What a touch keeps of tissue that stiffens, see `given`; None of linear skin."""
-        skin = self.skin
-        if self.given is not None or skin.tissue == LINEAR:
+        """What a touch keeps of tissue that follows a law, see `given`; None of linear skin."""
+        if self.given is not None or not self.skin.follows_law:
             return self.given
-        if skin.follows_law:
-            return skin.law.loaded(self._load).astype(np.float64)
-        return skin.stiff.balanced(skin.stiff.pad.T @ np.asarray(self.force, float).ravel() / skin.material.modulus)
+        return self.skin.law.loaded(self._load).astype(np.float64)
 
     @cached_property
     def pad_displacement(self) -> Array:
         """Displacement of the pad nodes [m], shape (m, 3)."""
         out = self.skin.pad_displacement(self.force)
-        if self._follows:
-            return out - np.asarray(self.amounts, np.float64).reshape(-1, 3)
-        return out if self._beyond is None else out - (self.skin.stiff.pad @ self._beyond).reshape(-1, 3)
+        return out - np.asarray(self.amounts, np.float64).reshape(-1, 3) if self._follows else out
 
     @cached_property
     def displacement(self) -> Array:
         """Displacement of all nodes [m], shape (n, 3)."""
         if self._follows:
             return self.skin.law.nodes(self._state).astype(np.float64)
-        if self.skin.stiffening is None or self.amounts is None:
-            return self._linear_displacement
-        return self._linear_displacement - self.skin.stiff.moved(self.amounts)[1]
+        return self._linear_displacement
 
     @property
     def _follows(self) -> bool:
@@ -96,18 +87,9 @@ class Stimulus:
         return self.skin.displacement(self.force)
 
     @cached_property
-    def _beyond(self) -> Array | None:
-        """The force that stiffening takes in each pattern of a series at E = 1, shape (k,); None without it."""
-        stiffening, q = self.skin.stiffening, self.amounts
-        return None if self.skin.follows_law or stiffening is None or q is None else stiffening.energy.force(q)
-
-    @cached_property
-    def _more(self) -> Array | None:
+    def more(self) -> Array | None:
         """Stress of each element beyond linear tissue's [Pa], shape (e, 6); None of linear skin."""
-        stiffening, q = self.skin.stiffening, self.amounts
-        if self._follows:
-            return self.stress - self.skin.operator.stress(self._linear_displacement)
-        return None if stiffening is None or q is None else self.skin.material.modulus * self.skin.stiff.beyond(q)
+        return self.stress - self.skin.operator.stress(self._linear_displacement) if self._follows else None
 
     @cached_property
     def stress(self) -> Array:
@@ -115,30 +97,34 @@ class Stimulus:
 
         It is that of forces on nodes, smeared over an element: near the skin read `probe_stress`.
         """
-        skin = self.skin
         if self._follows:
-            return skin.material.modulus * skin.law.stress(self._state)
-        if skin.stiffening is None or self.amounts is None:
-            return skin.operator.stress(self._linear_displacement)
-        stress, held = skin.stiff.felt(self.amounts)
-        return skin.operator.stress(self._linear_displacement - held) + skin.material.modulus * stress
+            return self.skin.material.modulus * self.skin.law.stress(self._state)
+        return self.skin.operator.stress(self._linear_displacement)
 
     @cached_property
     def probe_stress(self) -> Array:
-        """Stress at `skin.probes`, at receptor depth under the pad nodes [Pa], shape (k, 6).
+        """Stress at `skin.probes`, at receptor depth under the pad nodes [Pa], shape (k, 6), see `stress_at`."""
+        return self.stress_at(self.skin.probes)
 
-        Of forces on points it is that of the smooth skin, as deep under it.
+    def stress_at(self, probes: Probes) -> Array:
+        """Return the stress at points in the tissue [Pa], xx, yy, zz, yz, xz, xy, shape (k, 6).
+
+        Of forces on points it is that of the smooth skin, as deep under it, and what the law adds on the mesh.
+
+        Args:
+            probes: of this skin's mesh; where forces are on points their depths are known.
         """
-        if self.points is not None:
-            probes = self.skin.probes
-            out = self.points.stress_below(self.skin.positions[probes.pad], probes.depth)
-            return out if self._more is None else out + probes.read(self.skin.mesh, self._more)
-        return self.skin.probes.read(self.skin.mesh, self.stress)
+        if self.points is None:
+            return probes.read(self.stress)
+        under = probes.pad >= 0
+        feet = np.where(under[:, None], self.skin.positions[np.where(under, probes.pad, 0)], probes.points)
+        out = self.points.stress_below(feet, probes.depth)
+        return out if self.more is None else out + probes.read(self.more)
 
     @cached_property
     def energy_density(self) -> Array:
         """Strain energy density of each element [J/m^3], shape (e,)."""
-        if self._more is None:
+        if self.more is None:
             return self.skin.operator.energy_density(self._linear_displacement)
         return stored(self.stress, self.skin.material)
 
@@ -147,12 +133,7 @@ class Stimulus:
         """Strain energy [J]."""
         if self._follows:
             return self.skin.material.modulus * self.skin.law.energy(self._state)
-        out = self.skin.energy(self.force)
-        if self._beyond is None or self.skin.stiffening is None or self.amounts is None:
-            return out
-        n, stiff, modulus = self._beyond, self.skin.stiff, self.skin.material.modulus
-        own = self.skin.stiffening.energy.value(self.amounts) + 0.5 * float(n @ stiff.bound @ n)
-        return out - float(np.asarray(self.force, float).ravel() @ stiff.pad @ n) + modulus * own
+        return self.skin.energy(self.force)
 
     @cached_property
     def resultant(self) -> Array:

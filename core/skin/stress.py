@@ -14,6 +14,7 @@ from ..arrays import Array
 from .assembly import Element, Geometry, geometry
 from .material import Elastic
 from .mesh import TetraMesh
+from .recovery import fitted
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -175,22 +176,20 @@ class Probes:
 
     Attributes:
         points: [m], shape (k, 3).
-        element: the tetrahedron that holds each, shape (k,).
-        weights: barycentric coordinates in it, shape (k, 4).
+        reading: takes values of the elements to values at the points, sparse (k, e); see `recovery.fitted`.
         depth: below the skin [m], shape (k,); nan where unknown.
         pad: which pad node (by its place in the pad) each lies under, shape (k,); -1 where none.
     """
 
     points: Array
-    element: NDArray[np.int64]
-    weights: Array
+    reading: csr_array
     depth: Array
     pad: NDArray[np.int64]
 
-    def read(self, mesh: TetraMesh, values: Array) -> Array:
-        """Return element values smoothed over the nodes and interpolated to the probes, (e, ...) to (k, ...)."""
-        nodal = nodal_average(mesh, values)
-        return np.einsum("kj,kj...->k...", self.weights, nodal[mesh.tetrahedra[self.element]])
+    def read(self, values: Array) -> Array:
+        """Return element values at the probes, (e, ...) to (k, ...)."""
+        flat = self.reading @ values.reshape(len(values), -1)
+        return np.asarray(flat.reshape(len(self.points), *values.shape[1:]))
 
 
 def receptor_probes(mesh: TetraMesh, depths: Sequence[float] = RECEPTOR_DEPTHS) -> Probes:
@@ -198,9 +197,8 @@ def receptor_probes(mesh: TetraMesh, depths: Sequence[float] = RECEPTOR_DEPTHS) 
     points = (mesh.nodes[mesh.pad][None] - np.asarray(depths)[:, None, None] * mesh.pad_normals[None]).reshape(-1, 3)
     depth = np.repeat(np.asarray(depths, float), len(mesh.pad))
     pad = np.tile(np.arange(len(mesh.pad)), len(depths))
-    element, weights = locate(mesh, points)
-    inside = element >= 0
-    return Probes(points[inside], element[inside], weights[inside], depth[inside], pad[inside])
+    inside = locate(mesh, points)[0] >= 0
+    return Probes(points[inside], fitted(mesh, points[inside]), depth[inside], pad[inside])
 
 
 def locate(mesh: TetraMesh, points: Array) -> tuple[NDArray[np.int64], Array]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,6 @@ from .material import Elastic
 from .pad_chart import PadChart, Patches
 from .remainder import Remainder
 from .row_table import RowTable
-
-if TYPE_CHECKING:
-    from ..stiffening.stiffening import Stiffening
 
 SPREAD = 0.7  # times a probe's depth that pieces above it may measure; larger ones pass their force to their children
 ABOVE = 2.0  # sides of a piece (and depths) within which it is above a probe
@@ -42,14 +39,12 @@ class SurfaceCompliance:
         material: E, Poisson's ratio and alpha.
         remainder: what a half-space lacks, at E = 1.
         spring: displacement of the whole bone for the total force [m/N], symmetric, shape (3, 3); zero where held.
-        stiffening: what skin does beyond this; None where it is linear. `apply`, `rows` and `block` are of linear skin.
     """
 
     chart: PadChart
     material: Elastic
     remainder: Remainder
     spring: Array = field(default_factory=lambda: np.zeros((3, 3)))
-    stiffening: Stiffening | None = None
 
     def __repr__(self) -> str:
         return f"SurfaceCompliance({self.chart!r}, E {1e-3 * self.material.modulus:.3g} kPa)"
@@ -64,10 +59,6 @@ class SurfaceCompliance:
         young = self.material.young if young is None else young
         alpha = self.material.alpha if alpha is None else alpha
         return self._sharing(replace(self, material=replace(self.material, young=young, alpha=alpha)))
-
-    def with_stiffening(self, stiffening: Stiffening | None) -> SurfaceCompliance:
-        """Return the same pad of tissue that stiffens: no work, tables are shared."""
-        return self._sharing(replace(self, stiffening=stiffening))
 
     def with_spring(self, direction: Array, stiffness: float) -> SurfaceCompliance:
         """Return the same pad on a bone that gives way along a unit vector, by the total force over [N/m]."""
@@ -141,12 +132,6 @@ class SurfaceCompliance:
         """Return the remainder's functions at cells, shape (n, rank); computed once for each cell that is asked for."""
         return self._functions[np.asarray(cells)]
 
-    def patterns(self, cells: Indices) -> Floats32:
-        """Return the patterns of a skin that stiffens at cells, shape (n, 3, k); computed once for each cell."""
-        assert self.stiffening is not None
-        flat = self._patterns[np.asarray(cells)]
-        return np.ascontiguousarray(flat.reshape(len(flat), 3, self.stiffening.count))
-
     def probes(self, places: Array, depths: Floats | float) -> Probes:
         """Return points below the skin at places of the chart, shape (k, 2), and depths [m] above zero, shape (k,)."""
         skin = self.chart.surface(places)
@@ -195,14 +180,6 @@ class SurfaceCompliance:
         return RowTable(len(positions), lambda cells: functions(positions[cells]), together=16)
 
     @cached_property
-    def _patterns(self) -> RowTable:
-        assert self.stiffening is not None
-        positions, patterns = self.cells.positions, self.stiffening.patterns
-        return RowTable(
-            len(positions), lambda cells: patterns.at(positions[cells]).reshape(len(cells), -1), together=16
-        )
-
-    @cached_property
     def _surface(self) -> Floats32:
         """D in the order that makes one product of a row: function at i, component at i and j, function at j."""
         rank = self.remainder.rank
@@ -210,8 +187,6 @@ class SurfaceCompliance:
 
     def _sharing(self, other: SurfaceCompliance) -> SurfaceCompliance:
         other.__dict__.update(_functions=self._functions, coarse=self.coarse, _surface=self._surface)
-        if other.stiffening is not None and other.stiffening is self.stiffening:
-            other.__dict__["_patterns"] = self._patterns
         return other
 
 

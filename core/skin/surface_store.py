@@ -106,9 +106,6 @@ def smooth_pad(skin: SkinModel) -> SurfaceCompliance | None:
         own = replace(material, poisson=round(material.poisson, 6))  # the same, whoever asks first
         known = SurfaceCompliance(_chart(_rounded(skin.shape), skin.cache), own, remainder)
     pad = _pads.make(key, lambda: known)
-    if skin.stiffening is not None:
-        stiff = pad.with_stiffening(skin.stiffening)
-        pad = _pads.make(f"{key} {skin.stiffening.key}", lambda: stiff) if skin.stiffening.key else stiff
     return pad.with_material(young=material.young, alpha=material.alpha)
 
 

@@ -1,7 +1,7 @@
 """Blender's side of the sender: starts the process, writes requests and signs of life, reads the status. Never waits.
 
 A sender that is closed brings its device to the safe state at the device's own speed, which may take longer than
-anybody's patience: it goes on by itself then, and removes what is its own. Who wants its port meanwhile is told so.
+anybody's patience: it goes on by itself then, and removes its shared state. Who wants its port meanwhile is told so.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ class SenderClient:
         self._shared.write_heartbeat(self._stops, False, None)
 
     def heartbeat(self, *, playing: bool = False, time: float | None = None, values: Sequence[float] = ()) -> None:
-        """Give a sign of life, with what Blender shows."""
+        """Give a sign of life, with the state that Blender shows."""
         if len(values) > MAX_VALUES:
             raise DermisError("more values than a heartbeat can hold", value=len(values), limit=str(MAX_VALUES))
         self._shared.write_heartbeat(self._stops, playing, time, tuple(values))
@@ -145,7 +145,7 @@ class SenderClient:
         _reap()
 
     def _ends(self) -> str:
-        """Return what a closed sender still does, in words."""
+        """Return the remaining task of a closed sender, in words."""
         return str(self._shared.read_status().get("message", "")) or "going to the safe state"
 
     def _gone(self) -> bool:
@@ -204,6 +204,6 @@ def note_loss(text: str) -> None:
 
 
 def leaving() -> str:
-    """Return what closed senders of this process still do, or have left undone, in words; '' for nothing."""
+    """Return the tasks that closed senders of this process still do, or have left undone, in words; '' for none."""
     _reap()
     return "; ".join([*_lost, *(f"{one._ends()} ({one._request.get('url', '')})" for one in _ending)])

@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import DermisError
 from .device_output import DeviceOutput, plain
 from .links import capacity
+from .links.serial_port import slow_chip
 from .links.transport import Transport
 from .log.row import Phase
 from .outbox import Outbox
@@ -27,8 +28,8 @@ class Connection:
         clock: read again just before a command leaves, see `Outbox`.
 
     Attributes:
-        link: to the device. adapter: its protocol. outbox: commands on their way into the link. output: what it gets.
-        recorder: writes down what it gets, where a person asked for that.
+        link: to the device. adapter: its protocol. outbox: commands on their way into the link. output: its values.
+        recorder: logs the values sent, where a person asked for a log.
 
     Raises:
         DermisError: the protocol does not go over this link, or the link cannot carry the commands.
@@ -51,10 +52,12 @@ class Connection:
         self.recorder = Recorder()
         self._opened = now
         self._counters, self._refused = counters, 0
+        self._slow = slow_chip(link.name, link.keeps) if link.keeps > adapter.bears else ""
+        adapter.carries = link.carries
         adapter.opened(now)
 
     def receive(self, now: float) -> None:
-        """Take what has arrived.
+        """Take the messages that have arrived.
 
         Raises:
             Gone: the link is closed.
@@ -66,7 +69,7 @@ class Connection:
             self._refused = self.adapter.refused
 
     def poll(self, now: float) -> bool:
-        """Send what the protocol itself has to say; return whether the device has been recognised.
+        """Send the protocol's own messages; return whether the device has been recognised.
 
         Raises:
             DermisError: the device cannot be used, or has not answered.
@@ -102,7 +105,7 @@ class Connection:
         return capacity.ramp_period(self.adapter, self.link, self.output.rate, self.output.wire.spec.rate)
 
     def status(self) -> dict[str, Any]:
-        """Return what link and device say of themselves, as JSON values."""
+        """Return the reports of link and device, as JSON values."""
         adapter = self.adapter
         return {
             "device": adapter.device,
@@ -114,18 +117,27 @@ class Connection:
             },
             "caution": adapter.caution,
             "output_hz": adapter.output_hz,
-            "notice": adapter.notice,
+            "notice": ". ".join(filter(None, (adapter.notice, self._slow))),
             "round_trip_ms": plain(adapter.round_trip * 1e3),
             "protocol": dict(adapter.counters),
             "link": self.link.name,
             "received": self.link.report(),
             "reported": self._reported(),
+            "sensed": self._sensed(),
+        }
+
+    def _sensed(self) -> dict[str, dict[str, float | None]]:
+        """Return the actuators' measurements beside their pose, by name and unit, and by channel."""
+        names = self.output.wire.names
+        return {
+            what: {name: plain(value) for name, value in zip(names, values.tolist(), strict=True)}
+            for what, values in self.adapter.sensed.items()
         }
 
     def _reported(self) -> dict[str, float]:
         """Return where the device says that it is, as it would be commanded [units], by channel; empty if it does not.
 
-        What it says is as driven; a track, the mechanism and its twin know nothing of the calibration.
+        The device reports driven values; a track, the mechanism and its twin know nothing of the calibration.
         """
         wire, driven = self.output.wire, self.link.report().get("values")
         if driven is not None:

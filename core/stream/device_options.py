@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
+from datetime import date
 from typing import Any
 
 from ..devices.calibration import Calibration
+from ..devices.spec import from_preset
 from ..presets import Library
 from .request import StreamRequest
 
@@ -14,21 +17,27 @@ from .request import StreamRequest
 def request_from(options: argparse.Namespace, key: str, **more: Any) -> StreamRequest:
     """Return the request that the options make for a device preset; `more` are other fields of it.
 
+    Prints notices about the calibration, such as its age.
+
     Raises:
         DermisError: the preset or the calibration cannot be read.
     """
+    preset = Library(options.presets).load("devices", key)
+    made = Calibration.load(options.calibration) if options.calibration else None
+    for finding in () if made is None else made.findings(from_preset(key, preset), date.today()):
+        print(finding, file=sys.stderr, flush=True)
     return StreamRequest(
         url=options.url,
         protocol=options.protocol,
-        device={"key": key, "preset": Library(options.presets).load("devices", key)},
-        calibration=Calibration.load(options.calibration).dumps() if options.calibration else "",
+        device={"key": key, "preset": preset},
+        calibration="" if made is None else made.dumps(),
         rate=options.rate,
         **more,
     )
 
 
 def log_from(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the fields of a request that say what is logged and teed."""
+    """Return the fields of a request that configure the log and its tees."""
     return {
         "log": os.path.abspath(options.log) if options.log else "",  # its writer works in another folder
         "log_size": options.log_size,

@@ -1,4 +1,4 @@
-"""What a device gets: the values of a source at the moments of the sample clock, through the limiter."""
+"""The output to a device: the values of a source at the moments of the sample clock, through the limiter."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from .source import FollowSource, Source, follow_values, goes_on, source_of
 from .touch_panel_source import PanelSource, Screen
 from .track_source import TrackSource
 
-BLEND = 0.3  # what a new calibration, or something else to play, changes is blended in over this long [s]
+BLEND = 0.3  # the change by a new calibration or another source is blended in over this long [s]
 
 
 class DeviceOutput:
-    """What one device gets. It outlives the link: what was limited can be told after the end.
+    """The output to one device. It outlives the link, so that the limited values can be reported after the end.
 
     Args:
-        source: what was streamed before, so that a playback goes on where it was.
+        source: the previous source, so that a playback goes on where it was.
 
     Attributes:
         wire: the device. rate: of commands [Hz]. sample_clock: which samples are due, and how late they were.
         limiter: the last thing before the wire. source: None where none could be made.
-        wanted: what was asked for last [units], before calibration and limits.
+        wanted: the values asked for last [units], before calibration and limits.
 
     Raises:
         DermisError: no device is chosen, or its preset or calibration cannot be used.
@@ -57,7 +57,7 @@ class DeviceOutput:
         load_screen: Callable[[Path], Screen] | None,
         output_hz: float,
     ) -> bool:
-        """Make what the request's mode asks for; return whether it goes on where the source before it was.
+        """Make the source of the request's mode; return whether it goes on where the source before it was.
 
         Args:
             published: values that Blender published last. output_hz: values a second that reach the actuators [Hz].
@@ -70,14 +70,14 @@ class DeviceOutput:
         return goes_on(self.source, old)
 
     def show(self, heartbeat: Heartbeat, now: float) -> None:
-        """Take what Blender shows."""
+        """Take the state that Blender shows."""
         if isinstance(self.source, FollowSource):
             self.source.latest = follow_values(self.wire, heartbeat.values)
         elif isinstance(self.source, TrackSource | PanelSource) and heartbeat.time is not None:
             self.source.report(heartbeat.time, heartbeat.playing, now)
 
     def begin(self, pose: Array, now: float, horizon: float, ramp: float) -> None:
-        """Begin at a pose [units], and blend from there to what is wanted over `ramp` [s]."""
+        """Begin at a pose [units], and blend from there to the wanted values over `ramp` [s]."""
         self.limiter.plan(self.sample_clock.period)
         self.limiter.begin(pose, now + horizon - 1.0 / self.rate, ramp)
         self.sample_clock.start(now + horizon, horizon)
@@ -85,7 +85,7 @@ class DeviceOutput:
             self.source.begin(now)
 
     def blend(self) -> None:
-        """Blend over to what has just been changed."""
+        """Blend over to the changed values."""
         self.limiter.blend(self.sample_clock.next, BLEND)
 
     def recalibrate(self, calibration: Calibration | None) -> bool:
@@ -94,11 +94,15 @@ class DeviceOutput:
         Raises:
             DermisError: it does not fit.
         """
-        before, self.wire = self.wire.safe, Wire.of(self.wire.spec, calibration)
-        self.limiter.wire = self.wire
+        before, wire = self.wire, Wire.of(self.wire.spec, calibration)
+        if isinstance(self.source, TrackSource):
+            self.source.take(wire)  # which may refuse it, before anything has changed
+            self.source.offset += wire.latency - before.latency
+        self.wire = wire
+        self.limiter.recalibrate(wire)
         if isinstance(self.source, PanelSource):
-            self.source.recalibrated(self.wire)
-        return bool((before != self.wire.safe).any())
+            self.source.recalibrated(wire)
+        return bool((before.safe != self.wire.safe).any())
 
     def limited(self) -> dict[str, int]:
         """Return how many values were limited, by channel and limit."""
@@ -106,7 +110,7 @@ class DeviceOutput:
         return {**self.limiter.limited, **law}
 
     def status(self) -> dict[str, Any]:
-        """Return rate, lateness, limits and what is driven, as JSON values."""
+        """Return rate, lateness, limits and driven values, as JSON values."""
         p50, p99 = self.sample_clock.lateness.percentiles()
         return {
             "rate": self.rate,

@@ -1,4 +1,4 @@
-"""The last moments of a link: what waits has to leave, and the device to confirm its safe state where it can."""
+"""The last moments of a link: waiting messages have to leave, and the device to confirm its safe state where it can."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from .links.transport import Transport
 from .outbox import Outbox
 from .protocols.adapter import Adapter
 
-DRAIN = 1.0  # what has not left after this long is thrown away, and that is said [s]
+DRAIN = 1.0  # messages that have not left after this long are thrown away, and that is said [s]
 
 
 class Drain:
     """Empties a link before it is closed, without ever waiting.
 
     Attributes:
-        message: what could not be done, '' if nothing.
+        message: the failure in words, '' if there was none.
     """
 
     def __init__(self, link: Transport, adapter: Adapter, outbox: Outbox, counters: Counter[str], now: float) -> None:
@@ -24,7 +24,7 @@ class Drain:
         self.message = ""
 
     def done(self, now: float) -> bool:
-        """Send on what waits; return whether the link may be closed.
+        """Send on the waiting messages; return whether the link may be closed.
 
         Raises:
             Gone: the link is closed already.

@@ -1,6 +1,6 @@
 """The phases of one connected device: idle, arming, live, on the way to its safe state, and draining.
 
-Whatever ends a stream, the device goes to its safe state first, at its own speed, and what waits in the link leaves;
+Whatever ends a stream, the device goes to its safe state first, at its own speed, and the messages in the link leave;
 only then may the link be closed. After a stop, a stall or a fault nothing moves until a person arms again.
 
 The sender is its own dead man's switch: where no command has left for longer than the board's declared silence, as
@@ -32,12 +32,12 @@ from .track_source import TrackSource
 
 ARMING = 1.0  # a device that is not armed after this long will not be [s]
 SWITCH_OFF = "Switch its supply off"
-APART = 0.05  # so long apart, because a disturbed line or network loses what leaves together [s]
+APART = 0.05  # so long apart, because a disturbed line or network loses messages that leave together [s]
 REPEAT = 3  # a safe state is written this often where no device confirms it
 
 
 class Phase(Enum):
-    """What is done with the device."""
+    """The current task with the device."""
 
     IDLE = "nothing"
     ARMING = "it was asked to arm"
@@ -50,7 +50,7 @@ class Drive:
     """Drives one device over one connection, a tick at a time.
 
     Attributes:
-        request: what Blender wants now. phase: what is done. message: the last error, or what is waited for.
+        request: Blender's latest. phase: the current task. message: the last error, or the awaited event.
         leaving: the link will be closed, the device safe first. drained: it can be closed now.
         driven: this link has brought the device where the limiter believes it.
     """
@@ -68,7 +68,7 @@ class Drive:
         self._unsaid: list[bytes] = []  # word to go to the safe state that found no room
         self._drain: Drain | None = None
 
-    # -- what can be asked for
+    # -- requests
 
     def arm(self, now: float, *, alive: bool) -> None:
         """Begin to arm; the message says why not. `alive`: Blender gives signs of life, or need not."""
@@ -122,14 +122,14 @@ class Drive:
             self.message = "Until you stop and arm again, the device's own safe pose is that of the calibration before"
 
     def blend(self) -> None:
-        """Blend over to what has just been changed, while samples leave."""
+        """Blend over to the changed values, while samples leave."""
         if self.phase is Phase.LIVE:
             self.output.blend()
 
     # -- time passes
 
     def poll(self, now: float) -> bool:
-        """Exchange what the protocol itself has to say; return whether the device is there to be driven.
+        """Exchange the protocol's own messages; return whether the device is there to be driven.
 
         Raises:
             DermisError: the device cannot be used, or has not answered.
@@ -155,7 +155,7 @@ class Drive:
             self.message = "; ".join(filter(None, (self.message.rstrip("."), fault)))
 
     def tick(self, now: float, *, alive: bool) -> None:
-        """Do what is due. `alive`: Blender gives signs of life, or need not.
+        """Do the due work. `alive`: Blender gives signs of life, or need not.
 
         Raises:
             Gone: the link is closed.
@@ -218,7 +218,7 @@ class Drive:
 
     @property
     def going(self) -> str:
-        """What still happens before the device is safe or the link closed, '' for nothing."""
+        """The remaining step before the device is safe or the link closed, '' for none."""
         if self._ramp is not None:
             return f"going to the safe state, {self._ramp.seconds:.1f} s"
         return "making sure of the safe state" if self.phase is Phase.DRAINING else ""
@@ -227,7 +227,7 @@ class Drive:
     def horizon(self) -> float:
         """How far ahead samples are sent now [s]: only while a playback runs, and no more than the device holds.
 
-        While nothing moves there is nothing to know beforehand; what was sent ahead before a pause plays out first.
+        While nothing moves, no future values are needed. Samples sent ahead before a pause play out first.
         """
         adapter = self.connection.adapter
         if not (adapter.timed and isinstance(self.output.source, TrackSource) and self.output.moving):
@@ -252,7 +252,7 @@ class Drive:
         self.connection.outbox.begin(now)
 
     def _live(self, now: float, alive: bool) -> None:
-        """Send the samples that are due; what the link has held back comes first."""
+        """Send the samples that are due; samples that the link has held back come first."""
         adapter, output, outbox = self.connection.adapter, self.output, self.connection.outbox
         source, clock = output.source, output.sample_clock
         assert source is not None
@@ -349,7 +349,7 @@ class Drive:
     def _stay_alive(self, now: float) -> None:
         """Say something where commands are so far apart that the board would count this sender as silent."""
         adapter, outbox = self.connection.adapter, self.connection.outbox
-        if (now - outbox.left_at) * adapter.least_rate > 1.0:
+        if (now - outbox.left_at) * adapter.least_rate > 1.0 and not adapter.busy:
             messages = adapter.sign_of_life(self.output.limiter.last, now)
             outbox.send(messages, now, moves=True, count=False)
 
@@ -395,6 +395,10 @@ class Drive:
         assert ramp is not None
         if ramp.waits(now):
             return
+        if adapter.busy:  # the line is not free for a command
+            if ramp.stuck(now):
+                self._give_up_safing(now)
+            return
         if ramp.due(now) and not ramp.said:  # after a word that lets actuators go, none may take hold again
             left = send(adapter.command(ramp.step(now), now, None), now, moves=True)
             self.connection.note(now, None, left, Logged.RAMP)
@@ -407,7 +411,7 @@ class Drive:
             adapter.forget()  # said again in full
             if send(adapter.safe() or adapter.command(self.output.wire.safe, now, None), now, moves=True):
                 self.connection.note(now, None, True, Logged.SAFE)
-                ramp.said, ramp.say_at = ramp.said + 1, now + APART
+                ramp.said, ramp.say_at, self._told_at = ramp.said + 1, now + APART, now
         if ramp.said == REPEAT:
             self._finish_safing(now)
         elif ramp.stuck(now):

@@ -35,7 +35,7 @@ class LocalStream:
     """One device from connecting to its safe state.
 
     Args:
-        request: link, device and what is streamed. signals: that end it.
+        request: link, device and stream. signals: that end it.
 
     Attributes:
         streamer: that does it. unsure: the safe state could not be made sure of. logged: the log is whole, or there is
@@ -109,7 +109,7 @@ class LocalStream:
         self.unsure |= streamer.counters["safe states not confirmed"] > unsure
 
     def tick(self, now: float) -> float:
-        """Do what is due; return when the next thing will be [s]."""
+        """Do the due work; return when the next is due [s]."""
         return self.streamer.tick(now)
 
     def refusal(self, otherwise: str) -> DermisError:
@@ -136,7 +136,7 @@ def say(text: str) -> None:
         atexit.register(_finish_writing)
     written = threading.Event()
     _said.put((descriptor, f"{text}\n".encode(errors="replace"), written))
-    written.wait(WRITTEN)  # nearly always: what is printed next comes after it
+    written.wait(WRITTEN)  # nearly always: the next print comes after it
 
 
 def _finish_writing() -> None:
@@ -145,7 +145,7 @@ def _finish_writing() -> None:
 
 
 def _write_all() -> None:
-    """Write what is said, in its order; not by `print`, whose lock would be held by whoever waits for a terminal."""
+    """Write the messages in order; not by `print`, whose lock would be held by whoever waits for a terminal."""
     while (one := _said.get()) is not None:
         descriptor, data, written = one
         with contextlib.suppress(OSError):

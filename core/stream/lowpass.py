@@ -1,4 +1,4 @@
-"""A track as actuators that take few values a second can show it, and what that leaves out."""
+"""A track as actuators that take few values a second can show it, and the loss by that."""
 
 from __future__ import annotations
 
@@ -60,11 +60,11 @@ def low_passed(times: Array, values: Array, output_hz: float) -> tuple[Array, Ar
 
 @dataclass(frozen=True)
 class Loss:
-    """What of a track the output does not show.
+    """The part of a track that the output does not show.
 
     Attributes:
         output_hz: values a second that it takes. names, units: of the channels.
-        largest, rms: of the difference between the track and what is played [unit], shape (channels,).
+        largest, rms: of the difference between the track and the output [unit], shape (channels,).
         span: of each channel [unit], shape (channels,).
     """
 

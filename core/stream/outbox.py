@@ -1,4 +1,4 @@
-"""What goes out on one link, and in which order: the protocol's own messages first, then commands; what has no room."""
+"""The order of messages on one link: the protocol's own first, then commands; and the messages without room."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ MAX_WAITING = 16  # messages of the protocol's own that wait for room in the lin
 
 
 class SendResult(Enum):
-    """What became of a command."""
+    """The outcome of a command."""
 
     SENT = "it left"
-    UNSENT = "the link is full, but there is time: it waits, and others behind it"
+    UNSENT = "the link is full or busy, but there is time: it waits, and others behind it"
     DROPPED = "the link is full, and its time has come"
 
 
 class Outbox:
-    """Messages of an adapter on their way into a link that never waits; what becomes of them is counted.
+    """Messages of an adapter on their way into a link that never waits; the outcomes are counted.
 
-    Commands leave no faster than the link carries them, even one that takes more: what a driver hides arrives when its
-    sender is dead, and keeps the device's watchdog quiet until then.
+    Commands leave no faster than the link carries them, even one that takes more: bytes in a driver arrive when their
+    sender is dead, and keep the device's watchdog quiet until then.
 
     Args:
         bucket: how fast commands may leave.
         clock: read again just before a command leaves; None: the time handed in is the time that it leaves.
 
     Attributes:
-        left_at: when something left last, a message or a part of what waits in the link [s].
+        left_at: when something left last, a message or a part of the bytes that wait in the link [s].
         silence: the longest time since `begin` in which nothing left, if the board counts that as silence; else 0 [s].
-        unsent: values and play-out time of a command that found no room and still has time; None: there is none.
+        unsent: values and play-out time of a command that waits for room or for an answer; None: there is none.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Outbox:
         self._in_link = 0  # bytes that waited in the link when it had no room last
         self._waiting: deque[bytes] = deque()
         self._refused = self._crowded = -math.inf  # when the link had no room last; when it said so too late [s]
-        self.unsent: tuple[Array, float] | None = None
+        self.unsent: tuple[Array, float | None] | None = None
 
     @property
     def blocked(self) -> bool:
@@ -81,7 +81,7 @@ class Outbox:
         return self.silence > 0
 
     def poll(self, now: float) -> None:
-        """Send what the protocol itself has to say, in its order; what finds no room waits, the oldest not for ever."""
+        """Send the protocol's own messages in order; those without room wait, the oldest not for ever."""
         self._waiting += self._adapter.poll(now)
         while len(self._waiting) > MAX_WAITING:
             self._waiting.popleft()
@@ -110,11 +110,14 @@ class Outbox:
         return whole
 
     def command(self, values: Array, play: float | None, now: float, patience: float) -> SendResult:
-        """Send one command; return what became of it.
+        """Send one command; return the outcome.
 
         Args:
             play: when it counts [s], or None for at once. patience: a command this close to its time is dropped [s].
         """
+        if self._adapter.busy:
+            self.unsent = values, play
+            return SendResult.UNSENT
         self.unsent = None
         free = not self._waiting and self._may_leave(now)
         if free and self.send(self._adapter.command(values, now, play), now, moves=True, count=False):
@@ -130,7 +133,7 @@ class Outbox:
         return SendResult.DROPPED
 
     def _may_leave(self, now: float) -> bool:
-        """Return whether the link is through with what has left, as far as its pace and the answers tell."""
+        """Return whether the link is through with the sent messages, as far as its pace and the answers tell."""
         if self._adapter.congested:
             if now - self._refused > MEMORY:
                 self._crowded = now

@@ -7,6 +7,7 @@ from collections import Counter
 import numpy as np
 
 from ..arrays import Array
+from ..devices.response import Believed
 from .protocols.wire import Wire
 
 SLACK = 1e-9
@@ -15,6 +16,7 @@ SLOWEST = 0.1  # where few commands are planned a step counts as this, or two pe
 LIMITS = ("range", "disc", "slew", "not_finite")
 
 Blend = tuple[Array, float, float]  # from where [units], how much of it is through [s], how long it takes [s]
+_State = tuple[Array, float, Blend | None, Believed | None]
 
 
 class OutputLimiter:
@@ -27,7 +29,7 @@ class OutputLimiter:
         period: between commands as planned [s]; of the device's rate if left out.
 
     Attributes:
-        last: what was driven last [units], shape (channels,).
+        last: the values driven last [units], shape (channels,).
     """
 
     def __init__(self, wire: Wire, period: float | None = None) -> None:
@@ -37,7 +39,8 @@ class OutputLimiter:
         self.last: Array = self.driven(wire.rest)
         self._time = -np.inf
         self._blend: Blend | None = None
-        self._before: tuple[Array, float, Blend | None] = (self.last, self._time, self._blend)
+        self._believed: Believed | None = None
+        self._before: _State = (self.last, self._time, self._blend, self._believed)
 
     @property
     def limited(self) -> Counter[str]:
@@ -54,44 +57,52 @@ class OutputLimiter:
     def driven(self, wanted: Array) -> Array:
         """Return calibrated values within the limits, without counting."""
         wire = self.wire
-        return np.minimum(np.maximum(wire.zero + wire.gain * wanted, wire.lower_limit), wire.upper_limit)
+        driven = wire.responses.driven(wire.zero + wire.gain * wanted, None, wanted)[0]
+        return np.minimum(np.maximum(driven, wire.lower_limit), wire.upper_limit)
 
     def plan(self, period: float) -> None:
         """Take another period between commands [s]."""
         self._period = period
 
     def begin(self, pose: Array, time: float, seconds: float) -> None:
-        """Start from a pose [units]: blend from there to what is wanted over some seconds, never faster than slew.
+        """Start from a pose [units]: blend from there to the wanted values over some seconds, never faster than slew.
 
         A pose outside the limits is left at that speed too, not at once.
         """
         self.last = np.where(np.isfinite(pose), pose, self.driven(self.wire.rest))
         self._time = time
         self._blend = (self.last.copy(), 0.0, seconds) if seconds > 0 else None
-        self._before = (self.last, self._time, self._blend)
+        self._believe()
+        self._before = (self.last, self._time, self._blend, self._believed)
 
     def blend(self, time: float, seconds: float) -> None:
-        """Blend over to something else from what was driven last; a blend that has longer to go keeps its time."""
+        """Blend over to something else from the values driven last; a blend that has longer to go keeps its time."""
         left = 0.0 if self._blend is None else self._blend[2] - self._blend[1]
         self.begin(self.last, time, max(seconds, left))
 
     def undo(self) -> None:
         """Forget the last step: its command did not leave."""
-        self.last, self._time, self._blend = self._before
+        self.last, self._time, self._blend, self._believed = self._before
 
     def step(self, wanted: Array, time: float) -> Array:
-        """Return what to drive at a time [s] that never goes back, and remember it."""
+        """Return the values to drive at a time [s] that never goes back, and remember them."""
         wire = self.wire
         elapsed = self._credit(time)
         driven = wire.zero + wire.gain * wanted
+        past = np.zeros(0)
+        if wire.responses:
+            if wire.disc is not None and np.isfinite(driven).all():
+                driven = self._disc(driven, wire.disc)  # neither driven nor reached beyond it
+            driven, past = wire.responses.driven(driven, self._believed, self.last)
         finite = np.isfinite(driven)
         if not finite.all():
             self._counts["not_finite"] += ~finite
             driven = np.where(finite, driven, self.last)
         bounded = np.minimum(np.maximum(driven, wire.lower_limit), wire.upper_limit)
-        if not (bounded == driven).all():
-            # What a rounding of the preset's units does is no violation.
-            self._counts["range"] += np.abs(bounded - driven) > SLACK * np.maximum(np.abs(bounded), 1e-3)
+        if not (bounded == driven).all() or past.any():
+            # A rounding error of the preset's units is no violation.
+            past = np.maximum(np.abs(bounded - driven), past) if past.size else np.abs(bounded - driven)
+            self._counts["range"] += past > SLACK * np.maximum(np.abs(bounded), 1e-3)
         if wire.disc is not None:
             bounded = self._disc(bounded, wire.disc)
         blending = self._blend is not None
@@ -113,6 +124,7 @@ class OutputLimiter:
                 self._counts["slew"] += fast
             bounded = np.where(fast, self.last + allowed, bounded)
         self.last = bounded
+        self._believe()
         return bounded
 
     def approach(self, goal: Array, slew: Array, time: float) -> Array:
@@ -123,11 +135,22 @@ class OutputLimiter:
         elapsed, self._blend = self._credit(time), None
         seconds = way_seconds(goal - self.last, slew)
         self.last = goal.copy() if seconds <= elapsed else self.last + (goal - self.last) * (elapsed / seconds)
+        self._believe()
         return self.last
 
+    def recalibrate(self, wire: Wire) -> None:
+        """Take the device with another calibration; where its actuators are is not known by the new curves."""
+        self.wire, self._believed = wire, None
+        self._believe()
+
+    def _believe(self) -> None:
+        """Keep where the actuators are by their measured curves, now that `last` was driven."""
+        if self.wire.responses:
+            self._believed = self.wire.responses.believe(self.last, self._believed)
+
     def _credit(self, time: float) -> float:
-        """Return for how long a step may count that is taken at a time [s], and remember what was before it."""
-        self._before = (self.last, self._time, self._blend)
+        """Return for how long a step may count that is taken at a time [s], and remember the state before it."""
+        self._before = (self.last, self._time, self._blend, self._believed)
         most = min(PERIODS * self._period, max(SLOWEST, PERIODS / self.wire.spec.rate))
         elapsed = min(max(time - self._time, 0.0), most)
         self._time = time

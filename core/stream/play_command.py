@@ -90,7 +90,7 @@ class _Player(LocalStream):
         self.shut()
 
     def tell(self) -> int:
-        """Print what was counted; return the exit status that the device's refusals ask for.
+        """Print the counters; return the exit status that the device's refusals ask for.
 
         Raises:
             DermisError: the safe state could not be made sure of.
@@ -123,7 +123,7 @@ class _Player(LocalStream):
         return int(finding.severity == "error")
 
     def _tell_notice(self) -> None:
-        """Say what the protocol has found meanwhile."""
+        """Print new notices of the protocol."""
         connection = self.streamer.connection
         notice = connection.adapter.notice if connection is not None else self._notice
         if notice and notice != self._notice:
@@ -131,7 +131,7 @@ class _Player(LocalStream):
         self._notice = notice
 
     def tick(self, now: float) -> float:
-        """Give a sign of life, as Blender does, and do what is due."""
+        """Give a sign of life, as Blender does, and do the due work."""
         since = self._playing_since
         self._number += 1
         heartbeat = Heartbeat(self._number, 0, since is not None, now - since if since is not None else 0.0, ())

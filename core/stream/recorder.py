@@ -25,7 +25,7 @@ _NEVER: tuple[Any, ...] = ()
 
 
 class Recorder:
-    """Writes down what a device gets, where a person asked for it; without that it does nothing.
+    """Logs the output to a device, where a person asked for it; otherwise it does nothing.
 
     One log goes on over reconnections. Another device, protocol, place or form begins another one.
     """
@@ -60,7 +60,7 @@ class Recorder:
     def note(
         self, output: DeviceOutput, adapter: Adapter, now: float, play: float | None, phase: Phase, *, sent: bool
     ) -> None:
-        """Write down one sample: what was asked, what the limiter made of it, and whether it was sent.
+        """Write down one sample: the values asked for, the limited values, and whether it was sent.
 
         Args:
             now: when that was [s]. play: when the command counts [s], None for at once.
@@ -104,7 +104,7 @@ class Recorder:
         return status
 
     def close(self) -> None:
-        """End the log, without waiting for what is still to be written. Safe to call twice."""
+        """End the log, without waiting for unwritten rows. Safe to call twice."""
         if self._child is not None and self._ring is not None:
             self._status = self.status()
             self._child.end(0.0)

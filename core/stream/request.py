@@ -1,4 +1,4 @@
-"""What Blender wants of the sender, as one plain record that goes to it through shared memory."""
+"""Blender's request to the sender, as one plain record that goes to it through shared memory."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _SOURCE = ("mode", "track", "screen", "offset", "play_on", "jog")
 
 @dataclass
 class StreamRequest:
-    """What Blender wants, as a whole; a new one replaces the old.
+    """Blender's whole request; a new one replaces the old.
 
     Attributes:
         connect: hold the link. url, protocol: which. device: {"key", "preset"}. calibration: its JSON, or ''.
-        mode: what moves the device. track, screen: files for 'play' and 'panel'. jog: values by channel [units].
+        mode: the source of the values. track, screen: files for 'play' and 'panel'. jog: values by channel [units].
         arm_id: one arms once, and it rises; 0 disarms. arm_at: when a person pressed it [s], 0 for just now.
         stops: number of stops that the person had seen when arming.
         offset: start offset [s]. look_ahead: [s]. ramp: blend from the first pose [s].
@@ -80,11 +80,11 @@ class StreamRequest:
         self.log_settings().check()
 
     def log_settings(self) -> LogSettings:
-        """Return what is logged, and where."""
+        """Return the settings of the log."""
         return settings_of(self.log, self.log_format, self.log_size, self.log_total, self.tee)
 
     def spec(self) -> DeviceSpec:
-        """Return what the device is.
+        """Return the device's specification.
 
         Raises:
             DermisError: none was chosen, or its preset is broken.
@@ -103,7 +103,7 @@ class StreamRequest:
 
 
 def request_of(plain: Mapping[str, object]) -> StreamRequest:
-    """Read a request; what this version does not know is refused.
+    """Read a request; fields that this version does not know are refused.
 
     Raises:
         DermisError: an unknown field, or one of another kind.

@@ -1,6 +1,6 @@
 """The way to the safe state of a board that does not know one: the sender drives it there, at the declared speed.
 
-It takes as long as that takes. Only what is declared `at_once`, as a screen's voltage, goes there in one step.
+It takes as long as that takes. Only a device declared `at_once`, such as a screen, goes there in one step.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ STUBBORN = 1.0  # a link that takes nothing for this long will not [s]
 class SafeRamp:
     """From where a device was driven last to its safe values, in a straight line, a command a period.
 
-    Calibration has no say in the way, only in where it ends. What a link did not take is stepped again, so a link that
+    Calibration has no say in the way, only in where it ends. A step that a link refused is repeated, so a link that
     was full does not make up for it by a jump.
 
     Args:
@@ -44,7 +44,7 @@ class SafeRamp:
 
     @property
     def there(self) -> bool:
-        """Return whether what was driven last is the safe state."""
+        """Return whether the values driven last are the safe state."""
         return bool((np.abs(self._limiter.last - self._limiter.wire.safe) < 1e-9).all())
 
     def waits(self, now: float) -> bool:
@@ -56,7 +56,7 @@ class SafeRamp:
         return now >= self._next
 
     def step(self, now: float) -> Array:
-        """Return what to drive now [units]; the limiter remembers it."""
+        """Return the values to drive now [units]; the limiter remembers them."""
         wire = self._limiter.wire
         return self._limiter.approach(wire.safe, speeds(wire, self._start), now)
 
@@ -78,5 +78,5 @@ def speeds(wire: Wire, start: Array) -> Array:
     """Return how fast each channel may go [units/s]: as declared; without that, its range or its way in a second."""
     if wire.reach == Reach.AT_ONCE:
         return np.full(wire.count, np.inf)
-    own = np.maximum(np.abs(wire.safe - start), 1e-12) / SAFE_SWEEP  # of what has no range either
+    own = np.maximum(np.abs(wire.safe - start), 1e-12) / SAFE_SWEEP  # of a channel without a range, too
     return np.where(np.isfinite(wire.safe_slew), wire.safe_slew, own)

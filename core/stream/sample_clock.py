@@ -11,7 +11,7 @@ MARGIN = 0.25  # part of the look-ahead below which a sample is left out rather 
 
 
 class SampleClock:
-    """A grid of moments, one a period; what this process slept through is left out, and counted.
+    """A grid of moments, one a period; moments that this process slept through are left out, and counted.
 
     Attributes:
         period: [s]. next: moment of the next sample [s]. skipped: samples left out.
@@ -37,7 +37,7 @@ class SampleClock:
         """
         began, self._ahead = horizon > 0 and not self._ahead, horizon > 0
         if horizon and self.next < now + MARGIN * horizon:
-            # A playback has just begun, or this process was kept from working: what can no longer be on time is left
+            # A playback has just begun, or this process was kept from working: samples too late are left
             # out. The device gets the rest of the look-ahead back as fast as the link takes it.
             self._leave_out(math.ceil((now + MARGIN * horizon - self.next) / self.period), counted=not began)
         elif not horizon and self.next < now - 2 * self.period:  # late: the newest value is the best one

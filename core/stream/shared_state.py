@@ -1,4 +1,4 @@
-"""What Blender and the sender share: a small mapped file in which each side writes its latest record.
+"""State shared by Blender and the sender: a small mapped file in which each side writes its latest record.
 
 Nobody ever waits and nothing queues up: a record replaces the one before. Every record lies in one of two slots with a
 number and a CRC-32; the newest whole one counts, so a reader never sees half a record.
@@ -27,7 +27,7 @@ PLAYING, HAS_TIME = 1, 2
 
 @dataclass(frozen=True)
 class Heartbeat:
-    """Blender's sign of life, with what it shows.
+    """Blender's sign of life, with the state that it shows.
 
     Attributes:
         number: rises with every heartbeat. stops: rises with every stop. playing: playback runs.
@@ -105,7 +105,7 @@ class SharedState:
         return Heartbeat(found[0], stops, bool(flags & PLAYING), time if flags & HAS_TIME else None, values, at)
 
     def write_request(self, request: dict[str, Any]) -> None:
-        """Write what the sender shall do."""
+        """Write a request to the sender."""
         self._request.put(json.dumps(request, allow_nan=False).encode())
 
     @property

@@ -1,4 +1,4 @@
-"""What a device shall do at a moment: by the track, by what Blender shows, by hand, or by a finger on a panel."""
+"""The values for a device at a moment: by the track, by Blender's preview, by hand, or by a finger on a panel."""
 
 from __future__ import annotations
 
@@ -69,11 +69,11 @@ def source_of(
     load_screen: Callable[[Path], Screen] | None = None,
     output_hz: float = 0.0,
 ) -> Source:
-    """Make what a request's mode asks for.
+    """Make the source of a request's mode.
 
     Args:
         old: the source before; a playback goes on where it was. published: values that Blender published last.
-        output_hz: values a second that reach the actuators, for tracks; what is live has no future to average over.
+        output_hz: values a second that reach the actuators, for tracks; a live source has no future to average over.
 
     Raises:
         DermisError: nothing to play, another device's track, or no screen map.
@@ -84,9 +84,10 @@ def source_of(
         track = read_track(Path(request.track))
         if isinstance(old, TrackSource) and old.plays(wire, track, output_hz):  # made once: a device waits meanwhile
             play = copy(old)
-            play.offset, play.safe = request.offset, wire.safe_command
+            play.take(wire)
+            play.offset, play.safe = request.offset + wire.latency, wire.safe_command
         else:
-            play = TrackSource(wire, track, request.offset, output_hz=output_hz)
+            play = TrackSource(wire, track, request.offset + wire.latency, output_hz=output_hz)
             play.clock = old.clock if isinstance(old, TrackSource) else play.clock
         play.clock.free = request.play_on
         return play

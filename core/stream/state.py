@@ -1,4 +1,4 @@
-"""How a link stands, in a word for people: what senders report, and panels show."""
+"""The state of a link, in a word for people: senders report it, and panels show it."""
 
 from __future__ import annotations
 

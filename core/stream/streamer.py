@@ -1,6 +1,6 @@
-"""What is streamed, by requests and signs of life: connecting, arming, stopping. It knows no process and no real time.
+"""The streamer, led by requests and signs of life: connecting, arming, stopping. It knows no process and no real time.
 
-How a link stands has its words in state.py; what happens while it is open stands in drive.py. Arming takes an id that
+state.py names the states of a link; drive.py drives the device while it is open. Arming takes an id that
 rises; one of them arms once.
 """
 
@@ -31,7 +31,7 @@ RETRY = 1.0  # between two attempts to connect again [s]
 
 
 class Streamer:
-    """Does what requests and heartbeats ask for, a tick at a time.
+    """Carries out requests and heartbeats, a tick at a time.
 
     Args:
         open_link: opens a URL for a device and a protocol; may raise DermisError.
@@ -39,8 +39,8 @@ class Streamer:
         clock: read again just before a command leaves, see `Outbox`; None where time is simulated.
 
     Attributes:
-        request: what is wanted now. counters: sent, dropped, skipped ... on this link and its next attempts.
-        output: what the device gets, None before the first connection. drive: of the open link, None without one.
+        request: the latest. counters: sent, dropped, skipped ... on this link and its next attempts.
+        output: to the device, None before the first connection. drive: of the open link, None without one.
         recorder: of the log that a person asked for.
     """
 
@@ -63,7 +63,7 @@ class Streamer:
         self._heartbeat_at = -math.inf
         self._retry_at = 0.0
 
-    # -- what comes from outside
+    # -- input from outside
 
     def apply(self, request: StreamRequest, now: float) -> None:
         """Take a new request."""
@@ -117,7 +117,7 @@ class Streamer:
         self._guarded(now, lambda: self._leave(now, self.message))
 
     def tick(self, now: float) -> float:
-        """Do what is due; return when the next thing will be [s]."""
+        """Do the due work; return when the next is due [s]."""
         self._guarded(now, lambda: self._tick(now))
         return self.drive.next(now) if self.drive is not None else now + 0.02
 
@@ -132,7 +132,7 @@ class Streamer:
 
     @property
     def message(self) -> str:
-        """The last error, or what is waited for."""
+        """The last error, or the awaited event."""
         return self.drive.message if self.drive is not None else self._message
 
     @property
@@ -156,7 +156,7 @@ class Streamer:
         return {name: count for name, count in sorted(counted.items()) if count}
 
     def status(self) -> dict[str, Any]:
-        """Return how things stand as plain JSON values: state, message, counters, and what is driven."""
+        """Return the status as plain JSON values: state, message, counters, and driven values."""
         drive, message = self.drive, self.message
         going = drive.going if drive is not None else ""
         return {
@@ -183,7 +183,7 @@ class Streamer:
         if drive.poll(now):
             source = drive.output.source
             if isinstance(source, TrackSource) and source.output_hz != drive.connection.output_hz:
-                self._choose_source(now)  # the device has said by now what it can show
+                self._choose_source(now)  # the device has reported its update rate by now
             drive.tick(now, alive=self._alive(now))
         elif drive.drained:
             self._close(drive.message)
@@ -249,14 +249,14 @@ class Streamer:
             self.recorder.close()
 
     def _log(self, connection: Connection, now: float) -> None:
-        """Begin or end the log under way; what cannot be written is told, and the stream goes on."""
+        """Begin or end the log under way; a failure is told, and the stream goes on."""
         try:
             self.recorder.choose(self.request, connection.output, connection.adapter, now)
         except DermisError as error:
             assert self.drive is not None
             self.drive.message = str(error)
 
-    # -- arming, and what is streamed
+    # -- arming, and the source
 
     def _arm(self, now: float) -> None:
         if self.drive is None:
@@ -273,7 +273,7 @@ class Streamer:
         return needless or now - self._heartbeat_at <= self.request.stall
 
     def _choose_source(self, now: float) -> None:
-        """Make what the mode asks for; what cannot be made leaves the device safe and says why."""
+        """Make the source of the mode; a failure leaves the device safe and says why."""
         output, drive = self.output, self.drive
         assert output is not None
         published = self._heartbeat.values if self._heartbeat is not None else ()

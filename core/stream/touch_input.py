@@ -6,6 +6,7 @@ import contextlib
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from typing import Any
 
 from .. import clock
 from ..errors import DermisError
@@ -19,9 +20,11 @@ class TouchInput:
     """Tells where a finger is; the time of a touch is that of its arrival here.
 
     Attributes:
-        name: for people. bad: messages that were no touch; the first is said at once.
+        what: a message tells. name: for people. bad: messages that did not; the first is said at once.
         ended: no touch will come any more. fault: why, where it ended by a fault.
     """
+
+    what = "a touch"
 
     def __init__(self, name: str) -> None:
         self.name, self.bad, self.ended, self.fault = name, 0, False, ""
@@ -35,16 +38,17 @@ class TouchInput:
         """Take no more."""
         self.ended = True
 
-    def _take(self, finger: Finger) -> None:
-        self._latest = Touch(*finger, clock.now())
+    def _take(self, found: Any) -> None:
+        down, x, y = found
+        self._latest = Touch(down, x, y, clock.now())
 
     def _refuse(self, message: object, error: Exception) -> None:
-        """Count what is no touch, and show the first."""
+        """Count messages that are no touch, and show the first."""
         self.bad += 1
         if self.bad == 1:
             with contextlib.suppress(OSError):
                 print(
-                    f"{self.name}: not a touch, and the next ones are only counted: {message!r} ({error})",
+                    f"{self.name}: not {self.what}, and the next ones are only counted: {message!r} ({error})",
                     file=sys.stderr,
                 )
 
@@ -54,14 +58,14 @@ class Reading(TouchInput):
 
     Args:
         read: waits for a while and returns the messages that came; None when there will be no more.
-        parse: makes touches of a message: down, x, y [m]; raises DermisError or ValueError.
+        parse: makes touches of a message, for `_take`: down, x, y [m]; raises DermisError or ValueError.
     """
 
     def __init__(
         self,
         name: str,
         read: Callable[[], list[bytes] | None],
-        parse: Callable[[bytes], Iterator[Finger]],
+        parse: Callable[[bytes], Iterator[Any]],
         shut: Callable[[], None],
     ) -> None:
         super().__init__(name)
@@ -70,7 +74,7 @@ class Reading(TouchInput):
         self._thread.start()
 
     def close(self) -> None:
-        """Take no more, and close what was read."""
+        """Take no more, and close the input."""
         self.ended = True
         self._thread.join(0.5)
         self._shut()
@@ -80,8 +84,8 @@ class Reading(TouchInput):
             while not self.ended and (messages := self._read()) is not None:
                 for message in messages:
                     try:
-                        for finger in self._parse(message):
-                            self._take(finger)
+                        for found in self._parse(message):
+                            self._take(found)
                     except (DermisError, ValueError) as error:
                         self._refuse(message, error)
         except (Gone, OSError) as error:

@@ -1,4 +1,4 @@
-"""PanelSession: a screen that follows a finger from connecting to 0 V, and what it reached."""
+"""PanelSession: a screen that follows a finger from connecting to 0 V, and its results."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class PanelSession(LocalStream):
         self._open: Touch | None = None  # seen, and no command has left since
 
     def prepare(self, limit: float) -> None:
-        """Open the link, and print what is about to happen.
+        """Open the link, and announce the session.
 
         Args:
             limit: of the screen map [V].
@@ -91,7 +91,7 @@ class PanelSession(LocalStream):
         return "\n".join(filter(None, lines))
 
     def tick(self, now: float) -> float:
-        """Do what is due, and count what was seen and sent."""
+        """Do the due work, and count touches seen and samples sent."""
         before = self.streamer.counters["sent"]
         due = super().tick(now)
         panel = self.streamer.output.source if self.streamer.output is not None else None
@@ -100,7 +100,7 @@ class PanelSession(LocalStream):
         return due
 
     def _note(self, panel: PanelSource, sent: bool, now: float) -> None:
-        """Count what one tick has seen and sent."""
+        """Count the touches and samples of one tick."""
         touch = panel.seen
         if touch is not None and touch is not self._seen:
             self.reports += 1

@@ -72,7 +72,7 @@ class PanelSource:
         self._lift()
 
     def report(self, time: float, playing: bool, now: float) -> None:
-        """Take what Blender shows at this moment: track time [s] and whether it plays."""
+        """Take Blender's state at this moment: track time [s] and whether it plays."""
         if self.clock is None:
             self.clock = TrackClock()
         self.clock.report(time, playing, now)

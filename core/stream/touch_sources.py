@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 import math
-import os
-import socket
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 from ..errors import DermisError
-from .links.open_link import open_link
-from .links.transport import Transport
-from .links.url import Url
+from .message_input import Messages
 from .mouse_touch import MouseTouch
-from .protocols.osc import read_bundle, read_message
+from .protocols.osc import messages_of
 from .touch_input import Finger, Reading, TouchInput
 
 UNITS = {"m": 1.0, "mm": 1e-3}
-MAX_LINE = 200  # a line without an end is none [bytes]
-POLL = 0.0005  # between two looks at a serial port [s]
 SOURCES = "device, osc://:PORT, osc://HOST:PORT, serial:PORT?baud=, '-' for standard input, mouse"
 
 
@@ -43,29 +36,15 @@ def touches_of_osc(data: bytes) -> Iterator[Finger]:
     Raises:
         DermisError: malformed, or not finite.
     """
-    messages = read_bundle(data)[1] if data.startswith(b"#bundle\0") else [read_message(data)]
-    for address, arguments in messages:
+    for address, arguments in messages_of(data):
         if address == "/dermis/touch":
             if len(arguments) != 3 or not all(map(math.isfinite, arguments)):
                 raise DermisError("wanted: down, x, y", value=arguments)
             yield bool(arguments[0]), arguments[1], arguments[2]
 
 
-class _Lines:
-    """Cuts bytes into lines."""
-
-    def __init__(self) -> None:
-        self._rest = b""
-
-    def of(self, data: bytes) -> list[bytes]:
-        *whole, self._rest = (self._rest + data).replace(b"\r", b"\n").split(b"\n")
-        if len(self._rest) > MAX_LINE:
-            whole, self._rest = [*whole, self._rest], b""
-        return [line[: MAX_LINE + 1] for line in whole if line.strip()]
-
-
 def touch_input(text: str, unit: str, size: tuple[float, float]) -> TouchInput | None:
-    """Open what `--touch` names; None: the device's own panel.
+    """Open the input that `--touch` names; None: the device's own panel.
 
     Args:
         unit: of x and y in lines, 'm' or 'mm'. size: of the screen [m], for a window.
@@ -77,70 +56,13 @@ def touch_input(text: str, unit: str, size: tuple[float, float]) -> TouchInput |
         return None
     if text == "mouse":
         return MouseTouch(size)
-    if text.startswith("osc://"):
-        return _osc(text)
-    if text == "-":
-        return _standard_input(unit)
-    if text.startswith("serial:"):
-        return _serial(text, unit)
-    raise DermisError("no such source of touches", where="--touch", value=text, limit=SOURCES)
-
-
-def _line_parser(unit: str) -> Callable[[bytes], Iterator[Finger]]:
-    return lambda line: iter([touch_of_line(line, UNITS[unit])])
-
-
-def _standard_input(unit: str) -> TouchInput:
-    cut = _Lines()
-
-    def received() -> list[bytes] | None:
-        data = os.read(0, 4096)
-        return cut.of(data) if data else None
-
-    return Reading(f"standard input, lines 'x y [down]' in {unit}", received, _line_parser(unit), lambda: None)
-
-
-def _serial(text: str, unit: str) -> TouchInput:
-    url, cut = Url(text), _Lines()
-    if set(url.options) - {"baud"}:
-        raise DermisError("unknown option", where=text, value=", ".join(sorted(url.options)), limit="baud")
-    link = open_link(url, lambda inner: Transport())  # which no serial port asks for
-
-    def received() -> list[bytes]:
-        data = b"".join(link.receive())
-        if not data:
-            time.sleep(POLL)
-        return cut.of(data) if data else []
-
-    return Reading(f"{link.name}, lines 'x y [down]' in {unit}", received, _line_parser(unit), link.close)
-
-
-def _osc(text: str) -> TouchInput:
-    host, colon, port = text.removeprefix("osc://").rstrip("/").rpartition(":")
-    if not colon or not port.isdigit() or not 0 < int(port) < 65536:
-        raise DermisError("not osc://:PORT or osc://HOST:PORT", where="--touch", value=text)
-    host = host.strip("[]") or "127.0.0.1"  # from other computers only where that is asked for
-    try:
-        family, kind, protocol, _, address = socket.getaddrinfo(host, int(port), type=socket.SOCK_DGRAM)[0]
-        listening = socket.socket(family, kind, protocol)
-        try:
-            listening.bind(address)
-        except OSError:
-            listening.close()
-            raise
-    except OSError as error:
-        raise DermisError(
-            "touches cannot be listened for",
-            where=f"osc://{host}:{port}",
-            value=error.strerror,
-            remedy="Choose another port, or end the program that has it",
-        ) from error
-    listening.settimeout(0.1)
-
-    def received() -> list[bytes]:
-        try:
-            return [listening.recv(65536)]
-        except TimeoutError:
-            return []
-
-    return Reading(f"osc://{host}:{port}", received, touches_of_osc, listening.close)
+    if not text.startswith(("osc://", "serial:")) and text != "-":
+        raise DermisError("no such source of touches", where="--touch", value=text, limit=SOURCES)
+    messages = Messages(
+        text,
+        "--touch",
+        f"lines 'x y [down]' in {unit}",
+        lambda line: iter([touch_of_line(line, UNITS[unit])]),
+        touches_of_osc,
+    )
+    return messages.read_by(Reading)

@@ -22,7 +22,7 @@ class TrackClock:
         self._shown, self._seen = 0.0, 0.0  # last frame's time, and when it came
 
     def report(self, time: float, playing: bool, now: float) -> None:
-        """Take what Blender shows at this moment: track time [s] and whether it plays."""
+        """Take Blender's state at this moment: track time [s] and whether it plays."""
         if not playing:
             self.running, self._at, self._when, self._shown, self._seen = False, time, now, time, now
             return

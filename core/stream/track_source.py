@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from ..arrays import Array
+from ..devices.frequency_response import BEYOND, FrequencyResponse
 from ..errors import DermisError
 from ..interpolate import interpolate
 from ..track import export
@@ -27,7 +29,7 @@ class TrackSource:
 
     Attributes:
         safe: values before and after the track [units], shape (channels,).
-        loss: what the low-passed track leaves out; None: it is played as it is.
+        loss: the part that the low-passed track leaves out; None: it is played as it is.
         asked: time of the track whose values were asked for last [s]; NaN before the first.
     """
 
@@ -59,6 +61,20 @@ class TrackSource:
         step = track.duration / (len(self._times) - 1) if len(self._times) > 1 else 0.0
         even = step > 0 and np.abs(np.diff(self._times) - step).max() < 1e-6 * step
         self._rate = 1.0 / step if even else 0.0
+        self._wanted = self._values
+        self._answered: tuple[Mapping[int, FrequencyResponse], float] = {}, 0.0
+        self.take(wire)
+
+    def take(self, wire: Wire) -> None:
+        """Take another calibration of the device: its measured frequency responses are inverted here.
+
+        Raises:
+            DermisError: the track moves faster than was measured, or its samples are not evenly spaced.
+        """
+        answered = wire.frequency, wire.latency
+        if answered != self._answered:  # a device waits meanwhile
+            self._values = equalised(wire, self.track.spec.name, self._wanted, self._rate)
+            self._answered = answered
 
     def plays(self, wire: Wire, track: CommandTrack, output_hz: float) -> bool:
         """Return whether this is a track for a device already, whatever its offset."""
@@ -84,7 +100,7 @@ class TrackSource:
         return self.clock.running
 
     def report(self, time: float, playing: bool, now: float) -> None:
-        """Take what Blender shows at this moment: track time [s] and whether it plays."""
+        """Take Blender's state at this moment: track time [s] and whether it plays."""
         self.clock.report(time, playing, now)
 
     def values_at(self, moment: float, now: float) -> Array:
@@ -109,6 +125,41 @@ class TrackSource:
         return first + (at - k) * (self._values[k + 1] - first)
 
 
+def equalised(wire: Wire, track: str, values: Array, rate: float) -> Array:
+    """Return a track's values as they are driven so that the actuators reach them, by their frequency responses.
+
+    Args:
+        track: its name, for people. values: of the wire's channels, shape (n, channels).
+        rate: of the track [Hz], 0 where its samples are not evenly spaced.
+
+    Raises:
+        DermisError: a channel moves faster than was measured, or the samples are not evenly spaced.
+    """
+    driven = values
+    for k, response in wire.frequency.items():
+        if len(values) < 2 or not np.ptp(values[:, k]) > 0.0:
+            continue
+        where = f"{track}, {wire.names[k]}"
+        if not rate:
+            raise DermisError(
+                "a frequency response can be inverted for evenly spaced samples alone",
+                where=where,
+                remedy="Resample the track: export it with --rate",
+            )
+        share = response.beyond(values[:, k], rate)
+        if share > BEYOND:
+            raise DermisError(
+                "the track moves faster than the frequency response was measured",
+                where=where,
+                value=f"{100 * share:.1f} % of the movement is beyond {response.span[1]:g} Hz",
+                limit=f"{100 * BEYOND:g} %",
+                remedy="Measure higher frequencies, or take the frequency response out of the calibration",
+            )
+        driven = driven.copy() if driven is values else driven
+        driven[:, k] = response.inverted(values[:, k], rate, wire.latency)
+    return driven
+
+
 _read: list[tuple[tuple[str, int, int], CommandTrack]] = []  # the track read last
 
 
@@ -118,7 +169,7 @@ def read_track(path: Path) -> CommandTrack:
         seen = path.stat()
         key = (str(path), seen.st_mtime_ns, seen.st_size)
     except OSError:
-        return export.read(path)  # which says what is wrong
+        return export.read(path)  # which raises the error
     if not _read or _read[0][0] != key:
         _read.clear()  # the old one goes before the new one comes
         _read.append((key, export.read(path)))

@@ -33,7 +33,7 @@ LIMITS = {"height": (1e-6, 20e-3), "width": (0.5e-3, 50e-3), "speed": (1e-3, 1.0
 
 @dataclass(frozen=True, eq=False)
 class Bump:
-    """What a finger feels along a bump.
+    """Friction and voltage along a bump.
 
     Attributes:
         place: from the bump's middle [m], shape (n,). relief: height of the bump there [m].

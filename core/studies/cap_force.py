@@ -21,7 +21,7 @@ class CapForce:
     """Forces on the cap [N].
 
     Attributes:
-        reference: what it manages in any direction in the reference pose, each motor's torque limited by itself.
+        reference: its force in any direction in the reference pose, each motor's torque limited by itself.
         anywhere: the same anywhere in the workspace.
         reference_shared, anywhere_shared: where the root of the sum of squares of both torques is limited.
         place: of the cap where `anywhere_shared` is least [m]. direction: of that force, from the pad's +X [rad].

@@ -26,7 +26,7 @@ from ..scene.sliding import SLIDE, sliding_plane
 from ..skin.model import SkinModel
 from ..version import version
 
-LIMITS = {  # what a sweep may ask for: name, least, greatest, unit, what it is divided by to be shown
+LIMITS = {  # parameters of a sweep: name, least, greatest, unit, divisor of its display
     "depth": (0.1e-3, 4e-3, "mm", 1e-3),
     "friction": (0.0, 2.0, "", 1.0),
     "direction": (-2.0 * np.pi, 2.0 * np.pi, "deg", np.pi / 180.0),
@@ -123,9 +123,9 @@ def csv(found: Sequence[Swept], spec: DeviceSpec, skin: SkinModel) -> str:
 
 
 def picture(found: Sequence[Swept], title: str) -> bytes:
-    """Return a PNG: tangential over normal force against what has the most values, a panel for what has the next most.
+    """Return a PNG: force ratio against the parameter with the most values, a panel for that with the next most.
 
-    Rendered by each method, and dark what the touch asks for; of what else varies the first value is shown.
+    Rendered by each method, and dark the target; of other parameters the first value is shown.
 
     Source: [S1] fig. 9
     """

@@ -49,7 +49,7 @@ def centres_of(meshes: Sequence[Mesh]) -> Array:
 def held_centres(centres: Array) -> Array:
     """Return centres, shape (n, 3), with the last one kept while the object is not there, at first the first one.
 
-    What is not there must not move: it would come back with the speed and acceleration of the way.
+    An absent object must not move: it would come back with the speed and acceleration of the way.
     """
     there: NDArray[np.bool_] = np.isfinite(centres[:, 0])
     if there.all() or not there.any():

@@ -1,4 +1,4 @@
-"""Where straight ways first enter a surface: what nearness cannot tell of things that are thinner than a step."""
+"""Where straight ways first enter a surface. Nearness cannot tell this of objects thinner than a step."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .triangles import TriangleTable
 OVERLAP = 1e-9
 # So many pairs of a way and a triangle are looked at at once.
 PAIRS_AT_ONCE = 1_500_000
-# A margin about triangles' balls, relative to their size and in all [m]: what is nearer to a way is looked at.
+# A margin about triangles' balls, relative to their size and in all [m]: triangles nearer to a way are looked at.
 NEAR = 1e-6
 
 

@@ -19,9 +19,9 @@ from .patches import Patches, bends, weights
 from .shading import corner_normals
 
 TOLERANCE = 10e-6  # [m] a ball of 6 mm pushes back within 0.3 %; in 320 flat faces it is up to 5 % off
-MOST = 100_000  # triangles that a curved surface may have; what comes with more keeps them
+MOST = 100_000  # triangles that a curved surface may have; a mesh that comes with more keeps them
 _LOOKS = (1 / 3, 2 / 3)  # along an edge, where it is compared with its patch
-_PEAK = 9 / 8  # what a parabola is off at its middle, over what it is there
+_PEAK = 9 / 8  # error of a parabola at its middle, over that at these places
 _SURE = 4.0  # times as many triangles as are allowed are too many, however roughly they are foretold
 _PARTS: tuple[tuple[tuple[int, int, int], ...], ...] = (  # by corners 0-2 and middles 3-5, for 1, 2 and 3 split edges
     ((0, 3, 2), (3, 1, 2)),
@@ -177,7 +177,7 @@ class _Refined:
     def first_hope(self, net: Array, tolerance: float, most: int) -> float:
         """Return the first of the tolerance's doublings for which `most` triangles may be enough.
 
-        Others are not worth a try: the first round of splits would be too many, or what follows from it surely, since
+        Others are not worth a try: the first round of splits would be too many, or the rounds that follow surely, since
         an edge's halves are off by a quarter: a triangle whose edges need n splits each ends as n x n.
         """
         edge, number = self._edges()
@@ -198,7 +198,7 @@ class _Refined:
             edge, number = self._edges()
             off = np.zeros(len(number))
             np.maximum.at(off, edge, self._off(net))
-            # the middle of a triangle is off by 4/3 of what its edges are
+            # the middle of a triangle is off by 4/3 of its edges' error
             self.left = float(off.max(initial=0.0)) * 4.0 / 3.0
             split = off * (4.0 / 3.0) > tolerance
             if not split.any():

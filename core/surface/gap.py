@@ -89,7 +89,7 @@ class Surface:
         Raises:
             DermisError: no triangle, wrong shapes, values that are not finite, or indices outside the vertices.
         """
-        points = np.array(vertices, dtype=np.float64, order="C")  # what happens to the caller's does not matter
+        points = np.array(vertices, dtype=np.float64, order="C")  # a copy: the caller may change theirs
         corners = np.asarray(triangles)
         if points.ndim != 2 or points.shape[1:] != (3,) or corners.ndim != 2 or corners.shape[1:] != (3,):
             raise DermisError(
@@ -186,7 +186,7 @@ class Surface:
         return np.asarray((a * np.cross(ab, ac, axis=0)).sum(axis=0) / 6.0)
 
     def findings(self, where: str = "") -> tuple[Finding, ...]:
-        """Return what is doubtful about the surface, for the panel."""
+        """Return findings about doubtful parts of the surface, for the panel."""
         found = []
         if self.degenerate:
             found.append(
@@ -324,7 +324,7 @@ class Surface:
         return tuple(solids) if hollow == (self.volume < 0.0) else ()
 
     def _measurer(self, count: int) -> KernelBody | PlainTriangles:
-        """Return what measures the gaps of so many points."""
+        """Return the measurer of gaps for so many points."""
         if not have_kernels():
             return PlainTriangles(self.table, self.topology, self.vertices[self.triangles])
         self._asked += count
@@ -332,6 +332,14 @@ class Surface:
             return self._kernel_body(TriangleTree(self.table, None), self._slabs)
         body = self._body
         if body.by_rays and not self.solids and self._asked > PAYS * len(self.triangles):
+            body.by_rays = self.tangled
+        return body
+
+    @property
+    def kernel_body(self) -> KernelBody:
+        """The surface as the kernels take it, for as many points as they like."""
+        body = self._body
+        if body.by_rays and not self.solids:
             body.by_rays = self.tangled
         return body
 

@@ -13,9 +13,10 @@ from ..arrays import Array, Indices
 from ..errors import DermisError
 from ..kernels import records
 from ..kernels.library import kernels
+from ..kernels.records import address
 from .gap_query import GapQuery
 from .topology import Topology
-from .tree import TriangleTree, address
+from .tree import TriangleTree
 
 
 class KernelBody:

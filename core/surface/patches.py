@@ -85,7 +85,7 @@ def bends(net: Array) -> Array:
 
 
 def weights(places: Array) -> Array:
-    """Return what each control point counts for at places on a patch, shape (n, 10).
+    """Return the weight of each control point at places on a patch, shape (n, 10).
 
     Args:
         places: barycentric, shape (n, 3).

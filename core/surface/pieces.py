@@ -8,7 +8,7 @@ from ..arrays import Array, Indices
 from .topology import Topology
 from .triangles import TriangleTable
 
-# What bends gently has no radius below this [m]; a fold between large triangles is judged as if they were so small [m].
+# A gentle bend has no radius below this [m]; a fold between large triangles is judged as if they were so small [m].
 RADIUS, LARGE = 5e-3, 1e-3
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from ..arrays import Array
 from ..errors import DermisError
 from .gap import GapQuery
+from .kernel_body import KernelBody
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +34,11 @@ class Plane:
 
     closed = True
     box = np.array([[-np.inf] * 3, [np.inf] * 3])
+
+    @property
+    def kernel_body(self) -> KernelBody | None:
+        """None: kernels know a plane by its numbers."""
+        return None
 
     def query(self, points: Array, search_radius: float = np.inf) -> GapQuery:
         """Return the signed gap, closest point and normal of each point, as `Surface.query` does."""

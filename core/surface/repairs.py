@@ -1,4 +1,4 @@
-"""Repairs: what a scene hands over that is no number is held at the last good one, and told."""
+"""Repairs: values of a scene that are not finite are held at the last good one, and reported."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class Repairs:
         return joined
 
     def findings(self) -> Iterator[Finding]:
-        """Yield what was bad, by kind and name."""
+        """Yield findings of bad values, by kind and name."""
         for (code, name), bad in sorted(self._bad.items()):
             if code == "zero-scale":
                 yield Finding(

@@ -1,4 +1,4 @@
-"""How the triangles of a surface hang together: what is closed, open, or not a surface at all.
+"""How the triangles of a surface hang together: which parts are closed, open, or not a surface at all.
 
 It depends on the triangles (and on which vertices coincide), not on the shape, so a deforming mesh pays for it once.
 """
@@ -138,7 +138,7 @@ class Topology:
         return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
     def fits(self, vertices: Array, triangles: NDArray[np.integer]) -> bool:
-        """Whether these are the triangles it was built of, and what was merged or ignored is so in this shape too."""
+        """Whether it was built of these triangles, and merges and ignores the same in this shape too."""
         if vertices.shape[0] != self.merged.shape[0] or not np.array_equal(self.merged[triangles], self.corners):
             return False
         apart = np.abs(vertices[self.merged] - vertices).max()
@@ -273,8 +273,8 @@ def topology_of(vertices: Array, triangles: NDArray[np.integer]) -> Topology:
 def cut_otherwise(one: NDArray[np.integer], other: NDArray[np.integer]) -> bool:
     """Return whether triangles are of the same faces, of which some are cut along other diagonals.
 
-    Vertices can then be followed from one to the other. A face is what triangles form that share diagonals, which are
-    edges of one of the two only. Faces have the same outline in both, and all their corners are on it.
+    Vertices can then be followed from one to the other. Triangles that share diagonals form a face; a diagonal
+    is an edge of one of the two only. Faces have the same outline in both, and all their corners are on it.
 
     Args:
         one, other: vertices of triangles, those of a face in the same rows; shape (T, 3).

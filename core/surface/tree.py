@@ -9,12 +9,12 @@ import weakref
 from ctypes import byref
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..arrays import Indices
 from ..errors import DermisError
 from ..kernels import records
 from ..kernels.library import kernels
+from ..kernels.records import address
 from .topology import Topology
 from .triangles import TriangleTable
 
@@ -79,8 +79,3 @@ class TriangleTree:
             )
         if status != records.DONE:
             raise DermisError("a record for the kernels is damaged", where=self._kernels.path.name, value=status)
-
-
-def address(array: NDArray[np.generic]) -> int:
-    """Return where an array begins; it is contiguous and must be kept for as long as a record points to it."""
-    return int(array.__array_interface__["data"][0])

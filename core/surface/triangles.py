@@ -17,7 +17,7 @@ SLIVER = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class TriangleTable:
-    """What distance queries need of each triangle, one row per quantity so that gathers are contiguous.
+    """Data of each triangle for distance queries, one row per quantity so that gathers are contiguous.
 
     Attributes:
         rows: corner a (3), edges ab (3) and ac (3) [m], squared lengths of ab, ac and bc, ab.ac [m^2], and the

@@ -1,1 +1,1 @@
-"""Surrogate: what a device pose does to the skin or to a sensor, solved directly or learned, behind one interface."""
+"""Surrogate: the effect of a device pose on skin or a sensor, solved directly or learned, behind one interface."""

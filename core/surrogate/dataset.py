@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from ..arrays import Array, Indices
 from ..devices.disc import DiscContact
 from ..devices.disc_device import DiscDevice, seated
-from ..devices.disc_pose import DiscSolution, FrictionState, placed
+from ..devices.disc_pose import FrictionState, placed
 from ..devices.first_contact import first_contact
 from ..errors import DermisError
-from ..skin.felt_state import tissue_state
 from .trial import TrialForce
 
 MAX_TILT = np.radians(25.0)
@@ -32,7 +31,7 @@ class Dataset:
 
     Attributes:
         x: configuration, shape (n, 3), or (n, 6) of a device with six freedoms.
-        force: on the pad nodes [N], float32, shape (n, 3 m), or all that skin feels (see `felt_by`).
+        force: on the pad nodes [N], float32, shape (n, 3 m).
         before: forces one step earlier on the p places that are pressed, which is the friction state that the step
             began with [N], shape (n, 3 p).
         trial: forces that each place would have by itself, from that state and the new pose [N], shape (n, 3 p), x of
@@ -102,7 +101,7 @@ def record(
                 alone.hold(state)
                 trial.append(alone.at(pose)[0].astype(np.float32))
                 before.append(state.force.ravel().astype(np.float32))
-                force.append(felt_by(contact, found).astype(np.float32))
+                force.append(contact.nodal(found).ravel().astype(np.float32))
                 owner.append(number)
                 if np.linalg.norm(found.force.sum(axis=0)) > max_force:
                     break
@@ -111,14 +110,6 @@ def record(
     if not x:
         raise DermisError("no movement of the device touches the skin", where="dataset", value=trajectories)
     return Dataset(np.array(x), np.array(force), np.array(before), np.array(trial), np.array(owner), contact.friction)
-
-
-def felt_by(contact: DiscContact, found: DiscSolution) -> Array:
-    """Return all that skin feels of a disc, as `skin.felt_state` has it: of linear skin the forces on the pad nodes."""
-    force, stiff = contact.nodal(found).ravel(), contact.points.stiff
-    if stiff is None or found.amounts is None:
-        return force
-    return np.concatenate([force, tissue_state(stiff.stiffening, stiff.modulus, found.amounts)])
 
 
 def joined(parts: Sequence[Dataset]) -> Dataset:

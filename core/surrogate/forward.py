@@ -1,4 +1,4 @@
-"""ForwardModel: from a device's configuration to what it makes the skin feel, whichever way that is computed."""
+"""ForwardModel: from a device's configuration to the stimulus of the skin, solved directly or learned."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from ..devices.disc import DiscContact
 from ..devices.disc_device import DiscDevice
 from ..devices.disc_pose import DiscSolution, FrictionState, placed
 from ..errors import DermisError
-from ..skin.felt_state import tissue_size
-from .tissue_channels import TissueChannels
+from ..skin.observation import Observer
+from ..skin.stimulus import Stimulus
 
 
 class ForwardModel(Protocol):
@@ -38,38 +38,42 @@ class ForwardModel(Protocol):
 class DirectModel:
     """The contact solved for each configuration; the derivative by implicit differentiation.
 
+    On skin that follows the neo-Hookean law configurations are tried on linear skin, with the offset that the contact
+    has; `looked` and `stimulus` are by the law.
+
     Args:
         device: the mechanism. contact: the skin and the disc.
-        observation_matrix: from forces on the nodes of the skin's pad to stimulus components, shape (k, 3 m), or from
-            all that skin which stiffens feels (`skin.felt_state`): stress, electrodes or total force. What it says of
-            a touch it says of the disc, whose points press on these nodes.
+        observation: the observed quantities; on linear skin a matrix from forces on the nodes of the skin's pad to
+            stimulus components, shape (k, 3 m), will do. It applies to the touch and to the disc, whose points press on
+            these nodes.
 
     Raises:
-        DermisError: an observation matrix that does not fit the skin.
+        DermisError: an observation that does not fit the skin, or a matrix alone on skin that follows a law.
     """
 
-    def __init__(self, device: DiscDevice, contact: DiscContact, observation_matrix: Array) -> None:
-        nodes3, stiff = 3 * contact.points.node_count, contact.points.stiff
-        sizes = [nodes3] if stiff is None else [nodes3, nodes3 + tissue_size(stiff.stiffening)]
-        if observation_matrix.ndim != 2 or observation_matrix.shape[1] not in sizes:
+    def __init__(self, device: DiscDevice, contact: DiscContact, observation: Array | Observer) -> None:
+        self.observer = observation if isinstance(observation, Observer) else None
+        matrix = observation.matrix if isinstance(observation, Observer) else observation
+        nodes3 = 3 * contact.points.node_count
+        if matrix.ndim != 2 or matrix.shape[1] != nodes3:
             raise DermisError(
                 "the observation matrix does not fit the skin",
                 where="direct model",
-                value=observation_matrix.shape,
-                limit=f"(k, {sizes[-1]})",
+                value=matrix.shape,
+                limit=f"(k, {nodes3})",
+            )
+        if contact.law is not None and self.observer is None:
+            raise DermisError(
+                "a matrix says nothing of skin that follows a law", where="direct model", remedy="Pass an Observer"
             )
         self.device, self.contact = device, contact
-        self.observation_matrix = np.ascontiguousarray(observation_matrix, np.float64)
+        self.observation_matrix = np.ascontiguousarray(matrix, np.float64)
         self._chosen = -1
         nodal = contact.points.nodal
-        of_nodes = self.observation_matrix[:, :nodes3]
-        self._of_points = of_nodes if nodal is None else of_nodes @ nodal
+        self._of_points = self.observation_matrix if nodal is None else self.observation_matrix @ nodal
         self._columns = self._of_points[:, :0]
         self._last: tuple[bytes, DiscSolution] | None = None
-        self._tissue: TissueChannels | None = None
-        if stiff is not None and observation_matrix.shape[1] > nodes3:
-            self._tissue = TissueChannels(stiff, self.observation_matrix[:, nodes3:])
-        self._tried: tuple[bytes, DiscSolution] | None = None
+        self._felt: tuple[DiscSolution, Stimulus] | None = None
 
     @property
     def size(self) -> int:
@@ -79,41 +83,49 @@ class DirectModel:
     def hold(self, state: FrictionState) -> None:
         """Fix the friction state."""
         self.contact.hold(state)
-        self._last = self._tried = None
+        self._last = None
 
     def evaluate(self, x: Array) -> tuple[Array, Array]:
-        """Return the stimulus and its derivative; of skin that stiffens near where it last was, as its tangent says."""
-        found = self._near(x)
+        """Return the stimulus and its derivative on linear skin."""
+        found = self.solution(x)
         if self._chosen != self.contact.choice:
             columns = (3 * found.near[:, None] + np.arange(3)).ravel()
             self._columns = np.ascontiguousarray(self._of_points[:, columns])
             self._chosen = self.contact.choice
         both = np.concatenate([found.force[:, :, None], found.slope], axis=2).reshape(-1, 1 + found.slope.shape[2])
         answer = self._columns @ both
-        if self._tissue is not None and found.touching:
-            answer += self._tissue.along(found)
         return answer[:, 0], answer[:, 1:]
 
+    def linear(self, solution: DiscSolution) -> Array:
+        """Return the stimulus of a contact's forces on linear skin, shape (k,)."""
+        return np.asarray(self._of_points @ solution.spread(self.contact.count).ravel())
+
     def stimulus(self, solution: DiscSolution) -> Array:
-        """Return the stimulus of a contact, shape (k,)."""
-        stimulus: Array = self._of_points @ solution.spread(self.contact.count).ravel()
-        if self._tissue is not None and solution.touching:
-            stimulus = stimulus + self._tissue.along(solution)[:, 0]
-        return stimulus
+        """Return the stimulus of a contact, shape (k,): by the law where that was asked."""
+        if solution.amounts is None or self.observer is None or not solution.touching:
+            return self.linear(solution)
+        return self.observer.see(self.felt(self.observer, solution))
+
+    def felt(self, observer: Observer, solution: DiscSolution) -> Stimulus:
+        """Return the state of the skin under a contact; the last is kept, since its stress is needed more than once."""
+        if self._felt is None or self._felt[0] is not solution:
+            made = Stimulus(observer.skin, self.contact.nodal(solution), None, solution.amounts)
+            self._felt = solution, made
+        return self._felt[1]
 
     def solution(self, x: Array) -> DiscSolution:
-        """Return the contact itself."""
+        """Return the contact itself, on linear skin with the offset that the contact has."""
         key = x.tobytes()
         if self._last is None or self._last[0] != key:
-            self._last = (key, self.contact.solve(placed(self.device, self.device.pose(x))))
-            self._tried = None  # its tangent may be another now
+            self._last = (key, self.contact.tried(placed(self.device, self.device.pose(x))))
         return self._last[1]
 
-    def _near(self, x: Array) -> DiscSolution:
-        """Return the contact on the skin's tangent; skin that was at rest has none that says much of a touch."""
-        if self.contact.points.stiff is None or self.contact.state.last is None:
+    def looked(self, x: Array) -> DiscSolution:
+        """Return the contact by the law, whose offset configurations are tried with from now on."""
+        if self.contact.law is None:
             return self.solution(x)
         key = x.tobytes()
-        if self._tried is None or self._tried[0] != key:
-            self._tried = (key, self.contact.tried(placed(self.device, self.device.pose(x))))
-        return self._tried[1]
+        known = self._last[1] if self._last is not None and self._last[0] == key else None
+        found = self.contact.solve(placed(self.device, self.device.pose(x)), known)
+        self._last = key, found
+        return found

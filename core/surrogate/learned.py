@@ -151,7 +151,7 @@ def descriptors(
     """Fit the subspaces to a dataset.
 
     Args:
-        stress_operator: H with |H f| the stress norm of what is felt, shape (any, 3 m), see `skin.felt_state`.
+        stress_operator: H with |H f| the stress norm of forces on the pad nodes, shape (any, 3 m).
         tolerance: relative RMS of the residual about the mean that stress may leave.
         size: number of components of stress instead of the tolerance.
         trial_size, friction_size: numbers of components of the inputs, at most; fewer where there are fewer.

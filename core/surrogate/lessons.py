@@ -1,6 +1,6 @@
 """Lessons: movements of the device to learn from, and others of the same kinds held out to judge by.
 
-What is held out is settled by movement before anything is learned: samples of one movement are too alike to judge each
+Held-out sets are chosen by movement before training: samples of one movement are too alike to judge each
 other.
 """
 
@@ -39,7 +39,7 @@ FEWEST = 4
 
 @dataclass(frozen=True, eq=False)
 class Lessons:
-    """What is learned from, and what is held out of each of `KINDS`."""
+    """Training set, and the held-out set of each of `KINDS`."""
 
     data: Dataset
     held_out: dict[str, Dataset]

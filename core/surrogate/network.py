@@ -168,7 +168,7 @@ def train(
 def _start(s: NDArray[np.float32], hidden: int, rng: np.random.Generator) -> Array:
     """Return weights and biases of a hidden layer to start from.
 
-    Neurons come in opposite pairs: softplus(z) - softplus(-z) = z, so that what is linear in the inputs is there at
+    Neurons come in opposite pairs: softplus(z) - softplus(-z) = z, so that linear functions of the inputs are there at
     once.
     """
     half, size = hidden - hidden // 2, float(np.sqrt((s * s).sum(axis=1).mean())) or 1.0

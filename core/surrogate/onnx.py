@@ -1,6 +1,6 @@
 """ONNX: a network as a file that others can run, written and checked without the onnx package.
 
-ONNX is a protocol-buffer message. What is written here is a fixed graph of ten operators in opset 17, with inputs
+ONNX is a protocol-buffer message. This file writes a fixed graph of ten operators in opset 17, with inputs
 `features` (n, p): pose, components of trial forces, components of friction's forces, and `slopes` (n, p, d): their
 derivative by the pose, and outputs `stress` (n, c) and `jacobian` (n, c, d), all in double precision; a JSON text in
 the model's metadata says for which skin and device it was trained. onnxruntime runs it.
@@ -38,7 +38,7 @@ def dumps(network: Network, meta: Mapping[str, Any] | None = None) -> bytes:
     """Return a network as an ONNX model; the same network gives the same bytes.
 
     Args:
-        meta: plain values that say what it was trained for, such as skin and device keys.
+        meta: plain values of its training, such as skin and device keys.
     """
     p, c, h = network.inputs, network.outputs, network.hidden
     ways = int((meta or {}).get("freedoms", 3))

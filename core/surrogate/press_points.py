@@ -13,9 +13,8 @@ import numpy as np
 from ..arrays import Array, Indices
 from ..cache import cache_key
 from ..devices.press_problem import PressPoints
-from ..devices.stiff_points import StiffPoints
 from ..recent import Recent
-from ..skin.felt_state import felt_key
+from ..skin.law_tables import LawTables
 from ..skin.model import SkinModel
 from ..skin.nodal_forces import NodalForces
 from ..skin.pad_chart import PadChart
@@ -38,8 +37,8 @@ def press_points(skin: SkinModel) -> PressPoints:
     """Return the points that are pressed: the mesh's nodes where a skin has no smooth pad, or not yet."""
     pad = smooth_pad(skin)
     if pad is None:
-        return PressPoints(skin.positions, skin.compliance, stiff=_stiff(skin, skin.positions, None))
-    return _kept.make((felt_key(skin), repr(skin.material)), lambda: _grouped(skin, pad))
+        return PressPoints(skin.positions, skin.compliance, None, *_law_of(skin))
+    return _kept.make((skin.key, skin.tissue, repr(skin.material)), lambda: _grouped(skin, pad))
 
 
 def point_forces(skin: SkinModel, force: Array) -> PointForces | None:
@@ -71,8 +70,7 @@ def _grouped(skin: SkinModel, pad: SurfaceCompliance) -> PressPoints:
     smooth = remainder_key(skin.shape, skin.material.poisson)
     key = cache_key(f"dermis-press-points {PRESS_VERSION}", version(), skin.key, smooth, repr(unit.material))
     made = kept(skin.cache, key, shapes, lambda: _made(NodalForces(skin.mesh, chart), unit, cells, point, share))
-    stiff = _stiff(skin, chart.cells.positions[cells], (point, share, n))
-    return PressPoints(made["positions"], made["compliance"] / skin.material.modulus, made["nodal"], stiff)
+    return PressPoints(made["positions"], made["compliance"] / skin.material.modulus, made["nodal"], *_law_of(skin))
 
 
 def _made(
@@ -96,17 +94,9 @@ def _made(
     return {"positions": positions, "compliance": 0.5 * (matrix + matrix.T), "nodal": nodal.reshape(-1, 3 * n)}
 
 
-def _stiff(skin: SkinModel, places: Array, parts: tuple[Indices, Array, int] | None) -> StiffPoints | None:
-    """Return what stiffening adds at places of the skin, or at points that each have a share of some of them."""
-    if skin.stiffening is None:
-        return None
-    patterns = skin.stiffening.patterns.at(places).astype(np.float64)
-    if parts is not None:
-        point, share, count = parts
-        whole = np.zeros((count, *patterns.shape[1:]))
-        np.add.at(whole, point, share[:, None, None] * patterns)
-        patterns = whole
-    return StiffPoints(skin.stiffening, skin.material.modulus, patterns.reshape(3 * len(patterns), -1))
+def _law_of(skin: SkinModel) -> tuple[LawTables | None, float]:
+    """Return the law that a skin's tissue follows, None where it is linear, and E alpha [Pa]."""
+    return (skin.law if skin.follows_law else None), skin.material.modulus
 
 
-_kept: Recent[tuple[str, str], PressPoints] = Recent(6)  # a person's hand
+_kept: Recent[tuple[str, str, str], PressPoints] = Recent(6)  # a person's hand

@@ -18,7 +18,7 @@ def check_parts(made: Surrogate, size: int, freedoms: int, where: str) -> None:
     """Refuse a surrogate whose parts do not fit together.
 
     Args:
-        size: number of components of what the skin feels (`skin.felt_state`). freedoms: of the device.
+        size: number of components of the forces on the skin's pad nodes. freedoms: of the device.
 
     Raises:
         DermisError: a part of another shape, with values that are not finite, or sizes that differ between parts.
@@ -26,7 +26,7 @@ def check_parts(made: Surrogate, size: int, freedoms: int, where: str) -> None:
     spaces, ridge = made.descriptors, made.ridge
     stress, trial, friction = spaces.stress, spaces.trial, spaces.friction
     k, t, q = (len(np.atleast_1d(space.basis)) for space in (stress, trial, friction))
-    p, any_size, places3 = freedoms + t + q, stress.mean.size, trial.mean.size  # what is pressed need not be the nodes
+    p, any_size, places3 = freedoms + t + q, stress.mean.size, trial.mean.size  # pressed points need not be the nodes
     wanted: dict[str, tuple[Array, tuple[int, ...]]] = {
         "stress_mean": (stress.mean, (any_size,)),
         "stress_basis": (stress.basis, (k, any_size)),
@@ -73,7 +73,7 @@ def check_parts(made: Surrogate, size: int, freedoms: int, where: str) -> None:
 
 
 def try_out(model: ForwardModel, poses: Iterable[Array], where: str) -> None:
-    """Evaluate a model, so that what it cannot do is known before a sequence begins.
+    """Evaluate a model, so that its failures are known before a sequence begins.
 
     Raises:
         DermisError: it fails, or answers with another shape or with values that are not finite.

@@ -25,7 +25,6 @@ from ..errors import DermisError
 from ..files import write_npz
 from ..foreign import damage_told, json_of
 from ..npz import read_npz
-from ..skin.felt_state import felt_key, state_size, stress_components
 from ..skin.model import SkinModel
 from ..steps import in_words
 from . import onnx
@@ -44,11 +43,11 @@ _RIDGE = ("centre", "scale", "constant", "linear", "quadratic")
 
 
 def device_key(device: DiscDevice) -> str:
-    """Return a key for all that decides what a device does to a skin."""
+    """Return a key for all inputs of a device's effect on a skin."""
     usual = {"side": 1.0, "bounds": None}  # what most devices have in common is left out
     parts = {k: _plain(v) for k, v in asdict(cast(Any, device)).items()}
     if "bend" in parts:
-        parts["knee"] = parts.pop("bend")  # as in the preset, and in the keys of what was learned before
+        parts["knee"] = parts.pop("bend")  # as in the preset, and in the keys of earlier models
     told = {k: v for k, v in parts.items() if k not in usual or v != usual[k]}
     return cache_key(json.dumps(told, sort_keys=True))[:32]
 
@@ -61,7 +60,7 @@ def _plain(value: Any) -> Any:
 
 def place_of(folder: Path, skin: SkinModel, device: DiscDevice, friction: float) -> Path:
     """Return where a folder of adaptations keeps the one for a skin's shape, a device and a friction."""
-    key = cache_key(SCHEMA, felt_key(skin), pressed_on(skin), device_key(device), repr(float(friction)))
+    key = cache_key(SCHEMA, skin.key, pressed_on(skin), device_key(device), repr(float(friction)))
     return Path(folder) / f"{key[:32]}.npz"
 
 
@@ -91,10 +90,10 @@ def adapt(
     Raises:
         DermisError: servo limits that exclude contact, or settings out of range.
     """
-    recording = lessons(device, contact_of(device, skin, friction), trajectories, seed)
+    recording = lessons(device, contact_of(device, skin.linear, friction), trajectories, seed)
     found = yield from in_words(recording, lambda step: ("dataset", *step))
     yield "descriptors", 0, 1
-    spaces = descriptors(found.data, stress_components(skin), tolerance=tolerance)
+    spaces = descriptors(found.data, skin.stress_components(), tolerance=tolerance)
     table = spaces.table(found.data)
     yield "training", 0, iterations
 
@@ -109,7 +108,7 @@ def adapt(
     held_out = {"ridge": judged(ridge, tests), "network": judged(network, tests)}
     meta = {
         "schema": SCHEMA,
-        "skin": felt_key(skin),
+        "skin": skin.key,
         "pressed_on": pressed_on(skin),
         "device": device_key(device),
         "friction": friction,
@@ -180,7 +179,7 @@ def load(path: Path, skin: SkinModel, device: DiscDevice, friction: float) -> Su
         observation_matrix = arrays["readout"]
     expected = {
         "schema": SCHEMA,
-        "skin": felt_key(skin),
+        "skin": skin.key,
         "pressed_on": pressed_on(skin),
         "device": device_key(device),
         "friction": friction,
@@ -191,5 +190,5 @@ def load(path: Path, skin: SkinModel, device: DiscDevice, friction: float) -> Su
     made = Surrogate(
         Descriptors(spaces["stress"], observation_matrix, spaces["trial"], spaces["friction"]), ridge, network, meta
     )
-    check_parts(made, state_size(skin), device.freedoms, where)
+    check_parts(made, 3 * skin.pad_count, device.freedoms, where)
     return made

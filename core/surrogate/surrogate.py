@@ -9,7 +9,6 @@ from typing import Any
 from ..devices.disc import DiscContact
 from ..devices.disc_device import DiscDevice
 from ..errors import DermisError
-from ..skin.felt_state import felt_key
 from ..skin.model import SkinModel
 from .learned import Descriptors, LearnedModel
 from .ridge import QuadraticRidge
@@ -19,7 +18,7 @@ from .trial import TrialForce
 
 @dataclass(frozen=True, eq=False)
 class Surrogate:
-    """What was learned.
+    """A learned model.
 
     Attributes:
         descriptors: of stress, trial forces and friction state.
@@ -43,7 +42,7 @@ class Surrogate:
         """
         if kind not in ("network", "ridge"):
             raise DermisError("unknown surrogate", where="thimble", value=kind, limit="network, ridge")
-        check_made_for(self.meta, "skin", felt_key(skin), "surrogate")
+        check_made_for(self.meta, "skin", skin.key, "surrogate")
         fit = self.network if kind == "network" else self.ridge
         stiffness = skin.material.modulus / float(self.meta["modulus"])
         spaces, trial = self.descriptors, TrialForce.of(contact)

@@ -65,7 +65,7 @@ def rows(spec: Spec, library: Library) -> list[Row]:
 def prepare(
     wanted: Sequence[Row], _spec: Spec, library: Library, executor: JobExecutor, stack: ExitStack, _folder: Path
 ) -> Generator[Progress, None, Callable[[Row], Asked]]:
-    """Condense the skins that rows need; return what makes a row's job."""
+    """Condense the skins that rows need; return the maker of a row's job."""
     skins = Skins(executor, stack)
     needed = {row.key: _skins(row, library) for row in wanted}
     yield from skins.make(skin for own in needed.values() for skin in own)
@@ -138,7 +138,7 @@ def work(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], repo
     """Render one row, given as the job 'shot' is; return its measures.
 
     Raises:
-        DermisError: what cannot be rendered or judged, and why.
+        DermisError: a scene or device cannot be rendered or judged.
     """
     with opened_shot(arrays, parameters) as given:
         scene = scene_file.load(given.scene)

@@ -76,7 +76,7 @@ def prepare(
     """Collect the tables of the platforms that rows need, part by part in a folder, and read touches that they share.
 
     Returns:
-        What makes a row's job.
+        The maker of a row's job.
     """
     tables: dict[str, tuple[str, dict[str, NDArray[Any]]]] = {}
     for row in wanted:

@@ -1,4 +1,4 @@
-"""What the sensor reads in the interactions of [S2], worked out once for all platforms that a sweep judges by them."""
+"""Readings of the sensor in the interactions of [S2], computed once for all platforms of a sweep."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from ..work.jobs import Report
 from ..work.spread import Asked, spread
 from .row import Row
 
-PARTS = ("tilt", "depth", "shift", "amplitude")  # of a wobble, which are a share of what they are by default
+PARTS = ("tilt", "depth", "shift", "amplitude")  # of a wobble, as a share of their defaults
 
 
 def readings(
@@ -36,7 +36,7 @@ def readings(
     """Let the touches that several rows share be read, each once and kept in a folder; yield progress.
 
     Returns:
-        For the keys of rows what is read in their touch, shape (n, 20). One that failed is not there: its rows read it
+        By the keys of rows, the readings of their touch, shape (n, 20). One that failed is not there: its rows read it
         themselves, and say why they cannot.
     """
     asked = {row.key: _key(row) for row in rows}
@@ -66,7 +66,7 @@ def work(_arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], _re
 
 
 def sensed(given: Mapping[str, Any]) -> Counts:
-    """Return what is read in the touch of a row, shape (n, 20), its wobble being a share of what it is by default.
+    """Return the readings of a row's touch, shape (n, 20), its wobble being a share of the default.
 
     Args:
         given: the row's parameters, see `Row`.

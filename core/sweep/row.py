@@ -1,4 +1,4 @@
-"""One row of a sweep: what it is called, what it asks for, and the hash by which it is known when it is resumed."""
+"""One row of a sweep: its name, its parameters, and the hash by which it is known when it is resumed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Row:
     """One variant of one scene.
 
     Attributes:
-        key: hash of all that its figures depend on. columns: what it varies, as the table shows it.
+        key: hash of all that its figures depend on. columns: its varied parameters, as the table shows them.
         given: parameters of its job. scene: its file, or None where the study makes its own.
     """
 
@@ -31,7 +31,7 @@ class Row:
 def row_key(study: str, content: str, given: Mapping[str, Any]) -> str:
     """Return the key of a row: of its study, its scene's content, its job's parameters and the engine.
 
-    Another version of Dermis, or other presets, give other keys: what was made by one is not taken for the other's.
+    Another version of Dermis, or other presets, give other keys: their results are not mixed.
     """
     made_by = [engine()[name] for name in SAME]
     return cache_key("dermis-sweep-row 1", study, content, json.dumps(dict(given), sort_keys=True), *made_by)[:32]

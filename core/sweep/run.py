@@ -1,4 +1,4 @@
-"""A sweep from its rows to its table: what is there stays, the rest is done side by side, what fails says why."""
+"""A sweep from its rows to its table: finished rows stay, the others run side by side, and failures are explained."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .spec import Spec
 
 @dataclass(frozen=True)
 class Swept:
-    """What came of a sweep.
+    """Results of a sweep.
 
     Attributes:
         rows: how many there are. done: by this run. kept: of earlier runs. refused: rows that say why they have no
@@ -39,8 +39,8 @@ class Swept:
 def run_sweep(spec: Spec, library: Library, folder: Path, executor: JobExecutor) -> Generator[Progress, None, Swept]:
     """Do the rows of a sweep that are not in a folder yet, and write its table there; yield progress.
 
-    Each row is a file as soon as it is done: a run that was ended goes on where it stood. What a row refuses is kept
-    as its figures are, since it would be refused again. Leaving early writes the table of what is there.
+    Each row is a file as soon as it is done: a run that was ended goes on where it stood. A refused row is kept as
+    finished ones are, since it would be refused again. Leaving early writes the table of finished rows.
 
     Args:
         folder: of this sweep; rows of another variant, scene, preset or version of Dermis have other names.

@@ -1,4 +1,4 @@
-"""What a sweep is asked for: a TOML file that names a study, scenes, and the values of everything that varies."""
+"""Specification of a sweep: a TOML file that names a study, scenes, and the values of everything that varies."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Spec:
 
     Attributes:
         study: 'devices' (scenes through devices) or 'motors' (the six interactions of [S2] through platforms).
-        vary: the values of what varies, in the file's order; what has one value only is as fixed as it looks.
+        vary: the values of what varies, in the file's order; a parameter with one value is fixed.
         scenes: files of sampled scenes. finger: name or number. level: of the skin, for 'motors'.
         rows: of a platform's table, for 'motors'; as its preset says where None.
         where: the file, for errors.

@@ -63,7 +63,7 @@ def write(folder: Path, rows: Sequence[Row], found: Mapping[str, Figures], study
 
 
 def _columns(rows: Sequence[Row], found: Mapping[str, Figures]) -> list[str]:
-    """Return the hash, what varies, what was found in the order of the first row that has it, and why not."""
+    """Return the columns: hash, varied parameters, results in the order of their first rows, and refusals."""
     varied = [name for row in rows for name in row.columns]
     figures = [name for row in rows for name in found.get(row.key, {})]
     return list(dict.fromkeys(["hash", *varied, *(name for name in figures if name != ERROR), ERROR]))

@@ -11,10 +11,10 @@ from .spec import Spec, Value
 
 
 def check_keys(spec: Spec, plain: Collection[str], kinds: Collection[str]) -> None:
-    """Refuse what cannot vary in a study.
+    """Refuse parameters that cannot vary in a study.
 
     Args:
-        plain: keys by themselves, such as 'device'. kinds: what stands before a dot, such as 'device' of
+        plain: keys by themselves, such as 'device'. kinds: prefixes before a dot, such as 'device' of
             'device.disc_radius'.
 
     Raises:

@@ -10,7 +10,7 @@ Little-endian:
     u32       CRC-32 (zlib's) of everything before it
 
 `low` and `high` are the smallest and largest value that the track has in that channel. The steps between them are
-even, so the error is at most (high - low) / 2^33 whatever the value: a part in 8.6e9 of what the channel moves, far
+even, so the error is at most (high - low) / 2^33 whatever the value: a part in 8.6e9 of the channel's movement, far
 below what any device resolves. Near zero that is less than the nine digits of a CSV: of a channel from -1 to 1,
 1.25e-11 comes back as some 1e-10, and 0 as a number that small. JSON keeps every digit.
 """

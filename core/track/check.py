@@ -1,7 +1,7 @@
-"""What is checked before a track leaves as a file or on a wire, beyond the track's own check.
+"""Checks before a track leaves as a file or on a wire, beyond the track's own.
 
 A device preset may state, for a channel, `acceleration.CHANNEL` [unit/s^2], `bandwidth.CHANNEL` [Hz] and
-`resolution.CHANNEL` [unit] among its parameters. What it does not state is not judged.
+`resolution.CHANNEL` [unit] among its parameters. A quantity that it does not state is not judged.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""CommandTrack: what a device shall do, over time."""
+"""CommandTrack: commands of a device over time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..errors import DermisError, Finding, Severity
 from ..interpolate import MAX_SAMPLES, Method, grid, interpolate
 from .limiter import DIGITS, SLEW_SLACK, Limiter
 
-# What a limiter did: how bad it is, and how it reads.
+# Kinds of limiting: severity and text.
 LIMITED: dict[str, tuple[Severity, str]] = {
     "not_finite": ("error", "samples that were no finite number were held at the last good value"),
     "range": ("warning", "samples were limited to the channel's range"),
@@ -24,6 +24,7 @@ LIMITED: dict[str, tuple[Severity, str]] = {
     "slew_of_pair": ("warning", "samples were slowed down with the other channel of the round range"),
     "ramp": ("info", "samples were blended with rest at the start or the end"),
 }
+RECORDED = "recorded"  # the prefix of a track's sensor where that was a real one
 RATE_SLACK = 0.01  # how far a stated rate may be from that of the samples, as a part of it
 
 
@@ -35,7 +36,7 @@ class CommandTrack:
         spec: the device.
         times: [s] from the start of the range, strictly rising, shape (n,).
         values: in the units of `spec.channels`, shape (n, channels).
-        meta: what a reader of the file wants to know: finger, scene, frame range, fps, content hash ...
+        meta: information for readers of the file: finger, scene, frame range, fps, content hash ...
         limited: per 'channel.kind' ('tactor_x.range', 'tactor_x.slew' ...), how many samples a limiter changed.
 
     A cap that shall jump by 1 mm and back within 2 ms, and does what 150 mm/s allow:
@@ -130,7 +131,8 @@ class CommandTrack:
     ) -> CommandTrack:
         """Return the track as the device can follow it; nothing is dropped, and every changed sample is counted.
 
-        In turn: what is not finite is held, ramps, range, round range, largest speed. The counts in `limited` add up.
+        In turn: values that are not finite are held, ramps, range, round range, largest speed. The counts in `limited`
+        add up.
 
         Args:
             start_at_rest: the device is at rest at the first sample and moves to the track from there.
@@ -159,7 +161,7 @@ class CommandTrack:
         return replace(self, values=limiter.values, limited=counts)
 
     def check(self) -> tuple[Finding, ...]:
-        """Return what a device or its reader would stumble over, and what was limited on the way here.
+        """Return problems for the device or a reader of the track, and the counts of limited samples.
 
         Codes: 'empty', 'times-not-rising', 'not-finite', 'rate', 'out-of-range', 'too-fast', 'duplicate-actuator'
         (errors), 'wire-budget' (warning), 'limited-KIND' for every kind in `limited`.

@@ -76,7 +76,7 @@ def read(path: Path | str) -> CommandTrack:
     with opened(path) as (file, _):
         first = file.readline(200)
     if not first.startswith(MAGIC.encode()):
-        loads(first.decode("utf-8", "replace"), where=where)  # which says what is wrong with it
+        loads(first.decode("utf-8", "replace"), where=where)  # which raises the reason
     data = read_bytes(path, most=MAX_TEXT)
     try:
         text = data.decode("utf-8")

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
 from importlib import import_module
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -16,20 +18,37 @@ from .check import findings_of
 from .command_track import CommandTrack
 from .formats import FORMATS, Format
 
+NO_SETTINGS: Mapping[str, Any] = MappingProxyType({})
+
 
 class EmptyRange(DermisError):
     """A range without duration, or one so short that no sample of the track lies in it."""
 
 
-def write(track: CommandTrack, path: Path, form: str = "csv", *, force: bool = False) -> tuple[Finding, ...]:
-    """Check a track and write it in one of the `FORMATS`; return what the check found.
+def write(
+    track: CommandTrack,
+    path: Path,
+    form: str = "csv",
+    *,
+    force: bool = False,
+    settings: Mapping[str, Any] = NO_SETTINGS,
+) -> tuple[Finding, ...]:
+    """Check a track and write it in one of the `FORMATS`; return the findings of both.
 
     A track with errors is refused. Forced, it is written as it is, with the codes under `forced` in its header.
 
+    Args:
+        settings: of the format, in SI, by the names of its rows; the defaults where left out.
+
     Raises:
-        DermisError: an unknown format; errors and no force; what the format itself cannot hold; the file system.
+        DermisError: an unknown format or setting; errors and no force; content that the format cannot hold; the file
+            system.
     """
     entry = format_of(form)
+    strange = sorted(set(settings) - set(entry.settings))
+    if strange:
+        known = ", ".join(entry.settings) or "none"
+        raise DermisError("the format has no such setting", where=form, value=", ".join(strange), limit=known)
     found = findings_of(track, levels=entry.levels)
     errors = [f for f in found if f.severity == "error"]
     if errors and not force:
@@ -45,8 +64,10 @@ def write(track: CommandTrack, path: Path, form: str = "csv", *, force: bool = F
     if errors:
         codes = ", ".join(sorted({f"{f.code} ({f.count})" for f in errors}))
         track = replace(track, meta={**track.meta, "forced": codes})
-    import_module(f".{entry.module}", __package__).write(track, Path(path))
-    return found
+    module = import_module(f".{entry.module}", __package__)
+    if entry.settings:
+        return (*found, *module.write(track, Path(path), settings))
+    return (*found, *(module.write(track, Path(path)) or ()))
 
 
 def read(path: Path) -> CommandTrack:
@@ -93,7 +114,7 @@ def cut(track: CommandTrack, first: float, last: float, *, name: str = "") -> Co
     """
     where = f"range '{name}'" if name else "range"
     rate = track.spec.rate
-    # A sampled sweep ends at its last whole sample, up to one sample before the end of what was sampled.
+    # A sampled sweep ends at its last whole sample, up to one sample before the end of the range.
     early, late = 0.5 / rate, (1 - 1e-6) / rate
     if not (np.isfinite(first) and np.isfinite(last) and last > first):
         raise EmptyRange("the range is empty", where=where, value=f"{first:g} to {last:g} s")

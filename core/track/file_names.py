@@ -14,7 +14,7 @@ from .c_header import identifier
 _DEVICE = re.compile(r"con|prn|aux|nul|(com|lpt)[0-9\u00b9\u00b2\u00b3]", re.IGNORECASE)
 LONGEST = 200  # bytes of a stem: file systems take 255, and a number, a suffix and the ending of a part file follow it
 _SHORTEST = 16  # bytes that are kept of a part, so that people recognize it
-_DIGITS = 8  # of a hash that ends what was cut: 16 million names before two of them are likely to share one
+_DIGITS = 8  # of a hash at the end of a shortened name: 16 million names before two of them are likely to share one
 
 
 class FileNames:

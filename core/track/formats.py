@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+from ..parameters.parameter import Table
+from ..parameters.wave import WAVE
 
 
 @dataclass(frozen=True)
@@ -14,6 +17,7 @@ class Format:
         module: of this package. suffix: of its files. title, text: for menus.
         levels: counts that it gives a channel's range; None where it does not quantise.
         readable: it can be read back.
+        settings: rows of its options.
     """
 
     module: str
@@ -22,6 +26,7 @@ class Format:
     text: str
     levels: int | None = None
     readable: bool = True
+    settings: Table = field(default_factory=dict)
 
 
 FORMATS: Mapping[str, Format] = {
@@ -29,4 +34,12 @@ FORMATS: Mapping[str, Format] = {
     "json": Format("json_track", ".json", "JSON", "Every float exactly"),
     "binary": Format("binary", ".dtrack", "Compact Binary", "Four bytes a value, with a check sum"),
     "c": Format("c_header", ".h", "C Header", "With a player loop for a microcontroller", levels=65536, readable=False),
+    "wav": Format(
+        "wav", ".wav", "WAV", "The voltage itself, for a sound card and an amplifier", readable=False, settings=WAVE
+    ),
+    "ahap": Format("ahap", ".ahap", "AHAP", "A voice coil's vibration for Apple's Core Haptics", readable=False),
+    "haptic": Format(
+        "haptic_clip", ".haptic", "Haptic Clip", "A voice coil's vibration for Meta's SDK", readable=False
+    ),
+    "hjif": Format("hjif", ".hjif", "MPEG Haptics", "A voice coil's vibration, ISO/IEC 23090-31", readable=False),
 }

@@ -12,7 +12,7 @@ from ..errors import DermisError
 from .command_track import LIMITED, CommandTrack
 
 FIRST_META = ("generator", "finger", "scene", "frame_range", "fps", "content_hash")
-# What the methods say of themselves.
+# Information that methods write about themselves.
 METHOD_META = (
     "method",
     "lead_s",
@@ -39,7 +39,7 @@ _FPS = re.compile(r"[0-9]{1,12}(/[0-9]{1,12}|\.[0-9]{1,12})?")
 
 
 def check_known(track: CommandTrack, where: str) -> None:
-    """Refuse to write what the readers refuse: see `check_kind`, `check_meta` and `check_limited`.
+    """Refuse to write content that the readers refuse: see `check_kind`, `check_meta` and `check_limited`.
 
     Raises:
         DermisError: as said.

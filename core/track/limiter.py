@@ -1,8 +1,9 @@
-"""Limiting of commands to what a device can do: values, round ranges, speed. Every sample changed is counted."""
+"""Limiting of commands to the abilities of a device: values, round ranges, speed. Every sample changed is counted."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..devices.spec import DeviceSpec, range_disc
@@ -33,7 +34,7 @@ class Limiter:
         self.counts: dict[str, int] = {}
 
     def hold_finite(self) -> None:
-        """Replace what is not finite by the last finite value of the channel, at the start by its rest."""
+        """Replace values that are not finite by the last finite value of the channel, at the start by its rest."""
         finite = np.isfinite(self.values)
         if finite.all():
             return
@@ -80,6 +81,10 @@ class Limiter:
         x, y = self.values[:, i], self.values[:, j]
         reach = np.hypot(x, y)
         outside = reach > radius
+        if not outside.any():
+            for column in (i, j):
+                self._count(self.spec.channels[column].name, "disc", 0)
+            return
         scale = np.where(outside, radius / np.where(outside, reach, 1.0), 1.0)
         for column, values in ((i, x * scale), (j, y * scale)):
             self._replace(column, self.spec.channels[column].name, "disc", values)
@@ -90,13 +95,16 @@ class Limiter:
         groups = [[i] for i in range(len(self.spec.channels)) if pair is None or i not in pair[:2]]
         if pair is not None:
             groups.append([pair[0], pair[1]])
+        slews = np.array([np.inf if c.slew is None else c.slew for c in self.spec.channels])
+        leaps = start_at_rest or bool(_leaps(self.values, np.diff(self.times)[:, None] * slews).any())
         for group in groups:
-            channels = [self.spec.channels[i] for i in group]
-            slews = np.array([np.inf if c.slew is None else c.slew for c in channels])
-            if np.isinf(slews).all():
+            channels, own = [self.spec.channels[i] for i in group], slews[group]
+            if np.isinf(own).all():
                 continue
-            start = np.array([c.rest for c in channels]) if start_at_rest else None
-            followed = within_slews(self.times, self.values[:, group], slews, start)
+            followed = self.values[:, group]
+            if leaps:
+                start = np.array([c.rest for c in channels]) if start_at_rest else None
+                followed = within_slews(self.times, followed, own, start)
             for k, channel in enumerate(channels):
                 if channel.slew is not None:
                     self._replace(group[k], channel.name, "slew", followed[:, k])
@@ -127,7 +135,7 @@ def within_slews(times: Array, target: Array, slews: Array, start: Array | None 
         Shape (n, columns); equal to the target wherever it can be reached.
     """
     steps = np.diff(times)[:, None] * slews
-    leaps = np.flatnonzero((np.abs(np.diff(target, axis=0)) > steps * (1 + SLEW_SLACK)).any(axis=1)) + 1
+    leaps = np.flatnonzero(_leaps(target, steps).any(axis=1)) + 1
     if start is not None and len(target):
         target, leaps = np.vstack([start, target[1:]]), np.union1d([1], leaps)
 
@@ -139,3 +147,8 @@ def within_slews(times: Array, target: Array, slews: Array, start: Array | None 
         return None if share == 1.0 else [v + (g - v) * share for v, g in zip(place, goal, strict=True)]
 
     return follow(target, leaps, advance)
+
+
+def _leaps(target: Array, steps: Array) -> NDArray[np.bool_]:
+    """Return where a target, shape (n, columns), changes by more than steps allow, shape (n - 1, columns)."""
+    return np.asarray(np.abs(np.diff(target, axis=0)) > steps * (1 + SLEW_SLACK))

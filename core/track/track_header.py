@@ -57,14 +57,17 @@ def times_of(track: CommandTrack) -> dict[str, Any]:
     return grid
 
 
-def text_of(header: Mapping[str, Any]) -> str:
+def text_of(header: Mapping[str, Any], *, ascii_only: bool = False) -> str:
     """Write a header as JSON; equal headers give equal text.
+
+    Args:
+        ascii_only: other characters become escapes.
 
     Raises:
         DermisError: a number that is not finite, or a setting that JSON has no form for.
     """
     try:
-        text = json.dumps(header, ensure_ascii=False, allow_nan=False, sort_keys=True)
+        text = json.dumps(header, ensure_ascii=ascii_only, allow_nan=False, sort_keys=True)
         text.encode("utf-8")  # half a character, which CSV escapes, has no form here
         return text
     except (TypeError, ValueError) as error:

@@ -26,7 +26,7 @@ PACKAGE = Path(__file__).resolve().parents[1].name
 MAX_SILENT_SECONDS = 5.0  # a child that was told to end and gives no sign of life for this long hangs
 MAX_UNSEEN_SECONDS = 1.0  # whoever has not looked for so long may have slept itself, and knows nothing of the child
 MAX_LAST_SECONDS = 2.0  # from the last that a dying child replies to its end
-MAX_LOG_CHARACTERS = 500  # the end of what a child wrote, which says why it died
+MAX_LOG_CHARACTERS = 500  # the end of a child's output, which says why it died
 
 
 class Owner(Protocol):
@@ -57,7 +57,7 @@ class ChildProcess(subprocess.Popen[bytes]):
     Args:
         name: for errors, such as 'the sender'.
         line: the command line, see `command`.
-        replies: read what it writes to standard output from `stdout`; dropped otherwise.
+        replies: read its standard output from `stdout`; dropped otherwise.
 
     Raises:
         DermisError: it cannot be started.
@@ -120,7 +120,7 @@ class ChildProcess(subprocess.Popen[bytes]):
         self.gone(self._sign)
 
     def gone(self, sign: object = None) -> bool:
-        """Return whether it has ended, and close what is open of it then; one that hangs in its ending is killed.
+        """Return whether it has ended, and close its pipes then; one that hangs in its ending is killed.
 
         Args:
             sign: anything that changes while it lives.

@@ -146,7 +146,7 @@ class ClusterExecutor(JobExecutor):
         job, future = Job(name, arrays or {}, parameters or {}, self.table), JobFuture()
         if self._closed:
             raise RuntimeError("cannot schedule new futures after shutdown")
-        if self._client.status != "running":  # what was under way is lost already
+        if self._client.status != "running":  # unfinished work is lost already
             remedy = "Start it and its workers again, and do the work once more"
             raise DermisError("the scheduler has gone", where=self.address, remedy=remedy, code="no-scheduler")
         large = {n: a for n, a in job.arrays.items() if np.asarray(a).nbytes >= LARGE}

@@ -22,13 +22,13 @@ ALIKE = ("python", "numpy", "scipy", "platform", "kernel")  # other ones give re
 
 @cache
 def engine() -> Mapping[str, str]:
-    """Return what this engine is: version, digests of its sources and of the presets that ship, and what it runs on.
+    """Return a description of this engine: version, digests of its sources and of the shipped presets, and platform.
 
-    'kernel' is what the BLAS of numpy and scipy chose for this processor, such as 'SkylakeX'.
+    'kernel' is the choice of numpy's and scipy's BLAS for this processor, such as 'SkylakeX'.
     """
     return {
         "dermis": version(),
-        "sources": _digest(CORE, "**/*.py"),
+        "sources": _digest(CORE, "**/*.py", "kernels/*.[ch]"),
         "presets": _digest(BUILT_IN, "*/*.json", "skins/*.npz"),
         "python": platform.python_version(),
         "numpy": np.__version__,

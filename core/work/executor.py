@@ -80,7 +80,7 @@ class JobExecutor(Executor):
         table: the jobs' names.
 
     Attributes:
-        shares_files: a file of this process can be opened where jobs run; else what they need has to travel.
+        shares_files: a file of this process can be opened where jobs run; else their inputs have to travel.
 
     Raises:
         DermisError: less than one worker, who would never begin.

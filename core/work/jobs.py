@@ -23,7 +23,6 @@ JOBS: Table = {
     "skin": ".skin.job:make",
     "skin-files": ".skin.job:make_files",
     "pad": ".skin.job:make_surface",
-    "stiffening": ".tissue.job:make_stiffening",
     "collect": ".design.collect:work",
     "adapt": ".matching.adapt:adapt_job",
     "compare": ".comparison.job:compare_job",
@@ -39,10 +38,10 @@ _CORE = __package__.rpartition(".")[0]
 
 @dataclass(frozen=True)
 class Job:
-    """What is to be done: a name out of a table, arrays, and parameters that JSON can hold.
+    """Work to be done: a name out of a table, arrays, and parameters that JSON can hold.
 
     Raises:
-        DermisError: code 'no-such-job': the name is not in the table; 'not-plain': Python objects among what goes in.
+        DermisError: code 'no-such-job': the name is not in the table; 'not-plain': Python objects among the inputs.
     """
 
     name: str
@@ -71,7 +70,7 @@ class Job:
         """Do it in this process.
 
         Raises:
-            DermisError: what the job refuses; code 'job-failed' for a defect in it, which the log then tells in full.
+            DermisError: refused by the job; code 'job-failed' for a defect in it, which the log then tells in full.
         """
         module, _, function = self.table[self.name].partition(":")
         try:

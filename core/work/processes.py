@@ -117,7 +117,7 @@ class _Worker(ChildProcess):
         """Do a job and wait for it.
 
         Raises:
-            DermisError: what the job raised; code 'job-crashed' where the process ended before it, or talks nonsense.
+            DermisError: raised by the job; code 'job-crashed' where the process ended before it, or talks nonsense.
         """
         with tempfile.TemporaryDirectory(prefix="dermis-job-", ignore_cleanup_errors=True) as folder:
             given, result = Path(folder, "in.npz"), Path(folder, "out.npz")
@@ -128,7 +128,7 @@ class _Worker(ChildProcess):
                     return _read(result)
             except DermisError:
                 raise
-            except Exception as error:  # what it says next would be taken for the reply to another job
+            except Exception as error:  # its next words would be taken for the reply to another job
                 self.kill()
                 raise DermisError(
                     "the worker's reply cannot be read",
@@ -146,10 +146,10 @@ class _Worker(ChildProcess):
         """Let a request be done; return whether it was: False where the process ended before.
 
         Raises:
-            DermisError: what the job raised. Anything else: a reply that is none.
+            DermisError: raised by the job. Anything else: a reply that is none.
         """
         assert self.stdin is not None and self.stdout is not None
-        with contextlib.suppress(OSError):  # it has ended; what it replies ends then, too
+        with contextlib.suppress(OSError):  # it has ended; its replies end then, too
             self.stdin.write(json.dumps(request).encode() + b"\n")
             self.stdin.flush()
         for line in self.stdout:
@@ -166,7 +166,7 @@ class _Worker(ChildProcess):
 
 
 def serve(table: Table = JOBS) -> int:
-    """Do what the parent pipe asks for; when the parent has gone, end at once, in the middle of a job too."""
+    """Do the work that the parent pipe asks for; when the parent has gone, end at once, in the middle of a job too."""
     replies = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)  # what anything prints goes to the log, not between the replies
     requests: queue.SimpleQueue[bytes] = queue.SimpleQueue()

@@ -1,4 +1,4 @@
-"""Many jobs handed out a few at a time, so that what they need is held for few, and results come as they are done."""
+"""Many jobs handed out a few at a time, so that their inputs are held for few, and results come as they are done."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def spread(
 ) -> Generator[tuple[Key, JobFuture] | None, None, None]:
     """Let jobs be done side by side; yield each with its key as it ends, and None while nothing does.
 
-    Jobs are drawn from `asked` when there is room for them. Leaving early cancels what is under way.
+    Jobs are drawn from `asked` when there is room for them. Leaving early cancels unfinished work.
 
     Raises:
         Whatever drawing the next job raises, or submitting it.

@@ -115,7 +115,7 @@ def _shown(which: str) -> Iterator[tuple[Any, Any]]:
         _, modules = stand_in.graphics_card()
         for module, content in modules.items():
             patch.setitem(sys.modules, module, content)
-        callbacks = stand_in.draw_callbacks(patch)
+        callbacks = stand_in.draw_callbacks()
         window = bpy.context.window_manager.windows[0]
         area = next(a for a in window.screen.areas if a.type == "VIEW_3D")
         region = next(r for r in area.regions if r.type == "WINDOW")

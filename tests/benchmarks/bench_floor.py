@@ -21,10 +21,10 @@ COMPONENTS = 60
 @functools.cache
 def parts(key: str) -> tuple[Any, Any, Any, Any]:
     """A device by its preset, the skin, sixty components of stress fitted to both, and the operator of all stress."""
+
     from core.matching.description import DESCRIPTOR_MOVEMENTS
     from core.matching.thimble_use import prepare
     from core.presets import Library
-    from core.skin.felt_state import stress_components
     from core.skin.model import fingertip_skin
     from core.steps import drain
     from core.surrogate.dataset import record
@@ -33,7 +33,7 @@ def parts(key: str) -> tuple[Any, Any, Any, Any]:
 
     skin = fingertip_skin(level="draft")
     device = prepare(Library().device(key), skin, {"platform_method": "stress"}).device
-    data, whole = drain(record(device, contact_of(device, skin, 0.6), DESCRIPTOR_MOVEMENTS)), stress_components(skin)
+    data, whole = drain(record(device, contact_of(device, skin, 0.6), DESCRIPTOR_MOVEMENTS)), skin.stress_components()
     return device, skin, descriptors(data, whole, size=COMPONENTS).observation_matrix, whole
 
 

@@ -1,7 +1,7 @@
 """Skin that follows the neo-Hookean law against the exact neo-Hookean finger, on forty touches, and its price.
 
 Each tissue solves its own contact at the nodes of the standard mesh, frame after frame; linear skin stands beside it.
-The exact finger (`core/tissue/exact_finger.py`) is the same law, by Newton's method in double precision. Stress is
+The exact finger (`tests/exact/exact_finger.py`) is the same law, by Newton's method in double precision. Stress is
 compared in all elements by volume, force as the sum on the finger. Medians over paths; `p95` of these rows is the 90th
 percentile.
 """
@@ -9,9 +9,7 @@ percentile.
 from __future__ import annotations
 
 import functools
-import tempfile
 import time
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -128,23 +126,6 @@ def _shown(skin: object, taken: object) -> None:
     assert felt.displacement.size
 
 
-@benchmark("nl_table_mb", limit=10.0)
-def table() -> Result:
-    """The table that devices are matched by on such skin, as a file; touches need none."""
-    from core.tissue.stiffening_store import SHIPPED, find_stiffening
-
-    from .nonlinear_errors import reference
-
-    skin = reference().skin
-    assert skin.shape is not None
-    found = find_stiffening(skin.shape, skin.material.poisson, shipped=SHIPPED)
-    assert found is not None, "no table of the standard finger's tissue ships"
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "table.npz"
-        found.write(file)
-        return Result("nl_table_mb", file.stat().st_size / 1e6, "MB")
-
-
 @benchmark("nl_ready_ms", limit=1000.0)
 def ready() -> Result:
     """From linear skin to the first frame of skin with the law: what a person waits for who chooses it."""
@@ -165,21 +146,6 @@ def ready() -> Result:
 
     with one_blas_thread():
         return Result("nl_ready_ms", *measure(first, 5, warmup=1)[:1], "ms")
-
-
-@benchmark("nl_build_s", limit=150.0)
-def build() -> Result:
-    """Making that table for the standard finger, its mesh and all."""
-    from core.tissue.stiffening_store import make_stiffening
-
-    from .nonlinear_reference import LEVEL, fingertip_skin
-
-    skin = fingertip_skin(level=LEVEL)
-    started, worked = time.perf_counter(), time.process_time()
-    for _ in make_stiffening(skin.shape, skin.material.poisson):
-        pass
-    worked = time.process_time() - worked  # where other work shares the processor, this says more
-    return Result("nl_build_s", time.perf_counter() - started, "s", None, {"of the processor": worked})
 
 
 for _row in ROWS:

@@ -65,7 +65,7 @@ def softer_difference() -> Result:
     It is the exact answer of the product's standard mesh, on a ball of 5 mm: how far that is from the reference in the
     force and in the stress 1.2 mm deep, the worst of the depths. Errors of `nl_*` rows come on top of it.
     """
-    from .references.cases import FAMILIES, JUDGED_AT, PROBE_DEPTHS
+    from .references.cases import FAMILIES, JUDGED_AT
     from .references.results import difference
 
     family, cases = FAMILIES["neo-Hookean ball 5"], load()["cases"]
@@ -74,7 +74,7 @@ def softer_difference() -> Result:
     with one_blas_thread():
         for title, (pushed, felt) in zip(titles, _by_tetrahedra(family, cases[titles[0]]["place"]), strict=True):
             force.append(abs(pushed / cases[title]["force"][2] - 1.0))
-            stress.append(difference(felt, cases[title]["stress"], len(PROBE_DEPTHS))[JUDGED_AT])
+            stress.append(difference(felt, cases[title]["stress"], len(family.probe_depths))[JUDGED_AT])
             print(f"{title}: {pushed:.4f} N, {force[-1]:.1%} off, stress {stress[-1]:.1%}", flush=True)
     return Result("reference_softer_difference", max(stress), "1", None, {"of the force": max(force)})
 
@@ -83,23 +83,19 @@ def _by_tetrahedra(family: Family, place: Sequence[float]) -> Iterator[tuple[flo
     """Yield the force [N] and the stress at the probes [Pa] at each depth; `place` is the first depth's [mm]."""
     from core.contact.solver.bodies import ContactBody
     from core.skin.model import fingertip_skin
-    from core.skin.stress import locate, nodal_average
-    from core.tissue.exact_finger import ExactFinger
+    from tests.exact.exact_finger import ExactFinger
+    from tests.tissue import probes_at
 
     skin = fingertip_skin(level="standard")
     finger, surface, before = ExactFinger(skin), family.shapes[0][1].surface(), None
-    element, weights = locate(skin.mesh, 1e-3 * family.probes)
+    probes = probes_at(skin.mesh, 1e-3 * family.probes)
     start = np.array(place) - [0.0, 0.0, family.depths[0]]
     for number in range(1, round(family.depths[-1] / family.step) + 1):
         depth = number * family.step
         bodies = [ContactBody(surface, translation=1e-3 * (start + [0.0, 0.0, depth]), friction=family.friction)]
         held, before = finger.step(bodies, before), bodies
         if np.isclose(depth, family.depths).any():
-            nodal = nodal_average(skin.mesh, finger.stress(held.displacement))
-            yield (
-                float(held.force[:, 2].sum()),
-                np.einsum("kj,kjc->kc", weights, nodal[skin.mesh.tetrahedra[element]]),
-            )
+            yield float(held.force[:, 2].sum()), probes.read(finger.stress(held.displacement))
 
 
 @benchmark("reference_slid_apart", limit=0.01)

@@ -48,7 +48,7 @@ SHARP = ("edge", "ribs", "coin", "punch", "pillar", "plate")
 
 
 class Judged(NamedTuple):
-    """A case's errors, and its reference's own, relative: of the force, and of stress 0.3, 1.2 and 2 mm deep.
+    """A case's errors, and its reference's own, relative: of the force, and of stress by the family's depths.
 
     Attributes:
         counts: whether the reference is good enough to judge by.
@@ -104,6 +104,29 @@ def shape_stress_error_softer() -> Result:
     return _worst("shape_stress_error_softer", lambda case: (case.stress[1], case.own_stress[1]), SOFTER)
 
 
+@benchmark("nl_true_stress_error_2mm", limit=0.06)
+def true_stress_error() -> Result:
+    """Stress 1.6 mm below the skin, pressed 2 mm deep: what it is off beyond the reference's own error, at worst."""
+    return _beyond("nl_true_stress_error_2mm", 1.6)
+
+
+@benchmark("nl_true_stress_error_shallow", limit=0.12)
+def true_stress_error_shallow() -> Result:
+    """The same 0.3 mm below the skin."""
+    return _beyond("nl_true_stress_error_shallow", 0.3)
+
+
+def _beyond(name: str, depth: float) -> Result:
+    """Return the worst error of neo-Hookean stress at a depth of the probes [mm], less its reference's own."""
+    from .references.cases import SOFT_DEPTHS, SOFT_PROBES
+
+    at = SOFT_PROBES.index(depth)
+    deepest = [case for case in _judged(CONTACTS[0], SOFTER) if case.name.endswith(f", {SOFT_DEPTHS[-1]:g} mm deep")]
+    beyond = {case.name: max(case.stress[at] - case.own_stress[at], 0.0) for case in deepest}
+    peers = {**beyond, "references' own at worst": max(case.own_stress[at] for case in deepest)}
+    return Result(name, max(beyond.values()), "1", None, peers)
+
+
 @benchmark("thin_card_force_error", limit=0.01, quick=True)
 def thin_card_force_error() -> Result:
     """Closed cards down to 0.1 mm against a block with the same top, with friction, 0.5 to 2 mm deep."""
@@ -149,7 +172,7 @@ def by_shape(contact: str) -> str:
         contact: 'points' or 'nodes'.
     """
     shapes: dict[str, list[Judged]] = {}
-    for case in _judged(contact):
+    for case in _judged(contact, SMOOTH + SHARP + SOFTER):
         shapes.setdefault(case.name.partition(",")[0], []).append(case)
     lines = [
         "| shape | judged | force | stress 1.2 mm deep | stress 0.3 mm deep | the reference's own |",
@@ -174,7 +197,7 @@ def _worst(
     name: str, figure: Callable[[Judged], tuple[float, float]], kinds: tuple[str, ...] = SMOOTH + SHARP
 ) -> Result:
     """Return the worst case that is judged; beside it what is not judged, with the largest of their own errors."""
-    own, other = ([case for case in _judged(contact) if case.name.startswith(kinds)] for contact in CONTACTS)
+    own, other = (_judged(contact, kinds) for contact in CONTACTS)
 
     def counts(case: Judged) -> bool:
         return case.counts and figure(case)[1] <= OWN_STRESS
@@ -194,50 +217,55 @@ def _worst(
     return Result(name, value, "1", None, peers)
 
 
+def _judged(contact: str, kinds: tuple[str, ...]) -> list[Judged]:
+    """Return every case of some kinds of shape that has a reference."""
+    from .references.cases import FAMILIES
+
+    families = [f.name for f in FAMILIES.values() if any(name.startswith(kinds) for name, _ in f.shapes)]
+    return [case for name in families for case in _of_family(contact, name) if case.name.startswith(kinds)]
+
+
 @functools.cache
-def _judged(contact: str) -> list[Judged]:
-    """Return every case that has a reference, and print a line each."""
-    from .references.cases import FAMILIES, PROBE_DEPTHS
+def _of_family(contact: str, name: str) -> list[Judged]:
+    """Return every case of a family that has a reference, and print a line each."""
+    from .references.cases import FAMILIES
     from .references.results import difference, is_judged, load
 
-    known = load()["cases"]
+    known, family = load()["cases"], FAMILIES[name]
     out = []
     with one_blas_thread():
-        for family in FAMILIES.values():
-            for _, shape in family.shapes:
-                titles = [title for own, _, title in family.cases() if own is shape]
-                if any(title not in known for title in titles):
-                    continue
-                origin = 1e-3 * (np.array(known[titles[0]]["place"]) - [0.0, 0.0, family.depths[0]])
-                depths = tuple(1e-3 * depth for depth in family.depths)
-                felts = felt_at(shape.surface(), origin, depths, family.friction, contact, family.tissue)
-                for title, felt in zip(titles, felts, strict=True):
-                    exact = known[title]
-                    stress = difference(stress_at(felt, 1e-3 * family.probes), exact["stress"], len(PROBE_DEPTHS))
-                    own, pushed = exact["error"], float(felt.resultant[2])
-                    wrong = pushed / exact["force"][2] - 1.0
-                    out.append(Judged(title, is_judged(exact), pushed, wrong, stress, own["force"], own["stress"]))
-                    print(f"{contact:6} {out[-1]}", flush=True)
+        for _, shape in family.shapes:
+            titles = [title for own, _, title in family.cases() if own is shape]
+            if any(title not in known for title in titles):
+                continue
+            origin = 1e-3 * (np.array(known[titles[0]]["place"]) - [0.0, 0.0, family.depths[0]])
+            depths = tuple(1e-3 * depth for depth in family.depths)
+            felts = felt_at(shape.surface(), origin, depths, family.friction, contact, family.tissue)
+            for title, felt in zip(titles, felts, strict=True):
+                exact = known[title]
+                stress = difference(stress_at(felt, 1e-3 * family.probes), exact["stress"], len(family.probe_depths))
+                own, pushed = exact["error"], float(felt.resultant[2])
+                wrong = pushed / exact["force"][2] - 1.0
+                out.append(Judged(title, is_judged(exact), pushed, wrong, stress, own["force"], own["stress"]))
+                print(f"{contact:6} {out[-1]}", flush=True)
     return out
 
 
 @functools.cache
 def _skin(tissue: str) -> SkinModel:
+    from core.skin.finger_skin import of_tissue
     from core.skin.model import fingertip_skin
-    from core.tissue.finger_skin import of_tissue
 
     return of_tissue(fingertip_skin(level="standard"), tissue)
 
 
 def stress_at(felt: Stimulus, points: Array) -> Array:
     """Return the product's stress [Pa] at points in the tissue [m], shape (k, 6)."""
-    from core.skin.stress import locate, nodal_average
+    from core.skin.recovery import fitted
+    from core.skin.stress import Probes
 
-    if felt.points is not None:
-        return felt.points.stress_below(points, felt.points.surface.chart.project(points)[1])
-    mesh = felt.skin.mesh
-    element, weights = locate(mesh, points)
-    return np.asarray(np.einsum("kj,kjc->kc", weights, nodal_average(mesh, felt.stress)[mesh.tetrahedra[element]]))
+    deep = np.full(len(points), np.nan) if felt.points is None else felt.points.surface.chart.project(points)[1]
+    return felt.stress_at(Probes(points, fitted(felt.skin.mesh, points), deep, np.full(len(points), -1)))
 
 
 def felt_at(

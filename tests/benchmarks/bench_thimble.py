@@ -34,43 +34,41 @@ def device() -> Any:
 @functools.cache
 def skin(level: str) -> Any:
     """The middle index finger."""
-    from core.parameters.error_bands import NEO_HOOKEAN
     from core.skin.model import fingertip_skin
-    from core.tissue.finger_skin import of_tissue
 
     level, _, tissue = level.partition(", ")
     found = fingertip_skin(level=level)
-    return of_tissue(found, NEO_HOOKEAN) if tissue else found
+    return found.with_law() if tissue else found
 
 
 @functools.cache
 def observation_matrix(level: str) -> Any:
     """Sixty stress components, fitted to the device."""
+
     from core.matching.description import DESCRIPTOR_MOVEMENTS
-    from core.skin.felt_state import stress_components
     from core.steps import drain
     from core.surrogate.dataset import record
     from core.surrogate.learned import descriptors
     from core.surrogate.store import contact_of
 
-    own = skin(level).matched
+    own = skin(level).linear
     data = drain(record(device(), contact_of(device(), own, 0.6), DESCRIPTOR_MOVEMENTS))
-    return descriptors(data, stress_components(own), size=COMPONENTS).observation_matrix
+    return descriptors(data, own.stress_components(), size=COMPONENTS).observation_matrix
 
 
 @functools.cache
 def frames(level: str) -> dict[str, Any]:
     """Run the three touches once; times in ms of target and of search with friction update, and what was found."""
     from core.matching.stress import StressMatcher
-    from core.skin.felt_state import matched_amounts, observed
-    from core.skin.stimulus import Stimulus
+    from core.skin.observation import Observer
     from core.surrogate.store import contact_of
     from tests import touches
 
-    model, own = skin(level), skin(level).matched
+    model = skin(level)
+    observer = Observer(model, observation_matrix(level))
     out: dict[str, Any] = {"target": [], "thimble": [], "evaluations": [], "left": [], "size": []}
     with one_blas_thread():
-        follower = StressMatcher(device(), contact_of(device(), own, 0.6), observation_matrix(level))
+        follower = StressMatcher(device(), contact_of(device(), model, 0.6), observer)
         for touch in (touches.ball_roll(FRAMES), touches.edge_press(FRAMES), touches.slide(FRAMES)):
             path = touches.solver_on(model)
             follower.reset()
@@ -79,8 +77,7 @@ def frames(level: str) -> dict[str, Any]:
                 start = time.perf_counter()
                 step = path.step(bodies)
                 between = time.perf_counter()
-                amounts = matched_amounts(Stimulus(model, step.nodal, given=step.amounts))
-                frame = follower.step(observed(own, observation_matrix(level), step.nodal, amounts))
+                frame = follower.step(observer.seen(step.nodal, step.amounts))
                 end = time.perf_counter()
                 if frame.minimum is not None:
                     out["target"].append(1e3 * (between - start))

@@ -45,23 +45,23 @@ Every figure here is **simulated**. Made by
 
 """
 NOTES = """
-## What the words mean
+## Glossary
 * Errors are relative RMS over a whole touch, in per cent, as *whole stress / 154 cells / electrodes*. **Whole stress**
   is of every element and the strictest. **154 cells** is the mean stress in 154 cells of like extent, the number of
   elements that [S0] describes stress with. **Electrodes** are nineteen virtual ones that read how thick the pulp is, as
   the paper's sensor did. Only the last two are of the paper's sort; the page of the thimble
   ([thimble_3rrs_figures.md](thimble_3rrs_figures.md)) has whole stress in its first table and electrodes in its second.
 * **As it is**: the method's own search, frame by frame, at any speed of the joints.
-* **Best found**: at each frame the best of many poses, reached on several ways with the friction of each. It is what a
-  search found, no proof that there is nothing better, and poses of neighbouring frames may be of different ways. It is
-  found by whole stress; in another measure it need not be the best. Friction makes it jump with the number of frames:
-  `bench edge_rendered_error` has the edge in 120.
+* **Best found**: at each frame the best of many poses, reached on several ways with the friction of each. It is the
+  result of a search, no proof that there is nothing better, and poses of neighbouring frames may be of different ways.
+  It is found by whole stress; in another measure it need not be the best. Friction makes it jump with the number of
+  frames: `bench edge_rendered_error` has the edge in 120.
 * **With lateral axes**: the same thimble on a stage that moves it 5 mm along both axes of the pad and turns it by 30
   degrees, to either side. Nobody built it; the six legs can do as much by themselves, within their strokes.
-* **Several ways**: one way through the touch that was chosen among several by what it left in all. It needs the whole
+* **Several ways**: one way through the touch that was chosen among several by its total error. It needs the whole
   touch beforehand. Times are those of a clock on the wall, beside whatever else ran: compare both sides of an arrow.
 * Both devices have friction 0.6 with the skin, as the touches have. Discs are of 8 mm (thimble) and 12 mm (six legs),
-  and part of what the six legs do better is the larger disc.
+  and part of the six legs' advantage is the larger disc.
 """
 
 

@@ -49,7 +49,7 @@ Every figure of ours is **simulated**: a skin of ours, a virtual device, a virtu
 
 """
 FAIRNESS = """
-## What makes the comparison unfair
+## Why the comparison is unfair
 * [S0] has a corotational, strain-limited hand of coarse tetrahedra that lock; ours is a linear fingertip of finer ones
   that do not. The same name, 'stress', is not the same quantity.
 * Its touches are recorded with a BioTac on real things and its errors are those of 19 electrode signals, a smooth
@@ -59,22 +59,24 @@ FAIRNESS = """
   many poses at each frame, on several ways, by electrodes). [S0] says of its cup that it is 'not reachable within the
   workspace of the device'. Its foam is a cylinder of a size and stiffness that it does not tell; ours is a flat block
   that gives way by 1 mm under 8 kPa, and presses more evenly than a rigid disc can. Stiffer or round, it is nearer to
-  what a disc does, as the two rows below it show.
+  a disc, as the two rows below it show.
 * 'device' there is a recording from inside its training data; ours are movements of the device that nothing was
   trained on.
 * Planes ('flat', 'block', 'foam') also press the skin up to 11.5 mm behind the pad's centre, where a disc of 8 mm does
   not reach, and where a draft mesh has no more nodes: from 8.8 mm on forces come to the last ones with their moment.
 * 'Components at 10 %' does not say of what; ours is the relative RMS of the residual about the mean.
-* Test errors are split by movement, half and half, and what is told of friction is the previous step's: its forces, and
+* Test errors are split by movement, half and half, and the friction input is the previous step's: its forces, and
   those that each node would have by itself at the new pose. With the same step's forces, or a split by sample, they
   would look much better and mean nothing. The paper's 7.4 % is its network without friction input, which is told the
   pose alone, as ours in the next row.
+* All of ours is on linear tissue; what the device leaves of touches on neo-Hookean tissue is on another page,
+  [two tissues](tissue_figures.md).
 * Link lengths of the device are ours. Times are of other machines, and its 12.5 ms include no virtual touch, nor do
   ours.
 
 ## Pictures
-The first three principal components of stress: dots are what the device can make felt, green the touch, blue what the
-device made of it (with the direct method, what is predicted is what is rendered).
+The first three principal components of stress: dots are the device's possible stimuli, green the touch, blue its
+rendering (with the direct method, predicted and rendered are equal).
 
 | | |
 |---|---|
@@ -301,7 +303,7 @@ def report(found: dict[str, Any]) -> str:
         "",
         "Relative RMS of the **whole stress**, of every element. The paper's are electrode signals of a BioTac, which "
         "the next table has; [floors](floor_figures.md) have whole stress, 154 cells and electrodes side by side, and "
-        "what the best pose found would leave:",
+        "the error of the best pose found:",
         "",
         "| touch | [S0] | stress | force only | geometry only |",
         "|---|---|---|---|---|",
@@ -324,8 +326,7 @@ def report(found: dict[str, Any]) -> str:
             lines.append(f"| {name} | {paper.get(name, '-')} | {ours} |")
     lines += [
         "",
-        "What a finger could tell apart through it, beside people in [S0] 7.2: "
-        "[a page of its own](thimble_3rrs_told_apart.md).",
+        "The discriminability through it, beside people in [S0] 7.2: [a page of its own](thimble_3rrs_told_apart.md).",
     ]
     curve = ", ".join(f"{n}: {v:.3f}" for n, v in with_["curve"].items())
     lines += ["", f"Error against number of stress components: {curve}."]

@@ -298,7 +298,8 @@ def page(parts: dict[str, list[str]], rig: Rig) -> str:
         f"commands come from {standard:,} tetrahedra with averaged nodal pressure, and the evidence from {fine:,}, on which "
         "the target's contact is solved anew and the same commands press. The paper leaves the pins unbounded; here no "
         "pin exceeds 0.4 N. The paper does not state rows, columns and radius of its array; ours are chosen "
-        "(`pin_array_128.json`), and its outer pins push sideways. The paper's people cannot be reproduced by software.",
+        "(`pin_array_128.json`), and its outer pins push sideways. The paper's people cannot be reproduced by software. Tissue "
+        "is linear in both; the same pins on neo-Hookean tissue: [two tissues](tissue_figures.md).",
         "",
         "## Errors (fig. 4)",
         "",

@@ -47,7 +47,7 @@ PEOPLE = {  # right answers by method [%]. Source: [S0] table 1
     "press or slide": {"stress": 73, "force": 53, "geometry": 53},
 }
 ALONG, ACROSS = "press or slide, along the rod", "press or slide, across the rod"
-HEAD = """# Thimble 3-RRS: what a finger could tell apart
+HEAD = """# Thimble 3-RRS: discriminability
 
 Everything of ours is **simulated**: a skin, a device, and an ideal observer who wastes nothing. Made by
 
@@ -66,7 +66,7 @@ NOTES = """
   {frame:g} s of the touch; as noisy, each, as makes the same two presses d' = 1. `core/comparison/afferents.py` has constants and sources; they were
   committed before any of these touches was judged, and not changed since.
 * *As real*: d' along the difference of the real touches alone: that of one who knows pressing and sliding from life, and has no other clue.
-  *Right* is what it comes to in a choice of two, 50 % is guessing. *Any difference* counts whatever tells the two apart, like what it may feel.
+  *Right* is the share of correct answers in a choice of two, 50 % is guessing. *Any difference* counts whatever tells the two apart, whatever it feels like.
 * The repetitions differ by up to 0.05 mm in depth and 0.3 mm in place, and their spread stands against the observer as noise does.
 * *Stress off* is how far the second touch's rendered stress is from the real one's, all of it, while the rod moves.
 * *Roll* is the disc's mean absolute roll while the rod moves; *shear* the root of the mean square of the rendered force across the finger then.

@@ -62,7 +62,7 @@ def skin_of(tissue: str) -> SkinModel:
     Raises:
         LookupError: there is no table of it.
     """
-    from core.tissue.finger_skin import of_tissue
+    from core.skin.finger_skin import of_tissue
 
     made = of_tissue(reference().skin, tissue)
     if made.tissue != tissue:

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from core.files import atomic
 from core.skin.assembly import degrees
 from core.skin.model import SkinModel, fingertip_skin
-from core.tissue.exact_finger import ExactFinger
-from core.tissue.neo_hookean import NeoHookean
+from tests.exact.exact_finger import ExactFinger
+from tests.exact.neo_hookean import NeoHookean
 
 from .nonlinear_paths import SEED, Path, paths
 

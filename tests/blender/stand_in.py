@@ -9,12 +9,9 @@ from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import bpy
-import pytest
 from mathutils import Matrix
 
-import blender_addon
-from blender_addon import panels
-from blender_addon.viewport import drawing
+from blender_addon import panels, views
 
 
 class Anything:
@@ -94,14 +91,9 @@ def graphics_card() -> tuple[Anything, dict[str, Any]]:
     return made, {"gpu": gpu, "blf": text, "gpu_extras.batch": batch}
 
 
-def draw_callbacks(patch: pytest.MonkeyPatch) -> list[Callable[[], None]]:
-    """Return the draw callbacks of all views."""
-    found: list[Callable[[], None]] = []
-    patch.setattr(drawing.Handlers, "add", lambda _self, draw, when="POST_VIEW": found.append(draw))
-    for module in blender_addon.MODULES:
-        if isinstance(getattr(module, "_handlers", None), drawing.Handlers):
-            module.register()
-    return found
+def draw_callbacks() -> list[Callable[[], None]]:
+    """Return the draw callbacks of all 3D views."""
+    return [draw for editor, _, draw in views.table() if editor == views.VIEW]
 
 
 def draw(callbacks: list[Callable[[], None]], layout: Anything) -> None:

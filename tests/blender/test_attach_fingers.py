@@ -410,7 +410,43 @@ def test_fingers_without_skin_are_told(skin: bool) -> None:
     operator = bpy.context.window_manager.operators[-1]
     words = "on the skin" if skin else "no skin found"
     lines = operator.fits.splitlines()
-    assert len(operator.tips) == len(lines) == 5 and all(line.endswith(f"mm wide, {words}") for line in lines)
+    assert len(operator.tips) == len(lines) == 5 and all(line == words for line in lines)
+
+
+@pytest.mark.parametrize("naming", ["nameless", "Unreal"])
+def test_bones_that_only_twist_with_a_finger_do_not_hide_it(naming: str) -> None:
+    rig = made(naming, "R")
+    bpy.context.view_layer.objects.active = rig.armature
+    bpy.ops.object.mode_set(mode="EDIT")
+    bones = rig.armature.data.edit_bones
+    for bone in [bone for bone in bones if bone.parent is not None]:
+        twist = bones.new("Bone" if naming == "nameless" else f"{bone.name}_twist_01")
+        twist.head, twist.tail, twist.parent = bone.head, bone.head.lerp(bone.tail, 0.5), bone
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert bpy.ops.dermis.attach_fingers() == {"FINISHED"}
+    check(rig)
+
+
+@pytest.mark.parametrize("skin", [True, False])
+def test_the_panel_sets_the_size_of_each_finger(skin: bool) -> None:
+    rig = made("Unreal", "R", skin=skin)
+    bpy.ops.dermis.attach_fingers("EXEC_DEFAULT", True)
+    operator = bpy.context.window_manager.operators[-1]
+    found = {tip.name: size.width_mm for tip, size in zip(operator.tips, operator.sizes, strict=True)}
+    drawn = {name: obj.dermis.finger.skin.width_mm for name, obj in fingers().items()}
+    assert found == pytest.approx(drawn, rel=1e-3)
+    rows = [{"name": t.name, "side": t.side, "bone": t.bone, "use": t.use, "flip": t.flip} for t in operator.tips]
+    for obj in fingers().values():
+        bpy.data.objects.remove(obj)
+    bpy.context.view_layer.objects.active = rig.armature
+    wider = {name: width * (1.25 if name == "index" else 1.0) for name, width in found.items()}
+    sizes = [{"name": name, "width_mm": wider[name], "found_mm": width} for name, width in found.items()]
+    assert bpy.ops.dermis.attach_fingers("EXEC_DEFAULT", True, tips=rows, sizes=sizes) == {"FINISHED"}
+    check(rig)  # the tip stays where the hand has it, and the pad on the skin
+    now = {name: obj.dermis.finger.skin.width_mm for name, obj in fingers().items()}
+    assert now == pytest.approx(wider, rel=1e-3)
+    size = bpy.context.window_manager.operators[-1].sizes["index"]
+    assert size.width_mm == pytest.approx(wider["index"]) and size.found_mm == pytest.approx(found["index"])
 
 
 def test_the_panel_tells_the_reading_and_offers_the_next_best() -> None:
@@ -422,7 +458,8 @@ def test_the_panel_tells_the_reading_and_offers_the_next_best() -> None:
     bpy.ops.dermis.attach_fingers("EXEC_DEFAULT", True)
     told = bpy.context.window_manager.operators[-1].told.splitlines()
     assert told == [
-        f"Right hand, reading 1 of {len(best.readings)}: By branches; names agree for 0 of 5 fingers",
+        f"Right hand: reading 1 of {len(best.readings)}",
+        "By branches; names agree for 0 of 5 fingers",
         f"Next: {best.difference(second)}",
     ]
     for obj in fingers().values():
@@ -431,6 +468,25 @@ def test_the_panel_tells_the_reading_and_offers_the_next_best() -> None:
     bpy.ops.dermis.attach_fingers(reading=2)
     assert {name: obj.parent_bone for name, obj in fingers().items()} == {f: c.last for f, c in second.chains.items()}
     assert {name: obj.parent_bone for name, obj in fingers().items()} != rig.last
+
+
+@pytest.mark.parametrize("naming", NAMINGS)
+@pytest.mark.parametrize("side", ["L", "R"])
+def test_fingers_are_called_as_the_panel_says_in_every_reading(naming: str, side: str) -> None:
+    rig = made(naming, side, skin=False)
+    bpy.context.view_layer.objects.active = rig.armature
+    (hand_found,) = read(bpy.context).hands
+    for number in range(1, len(hand_found.readings) + 1):
+        bpy.context.view_layer.objects.active = rig.armature
+        bpy.ops.dermis.attach_fingers("EXEC_DEFAULT", True, reading=number)
+        operator = bpy.context.window_manager.operators[-1]
+        rows = {f"{tip.name.title()}.{tip.side}" for tip in operator.tips if tip.use}
+        assert {obj.name for obj in fingers().values()} == rows, number
+        (own,) = {tip.side for tip in operator.tips}
+        which = {"L": "Left", "R": "Right"}[own]
+        assert operator.told.startswith(f"{which} hand: reading {number} of {len(hand_found.readings)}")
+        for obj in fingers().values():
+            bpy.data.objects.remove(obj)
 
 
 def test_a_reading_that_is_not_there_is_refused() -> None:
@@ -476,6 +532,18 @@ def test_several_armatures_are_one_hand(names: Callable[[str], str], side: str) 
     bpy.context.view_layer.objects.active = parts["ring"]
     with pytest.raises(RuntimeError, match=r"no finger is chosen.*are there already"):
         bpy.ops.dermis.attach_fingers()
+
+
+def test_one_armature_stands_for_those_that_hang_on_the_same_palm() -> None:
+    parts = apart(lambda _: "Drive")
+    palm = bpy.data.objects.new("Base", None)
+    bpy.context.scene.collection.objects.link(palm)
+    for part in parts.values():
+        part.parent = palm
+    bpy.ops.object.select_all(action="DESELECT")
+    parts["ring"].select_set(True)
+    assert bpy.ops.dermis.attach_fingers() == {"FINISHED"}
+    assert {name: obj.parent for name, obj in fingers().items()} == parts
 
 
 def test_a_finger_of_an_unknown_side_has_a_plain_name() -> None:

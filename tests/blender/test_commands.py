@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import commands
+from blender_addon import commands, handlers
 from tests.blender import build
 
 ROOT = Path(__file__).parents[2]
@@ -196,15 +196,15 @@ def test_the_command_is_registered_and_taken_back(capfd):
     """Blender warns of a second command of one name, and of none where the first is gone."""
 
     def duplicates() -> int:
-        handle = bpy.utils.register_cli_command(commands.COMMAND, commands.main)
+        handle = bpy.utils.register_cli_command(handlers.COMMAND, commands.main)
         bpy.utils.unregister_cli_command(handle)
         return capfd.readouterr().err.count("duplicate")
 
     for _ in range(3):
         assert duplicates() == 1
-        commands.unregister()
+        handlers.unregister()
         assert duplicates() == 0
-        commands.register()
+        handlers.register()
 
 
 def test_the_track_follows_the_scene_in_feet(blend, tmp_path):

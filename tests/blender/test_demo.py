@@ -6,9 +6,10 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import reporting
+from blender_addon import choices, doubts, reporting
 from blender_addon.demos import demo_scene, demo_shapes
 from blender_addon.results import store
+from tests.benchmarks.bench_first_frame import DEMOS
 
 
 @pytest.fixture
@@ -113,3 +114,15 @@ def test_two_bakes_give_the_same_bytes() -> None:
         bake = store.current(bpy.context.scene).bake
         hashes.append((bake.content_hash, [o.track.values.tobytes() for o in bake.outputs]))
     assert hashes[0] == hashes[1]
+
+
+@pytest.mark.one_line("3.11", "the engine renders the same on both; other tests of this file run on both")
+@pytest.mark.parametrize("demo", [demo for demo in DEMOS if not demo.startswith("thimble")])  # see test_thimble_demo
+def test_every_demo_bakes_without_a_warning(demo: str) -> None:
+    choices.refresh()
+    operator, given = DEMOS[demo]
+    assert getattr(bpy.ops.dermis, operator)(**given) == {"FINISHED"}
+    scene = bpy.context.window.scene
+    assert not doubts.of(scene, bpy.context.view_layer)
+    assert bpy.ops.dermis.bake() == {"FINISHED"}
+    assert not [str(f) for f in store.current(scene).bake.all_findings if f.severity != "info"]

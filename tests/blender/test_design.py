@@ -77,6 +77,17 @@ def test_the_picture_is_an_image_of_the_file_and_a_png(baked) -> None:
     assert sum(i.name.startswith(design_results.IMAGE) for i in bpy.data.images) == 1
 
 
+def test_the_picture_opens_by_itself_where_an_image_editor_is_there(baked) -> None:
+    area = bpy.context.window_manager.windows[0].screen.areas[0]
+    before, area.type = area.type, "IMAGE_EDITOR"
+    try:
+        assert area.spaces.active.image is None
+        bpy.ops.dermis.design()
+        assert area.spaces.active.image == bpy.data.images[design_results.IMAGE]
+    finally:
+        area.type = before
+
+
 def test_the_new_preset_scrubs_bakes_and_exports_at_once(baked, tmp_path) -> None:
     scene, finger, folder = baked
     scene.dermis_design.motors = 2
@@ -138,8 +149,8 @@ def test_recordings_and_scenes_are_judged_together(baked, tmp_path) -> None:
     found = design_results.current(scene).design
     assert found.names == ("Tip, Flat, Tip", "robot") and len(found.alone) == 2
     assert found.samples == (len(rows), len(rows))
-    (tmp_path / "robot.csv").write_text("\n".join([names, *(line + "," for line in lines)]))
-    with pytest.raises(RuntimeError, match="ends with a separator"):
+    (tmp_path / "robot.csv").write_text("\n".join([names, *lines[:-1], lines[-1].replace(",", ",,", 1)]))
+    with pytest.raises(RuntimeError, match=f"robot.csv.*{len(lines) + 1}"):
         bpy.ops.dermis.design()
 
 

@@ -11,7 +11,7 @@ import pytest
 from mathutils import Vector
 
 from blender_addon import doubts
-from blender_addon.demos import demo_motors, demo_thimble
+from blender_addon.demos import demo_thimble, touches
 from blender_addon.placing import presses
 from blender_addon.properties import skin_properties
 from core.contact.solver import path
@@ -231,7 +231,7 @@ def test_what_moves_by_itself_is_looked_at_where_it_is_now() -> None:
         lambda: bpy.ops.dermis.demo_skin_scene(fingers="FIVE"),
         lambda: bpy.ops.dermis.demo_pins_scene(),
         *(lambda touch=touch: bpy.ops.dermis.demo_thimble_scene(touch=touch) for touch in demo_thimble.SCENES),
-        *(lambda touch=touch: bpy.ops.dermis.demo_motors_scene(touch=touch) for touch in demo_motors.TITLES),
+        *(lambda touch=touch: bpy.ops.dermis.demo_motors_scene(touch=touch) for touch in touches.MOTORS),
     ],
 )
 def test_nothing_is_doubted_about_a_demo(scene: Callable[[], None]) -> None:

@@ -10,10 +10,7 @@ import bpy
 import pytest
 
 import blender_addon
-from blender_addon import changes, compat, handlers, redraw
-from blender_addon.devices import skin_models
-from blender_addon.preview import skin_preview
-from blender_addon.viewport import shown
+from blender_addon import changes, compat, handlers, redraw, views
 
 from .build import cube, finger, span
 
@@ -50,11 +47,11 @@ def test_registering_loads_nothing_that_can_wait() -> None:
 
 
 def test_what_lies_below_is_hooked_in_and_let_go() -> None:
-    assert redraw.work is shown.work and skin_models.on_made is skin_preview.request
+    assert redraw.work is views._work and len(views._handles) == len(views.table())
     blender_addon.unregister()
-    assert redraw.work is None and skin_models.on_made is None
+    assert redraw.work is None and not views._handles
     blender_addon.register()
-    assert redraw.work is shown.work and skin_models.on_made is skin_preview.request
+    assert redraw.work is views._work and len(views._handles) == len(views.table())
 
 
 def test_they_survive_file_open(tmp_path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 import bpy
@@ -112,7 +113,7 @@ def test_findings_are_listed_worst_first_and_once():
     reporting.show([info, warning, error, info], "Bake")
     assert [f.severity for f in reporting.findings()] == ["error", "warning", "info"]
     assert reporting.source() == "Bake"
-    reporting.clear()
+    reporting.forget()
     assert reporting.findings() == ()
 
 
@@ -192,6 +193,8 @@ def test_a_second_bake_renders_whom_a_change_concerns(scene):
 
 def own_workers() -> list[int]:
     """Return the living children of this process that work for it."""
-    own = Path("/proc/self/task")
-    found = [int(pid) for task in own.iterdir() for pid in (task / "children").read_text().split()]
+    found: list[int] = []
+    for task in Path("/proc/self/task").iterdir():
+        with suppress(FileNotFoundError):  # a thread that has ended meanwhile
+            found += [int(pid) for pid in (task / "children").read_text().split()]
     return [pid for pid in found if "work" in Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0")]

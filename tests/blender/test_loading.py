@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import bpy
+import numpy as np
 import pytest
 
 from blender_addon import loading, redraw
@@ -34,7 +36,7 @@ def window(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 def forget() -> None:
     """Forget everything that was read."""
-    loading.finish()
+    loading.forget()
     skin_models.forget()
     device_preview.reset()
     skin_preview.reset()
@@ -64,6 +66,22 @@ def rows() -> tuple:
     return now.devices.rows if now is not None and now.devices is not None else ()
 
 
+def test_no_collection_of_garbage_looks_at_what_was_loaded(window) -> None:
+    full = []
+    gc.callbacks.append(seen := lambda phase, info: full.append(phase) if info["generation"] == 2 else None)
+    try:
+        before = len(gc.get_objects())
+        work(lambda: loading.engine(skins=True))
+        assert not full
+        assert gc.isenabled()
+        assert gc.get_freeze_count() > 0.9 * before, "some have ended meanwhile"
+        assert len(gc.get_objects()) < 0.2 * before
+    finally:
+        gc.callbacks.remove(seen)
+        loading.forget()
+    assert gc.get_freeze_count() == 0, "all is as it was"
+
+
 def test_work_goes_on_in_a_thread_and_what_it_raises_is_told_once(monkeypatch) -> None:
     monkeypatch.setattr(redraw, "watched", lambda: True)
     held, asked = threading.Event(), []
@@ -86,7 +104,7 @@ def test_work_goes_on_in_a_thread_and_what_it_raises_is_told_once(monkeypatch) -
         assert again == (1,), "it is tried anew"
     finally:
         held.set()
-        loading.finish()
+        loading.forget()
 
 
 def test_without_a_window_it_is_done_at_once() -> None:
@@ -171,3 +189,37 @@ def test_a_platform_without_a_table_says_how_it_comes(tmp_path: Path, monkeypatc
     assert not row.values and row.note == platform_preview.NO_TABLE and "Bake" in row.note
     assert device_cards.in_words(row) == row.note and device_cards.height(row) > 0
     forget()
+
+
+def test_a_jump_is_solved_aside_and_who_leaves_it_finds_everything_as_it_was(window) -> None:
+    """The first contact after a jump runs in a thread; a jump elsewhere meanwhile neither waits for it nor sees it."""
+    scene = demo_thimble.build("EDGE")
+    bpy.context.window.scene = scene
+    scene.frame_set(29)
+    work(lambda: rows() and shown.now(scene).frame == 29.0)
+    held, begun, solving = threading.Event(), threading.Event(), core.contact.skin_stepper.SkinStepper.step
+
+    def slow(*given, **named):
+        begun.set()
+        assert held.wait(MOST) and threading.current_thread() is not threading.main_thread()
+        return solving(*given, **named)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(core.contact.skin_stepper.SkinStepper, "step", slow)
+        scene.frame_set(50)
+        shown.on_frame(scene)
+        while not begun.is_set():
+            shown._slices._on_timer()
+        for _ in range(5):
+            started = time.perf_counter()
+            shown._slices._on_timer()
+            assert time.perf_counter() - started < MOST / 10 and not held.is_set(), "the window goes on"
+        scene.frame_set(40)  # and somebody jumps elsewhere
+        shown.on_frame(scene)
+        held.set()
+    work(lambda: rows() and shown.now(scene).frame == 40.0)
+    found = [state.force for state in skin_preview.own(scene)], rows()[0].values
+    forget()
+    work(lambda: rows() and shown.now(scene).frame == 40.0)
+    again = [state.force for state in skin_preview.own(scene)], rows()[0].values
+    assert all(np.array_equal(a, b) for a, b in zip(found[0], again[0], strict=True)) and found[1] == again[1]

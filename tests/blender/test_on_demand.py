@@ -62,6 +62,17 @@ def test_what_is_replaced_is_replaced_in_the_module() -> None:
     assert not hasattr(rig, "made_up") and "made_up" not in vars(module)
 
 
+def test_no_name_of_a_module_hides_behind_what_stands_for_it() -> None:
+    """`loading._read` is a function of that module."""
+    addon: Any = import_module("blender_addon")
+    for name in ("loading", "on_demand", "reporting"):
+        stands_for_it, module = addon.__getattr__(name), import_module(f"blender_addon.{name}")
+        own = [n for n in vars(module) if not n.startswith("__")]
+        assert own and all(getattr(stands_for_it, n) is getattr(module, n) for n in own)
+        for n in vars(type(stands_for_it)):
+            assert n.startswith(("__", "_OnDemand__")), n
+
+
 def test_a_name_that_is_no_module_is_refused_as_ever() -> None:
     hands: Any = import_module("blender_addon.hands")
     with pytest.raises(AttributeError, match=r"'blender_addon.hands' has no attribute 'rgi'"):
@@ -84,3 +95,19 @@ def test_a_file_that_cannot_be_read_says_so_whoever_asks(tmp_path: Path, monkeyp
         with pytest.raises(ImportError, match=r"broken_rooms.one cannot be read: .*no_such_thing"):
             ask()
     assert "broken_rooms.one" not in sys.modules and "not read yet" in repr(room)
+
+
+def test_what_has_not_been_read_has_nothing_to_forget() -> None:
+    """Neither opening a file nor disabling the add-on reads modules to tell them so."""
+    told = after_registering(
+        "from blender_addon import on_demand\nfrom blender_addon.hands import rig\n"
+        "def new(): return {n for n in sys.modules if n.startswith('blender_addon.')} - before\n"
+        "before = set()\nbefore = new()\n"
+        "known = list(on_demand.read(rig, on_demand)) == [on_demand]\n"
+        "bpy.ops.wm.read_homefile(use_factory_startup=True)\nblender_addon.unregister()\n"
+        "print('NEW', *sorted(n.partition('.')[2] for n in new()))\n"
+        "print('KNOWN', known, len(list(on_demand.read(rig))), rig.read and len(list(on_demand.read(rig))), flush=True)"
+    )
+    (new,) = (line.split()[1:] for line in told.splitlines() if line.startswith("NEW"))
+    assert set(new) <= {"changes", "scene_time", "action_content", "identity", "loading"}, "of every file"
+    assert "KNOWN True 0 1" in told

@@ -8,6 +8,7 @@ import pytest
 from mathutils import Vector
 
 from blender_addon import preferences, reporting
+from blender_addon.operators.work import Work
 from blender_addon.properties import object_properties
 from blender_addon.results import store
 
@@ -265,7 +266,7 @@ def test_a_file_without_a_name_is_refused_in_words() -> None:
     cube()
     finger()
     span(1, 3)
-    with pytest.raises(RuntimeError, match="no name for the file"):
+    with pytest.raises(RuntimeError, match="no file is chosen"):
         bpy.ops.dermis.export_scene(filepath="")
     assert reporting.source() == "Save Sampled Scene"
 
@@ -275,3 +276,21 @@ def test_a_menu_without_a_window_is_refused_in_words(menu: str) -> None:
     bpy.context.view_layer.objects.active = finger() if menu == "choose_skin" else cube()
     with pytest.raises(RuntimeError, match="needs a window"):
         getattr(bpy.ops.dermis, menu)()
+
+
+def test_work_finds_objects_in_their_places_even_where_blender_has_evaluated_nothing() -> None:
+    """As in the redo panel, which undoes a step and calls the operator again; in a script Blender evaluates before."""
+    seen = []
+
+    class Looks(Work):
+        bl_label = "Look"
+
+        def work(self, context) -> None:
+            seen.append(context.object.matrix_world.translation.x)
+
+    obj = cube("Cube", 1.0)
+    bpy.context.view_layer.objects.active = obj
+    bpy.context.view_layer.update()
+    obj.location.x = 3.0
+    assert obj.matrix_world.translation.x == 0.0
+    assert Looks().execute(bpy.context) == {"FINISHED"} and seen == [3.0]

@@ -8,7 +8,7 @@ import pytest
 
 from blender_addon import baking, choices
 from blender_addon._core import core
-from blender_addon.demos import demo_motors
+from blender_addon.demos import demo_motors, touches
 from blender_addon.devices import platform_devices
 from blender_addon.preferences import library
 from blender_addon.preview import device_preview
@@ -65,7 +65,7 @@ def shown(which: str, device: str = "cable_platform"):
 def test_the_demos_surface_moves_as_the_engines_interaction(demo) -> None:
     scene, _ = demo
     model = core.skin.model.fingertip_skin(level="draft")
-    touch = core.design.interactions.interaction("flat", model.positions, seed=0)
+    touch = core.design.interactions.interaction("flat", demo_motors.felt_at(model), seed=0)
     surface, chunk = scene.objects["Surface"], touch.chunks[0]
     for sample in (0, 57, 130, 333, 1001):
         frame = float(chunk.frames[sample])
@@ -74,10 +74,10 @@ def test_the_demos_surface_moves_as_the_engines_interaction(demo) -> None:
         np.testing.assert_allclose(now, chunk.bodies[0, sample], atol=3e-6)
 
 
-@pytest.mark.parametrize("which", list(demo_motors.TITLES))
+@pytest.mark.parametrize("which", list(touches.MOTORS))
 def test_every_interaction_opens_with_its_own_length(own_folders, which) -> None:
     assert bpy.ops.dermis.demo_motors_scene(touch=which, seed=3) == {"FINISHED"}
-    scene = next(s for s in bpy.data.scenes if s.name.startswith(f"{demo_motors.NAME}: {demo_motors.TITLES[which]}"))
+    scene = next(s for s in bpy.data.scenes if s.name.startswith(f"{demo_motors.NAME}: {touches.MOTORS[which][0]}"))
     stops = len(core.design.interactions.STOPS[which])
     assert (scene.frame_end - 1) / scene.render.fps == pytest.approx(3 * (stops + 1) + 1, abs=0.04)
     assert scene.objects["Surface"].dermis.role == "TOUCHABLE"

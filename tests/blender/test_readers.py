@@ -93,7 +93,7 @@ def test_skins_whose_result_is_damaged_meanwhile_are_missing_and_said(tmp_path: 
         path.write_bytes(whole)
         skins = store._read(path).bake.skins
         path.write_bytes(damager.damage(whole))
-        reporting.clear()
+        reporting.forget()
         if not dict(skins):
             missing += 1
             assert [f.severity for f in reporting.findings()] == ["error"]

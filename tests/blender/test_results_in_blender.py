@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import wave
 from pathlib import Path
 
+import aud
 import bpy
 import numpy as np
 import pytest
@@ -66,6 +68,31 @@ def test_every_format_is_written_with_plots_beside(demo: bpy.types.Scene, tmp_pa
         read = track_export.read(tmp_path / f"Index.haptip{suffix}")
         track = store.current(demo).bake.outputs[0].track
         assert np.allclose(read.values, track.values, atol=1e-6)
+
+
+def test_a_screen_becomes_a_wav_with_the_settings_of_the_panel(demo: bpy.types.Scene, tmp_path: Path) -> None:
+    layout = Anything()
+    draw_panels(layout)
+    assert "full_scale" not in layout.words
+    demo.dermis.export_format, demo.dermis.wav.rate, demo.dermis.wav.gain = "wav", 96_000, 100.0
+    draw_panels(layout)
+    bpy.ops.dermis.export_tracks(directory=str(tmp_path), form="wav")
+    assert [path.name for path in tmp_path.iterdir()] == ["Reader.electrovibration.wav"]
+    codes = {finding.code for finding in reporting.findings()}
+    assert {"refused", "open-loop"} <= codes  # two tactors have no waveform
+    track = next(o.track for o in store.current(demo).bake.outputs if o.finger == "Reader")
+    with wave.open(str(tmp_path / "Reader.electrovibration.wav")) as file:
+        assert file.getframerate() == 96_000 and file.getnframes() == int(track.duration * 96_000 + 1e-6) + 1
+    sound = aud.Sound.file(str(tmp_path / "Reader.electrovibration.wav"))  # Blender's own reader of sounds
+    peak = float(np.abs(sound.data()).max())
+    assert sound.specs == (96_000.0, 1) and peak * 300.0 == pytest.approx(track.column("amplitude").max(), rel=5e-3)
+    demo.dermis.wav.full_scale = 0.5
+    bpy.context.view_layer.objects.active = bpy.data.objects["Reader"]
+    with pytest.raises(RuntimeError, match="beyond full scale"):
+        bpy.ops.dermis.export_as(directory=str(tmp_path / "as"), form="wav", active_only=True)
+    demo.dermis.wav.clip = True
+    bpy.ops.dermis.export_as(directory=str(tmp_path / "as"), form="wav", active_only=True)
+    assert "clipped" in {finding.code for finding in reporting.findings()}
 
 
 def test_the_box_goes_with_the_next_bake(demo: bpy.types.Scene, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ paths in the JSON stay as they are.
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -77,3 +78,27 @@ def test_keys_and_drivers_of_an_older_file_still_move_its_settings(saved: bpy.ty
     assert tip.dermis.finger.touch_distance_mm == pytest.approx(before[0] / 2)
     period = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).dermis.material.texture_period_x_mm
     assert period == pytest.approx(25 * 0.125) != before[1]
+
+
+def groups(cls: type = bpy.types.PropertyGroup) -> Iterator[type]:
+    """Return our groups of settings."""
+    for group in cls.__subclasses__():
+        yield from groups(group)
+        if group.__module__.startswith("blender_addon.") and group.is_registered:
+            yield group
+
+
+def test_a_choice_keeps_its_place() -> None:
+    """Blender saves a choice by its number, which is its place in the list: `choices.json` has those of before.
+
+    A choice that went between two others would let older files drive a device by another protocol. New choices stand
+    behind, and in the file.
+    """
+    before = json.loads((FILES / "choices.json").read_text(encoding="utf-8"))
+    found = {}
+    for group in groups():
+        for name, row in group.bl_rna.properties.items():
+            if row.type == "ENUM" and row.enum_items_static.keys() and not row.is_skip_save:
+                numbers = {item.value: item.identifier for item in row.enum_items_static}
+                found[f"{group.__name__}.{name}"] = [numbers.get(n) for n in range(max(numbers) + 1)]
+    assert found == before

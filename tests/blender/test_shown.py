@@ -7,35 +7,42 @@ from __future__ import annotations
 
 import builtins
 import io
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
 import numpy as np
 import pytest
 
-from blender_addon import choices, doubts, redraw
+from blender_addon import choices, doubts, panels, preferences, redraw, reporting
 from blender_addon._core import core
 from blender_addon.demos import demo_motors, demo_pins, demo_scene, demo_thimble
 from blender_addon.devices import platform_devices, skin_models, thimble_adaptation
-from blender_addon.preview import device_preview, pin_preview, skin_preview, thimble_preview
+from blender_addon.preview import device_preview, pin_preview, rows, skin_preview, skin_state, thimble_preview
+from blender_addon.results import store
 from blender_addon.sampling import scene_sweep
-from blender_addon.streaming import built_devices, device_calibration
+from blender_addon.streaming import built_devices, device_calibration, streamed_track
 from blender_addon.viewport import (
     cards,
+    device_cards,
+    packing,
     paint,
     parts,
     platform_twin,
     shown,
+    skin_cards,
     skin_field,
+    skin_shown,
     slices,
     tactor_twin,
     thimble_twin,
 )
 
-from .stand_in import Anything, draw, draw_callbacks, graphics_card
+from .stand_in import Anything, Panel, draw, draw_callbacks, graphics_card
 
 # Whatever solves, searches, looks up, reads a file or works out what is drawn: none of it runs while something draws.
 WORK = (
@@ -59,7 +66,7 @@ WORK = (
     (platform_devices, "table"),
     (platform_twin, "state"),
     (scene_sweep, "sample_now"),
-    (skin_field, "draw_of"),
+    (skin_field, "draws_of"),
     (skin_models, "get"),
     (thimble_adaptation, "status"),
     (thimble_preview, "follow"),
@@ -87,9 +94,9 @@ def card(monkeypatch: pytest.MonkeyPatch) -> Anything:
 
 
 @pytest.fixture
-def callbacks(monkeypatch: pytest.MonkeyPatch) -> list[Callable[[], None]]:
+def callbacks() -> list[Callable[[], None]]:
     """Return the draw callbacks of all views."""
-    return draw_callbacks(monkeypatch)
+    return draw_callbacks()
 
 
 def build(which: str) -> bpy.types.Scene:
@@ -232,6 +239,66 @@ def test_panels_call_presets_by_their_names_once_a_finger_is_shown(card: Anythin
         shown.work()
 
 
+def test_the_stream_panel_calls_devices_by_their_names(card: Anything, callbacks: Any) -> None:
+    scene = build("tactor")
+    scene.dermis_stream.output = "Index: haptip"
+    device_calibration.fill_channels(scene)
+    device_calibration.keep(scene, "left, red tape", "7573")
+    shown.work()
+    layout = Anything()
+    draw_only(callbacks, layout)
+    Panel(panels.stream.DERMIS_MT_stream_devices, layout).draw(bpy.context)
+    said = [words for words in layout.words if "Index: " in words or words.startswith("First")]
+    assert "Index: HapTip shear tactor" in said and "First Device of the Bake" in said
+    assert not [words for words in layout.words if "haptip" in words]
+
+
+@pytest.mark.parametrize("which", list(FRAME))
+def test_nothing_that_is_drawn_calls_a_device_by_the_key_of_its_preset(
+    which: str, card: Anything, callbacks: Any
+) -> None:
+    scene = build(which)
+    first = streamed_track.choices(scene)[0]
+    scene.dermis_stream.output = first.label
+    device_calibration.fill_channels(scene)
+    shown.work()
+    layout = Anything()
+    draw_only(callbacks, layout)
+    keys = {entry.key for entry in choices.entries("devices")}
+    words = [text for text in (*layout.words, *card.words) if isinstance(text, str)]
+    assert choices.worn(first.label) in words
+    assert not [text for text in words if keys & set(re.split(r"[^\w-]+", text))]
+
+
+def test_the_bake_panel_says_which_frames_are_baked(card: Anything, callbacks: Any) -> None:
+    scene = build("tactor")
+    for how, start, end in (("SCENE", 3, 77), ("OWN", 5, 9)):
+        scene.dermis.bake_range = how
+        scene.frame_start, scene.frame_end = 3, 77
+        scene.dermis.frame_start, scene.dermis.frame_end = 5, 9
+        bpy.context.view_layer.update()
+        shown.work()
+        layout = Anything()
+        draw_only(callbacks, layout)
+        assert f"Frames {start} to {end}" in layout.words
+
+
+def test_findings_do_not_repeat_result_rows(card: Anything, callbacks: Any) -> None:
+    result = store.current(build("baked"))
+    track = result.bake.outputs[0].track
+    for output in result.bake.outputs:
+        output.track.limited.clear()
+    track.limited["tactor_x.slew"] = 1717
+    row = "1,717 limited: tactor x, slew"
+    for told in (False, True):
+        reporting.show(found for found in track.check() if found.code.startswith("limited") and told)
+        layout = Anything()
+        draw_only(callbacks, layout)
+        counts = [words for words in layout.words if "1717" in words.replace(",", "")]
+        assert (row in layout.words) is not told
+        assert len(counts) == 1, counts
+
+
 def test_a_click_folds_one_card_and_unfolds_it(card: Anything, callbacks: Any) -> None:
     build("tactor")
     window = bpy.context.window_manager.windows[0]
@@ -253,3 +320,39 @@ def test_a_click_folds_one_card_and_unfolds_it(card: Anything, callbacks: Any) -
         (line, _), *_ = cards._places[region.as_pointer()]
         assert line.height < place.height and len(folded) < len(opened)
         assert cards.fold_at(bpy.context, line.left + 5.0, line.top - 5.0) and words() == opened
+
+
+def test_a_head_that_does_not_fit_says_less_and_is_not_cut(monkeypatch) -> None:
+    made, modules = graphics_card()
+    for name, module in modules.items():
+        monkeypatch.setitem(sys.modules, name, module)
+    spec = preferences.library().device("haptip")
+    row = rows.row_of("Middle", "haptip", spec, {"tactor_x": 0.0, "tactor_y": 0.0}, 1.0)
+    letter, said = 6.0, device_cards.in_words(row)  # [px] of the stand-in's text
+    for letters, head in ((40, "Middle   HapTip shear tactor"), (24, "Middle   HapTip shear"), (16, "Middle   HapTip")):
+        width = (letters + len(said)) * letter + 3 * device_cards.MARGIN
+        device_cards.line(row, packing.Box(0.0, 0.0, width, 22.0), 1.0)
+        assert made.words[-1] == head
+    for finger, work, head in (("Index: thimble", "rendered", "thimble"), ("A finger: its name", "idle", "A finge…")):
+        state = skin_state.SkinState(finger, None, np.zeros((0, 3)), work=work)
+        skin_cards.line(state, packing.Box(0.0, 0.0, 18.0 + 8 * letter / 0.4, 22.0), 1.0)
+        assert made.words[-2] == head
+
+
+def test_both_errors_of_a_rendered_skin_are_told_in_full(monkeypatch) -> None:
+    made, modules = graphics_card()
+    for name, module in modules.items():
+        monkeypatch.setitem(sys.modules, name, module)
+    note = "100 % off, whole stress 100 %"
+    state = skin_state.SkinState(
+        "Index: thimble",
+        SimpleNamespace(tissue="linear"),
+        np.ones((1, 3)),
+        normal_force=0.6,
+        note=note,
+        work="rendered",
+    )
+    (_, (width, height), _) = skin_cards.sizes(150.0, skin_cards.lines_of((state,)))
+    now = skin_shown.Shown((state,), (None,), 0.0, 1.0)
+    skin_cards.card(now, 0, None, packing.Box(0.0, 0.0, width, height), 1.0)
+    assert made.words[-2:] == ["100 % off", "whole stress 100 %"] and not made.bare

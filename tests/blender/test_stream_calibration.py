@@ -167,7 +167,7 @@ def test_a_dot_in_the_name_is_a_part_of_it(scene: Any, tmp_path: Path) -> None:
     ]
     bpy.ops.dermis.calibration_save(filepath=str(tmp_path / "haptip.left.json"))
     assert len(list(tmp_path.iterdir())) == 2, "a name that has its ending gets no second one"
-    with pytest.raises(RuntimeError, match="no name"):
+    with pytest.raises(RuntimeError, match="no file is chosen"):
         bpy.ops.dermis.calibration_save(filepath="")
 
 

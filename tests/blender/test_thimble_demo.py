@@ -8,6 +8,7 @@ import pytest
 
 from blender_addon import choices, compat
 from blender_addon.demos import demo_shapes, demo_thimble
+from blender_addon.demos import touches as offered
 from blender_addon.results import store
 from tests import touches
 
@@ -26,7 +27,7 @@ def test_every_scene_bakes_without_a_warning_and_touches(which) -> None:
     choices.refresh()
     assert bpy.ops.dermis.demo_thimble_scene(touch=which) == {"FINISHED"}
     scene = bpy.context.window.scene
-    assert scene.name == f"Dermis Thimble: {demo_thimble.SCENES[which].title}"
+    assert scene.name == f"Dermis Thimble: {offered.THIMBLE[which][0]}"
     assert (scene.frame_end - scene.frame_start) / scene.render.fps <= 3.0
     assert sum(len(o.data.vertices) for o in scene.objects if o.type == "MESH") < 25_000
     assert bpy.ops.dermis.bake() == {"FINISHED"}

@@ -1,4 +1,4 @@
-"""What Can Be Told Apart? in Blender: two touches of the active finger, worked out by a child process, and saved."""
+"""Discriminability in Blender: two touches of the active finger, worked out by a child process, and saved."""
 
 from __future__ import annotations
 

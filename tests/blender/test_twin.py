@@ -8,7 +8,7 @@ import pytest
 from mathutils import Matrix, Vector
 
 from blender_addon.preview.rows import NO_PATH, Row
-from blender_addon.viewport import cards, drawing, overlay, parts, tactor_twin
+from blender_addon.viewport import drawing, parts, tactor_twin
 
 from .build import finger
 
@@ -67,10 +67,6 @@ def test_the_frame_has_the_fingers_pose_but_not_its_scale() -> None:
     expected = Matrix.Translation(Vector((0.1, 0.2, 0.3))) @ hand.rotation_euler.to_matrix().to_4x4()
     assert np.array(frame) == pytest.approx(np.array(expected), abs=1e-6)
     assert drawing.finger_matrix(bpy.context.scene, "Gone") is None
-
-
-def test_all_devices_are_drawn_by_one_callback_and_all_cards_by_another() -> None:
-    assert len(overlay._handlers._handles) == len(cards._handlers._handles) == 1
 
 
 def row(values: dict[str, float], unit: str, high: float | None, kind: str = "") -> Row:

@@ -19,10 +19,10 @@ import bpy
 import pytest
 
 import blender_addon
-from blender_addon import doubts, jobs, operators, panels, redraw
+from blender_addon import doubts, jobs, operators, panels, redraw, views
 from blender_addon.preview import device_preview
 from blender_addon.streaming import session
-from blender_addon.viewport import cards, overlay, shown, skin_view
+from blender_addon.viewport import shown
 
 from . import build
 
@@ -309,7 +309,7 @@ def stayed() -> list[str]:
         calls = getattr(bpy.app.handlers, name)
         if isinstance(calls, list):
             found += [f"{name}: {f}" for f in calls if getattr(f, "__module__", "").startswith("blender_addon")]
-    found += [str(m) for m in (cards, overlay, skin_view) if m._handlers._handles]
+    found += [str(handle) for handle in (*views._handles, *views._keys)]
     found += [str(f) for f in (redraw._on_timer, session._on_timer) if bpy.app.timers.is_registered(f)]
     return found + (["a job"] if jobs._running or jobs.progress() else [])
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import os
+import subprocess
+import sys
 import zlib
 from pathlib import Path
 from typing import Any
@@ -53,6 +57,38 @@ def test_the_saved_scene_opens_again(walked: tuple[Path, dict[str, Any]], fresh_
     )
     first = {p.name: p.read_bytes() for p in out.glob("*.csv")}
     assert first and {p.name: p.read_bytes() for p in again.glob("*.csv")} == first
+
+
+def test_tracks_are_held_to_those_of_another_machine(zip_path: Path, tmp_path: Path) -> None:
+    """As the host's workflow does in Blender's own builds: the same tracks pass, and one value that differs fails."""
+    script, environment = str(Path(__file__).with_name("walkthrough.py")), {**os.environ}
+    environment["BLENDER_USER_RESOURCES"] = str(tmp_path / "profile")
+    environment.pop("PYTHONPATH", None)
+
+    def walk(name: str, *more: str) -> subprocess.CompletedProcess[str]:
+        (tmp_path / name).mkdir()
+        command = [
+            sys.executable,
+            script,
+            str(zip_path),
+            str(tmp_path / name),
+            "--report",
+            str(tmp_path / "report.json"),
+        ]
+        return subprocess.run([*command, *more], env=environment, capture_output=True, text=True, timeout=300)
+
+    assert walk("first").returncode == 0
+    again = walk("again", "--reference", str(tmp_path / "first"))
+    assert again.returncode == 0 and "apart from the reference: 0," in again.stdout
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["apart"] == 0.0 and "dermis-" in report["kernels"]
+    track = next((tmp_path / "first").glob("*.csv"))
+    lines = track.read_text().split("\n")
+    at = len(lines) - 200
+    cells = lines[at].split(",")
+    cells[-1] = repr(float(cells[-1]) * (1 + 1e-6) + 1e-6)
+    track.write_text("\n".join([*lines[:at], ",".join(cells), *lines[at + 1 :]]))
+    assert walk("third", "--reference", str(tmp_path / "first")).returncode == 1
 
 
 def assert_is_png(path: Path) -> None:

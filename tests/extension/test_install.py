@@ -118,21 +118,27 @@ def test_the_wheels_of_the_zip_are_the_ones_that_load(fresh_blender: Any, zip_pa
     assert found["solved"] == pytest.approx([0.8, 1.4], abs=1e-15)
 
 
-def test_the_kernels_of_the_zip_are_loaded_from_their_wheel(fresh_blender: Any, zip_path: Any) -> None:
-    """Installed as Blender installs wheels, loaded when a skin first needs them, and they answer."""
+def test_the_kernels_of_the_zip_are_loaded_from_a_copy(fresh_blender: Any, zip_path: Any) -> None:
+    """Installed as Blender installs wheels, copied when a skin first needs them; children load the copy, too."""
     found = fresh_blender(
         f"import walkthrough\nwalkthrough.install({str(zip_path)!r})\n"
         "library = walkthrough.part('core.kernels.library')\n"
         "surface = walkthrough.part('core.surface.gap').Surface.block()\n"
         "early = library._loaded.cache_info().currsize\n"
-        "import numpy\n"
+        "import numpy, bpy\n"
         "gap = surface.query(numpy.array([[0.0, 0.0, 0.003]] * 9)).gap.tolist()\n"
-        "own = library.kernels()\n"
-        "answer = [early, gap, str(own.path), own.path.name, library.building.digest()]\n"
+        "own = library.kernels().path\n"
+        "brought = library.find(library.building.this_platform(), library._folders())\n"
+        "folder = bpy.utils.extension_path_user(walkthrough.PACKAGE, path='kernels')\n"
+        "child = walkthrough.part('core.work.child').environment()[library.COPIES]\n"
+        "same = own.read_bytes() == brought.read_bytes()\n"
+        "names = [own.name, library.building.digest()]\n"
+        "answer = [early, gap, str(own.parent), folder, child, str(brought), *names, same]\n"
     )
-    early, gap, path, name, digest = found
+    early, gap, path, folder, child, brought, name, digest, same = found
     assert early == 0 and gap == [0.003] * 9
-    assert "extensions" in path and "dermis_kernels" in path and digest in name
+    assert path == folder == child and digest in name and same
+    assert "extensions" in brought and "dermis_kernels" in brought
 
 
 def test_uninstalling_leaves_nothing(fresh_blender: Any, zip_path: Any) -> None:

@@ -2,7 +2,9 @@
 
 `python walkthrough.py ZIP OUT --report FILE` installs the zip, adds the demo scene, bakes it, exports its tracks,
 plots them and saves the .blend. It runs by its path, so nothing of the source tree can be imported: what works here
-works from the zip. BLENDER_USER_RESOURCES has to name the profile before Blender loads.
+works from the zip. BLENDER_USER_RESOURCES has to name the profile before Blender loads. In a Blender of its own:
+`blender --background --python walkthrough.py -- ZIP OUT --report FILE`. With `--reference FOLDER` the tracks are held
+to those that another machine wrote there.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ import bpy
 REPOSITORY = "user_default"
 PACKAGE = f"bl_ext.{REPOSITORY}.dermis"
 SCENE_FILE = "dermis_demo.blend"
+SAME = 1e-9  # of a column's largest value: rounding in numpy and SciPy differs between systems, kernels do not
 
 
 def install(zip_path: Path, enable: bool = True) -> None:
@@ -103,7 +106,32 @@ def walk(zip_path: Path, out: Path) -> dict[str, Any]:
     with stage("save"):
         done(bpy.ops.wm.save_as_mainfile(filepath=str(out / SCENE_FILE), copy=True))
     written = [*tracks, *plots, out / SCENE_FILE]
-    return {"written": [p.relative_to(out).as_posix() for p in written], "scene": SCENE_FILE, "seconds": seconds}
+    kernels = part("core.kernels.library").kernels().path.name
+    names = [p.relative_to(out).as_posix() for p in written]
+    return {"written": names, "scene": SCENE_FILE, "seconds": seconds, "kernels": kernels, "python": sys.version}
+
+
+def compare(out: Path, reference: Path) -> float:
+    """Return how far the tracks of two folders are apart at most, of the largest value of each column.
+
+    Raises:
+        RuntimeError: there is none, or another number of tracks, channels or samples.
+    """
+    import numpy as np
+
+    names = sorted(p.relative_to(reference).as_posix() for p in reference.rglob("*.csv"))
+    if not names or names != sorted(p.relative_to(out).as_posix() for p in out.rglob("*.csv")):
+        raise RuntimeError(f"not the same tracks as in {reference}: {names}")
+    worst = 0.0
+    for name in names:
+        ours, theirs = (part("core.track.csv").read(folder / name) for folder in (out, reference))
+        if ours.values.shape != theirs.values.shape or not np.array_equal(ours.times, theirs.times):
+            raise RuntimeError(
+                f"{name}: {ours.values.shape} values, in the reference {theirs.values.shape}, or other times"
+            )
+        scale = np.maximum(np.abs(theirs.values).max(axis=0), 1e-12)
+        worst = max(worst, float((np.abs(ours.values - theirs.values) / scale).max()))
+    return worst
 
 
 def plot(track: Path) -> Path:
@@ -119,16 +147,20 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("zip", type=Path, help="the extension")
     parser.add_argument("out", type=Path, help="an existing folder to write into")
     parser.add_argument("--report", type=Path, required=True, help="where to write the JSON report")
+    parser.add_argument("--reference", type=Path, help="folder with the tracks of another machine")
     options = parser.parse_args(arguments)
     report = walk(options.zip, options.out)
+    if options.reference:
+        report["apart"] = compare(options.out, options.reference)
+        print(f"apart from the reference: {report['apart']:.3g}, allowed {SAME:g}", flush=True)
     options.report.write_text(json.dumps(report), encoding="utf-8")
-    return 0
+    return int(report.get("apart", 0.0) > SAME)
 
 
 if __name__ == "__main__":
     status = 1
     try:
-        status = main(sys.argv[1:])
+        status = main(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:])
     except Exception:
         sys.excepthook(*sys.exc_info())
     sys.stdout.flush()

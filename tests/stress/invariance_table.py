@@ -1,4 +1,4 @@
-"""Measure how much contact changes where it must not, and write the tables of presets/accuracy.md.
+"""Measure how much contact changes where it must not, and write the tables of presets/ACCURACY.md.
 
 `python -m tests.stress.invariance_table --runs 60` measures 60 seeds, three of each solid, in a minute each; a run that
 was stopped goes on where it was. Without `--runs` the tables are printed, and written, from the stored values.
@@ -24,7 +24,7 @@ from .solids import SHAPES
 from .tolerances import INVARIANCE
 
 STORED = Path(__file__).with_name("invariances.json")
-PAGE = Path(__file__).resolve().parents[2] / "presets" / "accuracy.md"
+PAGE = Path(__file__).resolve().parents[2] / "presets" / "ACCURACY.md"
 START, END = "<!-- invariances -->\n", "<!-- end of invariances -->\n"
 VERSION = 1
 SEED = 900000  # the first: seeds draw the solids in turn, with another friction in each round

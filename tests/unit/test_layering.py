@@ -22,14 +22,14 @@ GROUND = set(
 # Files of devices/ that need no more than a device's description: presets are judged by them.
 MECHANISMS = {kind.mechanism.partition(".")[0] for kind in KINDS.values()} | set(
     "preset_check mechanism linkage inverse_kinematics singularity forward_kinematics servo_limits poses coupling "
-    "retraction calibration".split()
+    "retraction calibration response response_readings frequency_response gain_curve measured_day".split()
 )
 DEVICE = GROUND | {"devices.spec", "devices.mechanisms"}
 SCENE = GROUND | {"scene"}
 TRACK = DEVICE | {"presets", "track"}
-CONTACT = SCENE | {"motion", "skin", "stiffening", "surface", "contact.solver"}
-MATCHING = CONTACT | TRACK | {"contact", "tissue", "devices", "effects", "images", "surrogate", "matching"}
-LIVE = TRACK | {"work", "stream.protocols", "stream.links", "stream.virtual", "stream.log"}
+CONTACT = SCENE | {"motion", "skin", "surface", "contact.solver"}
+MATCHING = CONTACT | TRACK | {"contact", "devices", "effects", "images", "surrogate", "matching"}
+LIVE = TRACK | {"work", "stream.protocols", "stream.protocols.bus", "stream.links", "stream.virtual", "stream.log"}
 # folder or loose file: which others it may import. Within itself everybody may; no file imports in a circle.
 MAY_IMPORT: dict[str, set[str]] = {
     # the ground
@@ -65,15 +65,13 @@ MAY_IMPORT: dict[str, set[str]] = {
     # what is felt
     "scene": GROUND,
     "surface": SCENE,
-    "stiffening": GROUND,  # of skin, beyond its compliance
-    "skin": SCENE | {"stiffening"},
-    "contact.solver": GROUND | {"motion", "surface", "skin", "stiffening"},
+    "skin": SCENE,
+    "contact.solver": GROUND | {"motion", "surface", "skin"},
     "contact": CONTACT,
-    "tissue": CONTACT | {"contact"},  # what stiffening is worked out from
     # what a device does about it
-    "devices": DEVICE | {"surface", "contact.solver", "stiffening"},
+    "devices": DEVICE | {"surface", "contact.solver", "skin"},
     "effects": SCENE | {"images", "motion"},
-    "surrogate": DEVICE | {"skin", "stiffening", "devices"},
+    "surrogate": DEVICE | {"skin", "devices"},
     "matching": MATCHING,
     "experiment": MATCHING,
     "design": MATCHING | {"plot", "work"},
@@ -84,10 +82,12 @@ MAY_IMPORT: dict[str, set[str]] = {
     "sweep": MATCHING | {"plot", "pipeline", "work", "design", "comparison"},
     # live to the hardware
     "stream.protocols": DEVICE,
+    "stream.protocols.bus": DEVICE | {"stream.protocols"},
     "stream.links": DEVICE | {"stream.protocols"},
-    "stream.virtual": DEVICE | {"stream.protocols", "stream.links", "work"},
+    "stream.virtual": DEVICE | {"stream.protocols", "stream.protocols.bus", "stream.links", "work"},
     "stream.log": DEVICE | {"stream.protocols", "stream.links", "work"},
     "stream": LIVE,
+    "stream.sound": LIVE | {"stream"},
     "stream.acceptance": LIVE | {"stream"},
 }
 SEES_ALL = {"__init__", "__main__", "command_line"}
@@ -105,8 +105,8 @@ ROOMS = (
     "results", "preview", "design", "streaming", "viewport", "timeline",
     # what a person sees and does
     "demos", "jobs", "film", "baking", "comparison", "panels", "operators", "commands",
-    # Blender's callbacks: imported by the package alone
-    "handlers", "__init__",
+    # Blender's callbacks
+    "views", "handlers", "__init__",
 )  # fmt: skip
 BLENDER = {"bpy", "bmesh", "mathutils", "bl_ext", "bpy_extras", "gpu", "blf"}
 UNSAFE = {"pickle", "shelve", "marshal", "dill", "joblib"}

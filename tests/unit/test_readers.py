@@ -123,7 +123,11 @@ def test_damaged_files_are_refused_and_nothing_else(tmp_path: Path) -> None:
     assert not found.others, f"of {found.tried}: {found.others.most_common(20)}"
     silent = [r.name for r in READERS if not found.accepted[r.name] or found.accepted[r.name] == 150]
     cached = {"cached skin", "cached tables", "cached description"}
-    assert set(silent) <= {"packets", "torque board", "request", "part of a sweep"} | cached
+    assert (
+        set(silent)
+        <= {"packets", "torque board", "Dynamixel's answers", "Feetech's answers", "request", "part of a sweep"}
+        | cached
+    )
 
 
 @pytest.mark.long

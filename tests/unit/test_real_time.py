@@ -57,6 +57,27 @@ def test_a_failure_where_others_want_the_processors_is_tried_again(pytester: pyt
     assert outcome(pytester, 0.01, SECOND_TIME, crowded=0.2) == {"passed": 1}
 
 
+def test_a_fixture_of_a_module_that_failed_is_made_again(pytester: pytest.Pytester) -> None:
+    body = """
+        import pytest
+        pytestmark = pytest.mark.real_time
+        tries = []
+
+        @pytest.fixture(scope="module")
+        def made(tmp_path_factory):
+            tries.append(1)
+            assert len(tries) == 2
+            return tries
+
+        def test_one(made):
+            assert len(made) == 2
+
+        def test_other(made):
+            assert len(made) == 2
+        """
+    assert outcome(pytester, 0.1, body) == {"passed": 2}
+
+
 def test_a_failure_on_a_machine_that_runs_counts_at_once(pytester: pytest.Pytester) -> None:
     assert outcome(pytester, 0.01, SECOND_TIME, crowded=0.05) == {"failed": 1}
 

@@ -76,13 +76,7 @@ def test_what_failed_once_does_not_fail_again_and_what_is_known_to_fail_does(nam
 
 
 # Seeds that fail, and by how much: edges and corners sharper than cells of skin. No row excuses them.
-TODAY = {
-    ("rate", 1): 0.00425,
-    ("inside", 16): 0.0605,
-    ("again", 15): 0.0652,
-    ("drift", 310000): 0.0336,
-    ("meshed", 795248): 0.079,
-}
+TODAY = {("rate", 1): 0.00425, ("inside", 16): 0.0605, ("again", 15): 0.0652, ("press", 110067): 0.0143}
 WORSE = 1.5  # by which another library of linear algebra may change them
 
 

@@ -1,7 +1,7 @@
 """Balance: the forces of several grips that obey friction and together supply a required force and torque.
 
-The object gives way until they do, but in one frame by no more than `REACH`: where friction cannot supply what is
-required, the object is drawn that far past the skin, and the forces are the nearest that friction can carry. Both are
+The object gives way until they do, but in one frame by no more than `REACH`. Where friction cannot supply the required
+wrench, the object is drawn that far past the skin, and the forces are the nearest that friction can carry. Both are
 one problem: minimise the skin's energy plus REACH |G f - h| over forces that Coulomb's law admits, an exact penalty.
 """
 
@@ -20,8 +20,8 @@ TOLERANCE = 1e-8
 SLIDING_TOLERANCE = 1e-5
 MAX_ITERATIONS = 6000
 RELAXATION = 1.8
-# An object that holds moves in a frame by no more than this where the skin holds it [m]: what is drawn so far past a
-# pad slips on all of it.
+# An object that holds moves in a frame by no more than this where the skin holds it [m]: an object that is drawn
+# so far past a pad slips on all of it.
 REACH = 3e-3
 
 
@@ -30,11 +30,11 @@ class Balance(NamedTuple):
 
     Attributes:
         forces: of each grip's near nodes [N], one (k, 3) a grip. scaled: -w / rho there [N], likewise.
-        shifts: what the object's displacement adds to b there [m], likewise.
+        shifts: change of b there by the object's displacement [m], likewise.
         move: the object's displacement: translation of its middle [m], rotation vector [rad], shape (6,).
         size: of the displacement where the skin holds the object [m].
         centre: of the grip, from the object's middle [m], shape (3,).
-        holds: the forces supply what is required.
+        holds: the forces supply the required wrench.
         residual: of the contact laws. iterations: of the method.
     """
 
@@ -55,7 +55,7 @@ def balance(
     """Return forces in their cones with G f = h, or as near to it as friction allows.
 
     By the alternating method with the object eliminated. The skin feels f, the object -f, so h on the skin is minus
-    what is required on the object.
+    the required wrench on the object.
 
     Args:
         forces, scaled: where to start from: of each grip's near nodes [N], shape (k, 3).
@@ -118,7 +118,7 @@ class _Give:
 
     def __init__(self, stiffness: Array) -> None:
         values, vectors = np.linalg.eigh(stiffness)
-        kept = values > 1e-10 * max(float(values[-1]), 1e-300)  # what nothing holds does not move either
+        kept = values > 1e-10 * max(float(values[-1]), 1e-300)  # a direction that nothing holds does not move either
         self._values, self._vectors = values[kept], vectors[:, kept]
         self._more = 0.0
         self.slides = False

@@ -1,4 +1,4 @@
-"""Bodies on their way from one frame to the next, and how far what they are made of moves there."""
+"""Bodies on their way from one frame to the next, and the displacement of their material there."""
 
 from __future__ import annotations
 

@@ -185,7 +185,7 @@ def node_gaps(
         if body.away:
             continue
         local = (places - body.translation) @ body.rotation
-        if isinstance(body.surface, Surface) and not _boxes_meet(local, body.surface.box, search_radius):
+        if isinstance(body.surface, Surface) and not boxes_meet(local, body.surface.box, search_radius):
             continue
         answer, side = body.surface.query(local, search_radius), 1
         if isinstance(body.surface, Surface):
@@ -309,7 +309,8 @@ def _plane_through(surface: Surface, triangle: Indices, corners: Indices) -> tup
     return planes
 
 
-def _boxes_meet(points: Array, box: Array, search_radius: float) -> bool:
+def boxes_meet(points: Array, box: Array, search_radius: float) -> bool:
+    """Whether points come within a radius of a box [m], shapes (n, 3) and (2, 3)."""
     if not len(points):
         return False
     return bool(

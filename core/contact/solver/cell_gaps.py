@@ -1,6 +1,6 @@
 """The gap over whole cells, where a surface turns between one and the next.
 
-A cell's force spreads over all of its skin, and so does what it may not enter. Beside an edge that matters: skin is
+A cell's force spreads over all of its skin, and so does its constraint. Beside an edge that matters: skin is
 stretched over it to several times its width, the centres of cells slip off it to both sides, and it would come through
 between them. There a cell keeps off by the mean gap along it, and is still pushed as its centre's face pushes: points
 may then be twice as far apart for the same force.
@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from ...arrays import Array, Indices
 from .bodies import ContactBody, Expected, NodeGaps, node_gaps
 from .point_gaps import some_of
-from .point_map import NONE
-from .point_set import PointSet
+from .point_set import NONE, PointSet
 
 # Cells touch as a whole where their normal and the next one's differ by more than this; by less their centres do.
 TURNED = 0.3

@@ -1,4 +1,4 @@
-"""Friction within one frame of a path: what is foreseen of its way, what is noticed after it, and what it leaves.
+"""Friction within one frame of a path: the shifts foreseen, those found after the solution, and the state left.
 
 `within_frame.py` has the mathematics; here are the moments at which a path asks for it.
 """
@@ -24,7 +24,7 @@ AT_REST = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Rubbing:
-    """What a frame leaves to the next.
+    """The friction state that one frame leaves to the next.
 
     Attributes:
         drift: how loaded skin went along. changing: how much of its shifts the next frame takes, 0 to 1.
@@ -36,7 +36,7 @@ class Rubbing:
     def ahead(
         self, bodies: Sequence[ContactBody], history: ContactHistory, force: Array, loaded: NDArray[np.bool_]
     ) -> Callable[[Array], Array] | None:
-        """Return what says how far skin that slips is expected to move, for how far its anchors moved.
+        """Return a function from the anchors' displacement to the expected displacement of slipping skin.
 
         Args:
             bodies: of the next frame. history, force, loaded: of the last one; [N], shapes (m, 3) and (m,).
@@ -61,7 +61,7 @@ class FrameFriction:
         gaps: at its end. history: at its begin; `keep` brings it to the end.
         loaded: which nodes carried force at its begin, shape (m,).
         matrix: compliance of the nodes [m/N], shape (3 m, 3 m). own: of each to its own force, shape (m,).
-        soft: of what lies below each [m/N], shape (m,).
+        soft: compliance of the body below each [m/N], shape (m,).
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class FrameFriction:
             b[self._shifts.nodes] += self._shifts.shift
 
     def notice(self, solution: Solution) -> None:
-        """Find by how much the slip of what came to touch is to be shifted, which is left to the next frame."""
+        """Find the shifts of slip of nodes that came to touch, which are left to the next frame."""
         if not self.gaps.friction.any():
             return
         new = entered(solution, self.gaps, self._history, self._loaded)
@@ -101,7 +101,7 @@ class FrameFriction:
             self._crossed = crossed(new, solution, self._history.gap[new], own)
 
     def left(self, solution: Solution, before: Array, moved: Array) -> Rubbing:
-        """Return what the next frame needs: of forces before [N] and how nodes moved [m], shape (m, 3) each."""
+        """Return the state for the next frame, from forces before [N] and how nodes moved [m], shape (m, 3) each."""
         drift = STILL if self._way is None else Drift.of(self.gaps, solution.force, moved, self._way.passed)
         change, size = solution.force - before, float(np.vdot(solution.force, solution.force))
         return Rubbing(drift, changing(float(np.vdot(change, change)), size))
@@ -123,7 +123,7 @@ class FrameFriction:
             slip[shifts.nodes] -= shifts.shift
         if len(entering.nodes):
             positions[entering.nodes] -= entering.back(slip, solution)
-        # what stopped to slip sticks where it did, and what came to touch where it came to
+        # a node that stopped to slip sticks where it did, and one that came to touch where it came to
         history.keep(self.gaps, sticking, positions, gap, (shifts.nodes, entering.nodes))
         history.slip = slip
         history.swept = np.zeros_like(slip) if self._way is None else self._way.swept

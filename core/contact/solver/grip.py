@@ -1,4 +1,4 @@
-"""What holding consists of: the fingers, what each brings to it, its grip, and one frame's answer."""
+"""The data of holding: the fingers, the context of each, its grip, and one frame's answer."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class HoldingFinger:
         name: for findings.
         areas: skin of each node [m^2], shape (m,); needed where an object is soft.
         bone: a point inside the finger [m]: open surfaces are touched on the side where it lies.
-        law: what its skin gives way less than by its compliance; None where it is linear.
+        law: by how much less its skin gives way than by its compliance; None where it is linear.
     """
 
     compliance: Array
@@ -36,7 +36,7 @@ class HoldingFinger:
 
 @dataclass(frozen=True, eq=False)
 class HoldContext:
-    """What one finger brings to a frame: where it is, and what it touches besides the held object.
+    """One finger in a frame: its pose, and the bodies that it touches besides the held object.
 
     Attributes:
         pose: finger-to-world matrix, rigid, shape (4, 4).
@@ -61,9 +61,9 @@ class GripStep:
         on_object: total force and torque (about the centre of mass) of all contacts on the object, in world space
             [N, N m], shape (6,).
             Forces act where the deformed skin is.
-        required: what gravity and inertia ask for, m (a - g) and the rate of angular momentum, shape (6,).
+        required: the wrench of gravity and inertia, m (a - g) and the rate of angular momentum, shape (6,).
         displacement: of the object from its animated pose: translation [m], rotation vector [rad], shape (6,).
-        holds: contacts supply what is required; else they supply what friction can.
+        holds: contacts supply the required wrench; else the nearest that friction can carry.
         residual: of the contact laws, see `cone.natural_residual`; iterations: of the solver.
         gaps: that each finger was solved for.
         slips: relative displacement w of each finger's nodes [m], one (m, 3) a finger.
@@ -83,13 +83,13 @@ class GripStep:
 
 @dataclass
 class Grip:
-    """One finger's part of a frame: its nodes near the object, and what they need.
+    """One finger's part of a frame: its nodes near the object, and their data.
 
     Attributes:
         gaps: of its nodes. near: the nodes within reach of anything, shape (k,).
         matrix: their compliance [m/N]; inverse: of it and the weight of the steps [N/m], shape (3 k, 3 k).
-        offset: b at them [m], shape (k, 3); less by what skin with a law gives way less.
-        bent: the latter alone [m], shape (k, 3).
+        offset: b at them [m], shape (k, 3); less by `bent`.
+        bent: by how much less skin with a law gives way than linear skin [m], shape (k, 3).
         pose: of the finger in the world, shape (4, 4).
         history: where they stick. own: index of the held object among the frame's bodies.
         wrench: from their forces to force and torque on the skin by the object, shape (6, 3 k).
@@ -117,7 +117,7 @@ class Grip:
         for axis in range(3):
             wrench[3:, :, axis] = np.cross(arm, turn[:, axis]).T
         mine = self.gaps.body[self.near] == self.own
-        wrench[:, ~mine] = 0.0  # what presses on another body does not carry this one
+        wrench[:, ~mine] = 0.0  # nodes that press on another body do not carry this one
         self.wrench, self.arms = wrench.reshape(6, -1), arm[mine]
 
     @property

@@ -1,8 +1,8 @@
 """GripSolver: an object held by fingers; its six degrees of freedom balance contact, gravity and inertia.
 
 The object follows its animated pose up to a small displacement d (translation and turn) that is found with the contact
-forces: w = C f + b - G' d at the nodes, G f = h on the object, where G sums forces and torques and h is what gravity
-and inertia ask for. Forces act where the deformed skin is, so a frame is balanced again until that place stands still.
+forces: w = C f + b - G' d at the nodes, G f = h on the object, where G sums forces and torques and h is the wrench of
+gravity and inertia. Forces act where the deformed skin is, so a frame is balanced again until that place stands still.
 
 Where friction cannot supply h, the object slips: it stays where it is beside its animated path, its matter is drawn
 past the skin, and the forces are the nearest to h that friction can carry. A finding says so.
@@ -31,7 +31,7 @@ SEARCH_RADIUS = 3e-3
 # A frame is balanced again after a displacement above this at the skin [m], or a torque that is off by more [N m].
 STILL, TORQUE = 2e-5, 1e-6
 MAX_ROUNDS, MEASURED = 8, 3
-LAW_ROUNDS = 30  # where skin follows a law, until what that wants is what it was balanced with
+LAW_ROUNDS = 30  # where skin follows a law, until law and balance agree
 # The steps are weighed with this many times a node's own compliance, where they are fewest.
 WEIGHT = 1.5
 # A displacement from one frame to the next that nobody expects of an object that is held [m], [rad].
@@ -145,7 +145,7 @@ class GripSolver:
                 self._more_torque = torque - asked[3:] if found.holds else np.zeros(3)
             agreed = all(law.settled or law.lost for law in laws)
             still = found.size <= STILL and agreed
-            if not agreed or lost < sum(law.lost for law in laws):  # what left least is balanced with once more
+            if not agreed or lost < sum(law.lost for law in laws):  # once more, with the law's best
                 lost = sum(law.lost for law in laws)
                 continue
             turned = np.abs(torque - required[3:]).max() > TORQUE
@@ -195,7 +195,7 @@ class GripSolver:
         near = np.flatnonzero(gaps.body >= 0)
         offset = context.history.offset(gaps, finger.points)[near]
         new = np.flatnonzero((gaps.body[near] == context.own) & (context.history.body[near] != context.own))
-        if now is not began and new.size:  # what has no anchor yet touched the object where it began
+        if now is not began and new.size:  # a node without an anchor touched the object where it began
             points, normal, then = finger.points[near[new]], gaps.normal[near[new]], self.body(pose, *began)
             went = ((points - then.translation) @ then.rotation) @ body.rotation.T + body.translation - points
             offset[new] -= went - along(went, normal)[:, None] * normal
@@ -215,7 +215,7 @@ class GripSolver:
         return grip
 
     def _balanced(self, everybody: Sequence[Grip | None], required: Array, pressing: bool) -> Balance:
-        """Find the forces, and move the nodes' b by what the object gives way; no force where nothing is pressed."""
+        """Find the forces, and shift the nodes' b by the object's displacement; no force where nothing is pressed."""
         index = [i for i, g in enumerate(everybody) if g is not None]
         grips = [g for g in everybody if g is not None]
         if pressing:
@@ -246,7 +246,7 @@ class GripSolver:
                 grip.bent = grip.bent + change
 
     def _look(self, grips: Sequence[Grip | None]) -> None:
-        """Ask the laws of skin what they leave of the forces."""
+        """Ask the laws of skin for their residual at the forces."""
         for i, grip in enumerate(grips):
             law = self.fingers[i].law
             if grip is None or law is None or law.lost:
@@ -294,7 +294,7 @@ class GripSolver:
             moved = replace(grip.gaps, bodies=bodies)
             status = status_of(whole, w, grip.gaps.normal, grip.gaps.friction)
             gap = along(w, grip.gaps.normal)
-            # on the body's surface: what is pressed into a soft one lies on it all the same
+            # on the body's surface: a node that is pressed into a soft one lies on it all the same
             soft = grip.gaps.compliance(finger.areas, finger.name)
             on_body = self._deformed[i] + soft[:, None] * whole - gap[:, None] * moved.normal
             # nothing sticks to where matter was that was drawn along

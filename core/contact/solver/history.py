@@ -1,4 +1,4 @@
-"""What friction remembers: for each node the point of the body's material that it sticks to."""
+"""The anchors of friction: for each node the point of the body's material that it sticks to."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class ContactHistory:
     Attributes:
         body: index of the body that each anchor belongs to, -1 without, shape (m,).
         gap: above it in the last frame [m], shape (m,). sticking: which nodes stuck there, shape (m,).
-        slip: of the last frame, and `swept`: what it would have been, had the skin stood still [m], shape (m, 3).
+        slip: of the last frame, and `swept`: the slip if the skin had stood still [m], shape (m, 3).
     """
 
     def __init__(self, count: int) -> None:

@@ -1,8 +1,9 @@
 """One frame of skin that follows the neo-Hookean law: contact on linear skin and the law, by turns until both agree.
 
-Where they do not, as after a long drag in one frame, what presses is led there in parts of its way, and where nothing
-near is found, as where a finger begins deep in something, straight in from where it touches nothing. Where that does
-not help either, the frame keeps what left least, or what linear skin does, and says that it did not converge.
+Where they do not, as after a long drag in one frame, the objects that press are led there in parts of their way. Where
+nothing near is found, as where a finger begins deep in something, they are led straight in from where nothing touches.
+Where that does not help either, the frame keeps the solution of least residual, or that of linear skin, and says that
+it did not converge.
 """
 
 from __future__ import annotations
@@ -19,26 +20,26 @@ from .law_skin import LawSkin
 from .solved_frame import SolvedFrame
 
 ROUNDS = 80  # of both
-USABLE = 0.1  # of what the law leaves: what is nearer to it than that is better than linear skin
+USABLE = 0.1  # residual of the law: a solution with less than that is better than linear skin
 PARTS, STRAIGHT = (1, 4, 16), (4, 16)  # of the way since the last frame, and of the straight one
 
 
 class LinearContact(Protocol):
-    """What solves contact on linear skin.
+    """A solver of contact on linear skin.
 
     Attributes:
-        points: undeformed [m], shape (n, 3). bodies: what was near in the last frame.
+        points: undeformed [m], shape (n, 3). bodies: those near in the last frame.
     """
 
     points: Array
 
     @property
     def bodies(self) -> tuple[ContactBody, ...]:
-        """What was near in the last frame."""
+        """Bodies near in the last frame."""
         ...
 
     def iterated(self, b: Array, gaps: NodeGaps, soft: Array, start: Array) -> SolvedFrame:
-        """Solve a frame, from the offset b [m], shape (n, 3), and what lies below each point [m/N], shape (n,)."""
+        """Solve a frame, from the offset b [m], shape (n, 3), and the softness below each point [m/N], shape (n,)."""
         ...
 
     def beyond(self) -> Array:
@@ -59,6 +60,9 @@ def solved_by_law(
         solver: of linear skin. law: of the same, at the last frame.
         b, gaps, soft: as in `PathSolver.iterated`. start: forces to start from [N], shape (n, 3).
     """
+    if not (gaps.gap < 0.0).any():  # skin at rest is in balance; a fold that pressing left would press on air
+        law.reset()
+        start = np.zeros_like(start)
     before = law.save()
     found = _agreed(solver, law, b, gaps, soft, start, _went(solver, gaps, start))
     if law.settled:
@@ -92,7 +96,7 @@ def solved_by_law(
 def _walked(
     solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, start: Array, way: Array, parts: int
 ) -> tuple[SolvedFrame, bool]:
-    """Lead what presses along a way to its end [m], shape (n, 3); return where that ends, and whether it is the end."""
+    """Lead the bodies that press along a way [m], shape (n, 3); return where that ends, and whether it is the end."""
     going = way.any(axis=1)
     went = np.append(way[going].mean(axis=0), np.zeros(3)) / parts if going.any() else None
     for part in range(1, parts + 1):
@@ -106,7 +110,7 @@ def _walked(
 def _agreed(
     solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, start: Array, went: Array | None
 ) -> SolvedFrame:
-    """Take turns until the law has what it wants, or no step leads nearer to it."""
+    """Take turns until the law has settled, or no step lowers its residual."""
     law.begin(went)
     iterations, told = 0, False
     for again in range(ROUNDS):
@@ -135,7 +139,7 @@ def _depth(gaps: NodeGaps) -> Array:
 
 
 def _went(solver: LinearContact, gaps: NodeGaps, force: Array) -> Array | None:
-    """Return how what presses moved where skin carried force, and turned about there [m], shape (6,), if known."""
+    """Return how bodies moved where skin carried force, and turned about there [m], shape (6,), if known."""
     touched = force.any(axis=1)
     way = _moved(solver, gaps, np.where(touched, gaps.body, -1))[touched]
     if not len(way) or np.isnan(way).any():
@@ -146,7 +150,7 @@ def _went(solver: LinearContact, gaps: NodeGaps, force: Array) -> Array | None:
 
 
 def _moved(solver: LinearContact, gaps: NodeGaps, bodies: Indices) -> Array:
-    """Return how far what presses moved since the last frame, nan where that is not known [m], shape (n, 3).
+    """Return how far bodies moved at points since the last frame, nan where that is not known [m], shape (n, 3).
 
     Args:
         bodies: that is asked about at each point, -1 for none, shape (n,).

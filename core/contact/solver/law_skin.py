@@ -83,6 +83,11 @@ class LawSkin:
         return self._c[self.tables.pad].reshape(-1, 3).astype(np.float64)
 
     @property
+    def expected(self) -> Floats32:
+        """The c that contact is solved with now, of all free nodes [m], shape (3 free,)."""
+        return self._c
+
+    @property
     def amounts(self) -> Array:
         """The same for the forces of the last frame, as a touch keeps it, shape (3 m,)."""
         return self._state.felt[self.tables.pad].astype(np.float64)
@@ -97,20 +102,24 @@ class LawSkin:
         """Whether no step leads nearer to what it wants."""
         return self._steps.lost
 
-    def begin(self, went: Array | None = None) -> None:
+    def begin(self, went: Array | None = None, ahead: float = 1.0) -> None:
         """Begin a frame.
 
         Args:
             went: how what presses moved where it touched, and turned about there [m], shape (6,). c is expected to
                 change as that does to the last frame's; where either is not known, as it did.
+            ahead: times that, where it is not known; 0 for not at all.
         """
         self._start = last = self._state
-        ahead = 1.0
         if went is not None and last.went is not None:
             ahead = min(max(float(went @ last.went) / max(float(last.went @ last.went), 1e-30), 0.0), FASTER)
         self._went = went
         self._c = last.now + np.float32(ahead) * (last.now - last.before)
         self._steps = Relaxation(last.taught)
+
+    def look_anew(self) -> None:
+        """Forget how near the law was in this frame, but not where: forces are other ones now."""
+        self._steps = Relaxation(self._steps.learned)
 
     def go_back(self) -> None:
         """Go back to where the frame began."""

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
-from .point_map import NONE
 from .point_set import PointSet
 
 
@@ -37,32 +37,25 @@ class MovedSkin:
 
     @cached_property
     def raised(self) -> Array:
-        """How far points have moved [m], but for what spreads them along the skin, and zero at last, shape (n + 1, 3).
+        """Displacement of points [m], without the part that spreads them along the skin, shape (n, 3).
 
         An edge parts the cells that it presses in between. Only their common way is theirs, else they see it no more.
         """
         along = self.points.normals
-        out = np.zeros((len(along) + 1, 3))
-        out[:-1] = self.common + np.einsum("ij,ij->i", self.image - self.common, along)[:, None] * along
-        return out
-
-    def under(self, cells: Indices) -> tuple[Array, Indices]:
-        """Return how far skin has moved at cells [m], shape (n, 3), and a point under each, `NONE` where none is."""
-        found = self.points.map.under(cells)
-        owner = found.max(axis=1)
-        shift = self.raised.take(found, axis=0).sum(axis=1) / np.maximum((found != NONE).sum(axis=1), 1)[:, None]
-        afar = np.flatnonzero(owner == NONE)
-        if len(afar) and self.force.any():
-            shift[afar] = self._far[self.points.pad.chart.tiles.root[cells[afar]]]
-        return shift, owner
+        return self.common + np.einsum("ij,ij->i", self.image - self.common, along)[:, None] * along
 
     @cached_property
-    def _far(self) -> Array:
-        """The displacement of all cells of the coarsest level [m], by the forces under each, shape (p, 3)."""
-        loaded = np.flatnonzero(self.force.any(axis=1))
-        base = self.points.pad.chart.tiles.root[self.points.cells[loaded]]
-        under, which = np.unique(base, return_inverse=True)
-        force = np.zeros((len(under), 3), dtype=np.float32)
-        np.add.at(force, which, self.force[loaded])
-        pad = self.points.pad  # symmetric: the rows of the few that carry force serve for all that they move
-        return pad.displaced(pad.coarse[under], force)
+    def afar(self) -> tuple[NDArray[np.float32], Indices, Array, Array]:
+        """Forces that move skin where there are no points, taken together by the cells of the coarsest level.
+
+        Returns:
+            a table of the displacement of all p of them by a force on such a cell, (t, 3, p, 3); which of its rows are
+            those of the k cells that carry any; those forces, in its unit, shape (k, 3); and how far all skin moves
+            with the bone besides [m], shape (3,).
+        """
+        pad, loaded = self.points.pad, np.flatnonzero(self.force.any(axis=1))
+        under, which = np.unique(pad.chart.tiles.root[self.points.cells[loaded]], return_inverse=True)
+        on = np.stack([np.bincount(which, self.force[loaded, k], len(under)) for k in range(3)], axis=1)
+        rows, place = pad.coarse.places(under)
+        # symmetric: the rows of the few that carry force serve for all that they move
+        return rows, place, on / pad.material.modulus, on.sum(axis=0) @ pad.spring

@@ -1,4 +1,4 @@
-"""NearSurface: a deforming surface on its way between two shapes, of which only what is near a finger is known."""
+"""NearSurface: a deforming surface on its way between two shapes, known only near a finger."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class NearSurface(Surface):
         self.table.rows[:, near.chosen] = some.rows
         self.table.bounds[:, near.chosen] = some.bounds
         self.table.usable[near.chosen] = some.usable
-        # what holds both shapes holds all between them, in the same shares
+        # bounds of both shapes, in the same shares, hold the shape between
         self.box = (1.0 - share) * start.box + share * end.box
         self._slabs = (1.0 - share) * start._slabs + share * end._slabs
         self.volume, self.tangled = end.volume, start.tangled or end.tangled

@@ -11,7 +11,7 @@ class Notes:
     """Warnings about one thing, each kind once.
 
     Args:
-        where: what they are about.
+        where: their subject.
     """
 
     def __init__(self, where: str) -> None:

@@ -6,8 +6,8 @@ cells: each bit of it is held up by the next, lies hardly deeper than the edge, 
 Without that skin is ploughed aside, and a finger without friction is dragged along as if there were some.
 
 So a cell goes over half way between where both faces are as near and where its own ends: to a face that skin beside it
-lies on, from one that comes on by more, and over what is no farther than it is wide. What friction holds stays, and
-what stands still rests.
+lies on, from one that comes on by more, and over a face that is no farther than it is wide. A cell that friction
+holds stays, and one that stands still rests.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from .sides import dot
 OTHER, BLADE = 0.9, -0.6
 # A point goes over this share of the way from where its face ends to where the other is as near; the more friction
 # holds it, the nearer to the end, and from this coefficient on it stays.
-GOES, HELD = 0.5, 0.5
+GOES, HELD = 0.5, 0.25
 # Skin beside it lies on the other face where normals are alike by this cosine.
 ALIKE = 0.9
 # A face comes on by more than another where it does by this share of the way that the body goes.
@@ -43,7 +43,7 @@ class Freed(NamedTuple):
         nodes: which, shape (k,). beside: the points before and behind each of them, across the edge, itself where there
             is none, shape (2, k).
         places: where each would be, had it no force of its own [m], shape (k, 3).
-        ways: of what it lies on, since the last frame [m], shape (k, 3). widths: of its cell [m], shape (k,).
+        ways: of the face that it lies on, since the last frame [m], shape (k, 3). widths: of its cell [m], shape (k,).
         gaps: at those places; None until measured.
     """
 
@@ -60,7 +60,7 @@ NOTHING = Freed(_NONE[0], _NONE, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0)
 
 
 def over_edges(gaps: NodeGaps, freed: Freed, loaded: NDArray[np.bool_], points: Array, places: Array) -> NodeGaps:
-    """Return gaps with those of points that go over an edge taken to what lies beyond it.
+    """Return gaps with those of points that go over an edge taken to the face beyond it.
 
     Args:
         gaps: of points. freed: some of them. loaded: which points carry force, shape (n,).
@@ -71,7 +71,7 @@ def over_edges(gaps: NodeGaps, freed: Freed, loaded: NDArray[np.bool_], points: 
     mine = ((freed.gaps.body >= 0) & (freed.gaps.body == gaps.body.take(freed.nodes))).nonzero()[0]
     some, free, ways, widths = (v[mine] for v in (freed.nodes, freed.places, freed.ways, freed.widths))
     found, beside, own = some_of(freed.gaps, mine), freed.beside[:, mine], gaps.normal.take(some, axis=0)
-    depth = gaps.clearance[some] - dot(places.take(some, axis=0) - free, own)  # below zero in what they are pressed by
+    depth = gaps.clearance[some] - dot(places.take(some, axis=0) - free, own)  # below zero inside the body that presses
     normal, turned = found.normal, dot(found.normal, own)
     share = GOES * np.maximum(1.0 - gaps.friction.take(some) / HELD, 0.0)
     # a face ends where the other is at `turned` times the depth

@@ -33,7 +33,7 @@ from .sweeps import sweep
 
 __all__ = ["DEPTH_LIMIT", "TOLERANCE", "Compliance", "Linear", "PathSolver", "PathStep"]
 
-# What contact leaves of its laws, see `Solution.residual`: where an iteration starts then changes no force by 1e-4.
+# Residual of contact, see `Solution.residual`: where an iteration starts then changes no force by 1e-4.
 TOLERANCE = 3e-6
 # A frame whose residual is above this multiple of the tolerance is a finding.
 CHECK = 10.0
@@ -47,7 +47,7 @@ EASY = 3
 DEPTH_LIMIT = 2e-3
 # In a frame skin comes out by no more than this multiple of its displacement in the last, and a margin [m].
 BULGE, MARGIN = 1.5, 0.3e-3
-# What a frame changes, besides the history; each is replaced, never written into.
+# The state that a frame changes, besides the history; each is replaced, never written into.
 _STATE = ("_force", "_last", "_image", "_step", "_bodies", "_at_rest", "frames", "_rubbing")
 
 
@@ -62,7 +62,7 @@ class PathSolver:
         bone: a point inside the finger [m]: open surfaces are touched on the side where it lies.
         name: for findings.
         depth_limit: depth of the undeformed skin beyond which a frame is a finding [m].
-        law: what the skin gives way less than by its compliance; None where it is linear.
+        law: by how much less the skin gives way than by its compliance; None where it is linear.
 
     Attributes:
         counters: how many frames were 'solved', 'unchanged', 'same', 'idle' and 'held' (see `adopt`); 'unconverged' and
@@ -100,7 +100,7 @@ class PathSolver:
         refuse_indefinite(c, name)
         extent = np.sort(np.ptp(self.points, axis=0))
         spacing = float(np.sqrt(max(extent[-1] * extent[-2], 1e-12) / m))
-        # skin cannot bulge out of what presses into it by more than it is pressed: nodes farther off stay open
+        # skin cannot bulge out of a body by more than the body is pressed in: nodes farther off stay open
         self.search_radius = max(2.5 * spacing, 2.5e-3)
         self.history = ContactHistory(m)
         self._zero = np.zeros((m, 3))
@@ -142,7 +142,7 @@ class PathSolver:
         return state if self.law is None else {**state, "law": self.law.save()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go back to a saved state: what follows is the same to the last bit."""
+        """Go back to a saved state: the frames that follow are the same to the last bit."""
         for name in _STATE:
             setattr(self, name, state[name])
         self.history = state["history"].copy()
@@ -152,7 +152,7 @@ class PathSolver:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What did not converge and what went too deep, with the first frame and how often."""
+        """Frames that did not converge or went too deep: the first frame and how often."""
         return self.notes.findings()
 
     def idle(self, count: int = 1) -> PathStep:
@@ -174,7 +174,7 @@ class PathSolver:
 
     @property
     def bodies(self) -> tuple[ContactBody, ...]:
-        """What was near in the last frame."""
+        """Bodies near in the last frame."""
         return self._bodies
 
     @property
@@ -235,9 +235,9 @@ class PathSolver:
         """Solve the next frame.
 
         Args:
-            bodies: what is near, posed in the finger's frame; the same order every frame.
+            bodies: those near, posed in the finger's frame; the same order every frame.
             scene_frame: of the scene, for findings.
-            gaps: what `look` said of it.
+            gaps: as `look` returned them.
             part: it is a part of the way to a frame: nothing is noted and no frame is counted.
         """
         bodies = tuple(bodies)

@@ -44,9 +44,9 @@ class PathStep:
 
     @cached_property
     def slide(self) -> float:
-        """How far what is loaded of the skin is drawn along itself, on average by its load [m].
+        """How far loaded skin is drawn along itself, on average by its load [m].
 
-        What bulges sideways under a press cancels out; what is left is how far friction has sheared the tissue.
+        Bulging sideways under a press cancels out; the rest is the shear of the tissue by friction.
         """
         weight = self.solution.normal_force
         total = float(weight.sum())
@@ -58,10 +58,10 @@ class PathStep:
         return float(np.sqrt(along_it @ along_it))
 
     def depth(self, points: Array, bone: Array) -> float:
-        """Return how deep the undeformed skin lies in what it touches [m], zero above it.
+        """Return how deep the undeformed skin lies in the objects that it touches [m], zero above them.
 
-        What was dragged along does not count: over an edge it goes far beyond the face that it lies on. So depth counts
-        by how far a point was pushed towards the bone, as a share of what its way straight out of the object would be.
+        Drag does not count: over an edge skin is dragged far beyond the face that it lies on. So depth counts
+        by how far a point was pushed towards the bone, as a share of its way straight out of the object.
 
         Args:
             points: undeformed, shape (m, 3). bone: a point inside the finger, shape (3,).
@@ -70,7 +70,7 @@ class PathStep:
             return 0.0
         inside = np.flatnonzero(self.gaps.gap < 0.0)
         deep, normal, inward = -self.gaps.gap[inside], self.gaps.normal[inside], bone - points[inside]
-        inward[:, 1] = np.minimum(inward[:, 1] + BONE_END, 0.0)  # what is dragged along the bone is not pushed to it
+        inward[:, 1] = np.minimum(inward[:, 1] + BONE_END, 0.0)  # skin dragged along the bone is not pushed to it
         if not self.from_rest:
             above = along(self.solution.displacement[inside], normal)
             way = self.displacement[inside] - above[:, None] * normal

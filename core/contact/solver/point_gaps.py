@@ -1,14 +1,11 @@
-"""The gaps of points that come and go: those that stay were measured, and those that come are."""
+"""Parts of the gaps of points: some of them, others in their place, and points that are laid on another plane."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from ...arrays import Array, Indices
-from .bodies import ContactBody, Expected, NodeGaps, node_gaps
-from .point_sight import OPPOSITE
+from .bodies import NodeGaps
 from .sides import dot
 
 PER_POINT = ("gap", "clearance", "normal", "body", "triangle", "friction", "softness")
@@ -40,38 +37,3 @@ def passed_on(gaps: NodeGaps, count: int, heirs: Indices, sources: Indices) -> N
     for name in PER_POINT:
         getattr(out, name)[heirs] = getattr(gaps, name)[sources]
     return out
-
-
-def completed(
-    gaps: NodeGaps,
-    order: Indices,
-    points: Array,
-    bodies: tuple[ContactBody, ...],
-    expected: Expected,
-    search_radius: float,
-    bone: Array,
-) -> NodeGaps:
-    """Return the gaps of points of which the first were measured already.
-
-    Args:
-        gaps: that were measured. order: which of them are those of the first points, shape (k,).
-        points: undeformed [m], shape (n, 3). expected: where they are looked for.
-        search_radius: beyond which nothing is of interest [m]. bone: a point inside the finger [m], shape (3,).
-    """
-    count = len(order)
-    if count == len(points):
-        return NodeGaps(bodies, *(getattr(gaps, name)[order] for name in PER_POINT))
-    new, normal = points[count:], expected.normal[count:]
-    places, origins = expected.places[count:], expected.origins[count:]
-    # what a larger cell lay on need not be what its parts lie on, but where that is the back of something thin
-    some = Expected(places, origins, normal, np.full(len(new), -1))
-    found = node_gaps(new, bodies, search_radius, bone, some)
-    opposite = np.einsum("ij,ij->i", normal, found.normal) < OPPOSITE
-    turned = np.flatnonzero(opposite & (expected.body[count:] == found.body))
-    if len(turned):
-        some = Expected(places[turned], origins[turned], normal[turned], found.body[turned])
-        again = node_gaps(new[turned], bodies, search_radius, bone, some)
-        for name in PER_POINT:
-            getattr(found, name)[turned] = getattr(again, name)
-    parts = ((getattr(gaps, name)[order], getattr(found, name)) for name in PER_POINT)
-    return NodeGaps(bodies, *(np.concatenate(pair) for pair in parts))

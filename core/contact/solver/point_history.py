@@ -1,7 +1,7 @@
 """PointHistory: which points come in the place of which, when cells are split and merged.
 
-Force is passed on whole: a cell's goes to those that it overlaps by what they share of it, so that cells that are
-merged leave the sum of theirs.
+Force is passed on whole: a cell's goes to those that it overlaps, in proportion to the overlap, so that cells
+that are merged leave the sum of theirs.
 """
 
 from __future__ import annotations

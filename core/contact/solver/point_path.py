@@ -1,14 +1,13 @@
-"""Contact along a path on free points of the smooth skin, as fine as what presses into it is bent.
+"""Contact along a path on free points of the smooth skin, as fine as the objects that press into it are bent.
 
 As `PathSolver`, with points that come and go: a tree of cells is asked wherever something has moved, the compliance of
-those cells that may touch is kept up, and what friction remembers goes from cells to the ones that take their place.
+those cells that may touch is kept up, and friction's history goes from cells to the ones that take their place.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,6 @@ from ...arrays import Array, Indices
 from ...skin.nodal_forces import NodalForces
 from ...skin.surface_compliance import SurfaceCompliance
 from ...surface.plane import Plane
-from .asked import Asked
 from .between import matter_moved
 from .bodies import ContactBody, NodeGaps, node_gaps, owned, paired, same_places, travel
 from .bodies import moved as body_moved
@@ -29,12 +27,12 @@ from .law_skin import LawSkin
 from .moved_skin import MovedSkin
 from .over_edges import HELD, NOTHING, Freed, over_edges
 from .path import BONE, DEPTH_LIMIT, TOLERANCE, PathSolver, PathStep
-from .point_gaps import completed, passed_on
+from .point_gaps import passed_on
 from .point_history import Succession, succession
 from .point_reach import PointReach
 from .point_set import PointSet
-from .point_sight import PointSight
 from .point_tree import MANY, OFTEN, PointTree
+from .posed_records import in_reach
 from .rims import over_rims
 
 # Skin is looked for this far out [m].
@@ -72,15 +70,17 @@ class PointSolver(PathSolver):
         self._begin(tolerance, bone, name, depth_limit, law)
         self.surface, self.nodes = surface, nodes
         self.search_radius = REACH
-        self._tree = PointTree(surface, REACH)
+        self._tree = PointTree(surface)
         self._cell_gaps = CellGaps(REACH, self.bone)
         self._points = PointSet(surface)
         self.operator = Linear(np.zeros((0, 0)))
         self.history = ContactHistory(0)
-        self._asked: Asked | None = None
+        self._asked: tuple[ContactBody, ...] | None = None
         self._calm: NodeGaps | None = None  # the last that were measured, where the tree asked for no other points
         starts = surface.chart.starts
         self._pad = surface.cells.positions[starts[1] : starts[2]]
+        ends = np.stack([self._pad.min(axis=0), self._pad.max(axis=0)])
+        self._corners = np.stack([c.ravel() for c in np.meshgrid(*ends.T)], axis=1)  # of the pad's box
         self._sample = self._pad[:: max(len(self._pad) // 32, 1)]
         self._reach = PointReach(self._points)
         self._number()
@@ -100,7 +100,7 @@ class PointSolver(PathSolver):
         """Return the smallest gap of the undeformed skin [m], inf where there is none within reach."""
         if not all(body.away or isinstance(body.surface, Plane) or body.surface.closed for body in bodies):
             return super().outside(bodies, reach)
-        # no gap changes by more than the way to another point, so skin far from what is closest need not be asked
+        # no gap changes by more than the way to another point, so skin far from the closest point need not be asked
         sizes = self._reach.sizes
         gap = node_gaps(self.places, bodies, reach + float(sizes.max()), self.bone).gap
         closest = float((gap + sizes).min())
@@ -179,29 +179,22 @@ class PointSolver(PathSolver):
     ) -> PathStep:
         """Solve the next frame, as `PathSolver.step` does."""
         # gaps of a frame that moves far were measured at the points of the last one
-        late = gaps is None or not (part or gaps is self._calm) and self._asks(self._moved(tuple(bodies)))
+        late = gaps is None or not (part or gaps is self._calm) and self._asks(bodies)
         if late and (part or not self.unmoved(bodies)):
             gaps = self._looked(tuple(bodies), True)
         return super().step(bodies, scene_frame=scene_frame, gaps=gaps, part=part)
 
     def _looked(self, bodies: tuple[ContactBody, ...], slow: bool) -> NodeGaps:
         """Measure gaps, at other points where the tree asks for them and bodies move slowly."""
-        moved = self._moved(bodies)
-        asks = self._asks(moved)
-        if self.fresh and asks:
-            self._survey(bodies, moved, None)
+        asks = self._asks(bodies)
+        if asks and (slow or self.fresh):
+            self._survey(bodies)
         if self.fresh and not len(self.cells):
             return NodeGaps.nothing(bodies, 0)
         expected = self._expected(bodies)
         freed = self._freed(bodies, expected.places)
         gaps, found = self._cell_gaps.centres(self._points, bodies, expected, freed.places)
         freed = freed._replace(gaps=found)
-        if slow and asks and not self.fresh:
-            order = self._survey(bodies, moved, gaps)
-            if order is not None:
-                freed = NOTHING  # they are others now, and elsewhere
-                expected = self._expected(bodies)
-                gaps = completed(gaps, order, self.points, bodies, expected, self.search_radius, self.bone)
         if len(self.cells):
             gaps = over_edges(gaps, freed, self.loaded, self.points, expected.places)
             gaps = self._cell_gaps.over(gaps, self._points, expected.places)
@@ -230,45 +223,25 @@ class PointSolver(PathSolver):
 
     # -- the points ----------------------------------------------------------------------------------------------
 
-    def _moved(self, bodies: Sequence[ContactBody]) -> Array | None:
-        """Return how far anything moved along the skin, and towards it, since the tree was asked [m].
-
-        None where that cannot be said.
-        """
+    def _asks(self, bodies: Sequence[ContactBody]) -> bool:
+        """Whether anything near has moved since the tree was asked, so that other cells may have to be points."""
         if self._asked is None:
-            return None
-        loaded = self.loaded.nonzero()[0]
-        points, normal = self._sample, None
-        if loaded.size and self._step is not None and self._step.gaps is not None:
-            points, normal = self.points.take(loaded, axis=0), self._step.gaps.normal.take(loaded, axis=0)
-        return self._asked.moved(bodies, self._skin().common, points, normal)
+            return True
+        for a, b in paired(self._asked, bodies):
+            if a is b or a.same_place(b) or not any(in_reach(body, self._corners, REACH) for body in (a, b)):
+                continue
+            if a.away or b.away or a.surface is not b.surface or travel(a, b, self._corners) > self._tree.patience:
+                return True
+        return False
 
-    def _asks(self, moved: Array | None) -> bool:
-        return moved is None or self._tree.asks(moved)
-
-    def _survey(self, bodies: tuple[ContactBody, ...], moved: Array | None, gaps: NodeGaps | None) -> Indices | None:
-        """Ask the tree which cells may touch, and go over to them.
-
-        Args:
-            gaps: of the present points; None where they are to be looked at, too.
-
-        Returns:
-            Where each point that stays was; None where no point came or went.
-        """
-        if moved is None:
-            self._tree.renew()
-        sight = PointSight(bodies, self._skin(), self.history, self._tree, self.bone)
-        glance = None if gaps is None or len(self.cells) == 0 else partial(sight.glance, gaps)
-        loaded = self.cells[self.loaded]
-        found = self._tree.survey(sight.look, glance, np.zeros(2) if moved is None else moved, loaded)
-        self._asked = Asked(bodies, sight.skin.common)
+    def _survey(self, bodies: tuple[ContactBody, ...]) -> None:
+        """Ask the tree which cells may touch, and go over to them."""
+        found = self._tree.survey(bodies, self._skin(), REACH, self.bone, self.cells[self.loaded])
+        self._asked = bodies
         leaving, entering = self._points.difference(found)
-        if len(leaving) == 0 and len(entering) == 0:
-            return None
-        passed = succession(self.surface.chart, self.cells[leaving], leaving, entering)
-        order = self._change(leaving, entering)
-        self._inherit(passed, order)
-        return order
+        if len(leaving) or len(entering):
+            passed = succession(self.surface.chart, self.cells[leaving], leaving, entering)
+            self._inherit(passed, self._change(leaving, entering))
 
     def _change(self, leaving: Indices, entering: Indices) -> Indices:
         """Go over to other cells; return where each point that stays was."""
@@ -279,13 +252,13 @@ class PointSolver(PathSolver):
         return order
 
     def _number(self) -> None:
-        """Set what belongs to the points."""
+        """Set the data of the points."""
         self.points, self.areas = self._points.positions, self._points.areas
         self._own = own_compliance(self._points.matrix.matrix)
         self._zero, self._status = np.zeros((len(self.cells), 3)), np.zeros(len(self.cells), dtype=np.int8)
 
     def _inherit(self, passed: Succession, order: Indices) -> None:
-        """Give the points what is known of those that they are, or come in the place of."""
+        """Give the points the state of the cells that they are, or come in the place of."""
         n, count, force, history = len(self.cells), len(order), self._force, self.history
 
         def kept(values: Array) -> Array:
@@ -316,7 +289,7 @@ class PointSolver(PathSolver):
     # -- the compliance ------------------------------------------------------------------------------------------
 
     def _allowed(self, bodies: tuple[ContactBody, ...]) -> float:
-        # what stands is measured ever more exactly where skin lies by now: that is no reason to solve it again
+        # standing bodies are measured ever more exactly where skin lies by now: that is no reason to solve again
         stands = self._step is not None and same_places(bodies, self._bodies)
         return STANDS if stands else super()._allowed(bodies)
 

@@ -1,8 +1,8 @@
-"""PointReach: how far skin has moved all over a pad, and not only at points: it bulges out beside what presses it.
+"""PointReach: how far skin has moved all over a pad, and not only at points: it bulges out beside an object.
 
 Where points are, how far is known. Elsewhere skin carries no force, and moves the more smoothly the farther it is from
 forces; so those are taken together by four cells, and it is told at every second cell. Nowhere in a cell does skin move
-more than at the centre of it or of one beside it: of two neighbours one is nearer to what presses.
+more than at the centre of it or of one beside it: of two neighbours one is nearer to the object.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class PointReach:
         return np.asarray(most.take(self._about).max(axis=0))
 
     def _made(self, blocks: Indices) -> Floats32:
-        """Return what force spread over each of some blocks does to the cells that are told of."""
+        """Return the displacement, at the cells that are told of, by force spread over each of some blocks."""
         coarse = self._points.pad.coarse
         means = [coarse[self._members[block]][:, :, self._told].mean(axis=0) for block in blocks.tolist()]
         return np.asarray(np.stack(means))

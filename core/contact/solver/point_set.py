@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from ctypes import byref
 from typing import Any
 
 import numpy as np
 
 from ...arrays import Array, Indices
+from ...errors import DermisError
+from ...kernels import records
+from ...kernels.library import kernels
+from ...kernels.records import address
 from ...skin.surface_compliance import SurfaceCompliance
-from .point_map import NONE, PointMap
 from .point_matrix import PointMatrix
-from .point_tree import CORNERS
+
+NONE = -1
 
 
 class PointSet:
@@ -20,16 +25,28 @@ class PointSet:
         pad: whose cells' centres they are.
 
     Attributes:
-        matrix: the compliance between them. map: tells which of them lies where on the pad.
+        matrix: the compliance between them.
+        owner: the point over each finest square of each root, `NONE` without, shape (roots + 1, squares).
+        in_root: the last point in each root, `NONE` without, shape (roots,).
+        number: of each cell of the pad: the point that it is, `NONE` for none, shape (cells,).
         positions, normals, areas: of the points, shapes (n, 3), (n, 3) and (n,).
-        sides: of their cells [m], shape (n, 2, 3). beside: as `PointMap.beside`, shape (n, 4).
+        sides: of their cells [m], shape (n, 2, 3).
+        beside: the points before and behind cells, along the finger, then around it, `NONE` without, shape (n, 4).
     """
 
     def __init__(self, pad: SurfaceCompliance) -> None:
-        self.pad = pad
-        self.matrix, self.map = PointMatrix(pad), PointMap(pad.chart, CORNERS)
-        self._place = np.full(len(pad.chart.places), NONE)  # of each cell in `cells`
-        self._number()
+        self.pad, self.matrix = pad, PointMatrix(pad)
+        chart, tiles = pad.chart, pad.chart.tiles
+        side, roots = 1 << (tiles.levels - 1), chart.starts[1]
+        self.owner = np.full((roots + 1, side * side), NONE)  # the last root is beside the pad
+        self.in_root, self.number = np.full(roots, NONE), np.full(len(chart.places), NONE)
+        around = np.ascontiguousarray(chart.beside, dtype=np.int64)
+        self._record = records.PointsRecord(known=len(chart.places), side=side)
+        own = {"owner": self.owner, "in_root": self.in_root, "number": self.number, "around": around}
+        self._kept = {"root": tiles.root, "halved": tiles.halved, "place": tiles.place, **own}
+        for name, array in self._kept.items():
+            setattr(self._record, name, address(array))
+        self._renumber(self.cells)
 
     def __len__(self) -> int:
         return len(self.matrix.cells)
@@ -41,15 +58,16 @@ class PointSet:
 
     def difference(self, cells: Indices) -> tuple[Indices, Indices]:
         """Return which points leave, by their place, and which cells enter, where these cells shall be the points."""
-        inside = np.zeros(len(self._place), dtype=bool)
-        inside[cells] = True
-        return np.flatnonzero(~inside[self.cells]), cells[self._place[cells] == NONE]
+        number = self.number[cells]
+        leaves = np.ones(len(self), dtype=np.bool_)
+        leaves[number[number != NONE]] = False
+        return leaves.nonzero()[0], cells[number == NONE]
 
     def change(self, leaving: Indices, entering: Indices) -> Indices:
         """Take points out by their place and put cells in at the end; return where each that stays was."""
-        self._place[self.cells] = NONE
+        before = self.cells
         order = self.matrix.change(leaving, entering)
-        self._number()
+        self._renumber(before)
         return order
 
     def save(self) -> tuple[Any, ...]:
@@ -58,14 +76,18 @@ class PointSet:
 
     def restore(self, state: tuple[Any, ...]) -> None:
         """Go back to a saved state."""
-        self._place[self.cells] = NONE
+        before = self.cells
         self.matrix.restore(state)
-        self._number()
+        self._renumber(before)
 
-    def _number(self) -> None:
-        cells = self.cells
-        self._place[cells] = np.arange(len(cells))
-        self.map.mark(cells)
-        self.positions, self.normals = self.pad.cells.positions[cells], self.pad.cells.normals[cells]
-        self.areas: Array = self.pad.cells.areas[cells]
-        self.sides, self.beside = self.pad.cells.sides[cells], self.map.beside(cells)
+    def _renumber(self, before: Indices) -> None:
+        """Set the data of the points, which were other cells before."""
+        cells, own, record = self.cells, self.pad.cells, self._record
+        self.beside = np.empty((len(cells), 4), dtype=np.int64)
+        record.before, record.old_cells = len(before), address(before)
+        record.count, record.cells, record.beside = len(cells), address(cells), address(self.beside)
+        if kernels().number_points(byref(record)) != records.DONE:
+            raise DermisError("a record for the kernels is damaged", where=kernels().path.name, value=len(cells))
+        self.positions, self.normals = own.positions.take(cells, axis=0), own.normals.take(cells, axis=0)
+        self.areas: Array = own.areas.take(cells)
+        self.sides = own.sides.take(cells, axis=0)

@@ -1,8 +1,9 @@
-"""PressWatch: whether what presses into a finger pushes back less, the deeper it is.
+"""PressWatch: whether an object pushes back less, the deeper it is pressed into a finger.
 
-Linear skin parts about what is much smaller than it is pressed deep: a needle, a frictionless ball, the tip of a horn.
-Then force falls where real skin would hold. Nothing but the force itself tells it from what is right. Once skin has
-slid past the widest part, it would draw what presses in farther into the finger: without adhesion contact never does.
+Linear skin parts about an object that is much smaller than it is pressed deep: a needle, a frictionless ball, the tip
+of a horn. Then force falls where real skin would hold. Nothing but the force itself tells this from a right solution.
+Once skin has slid past the widest part, it would draw the object farther into the finger: without adhesion contact
+never does.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ class PressWatch:
         self._held = _NOTHING
 
     def forget(self) -> None:
-        """Begin anew: what is touched next is no continuation."""
+        """Begin anew: the next contact is no continuation."""
         self.most, self._held = 0.0, _NOTHING
 
     def save(self) -> tuple[float, _Held]:
@@ -72,7 +73,7 @@ class PressWatch:
             assert step.gaps is not None
             push = (step.solution.normal_force[:, None] * step.solution.normals)[loaded]
             self._held = _Held(points[loaded], step.gaps.body[loaded], push)
-        # what has slipped off, alone or altogether, is watched where it was held last
+        # a body that slipped off, alone or with all others, is watched where it was held last
         if pushed >= self.most or not all(
             _deeper(came, step.gaps, *held) for held in (before, self._held) if held.body.size
         ):

@@ -2,7 +2,7 @@
 
 A surface is felt by its faces. Skin that sags into a slot, or comes against a ridge, is held by a wall that looks along
 it, however little of the wall there is; linear skin never turns to let go. Real skin does, where it is drawn aside by
-more than it lies below the rim: there it is put onto what lies behind the rim.
+more than it lies below the rim: there it is put onto the face behind the rim.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from .bodies import NodeGaps, node_gaps
 from .point_gaps import laid_on
 from .sides import dot
 
-# Faces are walls where their normal and the way to the bone differ by more than this cosine says; what lies behind a
-# rim by less than the second.
+# Faces are walls where their normal and the way to the bone differ by more than this cosine says; faces behind a rim
+# differ by less than the second.
 WALL, TOP = 0.45, 0.7
 # Skin slips over a rim that it lies this many times less deep below than it is drawn aside; not below so little [m].
 HOLD, LEAST = 2.0, 0.02e-3
@@ -26,7 +26,7 @@ BEHIND = 0.02e-3
 def over_rims(
     gaps: NodeGaps, points: Array, places: Array, inward: Array, search_radius: float, bone: Array
 ) -> NodeGaps:
-    """Return gaps with those of points that slip over a rim taken to what lies behind it.
+    """Return gaps with those of points that slip over a rim taken to the face behind it.
 
     Args:
         gaps: of points. points: at rest [m], shape (n, 3). places: where they were looked for [m], shape (n, 3).
@@ -34,7 +34,7 @@ def over_rims(
     """
     normal, way = gaps.normal, places - points
     steep = dot(normal, inward)
-    drawn = dot(way, normal) - dot(way, inward) * steep  # along the skin: what is pressed in is not drawn
+    drawn = dot(way, normal) - dot(way, inward) * steep  # along the skin: skin that is pressed in is not drawn
     hung = np.flatnonzero((gaps.clearance < drawn) & (drawn > HOLD * LEAST) & (np.abs(steep) < WALL))
     if not hung.size:
         return gaps

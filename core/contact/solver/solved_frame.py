@@ -1,4 +1,4 @@
-"""What comes of the contact of one frame."""
+"""The solution of contact in one frame."""
 
 from __future__ import annotations
 

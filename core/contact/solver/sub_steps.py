@@ -63,7 +63,7 @@ class SubStepper:
         self.coarse = self.cut = False
 
     def idle(self, count: int = 1) -> PathStep:
-        """Take frames in which nothing is near; what is small may still lie within the finger, and stays left."""
+        """Take frames in which nothing is near; a small object may still lie within the finger, and stays left."""
         return self.solver.idle(count)
 
     def adopted(self) -> None:
@@ -163,7 +163,7 @@ class SubStepper:
         ]
 
     def _inside(self, gaps: NodeGaps) -> tuple[float, float]:
-        """Return how deep skin lies in what it touches, undeformed and where it is, in this frame or the last [m]."""
+        """Return the penetration of skin, undeformed and where it is, in this frame or the last [m]."""
         seen = (gaps, self.solver.gaps or gaps)
         pressed, inside = (max(-min(float(getattr(g, name).min()) for g in seen), 0.0) for name in ("gap", "clearance"))
         return pressed, inside
@@ -266,7 +266,7 @@ class SubStepper:
         return float(((1.0 - share) * (triangle >= 0)).max()) * height
 
     def _first_touch(self, before: Sequence[ContactBody], bodies: Sequence[ContactBody]) -> list[ContactBody]:
-        """Advance from where nothing touches by what the smallest gap allows, until that is nothing."""
+        """Advance from where nothing touches as far as the smallest gap allows, until it allows nothing."""
         share, both = 0.0, list(zip(before, bodies, strict=True))
         near, far = [self._near(a, b, self.solver.pad) for a, b in both], max(self._far(a, b) for a, b in both)
         gap = self.solver.search_radius

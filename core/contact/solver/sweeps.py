@@ -12,7 +12,7 @@ from ...arrays import Array
 from ...errors import DermisError
 from ...kernels import records
 from ...kernels.library import kernels
-from ...surface.tree import address
+from ...kernels.records import address
 
 
 class Swept(NamedTuple):

@@ -1,9 +1,9 @@
-"""What friction does between the ends of a frame, as shifts of where slip is counted from.
+"""Friction between the ends of a frame, as shifts of where slip is counted from.
 
-Coulomb's law at the end of a frame alone is right to the first order of its length: what came to touch on the way would
-be dragged from where the frame began, and what slips would be held back in the direction of its whole way. Here skin
-and bodies go straight from one end to the other. A node that slips is held back along what its force was at first and
-is at last, weighed as the exact solution does where slip turns. One that came to touch is held from where its way
+Coulomb's law at the end of a frame alone is right to the first order of its length: a node that came to touch on the
+way would be dragged from where the frame began, and one that slips would be held back in the direction of its whole
+way. Here skin and bodies go straight from one end to the other. A node that slips is held back along its first and its
+last force, weighed as the exact solution does where slip turns. One that came to touch is held from where its way
 crosses the surface: that is known once the frame is solved, so the next one is the first to start from there.
 """
 
@@ -25,7 +25,7 @@ from .solve import Solution
 CHANGING = (1e-3, 2e-3)
 # Slip, and skin that is dragged, is foreseen where the matter below moves on by no more than this multiple.
 FORESEEN = 2.0
-# What skin does by itself is not foreseen: where matter moves by less than this share of it.
+# Movement of skin by itself is not foreseen: where matter moves by less than this share of it.
 OWN = 0.1
 # Skin that is dragged is not looked for ahead where normals, on average by load, are shorter than the first: it may lie
 # on an edge, whose faces point elsewhere. It is above the second.
@@ -75,11 +75,11 @@ class WithinFrame:
     Args:
         gaps: at its end.
         history: at its begin. force: then [N], shape (m, 3). loaded: where that is any, shape (m,).
-        way: of the nodes over what they were above, had the skin stood still [m], shape (m, 3).
+        way: of the nodes over the bodies below them, had the skin stood still [m], shape (m, 3).
 
     Attributes:
         nodes: which slipped, shape (k,). swept: ways across the normals [m], shape (m, 3).
-        passed: how far loaded skin, had it stood still, went over what it lies on [m], shape (3,).
+        passed: how far loaded skin, had it stood still, went over the body below [m], shape (3,).
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class WithinFrame:
         self.swept[at] = swept
 
     def expected(self, compliance: Array, share: float) -> Shifts:
-        """Return the shifts if slip goes on as what is below moves on.
+        """Return the shifts if slip goes on as the body below moves on.
 
         Slip that turns by a small angle relaxes as exp(-x), x the slip over the slip length; so much of it as the mean
         of that is held back along the first direction, the rest along the last.
@@ -119,7 +119,7 @@ class WithinFrame:
 
 
 def entered(solution: Solution, gaps: NodeGaps, history: ContactHistory, loaded: NDArray[np.bool_]) -> Indices:
-    """Return which nodes came to touch what they were above, of those that carried nothing in the last frame."""
+    """Return which nodes came to touch the body below them, of those that carried nothing in the last frame."""
     new = np.flatnonzero(solution.status.astype(bool) & ~loaded)
     return new[(history.body[new] == gaps.body[new]) & (solution.friction[new] > 0.0)]
 
@@ -145,7 +145,7 @@ class Drift:
     """How loaded skin went along in a frame: by its share of the load, along the surface.
 
     Attributes:
-        moved: [m], shape (3,). passed: what it would have gone over, had it stood still [m], shape (3,).
+        moved: [m], shape (3,). passed: its way over the body, had it stood still [m], shape (3,).
     """
 
     moved: Array

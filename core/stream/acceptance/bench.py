@@ -40,7 +40,7 @@ CONNECTING, ARMING = 6.0, 3.0  # a board that resets when its port is opened nee
 LEAVING = 2.0  # a link that is let go is closed by then [s]
 RAMPING = 600.0  # to the safe pose, at a speed that the preset declares [s]
 
-# What a broken program or a loose cable may put on the line: each pattern's bytes, repeated as fast as the link takes.
+# Bytes that a broken program or a loose cable may put on the line, each pattern repeated as fast as the link takes.
 FLOODS: dict[str, Callable[[random.Random], bytes]] = {
     "frames of one byte": lambda _: bytes.fromhex("0001") * 256,
     "Maestro's commands": lambda _: bytes.fromhex("8400002f") * 128,
@@ -70,7 +70,7 @@ class Bench:
     """Holds a link to one device by a streamer of its own.
 
     Args:
-        request: link, device and calibration. heed: called all the time; raises what shall end the walk.
+        request: link, device and calibration. heed: called all the time; raises to end the walk.
         clock, sleep: of this computer.
 
     Attributes:
@@ -88,9 +88,11 @@ class Bench:
         self.host = Host(clock, sleep)
         self._heed, self._clock, self._sleep = heed, clock, self.host.sleep
         self._silent = self._left_alone = False
-        self._request = replace(request, connect=True, mode="jog", ramp=1.0, stall=60.0)
+        made = request.calibrated()  # tested values are driven as they are: a measured curve would change them
+        plain = "" if made is None else made.without_curves().dumps()
+        self._request = replace(request, connect=True, mode="jog", ramp=1.0, stall=60.0, calibration=plain)
         self._number = self._arms = 0
-        self.wire = Wire.of(request.spec(), request.calibrated())
+        self.wire = Wire.of(request.spec(), self._request.calibrated())
         self.streamer = Streamer(open_any_link, clock=clock)
 
     @property
@@ -241,7 +243,7 @@ class Bench:
                 pass  # refusals of the flood; nothing of the stream's own was asked
         if native is None:
             return None
-        self._raw(b"\0")  # ends what the flood has begun
+        self._raw(b"\0")  # ends a frame that the flood has begun
         native.state = None
         ended, ended_by = self._ask(native)
         while native.state is None and self._clock() - ended_by < 0.3:
@@ -252,7 +254,7 @@ class Bench:
         return None if state is None else Heard(state, ended - began_by, ended_by - began)
 
     def pose(self) -> Array | None:
-        """Ask the board what it drives [units]; None where it does not say."""
+        """Ask the board for its driven values [units]; None where it does not report them."""
         if not self.tells_pose or self.streamer.connection is None:
             return None
         adapter = self.streamer.connection.adapter
@@ -360,7 +362,7 @@ class Bench:
         return self.streamer.drive is not None or not self.streamer.message
 
     def _jog(self, values: Array) -> dict[str, float]:
-        """Return what to ask for, so that the calibration makes driven values of it."""
+        """Return the values to ask for, so that the calibration turns them into the driven values."""
         return self.wire.named(self.wire.commanded(values))
 
     def _apply(self, **fields: Any) -> None:

@@ -1,4 +1,4 @@
-"""`python -m core stream accept`: try a built device on the bench, fingers out, and write down what was found."""
+"""`python -m core stream accept`: try a built device on the bench, fingers out, and write down the findings."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
             play += [f"--{name}", str(getattr(options, name))]
     facts = {"device": bench.wire.spec.name, "preset": f"{options.device} ({bench.wire.spec.hash[:16]})"}
     report = Report({**facts, "url": options.url, "protocol": options.protocol}, interrupted=True)
-    with signals.caught():  # for as long as the device may be anywhere: what ends this brings it home first
+    with signals.caught():  # for as long as the device may be anywhere: an interruption brings it home first
         try:
             print(INTRODUCTION)
             person.wait(f"{bench.wire.spec.name} at {options.url}: fingers out? Enter begins.")
@@ -84,7 +84,7 @@ def _go(walk: Walk, only: list[str] | None, report: Report) -> None:
 
 
 def _tried(name: str, check: Callable[[], Iterator[Check]], bench: Bench) -> Iterator[Check]:
-    """Yield what a check finds; the next checks go on whatever one finds.
+    """Yield the findings of a check; the next checks run whatever one finds.
 
     A check that the device does not let go through has failed. Where this computer stood still meanwhile, which lets a
     board's watchdog act, the check is tried again.
@@ -119,7 +119,7 @@ def _there(bench: Bench) -> bool:
 
 
 def _facts(bench: Any) -> dict[str, str]:
-    """Return what the device says of itself."""
+    """Return the device's own data."""
     connection = bench.connection
     adapter = connection.adapter
     return {

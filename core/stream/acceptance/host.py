@@ -31,7 +31,7 @@ class Host:
         self._seen, self._seen_used = clock(), used()
 
     def sleep(self, seconds: float) -> None:
-        """Sleep, and note what comes on top of that [s]."""
+        """Sleep, and note the excess delay [s]."""
         self.look()
         self._sleep(seconds)
         self._note(self._clock() - self._seen - seconds)
@@ -54,7 +54,7 @@ class Host:
         return sum(late for at, late in self._since(since))
 
     def disturbed(self, since: float) -> bool:
-        """Return whether this computer may have spoilt what was tried since a moment."""
+        """Return whether this computer may have spoilt the attempts since a moment."""
         return self.worst(since) >= DISTURBS or self.lost(since) > SHARE * max(self._clock() - since, 0.0)
 
     def words(self, since: float) -> str:

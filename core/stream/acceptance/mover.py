@@ -22,7 +22,7 @@ class Mover:
 
     Attributes:
         away: the other pose [units], shape (channels,). seconds: that the way between the two takes [s].
-        stuck: channels that were found not to move; they are reported once, and left out of what is judged then.
+        stuck: channels that were found not to move; they are reported once, and later judgements leave them out.
     """
 
     def __init__(self, bench: Bench) -> None:

@@ -1,7 +1,9 @@
-"""The person at the bench: asked for what no program sees, and for what no program can do."""
+"""The person at the bench: asked for observations and actions that no program can make."""
 
 from __future__ import annotations
 
+import contextlib
+import math
 import queue
 import sys
 import threading
@@ -26,8 +28,11 @@ class Person(Protocol):
     def wait(self, request: str) -> bool:
         """Ask for something to be done; False: skipped."""
 
+    def number(self, question: str) -> float | None:
+        """Return a number that was read off; None: skipped."""
+
     def tell(self, text: str) -> None:
-        """Announce what happens now."""
+        """Announce the current step."""
 
 
 class NobodyThere(DermisError):
@@ -56,6 +61,17 @@ class Terminal:
     def wait(self, request: str) -> bool:
         """Wait for Enter."""
         return self._line(f"! {request} (s: skip) ").lower() not in ("s", "skip")
+
+    def number(self, question: str) -> float | None:
+        """Ask until the answer is a finite number, or skipped; a comma is a decimal one."""
+        while True:
+            answer = self._line(f"? {question} [number/s] ").lower()
+            if answer in ("s", "skip"):
+                return None
+            with contextlib.suppress(ValueError):
+                value = float(answer.replace(",", "."))
+                if abs(value) < math.inf:
+                    return value
 
     def tell(self, text: str) -> None:
         """Print it."""

@@ -22,7 +22,7 @@ PLAY_SECONDS = 30.0
 
 
 def play_and_end(bench: Bench, away: Array, play: list[str], number: signal.Signals, seconds: float) -> str:
-    """Play a slow movement in another process and send it a signal on its way; return what went wrong, or ''.
+    """Play a slow movement in another process and send it a signal on its way; return the failure in words, or ''.
 
     Args:
         away: the movement's far end [units], shape (channels,). play: arguments of `stream play` for this device.

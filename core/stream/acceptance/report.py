@@ -1,4 +1,4 @@
-"""What was found when a built device was tried on the bench: checks with their figures, as a dated report."""
+"""Findings from a built device on the bench: checks with their figures, as a dated report."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Check:
     Attributes:
         name: of the check. what: that was done. outcome: of it; 'not judged' where this computer was too busy to tell.
         judge: 'measured' by this program, 'seen' by the person at the bench, or both.
-        figure: what was measured or answered, with its unit. limit: what it was held against.
+        figure: the measurement or the answer, with its unit. limit: the bound it was compared with.
     """
 
     name: str
@@ -105,7 +105,7 @@ class Report:
 
 
 def judged(seen: bool | None, measured: Mapping[str, bool] | None = None, *, busy: bool = False) -> tuple[Outcome, str]:
-    """Return the outcome of what a person saw and of what was measured, and who judged.
+    """Return the outcome of a person's answer and of the measurements, and who judged.
 
     Args:
         seen: the person's answer; None: skipped, or not asked. measured: by name whether it held; None: not measured.

@@ -1,4 +1,4 @@
-"""The checks of a built device, one after the other: what is done, what the person is asked, what is measured."""
+"""The checks of a built device, one after the other: the action, the question to the person, the measurement."""
 
 from __future__ import annotations
 
@@ -305,7 +305,7 @@ class Walk:
     def flood(self) -> Iterator[Check]:
         """Whether rubbish on the line keeps the watchdog from acting."""
         what = f"{len(FLOODS)} kinds of rubbish for {SAFE_MS:g} ms each"
-        if not self.bench.answers:  # it may be a position far beyond what the mechanism can bear
+        if not self.bench.answers:  # rubbish may be a position far beyond the mechanism's strength
             yield Check("flood", what, "not tried", limit="without a check sum a board takes rubbish for commands")
             return
         safe = {}
@@ -435,7 +435,7 @@ class Walk:
         return None, f"; {self.bench.host.words(since)}"
 
     def _blamed(self, since: float) -> bool | None:
-        """Return False where the board is to blame for what failed; None where this computer stood still since then."""
+        """Return False where the board is to blame for the failure; None where this computer stood still since then."""
         return None if self.bench.host.disturbed(since) else False
 
     def _at_device(self) -> int:

@@ -1,1 +1,1 @@
-"""Ways to the hardware: serial ports, sockets, recordings, and what they can carry."""
+"""Ways to the hardware: serial ports, sockets, recordings, and their capacity."""

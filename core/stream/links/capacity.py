@@ -1,4 +1,4 @@
-"""What a link has to carry for commands at a rate, and whether it does: told when connecting, not by lost commands."""
+"""The load of commands at a rate, and whether a link carries it: told when connecting, not by lost commands."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..protocols.adapter import Adapter
 from .token_bucket import TokenBucket
 from .transport import Transport
 
-SHARE = 0.8  # part of what a link carries that commands may take: answers asked again, a safe state, a catching up [1]
+SHARE = 0.8  # part of a link's capacity that commands may take: answers asked again, a safe state, a catching up [1]
 
 
 def needed(adapter: Adapter, rate: float) -> float:
@@ -20,7 +20,7 @@ def needed(adapter: Adapter, rate: float) -> float:
 def bucket(adapter: Adapter, link: Transport, rate: float) -> TokenBucket:
     """Return how fast commands may leave: at their rate; to catch up, as fast as the link carries.
 
-    A link of unknown speed is taken to carry what `check` would ask of it.
+    A link of unknown speed is taken to carry the load that `check` would require.
     """
     need = needed(adapter, rate)
     return TokenBucket(need, max(need / SHARE, SHARE * (link.carries or 0.0)))

@@ -16,7 +16,7 @@ BAUD = 115_200  # of a serial line, where neither protocol nor URL says otherwis
 
 
 class Loop(Transport):
-    """What is sent comes back."""
+    """A loop that returns every message sent."""
 
     name = "loop://"
 
@@ -39,7 +39,7 @@ class Spy(Transport):
 
     def __init__(self, inner: Transport, path: str) -> None:
         self._inner, self.name = inner, f"spy://{inner.name}"
-        self.datagrams, self.carries = inner.datagrams, inner.carries
+        self.datagrams, self.carries, self.keeps = inner.datagrams, inner.carries, inner.keeps
         self._record = Record(path)
 
     def send(self, message: bytes) -> bool:
@@ -61,7 +61,7 @@ class Spy(Transport):
         self._record.close()
 
     def report(self) -> dict[str, Any]:
-        """Return what the inner link knows, and whether the record is whole."""
+        """Return the report of the inner link, and whether the record is whole."""
         record = self._record
         return {**self._inner.report(), **({"record": record.ended, "missing": record.missing} if record.ended else {})}
 

@@ -1,4 +1,4 @@
-"""Record: what goes over a link, written down; a disk that is full ends the record and never the stream."""
+"""Record: a log of the messages on a link; a disk that is full ends the record and never the stream."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import TextIO
 from ... import clock
 from ...errors import DermisError
 
-_closed: dict[str, tuple[int, ...]] = {}  # path -> what the records that this process has written look like
+_closed: dict[str, tuple[int, ...]] = {}  # path -> file signature of a record written by this process
 
 
 class Record:
@@ -46,7 +46,7 @@ class Record:
             self._end(error)
 
     def close(self) -> None:
-        """Write what is left and close the file; safe to call twice."""
+        """Write the remaining lines and close the file; safe to call twice."""
         file, self._file = self._file, None
         if file is None or not self._path:
             return
@@ -67,7 +67,7 @@ class Record:
         with contextlib.suppress(OSError, ValueError):
             print(f"{self.ended}; the link goes on without it", file=sys.stderr)
         file, self._file = self._file, None
-        if self._path and file is not None:  # what it still holds cannot be written either
+        if self._path and file is not None:  # its buffered lines cannot be written either
             with contextlib.suppress(OSError, ValueError):
                 file.close()
 

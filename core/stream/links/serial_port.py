@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import select
+from pathlib import Path
 from typing import Any
 
 from ...errors import DermisError
 from .transport import Gone, Stream, cannot_open
 
+DEVICES = Path("/sys/bus/usb-serial/devices")  # Linux: settings of USB serial chips
 MAX_QUEUED = 0.02  # bytes may wait in a serial driver for this long [s]; then a newer value is better than an older
 
 
@@ -29,6 +32,7 @@ class Serial(Stream):
             self._port.open()
         except (OSError, ValueError) as error:  # SerialException is an OSError
             raise cannot_open(place, error) from error
+        self.keeps = latency_timer(place)
         self.carries = baud / 10  # eight bits, a start and a stop
         self._budget = max(int(self.carries * MAX_QUEUED), 64)
         self._fd = self._port.fileno() if hasattr(select, "poll") else -1
@@ -77,7 +81,7 @@ class Serial(Stream):
         return {"usb_serial": self._serial} if self._serial else {}
 
     def close(self) -> None:
-        """Close the port; what the driver still holds is thrown away, or the system would wait for it, up to 30 s.
+        """Close the port; bytes still in the driver are thrown away, or the system would wait for them, up to 30 s.
 
         Who has something to lose asks `pending` first: a pseudo terminal does not tell, and loses it by a reset.
         """
@@ -88,8 +92,28 @@ class Serial(Stream):
             self._port.close()
 
 
+def latency_timer(place: str, devices: Path = DEVICES) -> float:
+    """Return how long the port's chip may keep received bytes [s]; NaN where the system does not tell.
+
+    Linux tells it of FTDI chips, which keep it for 16 ms unless they are told otherwise.
+    """
+    try:
+        return int((devices / Path(os.path.realpath(place)).name / "latency_timer").read_text(encoding="ascii")) / 1e3
+    except (OSError, ValueError):
+        return math.nan
+
+
+def slow_chip(place: str, keeps: float) -> str:
+    """Say that a port's chip keeps answers for too long, and name the remedy."""
+    name = Path(os.path.realpath(place)).name
+    return (
+        f"The chip of this port keeps answers for up to {1e3 * keeps:.0f} ms (its latency timer), and commands wait "
+        f"for them. Set it to 1 ms: echo 1 | sudo tee {DEVICES / name / 'latency_timer'}, then connect again"
+    )
+
+
 def ports() -> list[tuple[str, str]]:
-    """Return the serial ports of this computer: name, and what else is known of it. Takes milliseconds to seconds."""
+    """Return the serial ports of this computer: name, and other known details. Takes milliseconds to seconds."""
     from serial.tools import list_ports
 
     return sorted((port.device, _more(port.device, port.description or "")) for port in list_ports.comports())

@@ -55,7 +55,7 @@ class Tcp(Stream):
         return [data]
 
     def stands_still(self, now: float) -> float:
-        """Return for how long the other side has confirmed nothing of what waits [s]; 0 where nothing waits."""
+        """Return for how long the other side has confirmed none of the waiting bytes [s]; 0 where nothing waits."""
         confirmed = self._given - self._queued()
         if confirmed != self._confirmed or confirmed == self._given:
             self._confirmed, self._moved = confirmed, now
@@ -72,9 +72,9 @@ class Tcp(Stream):
         return 0
 
     def close(self) -> None:
-        """Announce that nothing more comes, then close: the system sends what it still holds.
+        """Announce that nothing more comes, then close: the system sends the bytes that it still holds.
 
-        A connection that stands still is reset: what it holds would arrive when it has grown old.
+        A connection that stands still is reset: its bytes would arrive too late.
         """
         if self.stands_still(clock.now()) > STILL:
             with contextlib.suppress(OSError):
@@ -141,7 +141,7 @@ _REFUSED = {
 
 
 def cannot_connect(place: str, error: OSError) -> DermisError:
-    """Return why a socket could not be connected, and what to do."""
+    """Return why a socket could not be connected, and the remedy."""
     said = error.strerror or str(error)
     if isinstance(error, socket.gaierror):
         return DermisError("no computer of this name is known", where=place, value=said, remedy="Check the address")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-BURST = 0.005  # of the pace that may leave at once: what a sender that woke up late makes up for [s]
+BURST = 0.005  # of the pace that may leave at once, so that a sender that woke up late can catch up [s]
 
 
 class TokenBucket:

@@ -1,8 +1,9 @@
-"""What a link to a device is. No link ever waits: what cannot be sent at once is refused, and the sender counts it."""
+"""The interface of a link to a device. No link ever waits: it refuses a message without room; the sender counts it."""
 
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -21,11 +22,13 @@ class Transport:
     Attributes:
         name: for people. datagrams: messages keep their borders.
         carries: bytes a second; None: not known, or far more than any device takes.
+        keeps: how long its chip may keep received bytes [s]; NaN: not known.
     """
 
     name = ""
     datagrams = False
     carries: float | None = None
+    keeps = math.nan
 
     def send(self, message: bytes) -> bool:
         """Send a message whole or not at all; False: there is no room now.
@@ -36,7 +39,7 @@ class Transport:
         raise NotImplementedError
 
     def receive(self) -> list[bytes]:
-        """Return what has arrived.
+        """Return the data that have arrived.
 
         Raises:
             Gone: the link is closed.
@@ -52,14 +55,14 @@ class Transport:
         return 0
 
     def stands_still(self, now: float) -> float:
-        """Return for how long nothing of what waits on this computer has moved [s]; 0 where nothing waits."""
+        """Return for how long none of the bytes waiting on this computer have moved [s]; 0 where nothing waits."""
         return 0.0
 
     def close(self) -> None:
-        """Close the link, without waiting; what is still `pending` may be lost. Safe to call twice."""
+        """Close the link, without waiting; bytes still `pending` may be lost. Safe to call twice."""
 
     def report(self) -> dict[str, Any]:
-        """Return what the transport itself knows of the other side."""
+        """Return the transport's own report of the other side."""
         return {}
 
 
@@ -83,7 +86,7 @@ class Stream(Transport):
         return self._push_rest() + self._queued()
 
     def _push_rest(self) -> int:
-        """Send on the end of a message that was cut, which must come before all else; return what is left of it."""
+        """Send on the end of a message that was cut, which must come before all else; return the unsent rest."""
         if self._rest:
             self._rest = self._rest[self._write(self._rest) :]
         return len(self._rest)
@@ -100,7 +103,7 @@ class Stream(Transport):
 
 
 def cannot_open(place: str, error: Exception) -> DermisError:
-    """Return why a serial port could not be opened, who has it, and what to do."""
+    """Return why a serial port could not be opened, who has it, and the remedy."""
     number = getattr(error, "errno", None)
     text = str(getattr(error, "strerror", None) or error)
     if place in text:  # pyserial repeats the port's name
@@ -129,7 +132,7 @@ def cannot_open(place: str, error: Exception) -> DermisError:
 def holder_of(place: str) -> str:
     """Return name and id of the processes that have a port open, where the system tells; otherwise ''.
 
-    Neither this process counts nor what serves a pseudo-terminal: that is the device itself, and no other sender.
+    This process does not count. The server of a pseudo-terminal does not either: it is the device, not a sender.
     """
     found = []
     wanted = os.path.realpath(place)
@@ -140,7 +143,8 @@ def holder_of(place: str) -> str:
             with contextlib.suppress(OSError):
                 opened = {link.name: os.path.realpath(link) for link in (process / "fd").iterdir()}
                 if wanted in opened.values() and not _serves(process, opened, wanted):
-                    found.append(f"{(process / 'comm').read_text().strip()} (process {process.name})")
+                    name = (process / "comm").read_text(encoding="utf-8", errors="replace").strip()
+                    found.append(f"{name} (process {process.name})")
     return ", ".join(found)
 
 
@@ -150,5 +154,5 @@ def _serves(process: Path, opened: Mapping[str, str], wanted: str) -> bool:
     if folder != "/dev/pts":
         return False
     masters = [name for name, path in opened.items() if path in ("/dev/ptmx", "/dev/pts/ptmx")]
-    lines = [line.split() for name in masters for line in (process / "fdinfo" / name).read_text().splitlines()]
-    return ["tty-index:", number] in lines
+    texts = [(process / "fdinfo" / name).read_text(encoding="utf-8") for name in masters]
+    return ["tty-index:", number] in [line.split() for text in texts for line in text.splitlines()]

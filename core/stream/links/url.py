@@ -3,7 +3,7 @@
     /dev/ttyACM0, COM3, serial:/dev/ttyACM0?baud=115200     a serial port; without `baud` the protocol's own
     socket://host:port                                      a TCP connection
     udp://host:port                                         datagrams
-    loop://                                                 what is sent comes back
+    loop://                                                 every message sent comes back
     spy://URL?file=PATH                                     any of them, with a record of the bytes
     virtual:?loss=0.01&delay=0.02                           the simulated device (see virtual/device.py)
 
@@ -22,7 +22,7 @@ class Url:
 
     Attributes:
         scheme: 'serial', 'socket', 'udp', 'loop', 'spy' or 'virtual'. place: port, host:port or inner URL.
-        options: what stands after the question mark.
+        options: the part after the question mark.
     """
 
     def __init__(self, text: str) -> None:

@@ -39,7 +39,7 @@ class BinaryForm:
     """Blocks of rows."""
 
     def head(self, header: LogHeader) -> bytes:
-        """Return what a file begins with."""
+        """Return the header of a file."""
         text = json.dumps(header.plain()).encode()
         data = MAGIC + struct.pack("<I", len(text)) + text
         return data + struct.pack("<I", zlib.crc32(data))
@@ -50,7 +50,7 @@ class BinaryForm:
         return count + struct.pack("<I", zlib.crc32(data, zlib.crc32(count))) + data if len(rows) else b""
 
     def end(self, summary: Mapping[str, Any]) -> bytes:
-        """Return what a file that is whole ends with."""
+        """Return the footer of a complete file."""
         text = json.dumps(dict(summary)).encode()
         start = _PAIR.pack(END, len(text))
         return start + struct.pack("<I", zlib.crc32(text, zlib.crc32(start))) + text
@@ -61,8 +61,8 @@ class LogFile:
     """One file of a log.
 
     Attributes:
-        header: what it says of the stream. rows: in the layout `row.file_rows`.
-        end: what stands at its end; None where its writer was ended before, or still writes.
+        header: metadata of the stream. rows: in the layout `row.file_rows`.
+        end: the summary at its end; None where its writer was ended before, or still writes.
         unread: bytes behind the last whole block.
     """
 
@@ -135,7 +135,7 @@ def loads(data: bytes, *, where: str = "log") -> LogFile:
 
 
 def _end(data: bytes, at: int, where: str) -> tuple[Mapping[str, Any], int] | None:
-    """Return what stands at the end of a file, and where that ends; None where it is cut or damaged."""
+    """Return the summary at the end of a file, and where that ends; None where it is cut or damaged."""
     _, size = _PAIR.unpack_from(data, at)
     text = data[at + 12 : at + 12 + size]
     check = int.from_bytes(data[at + 8 : at + 12], "little")

@@ -15,14 +15,14 @@ _PHASES, _FATES = [phase.name.lower() for phase in Phase], [fate.name.lower() fo
 
 
 class CsvForm:
-    """Text that spreadsheets and `pandas.read_csv(FILE, comment="#")` read; what is not known is an empty cell."""
+    """Text that spreadsheets and `pandas.read_csv(FILE, comment="#")` read; an unknown value is an empty cell."""
 
     def __init__(self, channels: int) -> None:
         values = ",%.9g" * (len(BLOCKS) * channels)  # nine digits keep every bit of a float32
         self._line = f"%d,%.6f,%.6f,%.6f,%d,%s,%s,%.6f{values}\n"
 
     def head(self, header: LogHeader) -> bytes:
-        """Return what a file begins with."""
+        """Return the header of a file."""
         plain = header.plain()
         del plain["schema"]
         lines = [f"# {SCHEMA}", *(f"# {name}: {json.dumps(value)}" for name, value in plain.items())]
@@ -39,5 +39,5 @@ class CsvForm:
         return "".join(lines).replace(",nan", ",").encode()
 
     def end(self, summary: Mapping[str, Any]) -> bytes:
-        """Return what a file that is whole ends with."""
+        """Return the footer of a complete file."""
         return "".join(f"# end.{name}: {json.dumps(value)}\n" for name, value in summary.items()).encode()

@@ -1,4 +1,4 @@
-"""LogFiles: rows on disk, in files that follow one another; whatever ends the writing, what was written is readable."""
+"""LogFiles: rows on disk, in files that follow one another; whatever ends the writing, written rows are readable."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ class Form(Protocol):
     """How rows become bytes."""
 
     def head(self, header: LogHeader) -> bytes:
-        """Return what a file begins with."""
+        """Return the header of a file."""
 
     def rows(self, rows: Rows) -> bytes:
         """Return rows."""
 
     def end(self, summary: Mapping[str, Any]) -> bytes:
-        """Return what a file that is whole ends with."""
+        """Return the footer of a complete file."""
 
 
 class LogFiles:

@@ -11,12 +11,12 @@ from ... import clock
 from .row import BLOCKS, LogHeader, Rows
 from .settings import Tee
 
-BUFFERED = 10  # what a recorder that stands still finds afterwards [s]
+BUFFERED = 10  # buffer for a recorder that stands still [s]
 CODES = ("number", "phase", "fate")
 
 
 class LslTee:
-    """One outlet: all values of a row, then its number, phase and fate; NaN for what is not known.
+    """One outlet: all values of a row, then its number, phase and fate; NaN for unknown values.
 
     Times are those of the rows, on LSL's clock. The stream is called irregular, since a time stands with each row.
 

@@ -37,7 +37,7 @@ class Ring:
     """Rows between one process that puts them in and one that takes them out.
 
     Attributes:
-        path: of the mapped file. channels: of a row. capacity: rows. setup: what the writer has to know, plain JSON.
+        path: of the mapped file. channels: of a row. capacity: rows. setup: configuration of the writer, plain JSON.
     """
 
     def __init__(self, path: Path, memory: mmap.mmap, capacity: int, channels: int, setup: int) -> None:

@@ -18,7 +18,7 @@ Rows = NDArray[np.void]
 
 
 class Phase(IntEnum):
-    """What the sample belongs to."""
+    """The part of the stream that a sample belongs to."""
 
     LIVE = 0  # it comes from the source: track, preview, hand or finger
     RAMP = 1  # a step on the way to the safe state, led by the sender
@@ -33,7 +33,7 @@ class Fate(IntEnum):
     DROPPED = 2  # the link had no room, or the stream ended first
 
 
-# What stands before the values of a row, in the ring and in a file alike; 48 bytes without gaps.
+# Fields before the values of a row, in the ring and in a file alike; 48 bytes without gaps.
 HEAD: tuple[tuple[str, str], ...] = (
     ("number", "<u8"),  # of the sample, from 0; lost rows leave a gap
     ("time", "<f8"),  # when it left, or was dropped [s]
@@ -71,7 +71,7 @@ class Channel:
 
 @dataclass(frozen=True)
 class LogHeader:
-    """What stands once in every file of a log.
+    """The header of every file of a log.
 
     Attributes:
         log: identifier of the log, the same in all its files. file: number of this file, from 1.
@@ -80,7 +80,8 @@ class LogHeader:
         clock: reading of this computer's stream clock at time 0 [s].
         device, name, preset: key, name and hash of the device preset. protocol, url: of the link.
         rate: planned commands a second [Hz]. channels: in the order of the values.
-        zero, gain: of the calibration when the log began: limited = zero + gain * commanded, before limits.
+        zero, gain: of the calibration when the log began: limited = zero + gain * commanded, before limits;
+            a measured curve, which the calibration in the header has, is inverted after that.
         program: that wrote it.
     """
 

@@ -1,4 +1,4 @@
-"""What a person asks for: a log in a file or folder, its form and limits; and addresses to which the rows are teed."""
+"""Settings of a log: a file or folder, its form and limits, and addresses to which the rows are teed."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Tee:
 
 @dataclass(frozen=True)
 class LogSettings:
-    """What is logged, and where.
+    """Settings of a log and its tees.
 
     Attributes:
         path: a file that ends in .csv or .dlog, or a folder for files that are named by device and time; '': no file.
@@ -96,7 +96,7 @@ class LogSettings:
         return bool(self.path or self.tees)
 
     def check(self) -> None:
-        """Refuse what cannot be, without touching a file.
+        """Refuse invalid settings, without touching a file.
 
         Raises:
             DermisError: less room for all files than for one, another suffix, or an address that is none.

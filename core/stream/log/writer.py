@@ -55,7 +55,7 @@ class Sink(Protocol):
 
 
 class Outlet:
-    """A sink that may fail: what happens to one of them is told once, and concerns no other.
+    """A sink that may fail: a failure is reported once, and concerns no other sink.
 
     Attributes:
         name: of a file or an address. sink: None where it has failed. ended: why, in words.
@@ -64,7 +64,7 @@ class Outlet:
     def __init__(self, name: str, make: Callable[[], Sink]) -> None:
         self.name, self.ended = name, ""
         self.sink: Sink | None = None
-        self.last: Sink | None = None  # for what it has counted
+        self.last: Sink | None = None  # for its counters
         with self._telling():
             self.sink = self.last = make()
 
@@ -94,7 +94,7 @@ class Outlet:
 
 
 class Writer:
-    """What takes rows out of one ring.
+    """Takes rows out of one ring.
 
     Attributes:
         ring: from which rows come. header: of the log. files: None without a file. tees: all that were asked for.
@@ -121,7 +121,7 @@ class Writer:
         return Outlet(f"the tee {tee.text}", lambda: make(tee, self.header))
 
     def step(self, now: float, *, last: bool = False) -> bool:
-        """Hand on what is there; return whether there was anything."""
+        """Hand on the available rows; return whether there were any."""
         taken = self.ring.take(last=last)
         if len(taken):
             self._taken += len(taken)
@@ -131,7 +131,7 @@ class Writer:
         return bool(len(taken))
 
     def rows_of(self, taken: Rows) -> Rows:
-        """Return rows of the ring as files have them: times from the log's start, and what the protocol carried."""
+        """Return rows of the ring as files have them: times from the log's start, and the values as carried."""
         rows = np.zeros(len(taken), self._layout)
         for name in ("number", "skipped", "phase", "fate", "commanded", "limited", "reported"):
             rows[name] = taken[name]
@@ -142,7 +142,7 @@ class Writer:
         return rows
 
     def close(self) -> None:
-        """Write what is left, and end every sink."""
+        """Write the remaining rows, and end every sink."""
         while self.step(clock.now(), last=True):
             pass
         summary = {

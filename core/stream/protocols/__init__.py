@@ -1,1 +1,1 @@
-"""What goes over the wire, one protocol a file."""
+"""Wire protocols, one a file."""

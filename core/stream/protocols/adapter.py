@@ -1,4 +1,4 @@
-"""What every protocol offers a sender. The sender knows no protocol, and a protocol knows no sender."""
+"""The interface of every protocol to a sender. The sender knows no protocol, and a protocol knows no sender."""
 
 from __future__ import annotations
 
@@ -32,6 +32,7 @@ class Adapter:
         tells_pose: the device reports its pose; None as `pose` then means that it does not know it.
         limp: in the safe state the actuators have no power, whatever the preset says.
         timed: commands may carry their play-out time.
+        bears: longest delay of answers in a port's chip that commands are not hindered by [s].
         datagrams: messages go as datagrams, never as a stream.
         baud: of a serial port whose URL names none.
         unanswered: advice where nobody answers.
@@ -46,12 +47,15 @@ class Adapter:
         device: its identifier in hex digits; '' where it has none to tell.
         pose: where the device says it is, as driven [units], or None. pose_at: when it said so [s], or NaN.
         follows_pose: the device is asked for its pose while it is driven, too, where it has to be asked.
-        touch: the last touch of a panel. counters: what went wrong or was changed, by name.
+        touch: the last touch of a panel. counters: counts of faults and changes, by name.
         round_trip: the last one [s], or NaN. congested: answers stay away, so the link holds more than it carries.
+        busy: an answer is on a line that carries commands too: they wait for it.
+        carries: bytes a second of the link, None where that is not known.
+        sensed: the actuators' measurements beside their pose: name and unit -> a value each, NaN where one has none.
         prompt: the last answer came as soon as any, or there are none: nothing waits on the way.
         queue: commands that the device can hold for later; 0: not known.
         output_hz: how often the actuators can take a new value [Hz]; 0: not known, or at every command.
-        notice: what a person should know of the device that has been recognised, in words.
+        notice: advice for a person on the device that has been recognised, in words.
         least_rate: commands or their repetitions a second that keep the board from counting its sender as silent [Hz].
         refused: commands that the device says it did not take, or took too late.
         command_bytes: the most that one command takes. other_bytes: the most that goes beside commands, a second.
@@ -62,6 +66,7 @@ class Adapter:
     tells_pose = False
     limp = False
     timed = False
+    bears = math.inf
     datagrams = False
     baud = 115_200
     caution = ""
@@ -96,7 +101,9 @@ class Adapter:
         self.queue = 0
         self.output_hz = 0.0
         self.notice = ""
-        self.congested = False
+        self.congested = self.busy = False
+        self.carries: float | None = None
+        self.sensed: dict[str, Array] = {}
         self.prompt = True
         self.refused = 0
 
@@ -105,7 +112,7 @@ class Adapter:
         self.ready = True
 
     def receive(self, data: bytes, now: float) -> None:
-        """Take what arrived: any portion of a stream, or one datagram."""
+        """Take received data: any portion of a stream, or one datagram."""
 
     def poll(self, now: float) -> list[bytes]:
         """Return messages that are due by themselves: handshake, clock, sign of life."""

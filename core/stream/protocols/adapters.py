@@ -60,6 +60,8 @@ NAMES: Mapping[str, tuple[str, str]] = {
     "native": ("native", "Native"),
     "maestro": ("maestro", "Maestro"),
     "servo-animation": ("servo_animation", "ServoAnimation"),
+    "dynamixel": ("bus.dynamixel", "Dynamixel"),
+    "feetech": ("bus.feetech", "Feetech"),
     "torque": ("torque", "Torque"),
     "osc": ("osc", "Osc"),
 }
@@ -169,7 +171,7 @@ def _function_of(path: Path) -> Any:
 
 
 def _made(make: Callable[[], Any], where: str) -> type[Adapter]:
-    """Return what an adapter's function returns, if that is an adapter.
+    """Return the result of an adapter's function, if that is an adapter.
 
     Raises:
         DermisError: it raised, or returned something else.

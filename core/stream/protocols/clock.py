@@ -1,4 +1,4 @@
-"""What a device's clock shows, and how long its answers take."""
+"""The reading of a device's clock, and the time that its answers take."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class DeviceClock:
 
 
 class RoundTrips:
-    """How long answers take by themselves, so that what lies before them in a queue can be told from it.
+    """How long answers take by themselves, so that a delay by a queue before them can be told apart.
 
     Only an idle link shows that; a queue that lasts would be taken for the way itself.
 

@@ -30,7 +30,7 @@ def encode(data: bytes) -> bytes:
 
 
 def decode(data: bytes) -> bytes:
-    """Return what `encode` was given; `data` is without its delimiter.
+    """Return the input of `encode`; `data` is without its delimiter.
 
     Raises:
         DermisError: a zero inside, or a block that reaches beyond the end.

@@ -64,7 +64,7 @@ class Native(Adapter):
         self._refuses = False  # too many commands were refused in the last half second that was judged
         self._at_once = self._was_at_once = False  # the next command empties the device's queue
         self._old_firmware = ""
-        self._timing: list[str] = []  # what was found out about play-out times since it was armed
+        self._timing: list[str] = []  # findings about play-out times since it was armed
         self._oldest = math.inf  # question without an answer
         self._trips = RoundTrips()
         self._heard = self._polled = 0.0
@@ -79,7 +79,7 @@ class Native(Adapter):
         self.decoder = packets.Decoder()
 
     def receive(self, data: bytes, now: float) -> None:
-        """Take what the device says; what is damaged or of another session is counted and dropped."""
+        """Take the device's packets; damaged ones and those of another session are counted and dropped."""
         for packet in self.decoder.feed(data):
             if packet.kind != Kind.NACK and packet.session != self._session:
                 self.counters["of another session"] += 1
@@ -263,7 +263,7 @@ class Native(Adapter):
     def _judge_timing(self, now: float) -> None:
         """Synchronise the clocks again, or stop timing commands, where the device's clock or its refusals ask for it.
 
-        Commands that the device still holds were timed by what its clock showed before: the next one empties its queue.
+        Commands that the device still holds were timed by its clock's earlier readings: the next one empties its queue.
         """
         jumped, self._jumps = self.clock.jumps > self._jumps, self.clock.jumps
         refuses = self._refusals.too_many(self._commands, now)
@@ -293,7 +293,7 @@ class Native(Adapter):
         self.notice = ". ".join(filter(None, (self._old_firmware, *self._timing)))
 
     def _judge_link(self, now: float) -> None:
-        """Judge by answers that stay away what waits in a driver that does not tell."""
+        """Judge by overdue answers the queue in a driver that does not report it."""
         self.congested = now - self._oldest > max(self._trips.shortest + BEHIND, self._trips.usual + PROMPT)
         self.prompt = self.round_trip < self._trips.usual + PROMPT
 

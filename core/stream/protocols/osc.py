@@ -2,7 +2,7 @@
 
 `/dermis/DEVICE/CHANNEL ,f VALUE`; the bundle's time tag is always 'immediately'. A bundle for later could not be taken
 back: a receiver that honours time tags would play it after the safe state, and stay there. A look-ahead makes up for
-the receiver's delay all the same: what is sent is what the track holds so much later.
+the receiver's delay all the same: a message holds the track's values of that much later.
 A panel may send `/dermis/touch ,iff DOWN X Y` back, as often as streaming.md says.
 Source: the Open Sound Control 1.0 specification, opensoundcontrol.stanford.edu
 """
@@ -22,10 +22,11 @@ from .wire import Wire
 
 NTP = 2_208_988_800  # seconds from 1900, where time tags start, to 1970
 IMMEDIATELY = 1
+BUNDLE = b"#bundle\0"
 
 
 class Osc(Adapter):
-    """OSC. Option `prefix`: what addresses begin with, '/dermis' if left out."""
+    """OSC. Option `prefix`: the beginning of addresses, '/dermis' if left out."""
 
     name, title = "osc", "OSC"
     datagrams = True  # and not timed: see above
@@ -86,7 +87,7 @@ def message_head(address: str) -> bytes:
 
 def bundle(tag: int, messages: list[bytes]) -> bytes:
     """Return an OSC bundle."""
-    return b"#bundle\0" + struct.pack(">Q", tag) + b"".join(struct.pack(">i", len(m)) + m for m in messages)
+    return BUNDLE + struct.pack(">Q", tag) + b"".join(struct.pack(">i", len(m)) + m for m in messages)
 
 
 def read_message(data: bytes) -> tuple[str, list[float]]:
@@ -109,13 +110,22 @@ def read_message(data: bytes) -> tuple[str, list[float]]:
     return address, list(struct.unpack_from(">" + tags[1:], data, at))
 
 
+def messages_of(data: bytes) -> list[tuple[str, list[float]]]:
+    """Read the messages of a datagram, one alone or a bundle.
+
+    Raises:
+        DermisError: malformed.
+    """
+    return read_bundle(data)[1] if data.startswith(BUNDLE) else [read_message(data)]
+
+
 def read_bundle(data: bytes) -> tuple[int, list[tuple[str, list[float]]]]:
     """Read a bundle of messages: its time tag and them.
 
     Raises:
         DermisError: malformed.
     """
-    if not data.startswith(b"#bundle\0") or len(data) < 16:
+    if not data.startswith(BUNDLE) or len(data) < 16:
         raise DermisError("not an OSC bundle")
     (tag,) = struct.unpack_from(">Q", data, 8)
     at, messages = 16, []

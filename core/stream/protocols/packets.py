@@ -38,7 +38,7 @@ class Kind(IntEnum):
 
 
 class DeviceState(IntEnum):
-    """What a device says of itself."""
+    """A device's description of itself."""
 
     IDLE, CONFIGURED, ARMED, SAFE = 0, 1, 2, 3
 
@@ -68,7 +68,7 @@ class Packet:
 def pack(kind: int, session: int, sequence: int, body: bytes = b"") -> bytes:
     """Return a whole frame: zero, COBS of header, body and CRC-32, zero.
 
-    The zero in front keeps damage in what came before out of this packet.
+    The zero in front keeps damage in earlier bytes out of this packet.
     """
     data = _HEAD.pack(kind, session & 0xFF, sequence & 0xFFFF) + body
     return b"\0" + cobs.encode(data + _CRC.pack(zlib.crc32(data))) + b"\0"
@@ -90,7 +90,7 @@ class Decoder:
         frames = (self._rest + data).split(b"\0")
         self._rest = frames.pop()
         if len(self._rest) > LARGEST:
-            self._rest = self._rest[-1:]  # not empty: what is left of the monster is still a damaged frame
+            self._rest = self._rest[-1:]  # not empty: the rest of an oversized frame is still a damaged frame
         return [packet for frame in frames if frame and (packet := self._packet(frame)) is not None]
 
     def _packet(self, frame: bytes) -> Packet | None:

@@ -1,4 +1,4 @@
-"""Which commands a device did not take, or took too late: by its own counters, beside what was sent."""
+"""Which commands a device did not take, or took too late: its own counters against the number sent."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ MOST = 0.01  # part of the commands that may be refused before something is done
 class Refusals:
     """Commands that a device refused or played late.
 
-    A device counts what it received, what was lost on the way and what came late. A command that was sent, and is
+    A device counts commands received, packets lost on the way and commands late. A command that was sent, and is
     neither received nor lost, was refused. NACKs cannot be counted: a device sends one in 5 ms, and drops the others.
 
     Attributes:
@@ -35,7 +35,7 @@ class Refusals:
                 for now, then in ((reply.received, old.received), (reply.lost, old.lost), (reply.late, old.late))
             )
             missing = sent - received - lost + self._early
-            self._early = min(missing, 0) if not lost else 0  # what was lost need not have been a command
+            self._early = min(missing, 0) if not lost else 0  # a lost packet need not have been a command
             self.count += max(missing, 0) + late
         self._before = commands, reply
 

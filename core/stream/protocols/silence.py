@@ -33,7 +33,7 @@ class Silence:
     """A board's declared behaviour in silence.
 
     Attributes:
-        does: what the actuators do. after: after how much silence [s]; for a board that does nothing by itself the
+        does: behaviour of the actuators. after: after how much silence [s]; for a board that does nothing by itself the
             time after which the sender counts itself as silent.
         by: who acts then, 'board' or 'sender'.
     """

@@ -121,7 +121,7 @@ class Torque(Adapter):
         self.pose, self.pose_at = angle, now
 
     def arm(self) -> None:
-        """Start the loop without what it summed up before."""
+        """Start the loop without its earlier sum."""
         self._sum[:] = 0
         self._stepped = -math.inf
         self._let_go = None
@@ -141,7 +141,7 @@ class Torque(Adapter):
         torque = self.stiffness * values + proportional * error + self._sum + derivative * (wanted_speed - self._speed)
         held = np.clip(torque, -self.torque, self.torque)
         saturated = held != torque
-        # What cannot be driven is not summed up.
+        # Torque that cannot be driven is not summed up.
         self._sum += np.where(saturated & (np.sign(error) == np.sign(torque)), 0.0, integral * error * step)
         self.counters["torque limited"] += int(saturated.sum())
         self._stepped = now

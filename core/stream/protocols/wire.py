@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,8 +10,10 @@ from numpy.typing import NDArray
 
 from ...arrays import Array
 from ...devices.calibration import Calibration
+from ...devices.frequency_response import FrequencyResponse
+from ...devices.response import FACTOR, Responses
 from ...devices.safe_state import bare_channels, safe_state
-from ...devices.spec import DeviceSpec, range_disc
+from ...devices.spec import Channel, DeviceSpec, range_disc
 from ...errors import DermisError
 from .packets import FULL, Reach
 
@@ -21,15 +24,15 @@ POSES = ("m", "rad", "1")  # units of poses, which a calibration moves; no force
 
 @dataclass(frozen=True)
 class Wire:
-    """What a sender needs to know of a device; every array has one entry for each channel on the wire.
+    """The description of a device for a sender; every array has one entry for each channel on the wire.
 
     Attributes:
         spec: the device. columns: of its tracks. names, units: of the channels.
         range_low, range_high: that counts stand for [unit]; -inf and inf where there is none.
         slew: largest change a second, inf where there is no limit. rest: the neutral pose.
         safe: values of the safe state as they are driven, calibrated. reach: how it is reached.
-        zero, gain: of the calibration.
-        lower_limit, upper_limit: what may be driven: the tighter ones of preset and calibration.
+        zero, gain: of the calibration. responses: its measured curves. frequency: its frequency responses, by entry.
+        lower_limit, upper_limit: of driven values: the tightest ones of preset, calibration and measured curve.
         disc: two entries that share a round range, and its radius.
     """
 
@@ -45,6 +48,8 @@ class Wire:
     reach: Reach
     zero: Array
     gain: Array
+    responses: Responses
+    frequency: Mapping[int, FrequencyResponse]
     lower_limit: Array
     upper_limit: Array
     disc: tuple[int, int, float] | None
@@ -74,9 +79,11 @@ class Wire:
         if len(set(twice)) != len(twice):
             raise DermisError("two channels drive one actuator", where=spec.name, value=", ".join(twice))
         channels = [spec.channels[i] for i in columns]
-        zero, gain, lower, upper = (
-            (calibration or Calibration.of(spec)).for_spec(spec)[k][list(columns)] for k in range(4)
-        )
+        calibration = calibration or Calibration.of(spec)
+        zero, gain, lower, upper = (calibration.for_spec(spec)[k][list(columns)] for k in range(4))
+        responses = _responses(calibration, channels, lower, upper)
+        entries = {k: calibration.entries.get(channel.name) for k, channel in enumerate(channels)}
+        frequency = {k: own.frequency for k, own in entries.items() if own is not None and own.frequency is not None}
         way, safe = safe_state(spec)
         reach = REACH[way]
         _check_worn(spec, reach)
@@ -90,7 +97,12 @@ class Wire:
         values = np.array([safe.get(c.name, c.rest) for c in channels])
         if spec.worn:
             values = np.where([c.unit in POSES for c in channels], zero + gain * values, values)
-        _check_safe(spec, [c.name for c in channels], values, lower, upper)
+        names = [c.name for c in channels]
+        _check_safe(spec, names, values, *responses.reachable)
+        values = responses.driven(values, None, values)[0]
+        for k, curve in responses.curves.items():  # beyond the measured span the response is unknown
+            lower[k], upper[k] = max(lower[k], curve.span[0]), min(upper[k], curve.span[1])
+        _check_safe(spec, names, values, lower, upper)
         return cls(
             spec,
             columns,
@@ -104,6 +116,8 @@ class Wire:
             reach,
             zero,
             gain,
+            responses,
+            frequency,
             lower,
             upper,
             disc,
@@ -116,12 +130,20 @@ class Wire:
 
     @property
     def safe_command(self) -> Array:
-        """What has to be commanded for the safe state to be driven [units], shape (channels,)."""
+        """The command that drives the safe state [units], shape (channels,)."""
         return self.commanded(self.safe)
 
     def commanded(self, driven: Array) -> Array:
-        """Return what has to be commanded for values to be driven [units], shape (channels,)."""
-        return (driven - self.zero) / self.gain
+        """Return the command that drives values [units], shape (channels,).
+
+        With a measured curve: where that puts the actuator, but for half of its play.
+        """
+        return (self.responses.reached(driven) - self.zero) / self.gain
+
+    @property
+    def latency(self) -> float:
+        """How long the slowest actuator with a measured curve takes to answer [s]."""
+        return max((curve.latency for curve in self.responses.curves.values()), default=0.0)
 
     @property
     def safe_slew(self) -> Array:
@@ -132,7 +154,7 @@ class Wire:
     def safe_seconds(self) -> float:
         """How long the way to the safe state takes from the far end of every channel [s]; inf where there is no end.
 
-        It counts from when the way begins. What is reached at once takes none; what lets go may ramp there before.
+        It counts from when the way begins. A jump takes none; a device that lets go may ramp there before.
         """
         if self.reach == Reach.AT_ONCE:
             return 0.0
@@ -184,6 +206,35 @@ class Wire:
         return np.clip(np.floor(part), 1, 65535).astype(np.uint16)
 
 
+def _responses(calibration: Calibration, channels: list[Channel], lower: Array, upper: Array) -> Responses:
+    """Return the measured curves; a quantity that is no pose has to be 0 where nothing is driven, on every way."""
+    curves = {}
+    for k, channel in enumerate(channels):
+        entry = calibration.entries.get(channel.name)
+        if entry is None or entry.response is None:
+            continue
+        curve = curves[k] = entry.response
+        width, most = curve.span[1] - curve.span[0], FACTOR * (upper[k] - lower[k])
+        if width > most:
+            raise DermisError(
+                "a measured curve is much wider than the range of its channel",
+                where=f"calibration of '{calibration.device}', {channel.name}",
+                value=f"{curve.span[0]:.4g} to {curve.span[1]:.4g} {channel.unit}",
+                limit=f"{lower[k]:.4g} to {upper[k]:.4g} {channel.unit}",
+                remedy="Write the readings in SI, or name their units in the CSV's line of names",
+            )
+        none = curve.span[0] <= 0.0 <= curve.span[1] and curve.play == 0.0 and curve.between(0.0) == 0.0
+        if channel.unit not in POSES and not none:
+            raise DermisError(
+                "a measured curve would drive something where nothing is wanted",
+                where=f"calibration of '{calibration.device}', {channel.name}",
+                value=f"{curve.between(0.0):.4g} {channel.unit} at 0, play {curve.play:.4g}",
+                limit="the point 0, 0, and the same on both ways: no force and no voltage stays none",
+                remedy="Take the readings from zero, and give the curve one way",
+            )
+    return Responses(curves, lower.copy(), upper.copy())
+
+
 def _check_worn(spec: DeviceSpec, reach: Reach) -> None:
     """Refuse a worn device that does not say where, and how fast, it lets a finger go."""
     if bare := bare_channels(spec):
@@ -206,7 +257,7 @@ def _check_worn(spec: DeviceSpec, reach: Reach) -> None:
 
 def _check_safe(spec: DeviceSpec, names: list[str], safe: Array, lower: Array, upper: Array) -> None:
     """Refuse limits that leave the safe state outside."""
-    slack = 1e-9 * np.maximum(np.abs(safe), 1e-3)  # what a rounding of units does
+    slack = 1e-9 * np.maximum(np.abs(safe), 1e-3)  # rounding error of units
     outside = np.flatnonzero((safe < lower - slack) | (safe > upper + slack))
     if outside.size:
         k = int(outside[0])

@@ -2,7 +2,9 @@
 
 Options of the URL: `loss`, `delay`, `jitter`, `corrupt`, `slow` (see faults.py), `stuck` (number of an actuator that
 does not move), `skew`, `freeze`, `jump` (of its clock), `finger` (1: a finger draws circles on its touch
-panel), `seed`.
+panel), `seed`. Settings of a simulated Maestro: `board_crc`, `board_number`, `board_timeout`;
+of simulated servos: `board_first` (id), `board_twin` (id of a second servo), `board_model`, `board_fast`, `board_mode`
+(Dynamixel), `board_scs` (Feetech).
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ import math
 import time
 from collections.abc import Callable
 from importlib import import_module
-from typing import Protocol
+from typing import Any, Protocol
 
 from ... import clock
 from ...errors import DermisError
@@ -24,15 +26,18 @@ DEVICES = {
     "native": ("native", "NativeDevice"),
     "maestro": ("maestro", "MaestroDevice"),
     "servo-animation": ("servo_animation", "ServoAnimationDevice"),
+    "dynamixel": ("servo_bus", "DynamixelDevice"),
+    "feetech": ("servo_bus", "FeetechDevice"),
     "torque": ("torque", "TorqueDevice"),
     "osc": ("osc", "OscDevice"),
 }
+SERVO_BOARDS = {"dynamixel": ("first", "twin", "model", "fast", "mode"), "feetech": ("first", "twin", "scs")}
 IDLE = 0.001  # between two looks at the clock where nothing arrives [s]
 FINGER_HZ = 100.0
 
 
 class Device(Protocol):
-    """What all virtual devices have."""
+    """The interface of all virtual devices."""
 
     datagrams: bool
 
@@ -54,8 +59,16 @@ def make(protocol: str, wire: Wire, options: dict[str, float]) -> Device:
         raise DermisError("no such protocol", value=protocol, limit=", ".join(DEVICES))
     module, name = DEVICES[protocol]
     faulty = FaultyClock(*(options.get(key, 0.0) for key in ("skew", "freeze", "jump")))
-    clock = {"clock": faulty} if protocol == "native" else {}  # the others have none
-    return getattr(import_module(f".{module}", __package__), name)(wire, stuck=stuck, **clock)
+    more: dict[str, Any] = {"clock": faulty} if protocol == "native" else {}  # the others have none
+    if protocol == "maestro":
+        crc, number, timeout = (
+            options.get(f"board_{key}", d) for key, d in (("crc", 0), ("number", 12), ("timeout", 0))
+        )
+        more = {"crc": bool(crc), "number": int(number), "timeout": timeout}
+    if protocol in SERVO_BOARDS:
+        names = [name for name in SERVO_BOARDS[protocol] if f"board_{name}" in options]
+        more = {name: int(options[f"board_{name}"]) for name in names}
+    return getattr(import_module(f".{module}", __package__), name)(wire, stuck=stuck, **more)
 
 
 def options_of(url: Url) -> dict[str, float]:
@@ -75,7 +88,7 @@ class Server:
     """Runs a virtual device on the other end of a link.
 
     Args:
-        read: returns what has arrived within a time [s]; b'' or [] for nothing, None when the link is closed.
+        read: returns the data that arrive within a time [s]; b'' or [] for none, None when the link is closed.
         write: sends one message.
     """
 
@@ -97,7 +110,7 @@ class Server:
         self._credit, self._credited = 0.0, clock.now()
 
     def step(self) -> bool:
-        """Do what is due; False when the link is closed."""
+        """Do the due work; False when the link is closed."""
         wait = IDLE
         now = clock.now()
         if self._slow:

@@ -1,4 +1,4 @@
-"""What can go wrong on purpose: loss, delay, corruption and a slow reader on a link; a device's clock."""
+"""Deliberate faults: loss, delay, corruption and a slow reader on a link; a device's clock."""
 
 from __future__ import annotations
 
@@ -21,6 +21,15 @@ _LIMITS = {  # lowest, highest, unit
     "jump": (-60.0, 60.0, " s"),
     "seed": (0.0, 2.0**31, ", whole"),
     "finger": (0.0, 1.0, ", whole"),
+    "board_crc": (0.0, 1.0, ", whole"),  # settings of a Maestro
+    "board_number": (0.0, 127.0, ", whole"),
+    "board_timeout": (0.0, 655.35, " s"),
+    "board_first": (0.0, 252.0, ", whole"),  # settings of smart servos
+    "board_twin": (-1.0, 252.0, ", whole"),
+    "board_model": (0.0, 65535.0, ", whole"),
+    "board_fast": (0.0, 1.0, ", whole"),
+    "board_mode": (0.0, 16.0, ", whole"),
+    "board_scs": (0.0, 1.0, ", whole"),
 }
 NAMES = tuple(_LIMITS)
 
@@ -54,7 +63,7 @@ def check(name: str, value: float) -> None:
 
 @dataclass(frozen=True)
 class FaultyClock:
-    """A device's clock, and what is wrong with it.
+    """A device's clock, and its faults.
 
     Attributes:
         skew: how much faster it runs than the host's [1]. freeze: it stands still from then on [s]; 0: never.
@@ -66,7 +75,7 @@ class FaultyClock:
     jump: float = 0.0
 
     def shows(self, elapsed: float) -> float:
-        """Return what the clock shows [s], after so many seconds of the host."""
+        """Return the clock's reading [s], after so many seconds of the host."""
         gone = min(elapsed, self.freeze) if self.freeze else elapsed
         return gone * (1 + self.skew) + self.jump * math.floor(gone)
 
@@ -111,7 +120,7 @@ class Faults:
         heappush(self._queue, (due, self._number, message))
 
     def get(self, now: float) -> list[bytes]:
-        """Return what comes out by now."""
+        """Return the messages that have come out by now."""
         out = []
         while self._queue and self._queue[0][0] <= now:
             out.append(heappop(self._queue)[2])

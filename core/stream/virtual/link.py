@@ -44,11 +44,11 @@ class VirtualLink(Stream):
             raise Gone("the virtual device is gone", where=self.name) from error
 
     def _queued(self) -> int:
-        """Return what the device's thread has not taken: whether there is anything, not how much of it."""
+        """Return whether the device's thread has messages left to take; not the number of bytes."""
         return len(select.select([self._theirs], [], [], 0)[0]) + self._server.delayed
 
     def receive(self) -> list[bytes]:
-        """Return what has arrived."""
+        """Return the data that have arrived."""
         out: list[bytes] = []
         try:
             while len(out) < 64:
@@ -70,7 +70,7 @@ class VirtualLink(Stream):
         self._theirs.close()
 
     def report(self) -> dict[str, Any]:
-        """Return what the device does."""
+        """Return the device's report."""
         return dict(self._server.device.report())
 
     def _run(self) -> None:

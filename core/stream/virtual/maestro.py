@@ -2,48 +2,89 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from ..protocols.maestro_commands import CHANNELS, GET_ERRORS, GET_POSITION, POLOLU, SET_TARGET, crc7
 from ..protocols.wire import Wire
+
+DATA = {SET_TARGET: 3, GET_POSITION: 1, GET_ERRORS: 0}  # data bytes of each command that is understood
+CRC_ERROR, PROTOCOL_ERROR, TIMEOUT = 1 << 3, 1 << 4, 1 << 5  # bits of the error register
 
 
 class MaestroDevice:
-    """A Pololu Maestro without a serial time-out: targets in quarter microseconds; 0: no pulses.
+    """A Pololu Maestro: targets in quarter microseconds; 0: no pulses.
 
     A servo starts at the preset's rest, and stays where it is while it gets no pulses.
+
+    Args:
+        crc: each command must end with its CRC-7. number: device number of the Pololu protocol; the compact one is
+            understood, too. timeout: serial time-out [s]; 0: none, which is the danger, since it keeps its pulses.
+        home: targets after an error, shape (channels,); by default those of the safe pose where it has a time-out, and
+            without one none, which is 'Ignore'.
     """
 
     datagrams = False
 
-    def __init__(self, wire: Wire, *, stuck: int = -1, low_us: float = 1000.0, high_us: float = 2000.0) -> None:
+    def __init__(
+        self,
+        wire: Wire,
+        *,
+        stuck: int = -1,
+        low_us: float = 1000.0,
+        high_us: float = 2000.0,
+        crc: bool = False,
+        number: int = 12,
+        timeout: float = 0.0,
+        home: list[int] | None = None,
+    ) -> None:
         self.wire = wire
-        self.targets = np.zeros(24, int)
-        self.errors = 0
+        self.targets = np.zeros(CHANNELS, int)
+        self.errors = self.register = 0
         self._low, self._high, self._stuck = 4 * low_us, 4 * high_us, stuck
+        self._crc, self._number, self._timeout, self._home = crc, number, timeout, home
         self._bytes: list[int] = []
         self._values = wire.rest.copy()
+        self._heard = -math.inf  # the last valid command [s]; at power-on there was none
+        self._timed_out = False
+        if home is None and timeout:
+            part = (wire.safe - wire.range_low) / (wire.range_high - wire.range_low)
+            self._home = np.rint(self._low + (self._high - self._low) * part).astype(int).tolist()
+        self._go_home()
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
         """Take bytes: a command byte has its highest bit set, data bytes have not."""
+        self.tick(now)
+        out = []
         for byte in data:
             if byte & 0x80:
-                self.errors += bool(self._bytes)
+                if self._bytes and self._bytes != [POLOLU]:  # alone it tells the baud rate
+                    self.fail(PROTOCOL_ERROR)
                 self._bytes = [byte]
             elif self._bytes:
                 self._bytes.append(byte)
             else:
-                self.errors += 1
-            if len(self._bytes) == 4 and self._bytes[0] == 0x84:
-                _, channel, low, high = self._bytes
-                if channel < 24 and channel != self._stuck:
-                    self.targets[channel] = low | high << 7
-                    self._move()
-                self._bytes = []
-        return []
+                self.fail(PROTOCOL_ERROR)
+            length = self._length()
+            if length and len(self._bytes) == length:
+                command, self._bytes = bytes(self._bytes), []
+                if answer := self._do(command, now):
+                    out.append(answer)
+        return out
 
     def tick(self, now: float) -> list[bytes]:
-        """Do nothing: it keeps its pulses for ever, which is the danger."""
+        """Go to the positions of an error once nothing valid has arrived for the time-out; without one keep them."""
+        if self._timeout and not self._timed_out and now - self._heard >= self._timeout:
+            self._timed_out = True
+            self.fail(TIMEOUT)
         return []
+
+    def fail(self, bits: int) -> None:
+        """Set bits of the error register, and send the servos to their positions after an error."""
+        self.errors += bits != TIMEOUT
+        self.register |= bits
+        self._go_home()
 
     def report(self) -> dict[str, object]:
         """Return where the servos are."""
@@ -52,6 +93,47 @@ class MaestroDevice:
             "errors": self.errors,
             "released": bool((self.targets[: self.wire.count] == 0).all()),
         }
+
+    def _length(self) -> int:
+        """Return how long the command under way is, with its CRC; 0: not known yet, or no command."""
+        head = 3 if self._bytes[:1] == [POLOLU] else 1
+        if len(self._bytes) < head:
+            return 0
+        count = DATA.get(self._bytes[head - 1] | 0x80)
+        if count is None:
+            self._bytes = []
+            self.fail(PROTOCOL_ERROR)
+            return 0
+        return head + count + self._crc
+
+    def _do(self, command: bytes, now: float) -> bytes:
+        """Obey a whole command; return its answer."""
+        if self._crc and crc7(command[:-1]) != command[-1]:
+            self.fail(CRC_ERROR)
+            return b""
+        if command[0] == POLOLU:
+            if command[1] != self._number:
+                return b""
+            command = bytes((command[2] | 0x80,)) + command[3:]
+        self._heard, self._timed_out = now, False
+        if command[0] == GET_ERRORS:
+            register, self.register = self.register, 0
+            return register.to_bytes(2, "little")
+        channel = command[1]
+        if channel >= CHANNELS:
+            self.fail(PROTOCOL_ERROR)
+            return b""
+        if command[0] == GET_POSITION:
+            return int(self.targets[channel]).to_bytes(2, "little")
+        if channel != self._stuck:
+            self.targets[channel] = command[2] | command[3] << 7
+            self._move()
+        return b""
+
+    def _go_home(self) -> None:
+        if self._home is not None:
+            self.targets[: self.wire.count] = self._home
+            self._move()
 
     def _move(self) -> None:
         """Put every servo that gets pulses where they say."""

@@ -1,6 +1,6 @@
 """A virtual device that speaks the native protocol, by the same contract as the firmware.
 
-`tests/unit/stream/virtual/test_receivers.py` runs one script of packets against both and compares what they answer.
+`tests/unit/stream/virtual/test_receivers.py` runs one script of packets against both and compares their answers.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from .faults import FaultyClock
 DEVICE_ID = b"VIRTUAL1"
 TOUCH_EVERY = 0.02  # a finger that stays down is reported again this often [s]
 NACK_EVERY = 0.005  # one NACK in this time at most: a flood gets no answer to each of its frames [s]
-WINDOW = 1024  # packets: what is further ahead was not lost on the way, it is old
-MAX_STEP = 5.0  # what a device that stood still may make up for [ms]: no jump
+WINDOW = 1024  # packets: a larger gap in the sequence means an old packet, not a loss
+MAX_STEP = 5.0  # longest time that a device that stood still catches up on [ms]: no jump
 AT_ONCE = 1e9  # [counts a millisecond]
 _RIGHT = FaultyClock()
 WATCHDOGS = range(10, 81)  # silences that may be asked for [ms]
@@ -33,7 +33,7 @@ class NativeDevice:
         stuck: number of an actuator that does not move; -1: none.
         clock: how its clock runs.
         queue: how many commands it can hold for later, at most 255.
-        output_hz: what it says of how often its actuators take a new value [Hz]; 0: at every command.
+        output_hz: the reported rate at which its actuators take new values [Hz]; 0: at every command.
 
     Attributes:
         counts: where the actuators are, shape (channels,). state: `DeviceState`.
@@ -77,7 +77,7 @@ class NativeDevice:
         self._safe = self.counts.copy()
         self._slew = np.full(count, 65535.0)
         self._pace = self._slew  # on the way to safety [counts a millisecond]
-        self._way: float | None = None  # what is left of the way to safety [ms]; None: it is on none
+        self._way: float | None = None  # the rest of the way to safety [ms]; None: it is on none
         self._sequence = 0
         self._nacked = -np.inf
         self.released = self._driven = False
@@ -104,7 +104,7 @@ class NativeDevice:
         return out
 
     def tick(self, now: float) -> list[bytes]:
-        """Let time pass: play what is due, move, watch for silence, say again that a finger is down."""
+        """Let time pass: play due commands, move, watch for silence, say again that a finger is down."""
         step = 0.0 if self._ticked is None else min((now - self._ticked) * 1e3, MAX_STEP)
         self._ticked = now
         if self.state == DeviceState.ARMED and now - self._heard > self._timeout:
@@ -131,7 +131,7 @@ class NativeDevice:
         return self._pack(self._session, Kind.TOUCH, packets.touch(self.clock_us(now), down, x, y))
 
     def report(self) -> dict[str, object]:
-        """Return what it is doing, for people and for the twin; `early_ms` is that of all timed commands so far."""
+        """Return the device's state, for people and for the twin; `early_ms` is that of all timed commands so far."""
         return {
             "values": self.wire.named(self.wire.values(self.counts)),  # type: ignore[arg-type]
             "state": self.state.name.lower(),
@@ -222,7 +222,7 @@ class NativeDevice:
         if not slew.all():
             raise DermisError("a channel may not move at all", value=0, limit="1 to 65535 counts a millisecond")
         if self.state == DeviceState.ARMED:
-            return  # nobody changes what is safe under way
+            return  # nobody changes the safe state under way
         self._timeout, self._reach = watchdog * 1e-3, Reach(reach)
         self._safe, self._slew = safe.astype(np.float64), slew.astype(np.float64)
         if not self.pose_known:

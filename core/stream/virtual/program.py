@@ -20,7 +20,7 @@ from .device import Server, make
 
 
 def serve(protocol: str, wire: Wire, at: str, options: dict[str, float], *, every: float = 0.0) -> int:
-    """Run a virtual device as a program until its standard input ends; print its address, then what happens.
+    """Run a virtual device as a program until its standard input ends; print its address, then its reports.
 
     Args:
         at: 'pty', 'tcp' or 'udp', each on this computer only.

@@ -15,13 +15,19 @@
      ChipUndisturbed          no interrupt comes while one of these lives; they may be nested
      chip_ms, chip_us         time since the start, modulo 2^32
      chip_servo_pin           makes a channel's pin a low output and returns it; chip_high, chip_low switch it
-     chip_relay_pin           whether a pin may be the relay's; chip_relay_begin, chip_relay switch it
+     chip_relay_pin           whether a pin may be the relay's; chip_relay_begin makes it an output that
+                              begins at a level, chip_relay switches it
      chip_timer_begin         starts the timer, and returns the tick of the first interrupt, so many ticks from now
      chip_timer_next          sets the tick of the next interrupt, which is to come; chip_timer_now is the present one
      chip_line_begin          opens the line to the computer
      chip_line_waiting, chip_line_take     bytes that have come in, and the next of them
      chip_line_room, chip_line_put         room for bytes that go out, and one more of them; chip_line_send lets them go
      chip_watchdog_begin, chip_watchdog_feed
+   and for PCA9685 boards, where the chip shall drive them
+     CHIP_I2C                 defined
+     chip_i2c_begin           (re)starts the I2C bus at 400 kHz and forgets what was under way
+     chip_i2c_send            begins to write bytes to an address; they stay as they are while it is busy
+     chip_i2c_busy, chip_i2c_acknowledged  whether that is still under way, and whether all of it was acknowledged
    Nothing of this may wait. The interrupt runs on the same processor as setup() and loop(). */
 #pragma once
 
@@ -29,8 +35,12 @@
 #include DERMIS_CHIP
 #elif defined(__AVR_ATmega328P__) && F_CPU == 16000000L
 #include "chip_avr.h"
+#elif defined(ARDUINO_ARCH_RP2040) && PICO_RP2040
+#include "chip_rp2040.h"
+#elif defined(__IMXRT1062__)
+#include "chip_teensy4.h"
 #else
-#error "dermis_servos knows one chip: ATmega328P at 16 MHz (Arduino Uno, Nano, Pro Mini 5 V). chip.h says how to add one."
+#error "dermis_servos knows ATmega328P at 16 MHz (Arduino Uno, Nano, Pro Mini 5 V), RP2040 and Teensy 4. chip.h says how to add one."
 #endif
 
 #if __BYTE_ORDER__ != __ORDER_LITTLE_ENDIAN__

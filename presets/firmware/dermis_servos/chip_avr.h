@@ -9,7 +9,11 @@
 #define CHIP_FLASH PROGMEM
 static inline uint32_t chip_flash32(const uint32_t *at) { return pgm_read_dword(at); }
 
+#ifdef DERMIS_PCA9685
+static const uint16_t CHIP_QUEUE_BYTES = 300; /* so many channels take the rest */
+#else
 static const uint16_t CHIP_QUEUE_BYTES = 1000; /* half of its memory */
+#endif
 
 /* -- time */
 
@@ -44,7 +48,10 @@ static inline ChipPin chip_servo_pin(uint8_t channel) {
 
 /* Not 0 and 1, the line; not the servos'; not 13, which bootloaders blink; not A6 and A7, which are inputs. */
 constexpr bool chip_relay_pin(int pin) { return (pin >= 10 && pin <= 12) || (pin >= A0 && pin <= A5); }
-static inline void chip_relay_begin(uint8_t pin) { pinMode(pin, OUTPUT); }
+static inline void chip_relay_begin(uint8_t pin, bool on) {
+  digitalWrite(pin, on ? HIGH : LOW); /* before it is an output: no moment at the other level */
+  pinMode(pin, OUTPUT);
+}
 static inline void chip_relay(uint8_t pin, bool on) { digitalWrite(pin, on ? HIGH : LOW); }
 
 /* -- the pulses' timer: timer 1, a tick each 8 clocks */
@@ -103,6 +110,53 @@ static inline uint8_t chip_line_take() { return line_in.take(); }
 static inline uint8_t chip_line_room() { return line_out.room(); }
 static inline void chip_line_put(uint8_t byte) { line_out.put(byte); }
 static inline void chip_line_send() { UCSR0B |= _BV(UDRIE0); }
+
+/* -- I2C: the two-wire interface on A4 (SDA) and A5 (SCL), an interrupt a byte */
+
+#ifdef DERMIS_PCA9685
+#define CHIP_I2C
+static const uint32_t I2C_HZ = 400000;
+static volatile bool i2c_going = false, i2c_good = false;
+static volatile uint8_t i2c_left = 0;
+static const uint8_t *volatile i2c_next = 0;
+static uint8_t i2c_address = 0;
+
+ISR(TWI_vect) {
+  uint8_t status = TWSR & 0xF8;
+  if (status == 0x08) { /* START is out */
+    TWDR = (uint8_t)(i2c_address << 1);
+    TWCR = _BV(TWINT) | _BV(TWEN) | _BV(TWIE);
+  } else if ((status == 0x18 || status == 0x28) && i2c_left) { /* address or byte acknowledged */
+    TWDR = *i2c_next;
+    i2c_next = i2c_next + 1;
+    i2c_left = (uint8_t)(i2c_left - 1);
+    TWCR = _BV(TWINT) | _BV(TWEN) | _BV(TWIE);
+  } else {
+    i2c_good = status == 0x28;
+    TWCR = _BV(TWINT) | _BV(TWEN) | _BV(TWSTO);
+    i2c_going = false;
+  }
+}
+
+static inline void chip_i2c_begin() {
+  TWCR = 0;
+  TWSR = 0;
+  TWBR = (uint8_t)((F_CPU / I2C_HZ - 16) / 2);
+  i2c_going = false;
+}
+
+static inline void chip_i2c_send(uint8_t address, const uint8_t *bytes, uint8_t size) {
+  i2c_address = address;
+  i2c_next = bytes;
+  i2c_left = size;
+  i2c_good = false;
+  i2c_going = true;
+  TWCR = _BV(TWINT) | _BV(TWEN) | _BV(TWIE) | _BV(TWSTA);
+}
+
+static inline bool chip_i2c_busy() { return i2c_going; }
+static inline bool chip_i2c_acknowledged() { return i2c_good; }
+#endif
 
 /* -- the chip's own watchdog */
 

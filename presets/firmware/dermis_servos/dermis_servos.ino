@@ -11,7 +11,7 @@
    that depends on the chip is in its own header; chip.h selects it and says how to add another.
 */
 #ifndef DERMIS_CHANNELS
-#define DERMIS_CHANNELS 8 /* as many as your device preset drives, 1 to 8 */
+#define DERMIS_CHANNELS 8 /* as many as your device preset drives: 1 to 8, with PCA9685 boards 1 to 16 a board */
 #endif
 
 #ifndef DERMIS_BAUD
@@ -23,10 +23,11 @@
 #endif
 
 // #define DERMIS_RELAY_PIN 12 // a relay in the servos' supply: on while armed and on the way to safety
+// #define DERMIS_PCA9685 1 // so many PCA9685 boards make the pulses instead of this chip: up to 16 servos each
 // #define DERMIS_SERVO_ANIMATION // Blender Servo Animation's live mode instead of the native protocol
 
 #include "chip.h"
-#ifdef CHIP_ON_TIMER /* a chip that it knows; else the error of chip.h is the only one */
+#ifdef CHIP_FLASH /* a chip that it knows; else the error of chip.h is the only one */
 #ifdef DERMIS_SERVO_ANIMATION
 #include "servo_animation.h"
 #else

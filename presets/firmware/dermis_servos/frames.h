@@ -4,8 +4,13 @@
 #include "chip.h"
 #include <stdint.h>
 
-static const uint8_t LARGEST = 12 + 4 * CHIP_SERVOS; /* bytes of a CONFIGURE with its check sum: nothing is longer */
-static_assert(12 + 4 * CHIP_SERVOS < 254, "a CONFIGURE of so many channels needs wider counters");
+#ifdef DERMIS_PCA9685
+static const uint16_t MOST_SERVOS = DERMIS_CHANNELS;
+#else
+static const uint16_t MOST_SERVOS = CHIP_SERVOS;
+#endif
+static const uint8_t LARGEST = (uint8_t)(12 + 4 * MOST_SERVOS); /* bytes of a CONFIGURE with its check sum: nothing is longer */
+static_assert(12 + 4 * MOST_SERVOS < 254, "a CONFIGURE of so many channels needs wider counters");
 static_assert(LARGEST >= 18, "a HELLO must fit, too");
 
 /* CRC-32 a byte at a time: at half a million baud there are 320 cycles for each, and half of them are the receiver's. */
@@ -71,8 +76,8 @@ __attribute__((always_inline)) static inline Found take_byte(uint8_t byte) {
 
 /* -- out */
 
-static const uint8_t MOST_OUT = 4 + 27 + 2 * CHIP_SERVOS + 4; /* header, body and check sum of a WELCOME: no answer is longer */
-static_assert(4 + 27 + 2 * CHIP_SERVOS + 4 < 254, "an answer of 254 bytes needs a second block of COBS");
+static const uint8_t MOST_OUT = (uint8_t)(4 + 27 + 2 * MOST_SERVOS + 4); /* header, body and check sum of a WELCOME: no answer is longer */
+static_assert(4 + 27 + 2 * MOST_SERVOS + 4 < 254, "an answer of 254 bytes needs a second block of COBS");
 static_assert(MOST_OUT + 3 <= CHIP_LINE_ROOM, "the longest answer must fit into the line's buffer, or it never leaves");
 
 static uint8_t out[MOST_OUT];

@@ -49,7 +49,7 @@ static void power(bool on) {
 
 static void begin_power() {
 #ifdef DERMIS_RELAY_PIN
-  chip_relay_begin(DERMIS_RELAY_PIN);
+  chip_relay_begin(DERMIS_RELAY_PIN, false);
 #endif
   power(false);
 }

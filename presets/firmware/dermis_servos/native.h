@@ -132,7 +132,7 @@ static bool configure(const uint8_t *body, uint8_t size) {
 }
 
 static void arm() {
-  if (state != CONFIGURED) return;
+  if (state != CONFIGURED || !pulses_ready) return;
   for (uint8_t c = 0; c < CHANNELS; c++) {
     target[c] = counts[c];
     move_to(c, target[c]);
@@ -235,6 +235,11 @@ void loop() {
   if (state == ARMED && chip_ms() - heard > watchdog_ms) {
     watchdogs++;
     go_safe();
+  }
+  serve_pulses();
+  if (pulsing && !pulses_ready) { /* a board that makes them is gone */
+    if (state == ARMED) state = SAFE;
+    let_go();
   }
   play();
   uint8_t steps = passed();

@@ -40,6 +40,7 @@ static void let_go() {
 
 void loop() {
   for (uint8_t n = 0; n < BYTES_A_LOOP && chip_line_waiting(); n++) take_byte(chip_line_take());
+  serve_pulses();
   if (pulsing && chip_ms() - heard > SILENCE_MS) let_go();
   alive();
 }

@@ -80,7 +80,7 @@ def _density(touch: Stimulus, positions: Array, depth: float) -> Array:
 
     skin, chart = touch.skin, touch.points.surface.chart
     stress = touch.points.stress_below(positions, np.full(len(positions), depth))
-    if skin.stiffening is not None:
+    if skin.follows_law:
         below = positions - depth * chart.surface(chart.project(positions)[0]).normals
         beyond = touch.surface_values(touch.stress - skin.stress(touch.force))
         element, weights = locate(skin.mesh, below)

@@ -18,7 +18,7 @@ YOUNG = 100.0  # of the skin [kPa]
 
 HEAD = """# Measured fingers
 
-What laboratories measured on people's fingertips, and what the skins here do under the same touch: the linear one and the neo-Hookean one, which stiffens. **What is theirs stands with its source; every number and picture of ours is simulated**, by `{command}` in the benchmarks' environment (some minutes).
+What laboratories measured on people's fingertips, and the results of the skins here under the same touch: the linear one and the neo-Hookean one, which stiffens. **Their values stand with their source; every number and picture of ours is simulated**, by `{command}` in the benchmarks' environment (some minutes).
 
 Skin: *Index Finger, Medium* as it ships, E {young:g} kPa, Poisson's ratio 0.48, {level} accuracy. The lengths of the preset are chosen, not measured, so shapes can be compared with people's and absolute numbers only in size. The plate is smooth and rigid, tilted by 20 degrees towards the tip, as in Pawluk and Howe's 20 to 40. It touches on even squares of 0.4 mm, solved together: {moments} moments, contact's laws unsettled in {unsettled}.
 
@@ -52,7 +52,7 @@ Gross area only: our skin has no ridges, so the real area of contact, which peop
 DRAG = """
 ## Contact area under drag
 
-Measured: *area shrinks while the pull grows*, which the authors propose to explain by skin that stiffens; what skin does differs much between the four directions that were tried (Delhaye, Lefevre and Thonnard 2014, *J R Soc Interface*, PMC4191101). It shrank from rest to sliding in the study of 2018 above, too. The contact of a plane finite-element fingertip of nonlinear tissue without adhesion shrinks significantly (*Macroscopic Modeling of Fingerpad Friction Under Electroadhesion*, 2020, *Front Mech Eng* 6). Friction 0.6 and 0.9 are those of a finger on aluminium and on rubber (Seo 2009); the force of {pulled:g} N is held to within {held:.1f} %.
+Measured: *area shrinks while the pull grows*, which the authors propose to explain by skin that stiffens; the behaviour of skin differs much between the four directions that were tried (Delhaye, Lefevre and Thonnard 2014, *J R Soc Interface*, PMC4191101). It shrank from rest to sliding in the study of 2018 above, too. The contact of a plane finite-element fingertip of nonlinear tissue without adhesion shrinks significantly (*Macroscopic Modeling of Fingerpad Friction Under Electroadhesion*, 2020, *Front Mech Eng* 6). Friction 0.6 and 0.9 are those of a finger on aluminium and on rubber (Seo 2009); the force of {pulled:g} N is held to within {held:.1f} %.
 
 ![Contact area while the plate is dragged, three directions, both tissues](../pictures/fingers_drag.png)
 """
@@ -66,7 +66,7 @@ SLIP = """
 
 Measured: slip begins *at the periphery*, an annulus around a part that sticks, and grows towards the centre until all slips (Delhaye and others 2014, of their earlier work). The share that sticks *falls linearly from 1 to 0 with the pull*, at constant normal force (Andre, Levesque, Hayward, Lefevre and Thonnard 2011, *J R Soc Interface* 8). People notice when on average 48 % of the contact slips (Barrea, Delhaye, Lefevre and Thonnard 2018, *Sci Rep* 8).
 
-![What sticks and what slips, at four pulls, both tissues](../pictures/fingers_slip.png)
+![Sticking and slipping areas, at four pulls, both tissues](../pictures/fingers_slip.png)
 """
 
 SLIP_AFTER = """
@@ -76,7 +76,7 @@ Means over three directions, friction 0.9. Both are Coulomb's law on an elastic 
 SIDE = """
 ## Stiffness sideways
 
-Measured: 0.79 to 1.53 N/mm (Gleeson and others 2010, as [S3] quotes it; under what normal force is not known to us, so ours is at {pulled:g} N, over the first 0.2 mm, friction 0.9). It is the only measured range here that has numbers, so it can be asked which E would give it: tissue of E' under forces f does what tissue of E does under f E / E'.
+Measured: 0.79 to 1.53 N/mm (Gleeson and others 2010, as [S3] quotes it; under what normal force is not known to us, so ours is at {pulled:g} N, over the first 0.2 mm, friction 0.9). It is the only measured range here that has numbers, so it can be asked which E would give it: tissue of E' under forces f acts as tissue of E under f E / E'.
 """
 
 SIDE_AFTER = """
@@ -98,12 +98,12 @@ BALLS_AFTER = """
 """
 
 TAIL = """
-## What is left out
+## Not modelled
 
 * **Adhesion.** Contact pulls nowhere. Clean glass holds moist skin; the rim then peels instead of opening.
 * **Ridges, layers, fat, fibres.** One smooth, uniform tissue on bone and nail; what stiffens is its geometry and the law of large strains, not fibres.
 * **Time.** No relaxation, creep or hysteresis; friction does not grow while sweat gathers (Dzidek, Bochereau, Johnson, Hayward and Adams 2017, *PNAS* 114: up to 20 s).
-* **Depth.** Stress is off the neo-Hookean law itself by 12 % at 1 mm and 24 % at 2 mm in the linear skin, by 1 % in the neo-Hookean one, which follows it (medians of forty touches); what is dragged far is farther off in linear skin.
+* **Depth.** Stress is off the neo-Hookean law itself by 12 % at 1 mm and 24 % at 2 mm in the linear skin, by 1 % in the neo-Hookean one, which follows it (medians of forty touches); long drags have larger errors in linear skin.
 """
 
 
@@ -203,11 +203,11 @@ def _slip_rows() -> list[tuple[str, str, Cell]]:
     return [
         ("share that sticks against pull, R2 of a straight line", "linear", mean("straight", 3)),
         (
-            "mean distance from the middle, what slips over what sticks, half slipping (annulus around a disc: 1.83)",
+            "mean distance from the middle, slipping over sticking points, half slipping (annulus around a disc: 1.83)",
             "an annulus",
             mean("rim", 2),
         ),
-        ("pull when 48 % slips, over what friction can carry", "noticed there", mean("pull when felt", 2)),
+        ("pull when 48 % slips, over the limit of friction", "noticed there", mean("pull when felt", 2)),
     ]
 
 

@@ -21,7 +21,8 @@ Array = NDArray[np.float64]
 FINGER = FingertipShape()
 DEPTHS = (0.5, 1.0, 1.5)
 PROBE_DEPTHS = (0.3, 1.2, 2.0)
-JUDGED_AT = 1  # of the probes' depths: 1.2 mm
+SOFT_DEPTHS, SOFT_PROBES = (1.0, 2.0), (0.3, 1.2, 1.6, 2.0)  # of neo-Hookean tissue: receptors lie at three of them
+JUDGED_AT = 1  # of the probes' depths, all families': 1.2 mm
 SCALES = (2.0, np.sqrt(2.0), 1.0)  # of a case's meshes, over its gradings
 STEP, NEWTON_STEP = 0.1, 0.25  # longest step of a press, times the scale: of linear tissue, of neo-Hookean
 ASIDE, FRICTION = 0.37, 0.3  # of edges beside the middle, where contact without friction has many answers
@@ -38,6 +39,7 @@ class Family:
         sideways: x of the shape's origin [mm]; where it is not zero the whole finger is meshed.
         friction: of contact. depths: beyond first contact [mm].
         tissue: 'linear' or 'neo_hookean'.
+        probe_depths: below the skin, where stress is read [mm].
         reach: nodes that would be deeper in the last shape than this share of the depth may carry force.
     """
 
@@ -51,6 +53,7 @@ class Family:
     depths: tuple[float, ...] = DEPTHS
     reach: float = 0.05
     tissue: str = LINEAR
+    probe_depths: tuple[float, ...] = PROBE_DEPTHS
 
     @property
     def step(self) -> float:
@@ -78,9 +81,9 @@ class Family:
 
     @cached_property
     def probes(self) -> Array:
-        """Points [mm], depth by depth, shape (3 * len(probe_x) * len(probe_y), 3)."""
+        """Points [mm], depth by depth, shape (len(probe_depths) * len(probe_x) * len(probe_y), 3)."""
         x, y = (a.ravel() for a in np.meshgrid(np.array(self.probe_x) + self.sideways, self.probe_y, indexing="ij"))
-        return np.concatenate([below_skin(x, y, depth) for depth in PROBE_DEPTHS])
+        return np.concatenate([below_skin(x, y, depth) for depth in self.probe_depths])
 
 
 def below_skin(x: Array, y: Array, depth: float) -> Array:
@@ -162,9 +165,21 @@ def _families() -> Iterator[Family]:
     fine = Grading(0.09, 0.9, growth=0.2)
     dot = Gradings(fine, fine, Grading(0.09, 0.3, growth=0.2))
     yield Family("dot", (("Braille dot", Dot(0.72, 0.48)),), dot, tuple(1.5 * SEVEN), tuple(1.5 * SIX))
-    softer = "neo-Hookean ball 5 mm", Ball(5.0)
+    yield from _softer()
+
+
+def _softer() -> Iterator[Family]:
+    """Yield what is pressed into neo-Hookean tissue, as deep as that is trusted without a finding."""
+    flat = Gradings(Grading(0.5, 4.0), Grading(0.5, 5.0), Grading(0.25, 1.0, growth=0.2))
     wide = tuple(2.75 * SEVEN), tuple(2.75 * SIX)
-    yield Family("neo-Hookean ball 5", (softer,), _about(0.42, 2.5), *wide, reach=0.0, tissue=NEO_HOOKEAN)
+    for name, shape, gradings, x, y in (
+        ("ball 5", Ball(5.0), _about(0.42, 2.5), *wide),
+        ("plane", Flat(), flat, tuple(3.6 * SEVEN), tuple(4.2 * SIX)),
+        ("rod 6", Rod(6.0), _along(0.42, 2.5, along=0.5), tuple(3.0 * SEVEN), LENGTHWISE),
+    ):
+        title = f"neo-Hookean {name}"
+        shapes = ((title if isinstance(shape, Flat) else f"{title} mm", shape),)
+        yield Family(title, shapes, gradings, x, y, 0.0, 0.0, SOFT_DEPTHS, 0.0, NEO_HOOKEAN, SOFT_PROBES)
 
 
 def _upright(about: tuple[tuple[float, ...], tuple[float, ...]]) -> Iterator[Family]:

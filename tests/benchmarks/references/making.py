@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from core.parameters.error_bands import LINEAR
 from core.skin.blas import one_thread
 
-from .cases import FAMILIES, FINGER, PROBE_DEPTHS, SCALES, Family, first_contact
+from .cases import FAMILIES, FINGER, SCALES, Family, first_contact
 from .contact import Press, Pressed
 from .hexahedra import graded_fingertip
 from .neo_hookean import NeoHookean, pressed
@@ -134,7 +134,7 @@ def made(family: Family) -> dict[str, dict[str, Any]]:
         del meshed
     out = {}
     for title, of in found.items():
-        own = summary([f.force for f in of], [f.stress for f in of], SCALES, len(PROBE_DEPTHS))
+        own = summary([f.force for f in of], [f.stress for f in of], SCALES, len(family.probe_depths))
         print(f"  {title}: {own['force'][2]} N, own {own['error']}", flush=True)
         place = rounded(of[-1].place, 6)
         out[title] = {"family": family.name, "place": place, **own, "meshes": [f.figures for f in of]}

@@ -14,7 +14,7 @@ from scipy.sparse import coo_array, csr_array
 
 from core.skin.assembly import degrees
 from core.skin.material import Elastic
-from core.tissue.dissection import Dissection, fill_upper
+from tests.exact.dissection import Dissection, fill_upper
 
 from .hexahedra import GAUSS, HexMesh
 

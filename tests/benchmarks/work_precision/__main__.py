@@ -17,7 +17,7 @@ from . import diagram, matched, on_meshes, on_shapes, sliding, slopes, tissues, 
 from .measured import Noise, Panel, blas, machine, panel_of
 
 KEY = "Dashed: what each tissue is off a neo-Hookean finger at that depth. Grey: the reference's own error."
-NO_BLAS = "for one that has its own loops alone, build it: presets/accuracy.md, Time against error"
+NO_BLAS = "for one that has its own loops alone, build it: presets/ACCURACY.md, Time against error"
 PICTURES = {  # of a picture: its diagrams, how many side by side, its title, and what it says
     "contact": ((*on_shapes.CASES, "card"), 3, "Contact, pressed 1 mm deep: time a frame against error", KEY),
     "meshes": (

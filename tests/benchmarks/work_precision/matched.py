@@ -193,7 +193,6 @@ def thimble_components() -> Panel:
     """
     from core.matching.description import DESCRIPTOR_MOVEMENTS
     from core.matching.stress import StressMatcher
-    from core.skin.felt_state import stress_components
     from core.steps import drain
     from core.surrogate.dataset import record
     from core.surrogate.learned import descriptors
@@ -204,7 +203,7 @@ def thimble_components() -> Panel:
 
     panel = Panel("thimble components", "thimble: components of stress", "stress that is left, all of it")
     model = skin("draft")
-    whole = stress_components(model)
+    whole = model.stress_components()
     data = drain(record(device(), contact_of(device(), model, 0.6), DESCRIPTOR_MOVEMENTS))
     paths = [t.forces(model, points=True) for t in (make(TOUCH) for make in (touches.ball_roll, touches.slide))]
     usual = len(descriptors(data, whole).observation_matrix)

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import wave
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -21,6 +22,7 @@ from core.scene.scene_file import load as load_scene
 from core.scene.scene_file import save as save_scene
 from core.scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene, sample_frames
 from core.surface.shapes import sphere
+from core.track import csv
 from core.track.command_track import CommandTrack
 
 ROOT = Path(core.__file__).parents[1]
@@ -180,6 +182,22 @@ def test_presets_from_nowhere_are_refused(tmp_path: Path, verb: str) -> None:
         done = run(*arguments, "--presets", tmp_path / folder, cwd=tmp_path)
         assert done.returncode == 2 and not done.stdout
         assert done.stderr == f"error: {tmp_path / folder}: {words}. Check the path.\n"
+
+
+def test_a_screen_is_exported_as_wav_and_options_of_other_formats_are_refused(tmp_path: Path) -> None:
+    spec = Library().device("electrovibration")
+    values = np.column_stack([np.full(101, 200.0), np.full(101, 60.0)])
+    csv.write(CommandTrack(spec, np.arange(101) / 1000, values, {"finger": "F"}), tmp_path / "s.csv")
+    done = run("export", "s.csv", "--format", "wav", "--wav-rate", "192000", "--wav-gain", "150", cwd=tmp_path)
+    assert done.returncode == 0 and "open loop" in done.stderr
+    with wave.open(str(tmp_path / "s.wav")) as file:
+        assert (file.getframerate(), file.getsampwidth(), file.getnframes()) == (192_000, 3, 19_201)
+    done = run("export", "s.csv", "--format", "wav", "--wav-full-scale", "100", cwd=tmp_path)
+    assert done.returncode == 2 and "beyond full scale" in done.stderr
+    done = run("export", "s.csv", "--format", "wav", "--wav-full-scale", "100", "--wav-clip", cwd=tmp_path)
+    assert done.returncode == 0 and "clipped at full scale" in done.stderr
+    done = run("export", "s.csv", "--format", "json", "--wav-clip", cwd=tmp_path)
+    assert done.returncode == 2 and "--wav-clip" in done.stderr
 
 
 @pytest.mark.parametrize("rate", ["1e12", "1e300"])

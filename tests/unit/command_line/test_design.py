@@ -72,11 +72,11 @@ def test_the_report_comes_as_text_json_picture_and_preset(reported):
     joint = report["joint"]
     percent = joint["rules"]["touch"]["percent"][0]
     assert report["interactions"] == ["flat"] and len(percent) == 3 and percent[2] == 0.0
-    assert report["repetitions"] == [3] and 0.0 < report["scatter_counts"][0] < 0.2 * joint["touch_counts"][0]
+    assert report["repetitions"] == [3] and 0.0 < report["scatter"][0] < 0.2 * joint["touch"][0]
     assert sum(joint["explained"]) == pytest.approx(1.0)
     radii = np.array(joint["pulley_radii_m"])
     assert np.abs(radii).max(axis=0) == pytest.approx(7e-3)  # the largest is the original pulley
-    assert report["reversed_sweep_counts"]["rms"] > 0.0
+    assert report["reversed_sweep"]["rms"] > 0.0
     preset = json.loads((out / "cable_platform_2_motors.json").read_text(encoding="utf-8"))
     from core.devices.spec import from_preset
 

@@ -22,6 +22,8 @@ from core.surrogate.table import SampleTable
 from core.track import csv
 from tests.tables import write_table
 
+FOLLOW = ("follow", "--device", "thimble_3rrs")
+
 
 @pytest.fixture(scope="module")
 def device():
@@ -50,7 +52,7 @@ def test_a_recorded_sequence_becomes_a_track(tmp_path, recorded, capsys):
     rows = [",".join(f"{v:.9g}" for v in [t, *c]) for t, c in zip(times, channels, strict=True)]
     (tmp_path / "felt.csv").write_text("time," + ",".join(f"e{i}" for i in range(19)) + "\n" + "\n".join(rows))
     out = tmp_path / "track.csv"
-    assert main(["thimble", "follow", str(tmp_path / "felt.csv"), "--out", str(out)]) == 0
+    assert main([*FOLLOW, str(tmp_path / "felt.csv"), "--out", str(out)]) == 0
     assert "median mismatch" in capsys.readouterr().out
     track = csv.read(out)
     pressed = np.abs(channels).max(axis=1) > 0.2 * np.abs(channels).max()
@@ -71,7 +73,7 @@ def test_noise_of_an_untouched_sensor_is_no_touch(tmp_path, recorded, capsys):
         tmp_path / "felt.npz",
         {"times": np.arange(len(readings)) / 100.0, "stimuli": readings + rng.normal(0.0, sigma, readings.shape)},
     )
-    arguments = ["thimble", "follow", str(tmp_path / "felt.npz"), "--out", str(tmp_path / "t.csv")]
+    arguments = [*FOLLOW, str(tmp_path / "felt.npz"), "--out", str(tmp_path / "t.csv")]
     assert main(arguments) == 0
     track = csv.read(tmp_path / "t.csv")
     servos = np.degrees(np.stack([track.column(f"servo_{i}") for i in (1, 2, 3)], axis=1))
@@ -90,7 +92,7 @@ def test_findings_are_told(tmp_path, recorded, capsys):
     strong = channels[np.abs(channels).max(axis=1).argmax()]
     readings = np.concatenate([np.zeros((20, len(strong))), np.tile(6 * strong, (20, 1)), np.zeros((20, len(strong)))])
     write_npz(tmp_path / "felt.npz", {"times": np.arange(60) / 100.0, "stimuli": readings})
-    assert main(["thimble", "follow", str(tmp_path / "felt.npz"), "--out", str(tmp_path / "t.csv")]) == 0
+    assert main([*FOLLOW, str(tmp_path / "felt.npz"), "--out", str(tmp_path / "t.csv")]) == 0
     assert "speed holds the match back" in capsys.readouterr().err
     assert main(["check", str(tmp_path / "t.csv")]) == 0
 
@@ -103,7 +105,7 @@ def test_a_recorded_table_takes_the_place_of_the_model(tmp_path, recorded, devic
         SampleTable(x[touched], np.zeros((touched.sum(), 0)), channels[touched], np.arange(touched.sum()) // 5),
     )
     write_npz(tmp_path / "felt.npz", {"times": times, "stimuli": channels})
-    arguments = ["thimble", "follow", str(tmp_path / "felt.npz"), "--out", str(tmp_path / "t.csv")]
+    arguments = [*FOLLOW, str(tmp_path / "felt.npz"), "--out", str(tmp_path / "t.csv")]
     assert main([*arguments, "--table", str(tmp_path / "table.npz")]) == 0
     assert csv.read(tmp_path / "t.csv").meta["method"] == "electrodes"
     write_table(tmp_path / "other.npz", SampleTable(x, np.zeros((len(x), 0)), channels[:, :7], np.zeros(len(x), int)))
@@ -121,13 +123,13 @@ def test_a_recorded_table_takes_the_place_of_the_model(tmp_path, recorded, devic
 def test_recordings_that_are_none_are_refused(tmp_path, recorded, capsys, change, words):
     times, stimuli = change(recorded[0], recorded[2])
     write_npz(tmp_path / "felt.npz", {"times": times, "stimuli": stimuli})
-    assert main(["thimble", "follow", str(tmp_path / "felt.npz"), "--out", str(tmp_path / "t.csv")]) == 2
+    assert main([*FOLLOW, str(tmp_path / "felt.npz"), "--out", str(tmp_path / "t.csv")]) == 2
     assert __import__("re").search(words, capsys.readouterr().err) and not (tmp_path / "t.csv").exists()
 
 
 def test_a_damaged_recording_and_a_foreign_device_are_refused(tmp_path, capsys):
     (tmp_path / "felt.npz").write_bytes(b"PK nothing")
-    assert main(["thimble", "follow", str(tmp_path / "felt.npz"), "--out", str(tmp_path / "t.csv")]) == 2
+    assert main([*FOLLOW, str(tmp_path / "felt.npz"), "--out", str(tmp_path / "t.csv")]) == 2
     assert "cannot be read" in capsys.readouterr().err
     assert main(["thimble", "reach", "--device", "haptip"]) == 2
     assert "not a thimble" in capsys.readouterr().err

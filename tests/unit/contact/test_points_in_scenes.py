@@ -142,7 +142,7 @@ def test_what_comes_later_counts_from_when_it_comes_wherever_it_is_cut(skin: Ski
 
 
 def test_stress_near_the_skin_is_read_from_the_points(skin: SkinModel) -> None:
-    """On a ball of 5 mm the mesh's own stress 0.3 mm deep is a third too small; deeper both come together."""
+    """On a ball of 5 mm the mesh's own stress 0.3 mm deep is a tenth too small; deeper both come together."""
     touch = felt(skin, ball(5e-3), POINTS)
     stimulus = touch.stimulus_at(15)
     smeared, probes = replace(stimulus, points=None).probe_stress, skin.probes
@@ -152,7 +152,7 @@ def test_stress_near_the_skin_is_read_from_the_points(skin: SkinModel) -> None:
         at = probes.depth == depth
         peaks[float(depth)] = [float(-stress[at, 2].min()) for stress in (smeared, stimulus.probe_stress)]
     shallow, deep = peaks[0.3e-3], peaks[2.0e-3]
-    assert shallow[1] > 1.25 * shallow[0] and deep[0] < deep[1] < 1.35 * deep[0]
+    assert 1.05 * shallow[0] < shallow[1] < 1.2 * shallow[0] and deep[1] == pytest.approx(deep[0], rel=0.15), peaks
 
 
 @pytest.mark.parametrize("where", [POINTS, NODES], ids=["points", "nodes"])

@@ -20,12 +20,12 @@ from core.contact.skin_sampler import SkinSampler
 from core.contact.skin_stepper import SkinStepper
 from core.contact.strides import longest
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
+from core.skin.finger_skin import of_tissue
 from core.skin.model import SkinModel, fingertip_skin
 from core.skin.point_forces import PointForces
 from core.skin.surface_store import smooth_pad
 from core.surface import shapes
 from core.surface.gap import Surface
-from core.tissue.finger_skin import of_tissue
 from tests import held_blocks
 from tests.held_blocks import carried, make
 

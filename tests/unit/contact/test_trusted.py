@@ -18,7 +18,6 @@ from core.scene.tactile_scene import Mesh
 from core.skin.model import SkinModel, fingertip_skin
 from core.surface import shapes
 from core.surface.gap import Surface
-from tests.made_up_tissue import made_up
 from tests.stress.case import Dice
 from tests.stress.contacts import Thing, feel, first_touch, skin_of
 from tests.stress.paths import Press, poses, pressing, turned
@@ -69,7 +68,7 @@ def test_who_is_dragged_or_pressed_beyond_is_told_with_the_frame(
 ) -> None:
     from core.contact import trusted as module
 
-    stiff = skin.with_stiffening(made_up(skin, hardening=0.02))
+    stiff = skin.with_law()
     monkeypatch.setattr(module, "error_band", lambda tissue, depth, slide=0.0: _narrow(depth, slide))
     trusted.cache_clear()
     try:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from core.design import collect as collecting
+from core.design.answer import knee_of
 from core.design.collect import collect, reversed_spread
 from core.design.interactions import EXPECTED, NAMES, Wobble, interaction, plane_poses
-from core.design.report import knee_of
 from core.design.trial import Verdict, exceptions, felt, sense
 from core.errors import DermisError
 from core.matching.platforms import original_key

@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 from core.design import task
+from core.design.answer import design
 from core.design.collect import collect
 from core.design.coupled_preset import preset
 from core.design.interactions import interaction
-from core.design.recordings import Recording, read_table
-from core.design.report import as_text, design
+from core.design.recorded_table import read_table
+from core.design.recordings import Recording
+from core.design.report import as_text
 from core.design.synergies import reduce
 from core.devices.coupling import coupling_of
 from core.devices.spec import from_preset
@@ -79,7 +81,7 @@ def test_a_scene_is_felt_by_its_fingers_own_skin(skin, tmp_path):
     for name in ("plain", "soft"):
         made = run(tmp_path / f"{name}.npz", "--rows", 512, "--json", "--quiet", cwd=tmp_path)
         assert made.returncode == 0, made.stderr
-        said[name] = json.loads(made.stdout)["joint"]["error_counts"]
+        said[name] = json.loads(made.stdout)["joint"]["error"]
     assert said["plain"] != said["soft"]
     for arguments in (
         (tmp_path / "plain.npz", tmp_path / "soft.npz", "--skin", "index_medium"),

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.design.recordings import read_recording, read_table, same_channels
+from core.design.recorded_table import read_table, rest_finding
+from core.design.recordings import read_recording, same_channels
 from core.design.task import read_sensed
 from core.errors import DermisError
+from core.number_rows import Line, numbers_of
 
 NAMES = [f"e{i + 1}" for i in range(19)] + ["pressure"]
 
@@ -35,6 +37,18 @@ def write(tmp_path):
         return path
 
     return put
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t", ", "])
+@pytest.mark.parametrize("where", ["all", "rows", "names", "some rows"])
+@pytest.mark.parametrize("newline", ["\n", "\r\n"])
+def test_separators_at_the_ends_of_lines_part_nothing(write, separator, where, newline):
+    lines = recording(counts(), separator=separator).splitlines()
+    chosen = {"all": range(len(lines)), "rows": range(1, len(lines)), "names": [0], "some rows": [3, 8]}[where]
+    ended = [line + separator if i in chosen else line for i, line in enumerate(lines)]
+    found = read_recording(write("\ufeff" + newline.join(ended) + newline))
+    np.testing.assert_array_equal(found.readings, read_recording(write("\n".join(lines))).readings)
+    assert found.channels == tuple(NAMES)
 
 
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
@@ -121,11 +135,8 @@ BAD = {
     "saturated": (saturated(), "e8: the channel is saturated .*20 % of the time"),
     "lengths": ("\n".join(recording().splitlines()[:5] + ["0.9,1,2,3"]), "line 6: the line has another length .*4 val"),
     "transposed": (transposed(), "the file is transposed"),
-    "trailing": ("\n".join(line + "," for line in recording().splitlines()), "lines end with a separator"),
-    "trailing later": (
-        "\n".join([*recording().splitlines()[:7], recording().splitlines()[7] + ","]),
-        "line 8: the line ends with a separator",
-    ),
+    "no name": (recording().replace("e8", "", 1), "a column has no name .*column 9"),
+    "last cell": (recording().rsplit(",", 1)[0] + ",\n", "not a number"),
     "nan": (changed(3, 2, "nan"), "line 4, e2: a value is not finite"),
     "text": (changed(3, 2, "oops"), "line 4, e2: not a number .*oops"),
     "empty cell": (changed(3, 2, ""), "line 4, e2: not a number"),
@@ -209,10 +220,54 @@ def rows(count=40, motors=3, still=5):
 def test_a_recorded_table_collapses_the_rows_that_read_alike_to_one_rest_row(write):
     commands, readings = rows()
     path = write(text(np.column_stack([commands, readings]), ("m1", "m2", "m3", *NAMES)))
-    table = read_table(path, np.full(3, 2.0))
+    table = read_table(path, np.full(3, 2.0), at_rest=commands[0])
     assert len(table.commands) == 36 and table.meta["rest_rows"] == 5
     np.testing.assert_array_equal(table.readings[table.rest], readings[0])
     np.testing.assert_allclose(table.commands[table.rest], commands[0], rtol=1e-5)
+
+
+def test_rest_is_the_row_nearest_to_the_device_at_rest_or_what_a_person_says(write):
+    """The row with the least last channel was taken: another order of the channels, another rest."""
+    commands, readings = rows(still=1)
+    names = ("m1", "m2", "m3", *NAMES)
+    readings[7, -1] = 1  # least pressure
+    order = np.random.default_rng(4).permutation(20)
+    for channels in (np.arange(20), order):
+        path = write(text(np.column_stack([commands, readings[:, channels]]), (*names[:3], *np.array(NAMES)[channels])))
+        table = read_table(path, np.full(3, 2.0), at_rest=commands[3])
+        np.testing.assert_allclose(table.commands[table.rest], commands[3], rtol=1e-5)
+        (said,) = rest_finding(table)
+        assert said.code == "rest-guessed" and said.value == "line 5"
+        told = read_table(path, np.full(3, 2.0), at_rest=commands[3], rest_rows=(11, 12, 13))
+        rest = told.commands[told.rest]
+        assert min(np.abs(rest - commands[i]).max() for i in (10, 11, 12)) < 1e-5
+        assert len(told.commands) == 38 and told.meta["rest_rows"] == 3 and rest_finding(told) == ()
+    with pytest.raises(DermisError, match="no such row of rest .*allowed: 1 to 40"):
+        read_table(path, np.full(3, 2.0), rest_rows=(41,))
+
+
+def test_rest_of_a_recording_tells_its_noise_and_moves_it_to_the_tables(write):
+    rng = np.random.default_rng(5)
+    values = 1000.0 + 300.0 * np.sin(np.arange(400) / 9.0)[:, None] * np.linspace(0.2, 1.0, 20)
+    values[:100] = 1000.0
+    values += rng.normal(0.0, 2.0, values.shape)
+    path = write(recording(values))
+    assert read_recording(path, (0.0, 0.99)).noise == pytest.approx(2.0, rel=0.05)
+    rest = np.full(20, 1500.0)
+    moved = read_recording(path, (0.0, 0.99)).tared(rest)
+    np.testing.assert_allclose(moved[:100].mean(axis=0), rest)
+    np.testing.assert_allclose(moved - moved[0], values - values[0], atol=0.02)
+    np.testing.assert_array_equal(read_recording(path).tared(rest), read_recording(path).readings)
+    with pytest.raises(DermisError, match="too few samples at rest .*allowed: >= 2, within 0 to 3.99 s"):
+        read_recording(path, (7.0, 8.0))
+
+
+def test_a_gap_is_refused_with_its_row(write):
+    values = counts()
+    times = np.arange(50) / 100
+    times[20:] += 0.5
+    with pytest.raises(DermisError, match=r"line 22, column 1 'time': samples are missing .*0.51 s without one"):
+        read_recording(write(text(np.column_stack([times, values]))))
 
 
 def test_bad_tables_are_refused(write):
@@ -230,3 +285,54 @@ def test_bad_tables_are_refused(write):
     frozen[:, 1] = 1.0
     with pytest.raises(DermisError, match="a motor never moves .*m2"):
         read_table(write(text(np.column_stack([frozen, readings]), names)), np.ones(3))
+
+
+def test_a_clock_that_goes_on_in_another_unit_is_refused_with_its_row(write):
+    """Seconds, and then milliseconds: most samples were far apart, so none was missing."""
+    values = counts(200)
+    times = np.arange(200) / 100
+    times[70:] = times[69] + (times[70:] - times[69]) * 1000.0
+    with pytest.raises(DermisError, match=r"line 3, column 1 'time_s': the time between samples changes.*10 s apart"):
+        read_recording(write(text(np.column_stack([times, values]), ("time_s", *NAMES))))
+    seldom = np.column_stack([np.arange(200) * 10.0, values])
+    assert len(read_recording(write(text(seldom, ("time_s", *NAMES)))).times) == 200, "as seldom all along"
+
+
+@pytest.mark.parametrize("factor", [1000.0, 1e-3])
+@pytest.mark.parametrize("row", [8, 25, 32])
+def test_a_table_that_goes_on_in_another_unit_is_refused_with_its_row(write, factor, row):
+    commands, readings = rows(still=1)
+    other = readings * np.where(np.arange(40) >= row, factor, 1.0)[:, None]
+    names = ("m1", "m2", "m3", *NAMES)
+    with pytest.raises(DermisError, match=rf"line {row + 2}, all channels: the unit of the readings changes"):
+        read_table(write(text(np.column_stack([commands, other]), names)), np.full(3, 2.0))
+    rested = readings.astype(float)
+    rested[:12] = np.random.default_rng(3).normal(0.0, 1.0, (12, 20))  # a tared sensor, untouched at first
+    rested[20, :4] = 0.5  # and a light touch, of some electrodes
+    assert len(read_table(write(text(np.column_stack([commands, rested]), names)), np.full(3, 2.0)).commands) > 30
+
+
+def test_a_number_with_an_underscore_is_none(write):
+    content = recording(counts())
+    lines = content.splitlines()
+    lines[9] = lines[9].replace(lines[9].split(",")[3], "1_0", 1)
+    with pytest.raises(DermisError, match="line 10, e3: not a number .*1_0"):
+        read_recording(write("\n".join(lines) + "\n"))
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t", ""])
+def test_numbers_read_all_at_once_are_those_of_every_line(separator):
+    """To the last bit, whatever their form; where one line is another matter, all are left to be looked at."""
+    rng = np.random.default_rng(8)
+    drawn = [10.0 ** rng.uniform(-300, 300) * rng.normal() for _ in range(400)]
+    cells = [repr(v) for v in drawn] + ["0", "-0.0", "1e5", "+7", ".5", "5.", "nan", "inf", "-Infinity", " 3 "]
+    cells = [cell.strip() if not separator else cell for cell in cells] + ["12", "4"]
+    joined = separator or " "
+    lines = [Line(i + 1, joined.join(cells[4 * i : 4 * i + 4]), separator) for i in range(len(cells) // 4)]
+    found = numbers_of(lines, 4)
+    assert found is not None
+    np.testing.assert_array_equal(found, np.array([line.numbers() for line in lines]))
+    for odd in ("1_0", "0x10", "1d5", "a", '"3"', "1,5" if separator != "," else "1;5", ""):
+        other = Line(99, joined.join(["1", "2", odd, "4"][: 4 if odd or separator else 2]), separator)
+        assert numbers_of([*lines, other], 4) is None, odd
+    assert numbers_of(lines, 5) is None and numbers_of([*lines, Line(99, "1", separator)], 4) is None

@@ -10,8 +10,8 @@ import pytest
 
 from core.design import coupled_preset, report
 from core.design import picture as picture
+from core.design.answer import Design, design
 from core.design.repetitions import scatter
-from core.design.report import Design, design
 from core.design.synergies import RULES, components, knee, reduce, rendering_error
 from core.devices.coupling import coupling_of
 from core.devices.spec import from_preset
@@ -215,7 +215,7 @@ def test_the_report_says_it_in_words_numbers_and_a_picture(answered, tmp_path):
     text = report.as_text(answered)
     assert "\n1 motor: the fewest that lose less than 10 % of the touch" in text and "mean over interactions" in text
     figures = json.loads(json.dumps(report.as_json(answered), allow_nan=False))
-    assert figures["format"] == 2 and figures["joint"]["rules"]["touch"]["motors"] == 1
+    assert figures["format"] == 3 and figures["joint"]["rules"]["touch"]["motors"] == 1
     radii = np.array(figures["joint"]["pulley_radii_m"])
     assert radii.shape == (3, 1) and np.abs(radii).max() == pytest.approx(0.007)
     directions = answered.joint.components.directions[:, 0]

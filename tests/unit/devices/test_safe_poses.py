@@ -69,7 +69,7 @@ def retracted(spec: DeviceSpec) -> Any:
 
 
 def test_every_worn_preset_states_a_safe_value_for_every_actuator() -> None:
-    assert len(WORN_KEYS) == 5 and {LIBRARY.device(k).kind for k in WORN_KEYS} == {
+    assert len(WORN_KEYS) == 6 and {LIBRARY.device(k).kind for k in WORN_KEYS} == {
         name for name, kind in KINDS.items() if kind.worn
     }
     for key in WORN_KEYS:
@@ -208,6 +208,7 @@ def test_how_long_the_way_takes() -> None:
         "haptip": 24 / 2300,
         "pin_array_128": 0.0,
         "electrovibration": 0.0,
+        "voice_coil": 0.0,
     }
     assert seconds == pytest.approx(told)
     preset = LIBRARY.load("devices", "haptip")

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import mpmath
 import numpy as np
 import pytest
 
+from core.effects import texture
 from core.effects.texture import coordinates, displacement, held_direction, tangential
 from core.errors import DermisError
 
@@ -110,3 +112,31 @@ def test_impossible_period_is_refused() -> None:
     with pytest.raises(DermisError, match="period"):
         displacement(np.zeros((1, 2)), np.ones((1, 3)), 1.0, (0.1, 0.0), (0.0, 0.0))
     assert not displacement(np.full((1, 2), math.pi), np.ones((1, 3)), 1.0, (0.0, 0.0), (0.0, 0.0)).any()
+
+
+# -- setting in and fading
+
+
+def test_easing_goes_on_across_windows_wherever_they_are_cut() -> None:
+    n, t = 40, np.arange(600)
+    felt = ((t > 50) & (t < 75)) | ((t > 200) & (t < 330)) | (t > 345) & (t < 500)
+    values = np.where(felt, np.sin(0.3 * t + 0.4), 0.0)
+    whole, _ = texture.eased(values, felt, n, None, 0)
+    for cuts in ([0, 210, 600], [0, 1, 61, 76, 80, 331, 332, 344, 346, 350, 600], [0, *range(7, 600, 7), 600]):
+        before, parts = None, []
+        for start, end in itertools.pairwise(cuts):
+            more = min(end + 30, 600)  # a window reaches beyond the sample at which the next one goes on
+            part, before = texture.eased(values[start:more], felt[start:more], n, before, end - start)
+            parts.append(part[: end - start])
+        assert np.array_equal(np.concatenate(parts), whole)
+
+
+def test_an_eased_texture_is_itself_in_the_middle_and_nowhere_jumps() -> None:
+    n, t = 40, np.arange(600)
+    felt = (t > 200) & (t < 400)
+    values = np.where(felt, np.sin(0.1 * t + 1.0), 0.0)
+    whole, _ = texture.eased(values, felt, n, None, 0)
+    assert np.array_equal(whole[241:400], values[241:400])
+    assert not whole[:201].any() and not whole[439:].any() and whole[400:430].any()
+    assert np.abs(np.diff(whole)).max() < 0.17 and np.abs(np.diff(whole, 2)).max() < 0.05
+    assert np.abs(np.diff(values)).max() > 0.5

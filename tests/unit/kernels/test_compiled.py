@@ -9,6 +9,7 @@ import shutil
 import struct
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,27 @@ import pytest
 
 import build_addon
 from core.kernels import building, library
-from tests.kernel_arrays import GIVEN, Arrays, Contact, drawn, drawn_contact, gcc, opened
+from tests.kernel_arrays import (
+    GIVEN,
+    Arrays,
+    Contact,
+    Law,
+    Pieces,
+    Points,
+    Rest,
+    Survey,
+    drawn,
+    drawn_contact,
+    drawn_law,
+    drawn_pieces,
+    drawn_points,
+    drawn_rest,
+    drawn_survey,
+    gcc,
+    opened,
+)
+
+from .remote_library import RemoteLibrary
 
 ROOT = Path(__file__).resolve().parents[3]
 LINUX = sys.platform.startswith("linux") and platform.machine() == "x86_64"
@@ -32,7 +53,7 @@ void set_control(unsigned bits) { __builtin_ia32_ldmxcsr(bits); }
 ROUND_UP, FLUSH, ZERO = 0x4000, 0x8000, 0x0040  # towards infinity, denormal results to zero, denormal operands are zero
 
 
-def answers(own: ctypes.CDLL) -> list[bytes]:
+def answers(own: ctypes.CDLL | RemoteLibrary) -> list[bytes]:
     """Return a library's answers for arrays of all kinds."""
     out = []
     for arrays in cases():
@@ -41,9 +62,12 @@ def answers(own: ctypes.CDLL) -> list[bytes]:
     return out
 
 
-def cases() -> list[Arrays | Contact]:
+def cases() -> list[Arrays | Contact | Survey | Law | Rest | Pieces | Points]:
     """Return arrays of all kinds for all functions."""
-    return [drawn(seed) for seed in range(0, 40, 3)] + [drawn_contact(seed) for seed in range(20)]
+    surveys = [drawn_survey(seed) for seed in range(12)]
+    tissue = [*map(drawn_law, range(20)), *map(drawn_rest, range(6))]
+    pads = [*surveys, *map(drawn_pieces, range(6)), *map(drawn_points, range(8))]
+    return [*(drawn(seed) for seed in range(0, 40, 3)), *(drawn_contact(seed) for seed in range(20)), *tissue, *pads]
 
 
 @pytest.fixture(scope="module")
@@ -158,7 +182,28 @@ def sanitized(path: str, short: bool = False) -> None:
             array = getattr(contact, name)
             array.flat[rng.integers(0, array.size)] = rng.choice(bad)
         refused += any(contact.call(own))
-    assert 0 < refused < 200
+        survey = drawn_survey(seed)
+        for name in ("positions", "normals", "sides", "limits", "raised", "load") if seed % 2 else ():
+            array = getattr(survey, name)
+            if array.size:
+                array.flat[rng.integers(0, array.size)] = rng.choice(bad)
+        refused += any(survey.call(own, **({"filled": 2} if seed % 5 == 0 else {})))
+        law = drawn_law(seed)
+        if seed % 2:
+            law.moved.flat[rng.integers(0, law.moved.size)] = rng.choice(bad)
+        if seed % 5 == 0:
+            law.corners.flat[rng.integers(0, law.corners.size)] = rng.integers(-(2**31), 2**31)
+        refused += any(law.call(own))
+        rest = drawn_rest(seed)
+        rest.force.flat[rng.integers(0, rest.force.size)] = rng.choice(bad)
+        refused += any(rest.call(own))
+        pieces, points = drawn_pieces(seed), drawn_points(seed)
+        pieces.sides.flat[rng.integers(0, pieces.sides.size)] = rng.choice(bad)
+        refused += any(pieces.call(own))
+        if seed % 3 == 0:
+            points.cells[rng.integers(0, len(points.cells))] = rng.choice([-1, points.tiles.count, 2**62])
+        refused += any(points.call(own))
+    assert 0 < refused < 600
     print("tried; refused", refused)
 
 
@@ -218,22 +263,19 @@ def test_windows_library_needs_no_other_one_and_runs(zig: list[str], tmp_path: P
     assert machine == 0x8664 and flags & 0x2000 and imports == (0, 0)
     if WINE is None:
         pytest.skip("THE WINDOWS LIBRARY IS NOT RUN: apt-get install wine64")
-    program = tmp_path / "load_dll.exe"
-    source = Path(__file__).with_name("load_dll.c")
-    command = [*zig, "cc", "-target", "x86_64-windows-gnu", "-std=c11", "-O1", "-nostdlib", f"-I{building.FOLDER}"]
+    program = tmp_path / "calls_dll.exe"
+    source = Path(__file__).with_name("calls_dll.c")
+    command = [*zig, "cc", "-target", "x86_64-windows-gnu", "-std=c11", "-O1", "-nostdlib"]
     subprocess.run([*command, str(source), "-lkernel32", "-o", str(program)], check=True)
     shutil.copyfile(path, tmp_path / "kernels.dll")
     variables = {**os.environ, "WINEPREFIX": str(tmp_path / "wine"), "WINEDEBUG": "-all"}
-    for arrays, answer in zip(cases(), wanted, strict=True):
-        if arrays.table.slivers is not None:
-            continue
-        table, topology, n = arrays.table, arrays.topology, len(arrays.points)
-        sizes = np.array([table.usable.size, arrays.count, arrays.depth, len(arrays.boxes), n, len(arrays.vertices)])
-        kinds = topology.corners, topology.across, topology.edge_kind, topology.vertex_kind
-        flags = np.array([topology.closed, len(arrays.part), len(arrays.slab)], dtype=np.int64)
-        parts = sizes, table.rows, table.bounds, arrays.order, np.array(arrays.limit), arrays.points
-        parts += *kinds, flags, arrays.part, arrays.slab
-        (tmp_path / "in.bin").write_bytes(b"".join(part.tobytes() for part in parts))
-        subprocess.run([WINE, str(program)], cwd=tmp_path, env=variables, check=True, timeout=300)
-        told = (tmp_path / "out.bin").read_bytes()
-        assert told == answer[-len(told) :] and len(told) > 1000
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen([WINE, str(program)], cwd=tmp_path, env=variables, **pipes) as process:
+        watch = threading.Timer(300.0, process.kill)
+        watch.start()
+        try:
+            assert answers(RemoteLibrary(process)) == wanted
+        finally:
+            watch.cancel()
+            process.stdin.close()
+    assert process.returncode == 0

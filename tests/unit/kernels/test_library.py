@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import ctypes
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from core.errors import DermisError
-from core.kernels import building, library, records
+from core.kernels import COPIES, building, library, records
 from core.surface.gap import Surface
 
 HERE = building.this_platform()
@@ -135,29 +136,56 @@ def test_one_whose_records_differ_is_refused(change: str, monkeypatch: pytest.Mo
         other = type("QueryRecord", (ctypes.Structure,), {"_fields_": fields})
         if change == "order":
             assert ctypes.sizeof(other) == ctypes.sizeof(records.QueryRecord)
-        monkeypatch.setattr(records, "QueryRecord", other)
+        changed = [(name, other if name == "query" else record) for name, record in records.RECORDS]
+        monkeypatch.setattr(records, "RECORDS", tuple(changed))
     with pytest.raises(DermisError, match="of another version of Dermis"):
         library.Kernels(own_library())
 
 
-def test_on_windows_a_copy_is_loaded_and_others_go(tmp_path: Path) -> None:
-    """The original is never locked, so that an update can remove it; a damaged copy is made again."""
+@pytest.fixture
+def copies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder of copies, as the extension names it."""
+    monkeypatch.setenv(COPIES, str(tmp_path / "copies"))
+    library._loaded.cache_clear()
+    yield tmp_path / "copies"
+    monkeypatch.undo()
+    library._loaded.cache_clear()
 
-    def made(content: bytes) -> Path:
-        path = tmp_path / f"dermis-windows-x64-{building.of_content(content)}.dll"
-        path.write_bytes(content)
-        return path
 
-    original, folder = made(b"one"), tmp_path / "own"
-    first = library.copied(original, folder)
-    assert first.parent == folder and first.read_bytes() == b"one" and library.copied(original, folder) == first
-    first.write_bytes(b"damaged")
-    assert library.copied(original, folder).read_bytes() == b"one"
-    second = library.copied(made(b"two"), folder)
-    assert second != first and second.read_bytes() == b"two"
-    assert list(folder.iterdir()) == [second]
-    own = library.Kernels(library.copied(own_library(), folder))
-    assert own.path.parent == folder
+def test_a_copy_is_loaded_where_the_extension_names_a_folder(copies: Path) -> None:
+    """The original is never locked, so that an update can replace it; other versions' copies go."""
+    original = own_library()
+    assert original.parent == copies
+    library._loaded.cache_clear()
+    original.unlink()  # not written over: this process has it loaded
+    original.write_bytes(b"damaged")
+    old = copies / f"dermis-{HERE}-0123-{building.of_content(b'old')}{original.suffix}"
+    old.write_bytes(b"old")
+    assert building.whole(own_library()) and list(copies.iterdir()) == [original]
+
+
+def test_a_folder_of_copies_that_cannot_be_written_leaves_the_original(copies: Path) -> None:
+    copies.write_text("no folder")
+    assert own_library().parent != copies and library.have_kernels()
+
+
+def test_a_copy_that_is_locked_stays(copies: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stand-in for Windows, which does not let a loaded file go; the next start tries again."""
+    copies.mkdir()
+    old = copies / f"dermis-{HERE}-0123-{building.of_content(b'old')}{building.TARGETS[HERE].suffix}"
+    old.write_bytes(b"old")
+    unlink = Path.unlink
+
+    def locked(path: Path, missing_ok: bool = False) -> None:
+        if path == old:
+            raise PermissionError(13, "The process cannot access the file: it is being used by another process")
+        unlink(path, missing_ok)
+
+    monkeypatch.setattr(Path, "unlink", locked)
+    assert own_library().parent == copies and old.is_file()
+    monkeypatch.setattr(Path, "unlink", unlink)
+    library._loaded.cache_clear()
+    assert own_library().parent == copies and not old.exists()
 
 
 def test_a_compiler_that_fails_is_told(tmp_path: Path) -> None:

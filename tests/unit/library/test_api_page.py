@@ -1,4 +1,4 @@
-"""The page of the public interface is the docstrings': `build_addon.py docs` makes it, and that of parameters."""
+"""The pages that `build_addon.py docs` writes are current: public interface, parameters and command line."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PAGE = ROOT / "core" / "API.md"
 
 def test_the_pages_are_current(tmp_path: Path) -> None:
     assert build_addon.main(["docs", "--out", str(tmp_path)]) == 0
-    for name in ("API.md", "PARAMETERS.md"):
+    for name in build_addon.DOCS:
         made, kept = ((folder / name).read_text(encoding="utf-8") for folder in (tmp_path, PAGE.parent))
         assert made == kept, "write it anew: python3 build_addon.py docs"
 

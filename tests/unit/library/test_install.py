@@ -64,7 +64,7 @@ def test_a_wheel_holds_the_engine_the_presets_and_the_licence(wheel: Path) -> No
         assert archive.read("dermis/built_in/devices/haptip.json") == (presets / "devices/haptip.json").read_bytes()
     assert {n for n in names if n.startswith("dermis/")} == wanted
     assert any(n.endswith("/LICENSE") for n in names)
-    assert f"\nVersion: {build_addon.manifest_value('version')}\n" in about
+    assert f"\nVersion: {build_addon.zips.manifest_value('version')}\n" in about
     assert "\nLicense-Expression: GPL-3.0-or-later\n" in about and "\nRequires-Python: >=3.11\n" in about
 
 
@@ -85,7 +85,7 @@ def test_it_touches_matches_and_works_in_children(installed: Installed) -> None:
         "    touch.resultant.tolist(), len(pins.commands), pins.optimality, back]))\n"
     )
     version, presets, broken, force, commands, optimality, back = told
-    assert version == build_addon.manifest_value("version")
+    assert version == build_addon.zips.manifest_value("version")
     assert presets == [len(list((ROOT / "presets" / g).glob("*.json"))) for g in ("devices", "materials", "skins")]
     assert not broken and commands == 128 and optimality < 1e-9
     assert force[2] > 0.1 and back is True, "a child made the same skin"
@@ -107,7 +107,7 @@ def test_without_a_library_in_the_sources_it_is_compiled(sources: Path, tmp_path
 
 
 def test_it_has_a_command_line(installed: Installed) -> None:
-    assert installed.run("-m", "dermis", "--version") == f"dermis {build_addon.manifest_value('version')}\n"
+    assert installed.run("-m", "dermis", "--version") == f"dermis {build_addon.zips.manifest_value('version')}\n"
     assert installed.run("-m", "dermis", "--help").startswith("usage: python -m dermis")
 
 

@@ -106,7 +106,14 @@ def test_poses_come_back_in_any_unit_of_the_channels(tmp_path, unit, capsys):
     write_table(tmp_path / "table.npz", recording(unit))
     x = press(101, 40)
     write_npz(tmp_path / "felt.npz", {"times": np.arange(len(x)) / 25.0, "stimuli": unit * felt(x)})
-    arguments = ["thimble", "follow", str(tmp_path / "felt.npz"), "--table", str(tmp_path / "table.npz")]
+    arguments = [
+        "follow",
+        "--device",
+        "thimble_3rrs",
+        str(tmp_path / "felt.npz"),
+        "--table",
+        str(tmp_path / "table.npz"),
+    ]
     assert main([*arguments, "--out", str(tmp_path / "t.csv"), "--noise", "0"]) == 0
     told = capsys.readouterr()
     assert "surrogate was wrong" not in told.err

@@ -66,7 +66,7 @@ def probe_observation(skin, points):
     for i in range(3 * skin.pad_count):
         unit = np.zeros(3 * skin.pad_count)
         unit[i] = 1.0
-        columns.append(probes.read(skin.mesh, skin.stress(unit)).ravel())
+        columns.append(probes.read(skin.stress(unit)).ravel())
     return np.array(columns).T
 
 
@@ -84,7 +84,7 @@ def test_a_reachable_target_of_another_mesh_is_recovered(device):
     probes = probes_at(fine.mesh, points)
     path = device_path(16)
     forces = made_by_device(fine, device, path)
-    targets = np.array([probes.read(fine.mesh, fine.stress(f)).ravel() for f in forces])
+    targets = np.array([probes.read(fine.stress(f)).ravel() for f in forces])
     found = match_stimuli(StressMatcher(device, contact_of(device, skin.on_nodes, 0.6), coarse), targets)
     pressed = forces[:, :, 2].sum(axis=1) > 0.15
     assert pressed.sum() >= 14

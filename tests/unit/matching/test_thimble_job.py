@@ -26,6 +26,7 @@ def asked(folder: Path, **more: object) -> dict[str, object]:
 
 
 def test_nothing_is_computed_after_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("core.matching.thimble._tables", Recent(1))  # what earlier tests made is not in this cache
     job = InlineExecutor().submit("thimble", {}, asked(tmp_path))
     assert job.exception() is None and job.progress() == (3, 3)
     library, cache = Library(), Cache(tmp_path, 10**9)

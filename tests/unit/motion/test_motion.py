@@ -169,3 +169,19 @@ def test_what_cannot_be_a_motion_is_refused() -> None:
         Motion(np.array([0.0, 1.0]), poses(np.full((2, 3), np.nan)))
     with pytest.raises(DermisError, match="scale 0"):
         rotations(np.diag([1.0, 0.0, 1.0])[None])
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 8, 40])
+def test_motions_that_are_solved_together_are_the_same_to_the_bit(count: int) -> None:
+    rng = np.random.default_rng(count)
+    times, at = np.cumsum(rng.uniform(0.5, 1.0, count)), np.linspace(0.0, count, 57)
+    several = np.stack([poses(rng.normal(size=(count, 3))) for _ in range(4)])
+    turning = rng.normal(size=(4, 1, 4)) + 0.1 * rng.normal(size=(4, count, 4))
+    several[:, :, :3, :3] = 1.3 * matrices(turning.reshape(-1, 4)).reshape(4, count, 3, 3)
+    several[1, :, :3, :3] = several[1, 0, :3, :3]  # it only moves
+    several[2] = several[2, 0]  # it stands
+    for alone, beside in zip(several, Motion.several(times, several), strict=True):
+        one, other = Motion(times, alone).at(at), beside.at(at)
+        assert one.turns == other.turns
+        for name in ("position", "velocity", "acceleration", "rotation", "angular_velocity"):
+            assert getattr(one, name).tobytes() == getattr(other, name).tobytes(), name

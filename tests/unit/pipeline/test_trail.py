@@ -25,6 +25,7 @@ WHOLE = 1000  # samples that settle: nothing is carried on, all is computed anew
 # path's spline bends at its end once the next sample is known. What weighs is how an effect is made of the path: places
 # change least, speeds more, accelerations most.
 TOLERANCE = {"texture": 1e-3, "tap": 2e-3, "weight": 0.06, "gravity": 1e-9, "pattern": 1e-9}
+TOLERANCE |= {"coil": 0.02, "coil tap": 0.02}
 TOLERANCE |= {"pendulum": 1e-3, "slosh": 5e-3, "loose": 0.02, "slope": 1e-3, "height": 1e-3, "mesh": 0.02}
 # ... and where the path has settled.
 SETTLED = 0.01
@@ -92,10 +93,15 @@ def swung(**parameters: Any) -> dict[str, Any]:
 
 RINGING = {"transient_decay": 12.0, "transient_frequency": 20.0}
 TACTOR, HARD = DeviceUse("haptip", {"auto_range": False}), {"texture_speed_threshold": 0.0, "friction": 0.5}
+COIL = DeviceUse("voice_coil")
 MESH = {"relief": "mesh", "scale_mode": "manual", "scale": 300.0}
 SCENES = {
     "texture": scene_of(TACTOR, plate(texture_on=True, texture_amplitude_x=0.5, texture_period_x=4e-3, **HARD)),
     "tap": scene_of(TACTOR, plate(transient_on=True, transient_amplitude=5.0, **RINGING)),
+    "coil": scene_of(COIL, plate(texture_on=True, texture_amplitude_x=0.5, texture_period_x=4e-4, **HARD)),
+    "coil tap": scene_of(
+        COIL, plate(transient_on=True, transient_amplitude=5.0, **RINGING | {"transient_frequency": 90.0})
+    ),
     "weight": scene_of(TACTOR, swung(weight_gravity=0.0, weight_acceleration=0.5), held=True),
     "gravity": scene_of(TACTOR, swung(weight_gravity=0.05, weight_acceleration=0.0), held=True),
     "pattern": scene_of(TACTOR, plate(), pattern="orientation", pattern_play=1.0, pattern_repeat=True),
@@ -116,7 +122,7 @@ SCENES = {
 def test_what_is_played_is_what_is_baked(name: str) -> None:
     scene = SCENES[name]
     (baked,) = run(as_baked(scene)).outputs
-    shown = [c.name in ("tactor_x", "tactor_y", "amplitude") for c in baked.track.channels]
+    shown = [c.name in ("tactor_x", "tactor_y", "amplitude", "voltage") for c in baked.track.channels]
     trail, newest, settled = Trail(scene, Library()), [], []
     moved = np.abs(baked.track.values[:, shown]).max()
     for k, chunk in enumerate(scene.chunks):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import threading
 
 import pytest
 
@@ -26,6 +27,28 @@ def test_count_is_held_and_restored_even_after_an_error() -> None:
                 assert set(counts().values()) == {1}
             assert set(counts().values()) == {1}, "the inner one gives back what it found"
             1 / 0  # noqa: B018
+        assert counts() == before
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="wheels elsewhere may use another BLAS")
+def test_a_block_of_another_thread_keeps_the_count_until_it_ends_too() -> None:
+    inside, done = threading.Event(), threading.Event()
+
+    def hold() -> None:
+        with one_thread():
+            inside.set()
+            done.wait(10)
+
+    with pools().limit(limits=2):
+        before, other = counts(), threading.Thread(target=hold)
+        with one_thread():
+            other.start()
+            assert inside.wait(10)
+        assert set(counts().values()) == {1}, "the other one goes on"
+        done.set()
+        other.join(10)
+        with one_thread():
+            assert set(counts().values()) == {1}
         assert counts() == before
 
 

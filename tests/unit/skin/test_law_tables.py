@@ -17,7 +17,7 @@ from core.skin.law_tables import KEPT, LawTables
 from core.skin.mesh import TetraMesh
 from core.skin.model import SkinModel, fingertip_skin, mesh_skin
 from core.skin.stimulus import Stimulus
-from core.tissue.neo_hookean import NeoHookean
+from tests.exact.neo_hookean import NeoHookean
 from tests.problems import cube_mesh
 
 Floats32 = NDArray[np.float32]

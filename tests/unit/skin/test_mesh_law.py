@@ -13,7 +13,7 @@ from core.skin.fingertip import fingertip_mesh
 from core.skin.material import Elastic, lame
 from core.skin.mesh import TetraMesh
 from core.skin.mesh_law import FLATTEST, MeshLaw
-from core.tissue.neo_hookean import NeoHookean
+from tests.exact.neo_hookean import NeoHookean
 from tests.problems import cube_mesh
 
 Array = NDArray[np.float64]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import threading
+import time
+
 import numpy as np
 
 from core.skin.row_table import RowTable
@@ -41,3 +44,29 @@ def test_rows_that_are_made_together_do_not_depend_on_who_asked_before():
     assert all(len(rows) == 8 and rows[0] % 8 == 0 for rows in asked)
     assert len({table.tobytes() for table in tables}) == 1
     np.testing.assert_allclose(tables[0], left @ right, rtol=1e-4, atol=1e-5)
+
+
+def test_threads_that_ask_at_the_same_time_get_the_same_rows():
+    started = threading.Barrier(4)
+
+    def make(rows):
+        time.sleep(0.002)  # others may come in between
+        return rows[:, None] ** 2
+
+    for _ in range(10):
+        table = RowTable(400, make, together=8)
+        found, rng = {}, np.random.default_rng(3)
+
+        def ask(name, rows, table=table, found=found):
+            started.wait(10)
+            found[name] = (rows, table[rows])
+
+        asked = [rng.permutation(400)[:150] for _ in range(4)]
+        threads = [threading.Thread(target=ask, args=(k, rows)) for k, rows in enumerate(asked)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(10)
+        assert len(found) == 4
+        for rows, values in found.values():
+            np.testing.assert_array_equal(values[:, 0], rows**2)

@@ -34,7 +34,7 @@ _TIMER_1 = "__vector_11"
 def runner() -> Path:
     """Compile the emulator."""
     path = folder() / "runner"
-    sources = [str(SOURCES / name) for name in ("runner.c", "usart.c")]
+    sources = [str(SOURCES / name) for name in ("runner.c", "usart.c", "pca9685.c")]
     subprocess.run(["gcc", "-O2", *WARNINGS, *sources, "-o", str(path), "-lsimavr"], check=True)
     return path
 

@@ -55,6 +55,8 @@ class Board:
         overruns, garbled: bytes that never reached the program.
     """
 
+    room = 128  # bytes that wait for the program to take them
+
     def __init__(self, command: Sequence[str], baud: float, started: float = 0.0) -> None:
         self._errors = tempfile.TemporaryFile("w+")
         self.process = subprocess.Popen(
@@ -99,6 +101,19 @@ class Board:
     def kill_pulses(self) -> None:
         """Let the interrupt that makes the pulses do nothing from now on."""
         raise NotImplementedError
+
+    def boards(self, count: int) -> None:
+        """Let so many PCA9685 boards answer; others have lost their supply."""
+        self._command(f"A {count}")
+
+    def oscillator(self, hz: float) -> None:
+        """Set the clock of the PCA9685 boards."""
+        self._command(f"Q {hz}")
+
+    def register(self, board: int, at: int) -> int:
+        """Return a register of a PCA9685 board."""
+        self._command(f"G {board} {at}")
+        return int(self.answer)
 
     def widths(self) -> dict[int, float]:
         """Return the last pulse of each channel [us], and forget all."""

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
+import shutil
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +13,7 @@ import pytest
 
 from core.stream.protocols.packets import Kind
 from tests.unit.stream.firmware_avr import compile_sketch, emulated
-from tests.unit.stream.firmware_board import SKETCH, Chip, Sender, servos, wanted_us
+from tests.unit.stream.firmware_board import SKETCH, SOURCES, WARNINGS, Chip, Sender, servos, wanted_us
 from tests.unit.stream.firmware_host import HostBoard, compile_for_host, every_chip, hosted
 
 pytestmark = pytest.mark.one_line("3.11", "the sketch is C++, compiled by the system's compilers")
@@ -47,7 +50,7 @@ def test_a_chip_that_the_sketch_does_not_know_is_the_only_error(name: str) -> No
 @hosted
 def test_neither_is_a_computer_known_unless_it_is_named(tmp_path: Path) -> None:
     found = errors(compile_for_host(tmp_path / "sketch.so", chip="").stderr)
-    assert len(found) == 1 and "dermis_servos knows one chip" in found[0], found
+    assert len(found) == 1 and "dermis_servos knows ATmega328P" in found[0], found
 
 
 @emulated
@@ -71,6 +74,53 @@ def test_a_relay_has_no_say_in_servo_animation() -> None:
 def test_what_the_readme_allows_compiles_without_a_warning(define: str) -> None:
     done = compile_sketch(f"-D{define}")
     assert not done.returncode and not done.stderr
+
+
+ARM = "arm-none-eabi-g++"
+BARE = {
+    "RP2040": ("rp2040", "-mcpu=cortex-m0plus", "-DARDUINO_ARCH_RP2040", "-DPICO_RP2040=1"),
+    "Teensy 4": ("teensy4", "-mcpu=cortex-m7", "-mfloat-abi=hard", "-mfpu=fpv5-d16", "-D__IMXRT1062__"),
+}
+
+
+def compile_bare(name: str, *defines: str) -> subprocess.CompletedProcess[str]:
+    """Compile the sketch for an ARM chip, as the Arduino tools do, against declarations of its SDK."""
+    folder, *flags = BARE[name]
+    command = [ARM, *flags, "-mthumb", "-O2", "-std=gnu++17", "-fno-exceptions", "-fno-rtti", *WARNINGS, *defines]
+    command += [f"-I{SOURCES / folder}", "-x", "c++", "-c", str(SKETCH), "-o", os.devnull]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+bare = pytest.mark.skipif(
+    shutil.which(ARM) is None,
+    reason=f"RP2040 AND TEENSY 4 WERE NOT COMPILED, for want of {ARM}: "
+    "apt install gcc-arm-none-eabi libstdc++-arm-none-eabi-newlib",
+)
+
+
+@bare
+@pytest.mark.parametrize(
+    "defines", [(), ("-DDERMIS_CHANNELS=3", "-DDERMIS_RELAY_PIN=12"), ("-DDERMIS_SERVO_ANIMATION",)]
+)
+@pytest.mark.parametrize("name", BARE)
+def test_it_compiles_for_arm_chips_without_a_warning(name: str, defines: tuple[str, ...]) -> None:
+    done = compile_bare(name, *defines)
+    assert not done.returncode and not done.stderr, done.stderr
+
+
+@bare
+def test_only_a_chip_with_i2c_drives_pca9685_boards() -> None:
+    sixteen = ("-DDERMIS_PCA9685=1", "-DDERMIS_CHANNELS=16")
+    done = compile_bare("RP2040", *sixteen)
+    assert not done.returncode and not done.stderr, done.stderr
+    assert "the header of this chip has no I2C" in errors(compile_bare("Teensy 4", *sixteen).stderr)[0]
+
+
+@bare
+@pytest.mark.parametrize(("name", "pin"), [("RP2040", 9), ("RP2040", 25), ("Teensy 4", 13), ("Teensy 4", 2)])
+def test_pins_of_arm_chips_that_cannot_be_the_relays(name: str, pin: int) -> None:
+    found = errors(compile_bare(name, f"-DDERMIS_RELAY_PIN={pin}").stderr)
+    assert found and "this pin cannot be the relay's" in found[0], found
 
 
 LIMITS = {

@@ -77,6 +77,8 @@ MADE = {
     "NACK": framed(Kind.NACK, 4, packets.nack(6, Nack.NOT_ARMED)),
     "TOUCH": framed(Kind.TOUCH, 5, packets.touch(3000, True, 0.25, -0.5)),
     "maestro": by_adapter("maestro"),
+    "dynamixel": by_adapter("dynamixel"),
+    "feetech": by_adapter("feetech"),
     "servo-animation": by_adapter("servo-animation"),
     "osc": by_adapter("osc"),
     "torque": torque.HEAD.pack(torque.TO_BOARD, 1) + np.array([0.001, -0.002], "<f4").tobytes(),
@@ -157,6 +159,18 @@ def test_the_table_of_boards_in_silence_is_the_adapters_declaration(name: str) -
     key = "haptip" if name == "torque" else "cable_platform"
     silence = adapters.make(name, Wire.of(Library().device(key)), {}).silence
     assert row.groups() == (silence.does.value, f"{1e3 * silence.after:g}", silence.by)
+
+
+def test_the_table_of_what_follows_has_a_column_a_board_and_is_whole() -> None:
+    block = re.search(r"\*\*What follows on each board\*\*.*?\n\n((?:\|.*\n)+)", PAGE)
+    assert block is not None
+    rows = [[cell.strip() for cell in line.strip("|\n").split("|")] for line in block[1].splitlines()]
+    named = {name for cell in rows[0] for name in re.findall(r"`([a-z-]+)`", cell)}
+    assert named == set(adapters.NAMES)
+    assert len({len(row) for row in rows}) == 1
+    boards = (ROOT / "presets" / "boards" / "README.md").read_text("utf-8")
+    for page in (ROOT / "presets" / "boards").glob("*.md"):
+        assert page.name == "README.md" or f"({page.name})" in boards, page.name
 
 
 def test_every_declaration_of_silence_has_its_row() -> None:

@@ -118,7 +118,7 @@ def test_nothing_of_dask_is_in_the_extension() -> None:
     wheels = (ROOT / ".ci" / "wheels.txt").read_text(encoding="utf-8")
     assert not re.search(r"^(dask|distributed)\b", wheels, re.M)
     assert re.search(r"^distributed==", (ROOT / ".ci" / "dask.txt").read_text(encoding="utf-8"), re.M)
-    names = [path for path in build_addon.sources() if "dask" in path]
+    names = [path for path in build_addon.zips.sources() if "dask" in path]
     assert not names
 
 

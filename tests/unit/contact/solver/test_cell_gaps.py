@@ -11,7 +11,7 @@ pytest.importorskip("scipy")
 
 from core.contact.solver.bodies import BONE, ContactBody, node_gaps
 from core.contact.solver.cell_gaps import CellGaps
-from core.contact.solver.point_map import NONE
+from core.contact.solver.point_set import NONE
 from core.surface.gap import Surface
 
 SIDE = 0.2e-3

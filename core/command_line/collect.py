@@ -1,0 +1,213 @@
+"""`python -m core collect`: a look-up table from the built device, with the sensor in it."""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Array
+from ..devices.coupling import refuse_coupled
+from ..devices.spec import DeviceSpec
+from ..errors import DermisError, Finding
+from ..files import check_writable, write_bytes
+from ..matching.platforms import mechanism
+from ..matching.readings import readings_of
+from ..matching.sweep import sweep
+from ..matching.table import press_of
+from ..number_rows import read_rows
+from ..presets import Library
+from ..skin.model import skin_from_parameters
+from ..stream.collect_session import Collected, CollectSession
+from ..stream.device_options import log_from, request_from
+from ..stream.local_stream import say
+from ..stream.sensor_input import sensor_input, simulated_sensor
+from ..stream.signals import Interrupted, Signals
+
+VIRTUAL = "virtual:"
+ELECTRODES = (*(f"e{i + 1}" for i in range(19)), "pressure")
+REST = -1  # number of the row that holds the sensor's rest among the rows read so far
+DRIFTED = 0.1  # of the touch: rows that differ by more when they are read again are worth a word
+
+
+def run(options: argparse.Namespace) -> int:
+    """Collect a table, or go on with one; return 0, or 128 and a signal's number."""
+    spec = Library(options.presets).device(options.device)
+    refuse_coupled(spec)
+    home = mechanism(spec).rest
+    simulated = options.sensor == VIRTUAL
+    if simulated and not options.url.startswith(VIRTUAL):
+        raise DermisError("a virtual sensor is in a virtual device", where="--sensor", value=options.url, limit=VIRTUAL)
+    names = ELECTRODES if simulated else _names(options.channels)
+    most = _limits(options.stop_at, names)
+    check_writable(options.out)
+    skin = skin_from_parameters(dict(Library(options.presets).skin(options.skin)), level=options.level)
+    press = press_of(skin, spec)
+    commands, unreached = sweep(spec, press.points.positions, options.rows)
+    part = _part(options.out, spec, commands, names, options.settle, options.average)
+    done, earlier = _read(part, len(commands), names)
+    signals = Signals()
+    held: list[Any] = []
+    sensor = (
+        simulated_sensor(
+            "the virtual sensor",
+            lambda: _pose(held[0], spec) if held else None,
+            lambda at: readings_of(skin).sense(press.press(at[None]).force)[0].astype(np.float64),
+        )
+        if simulated
+        else sensor_input(options.sensor, len(names))
+    )
+    more = {"mode": "follow", "ramp": options.ramp, "look_ahead": 0.0, **log_from(options)}
+    request = request_from(options, options.device, connect=True, **more)
+    channels = tuple(c.name for c in spec.channels)
+    session = CollectSession(
+        request, sensor, channels, signals, settle=options.settle, average=options.average, most=most
+    )
+    held.append(session)
+    found, whole = list(done), False
+    with signals.caught():
+        try:
+            session.prepare("goes through its poses with")
+            say(f"{len(commands)} rows, {len(done)} read already, {unreached} out of the motors' reach.")
+            if not most:
+                say("No --stop-at: nothing but the device's own limits ends a press that is too strong.")
+            say("Leave the sensor untouched: its rest is read for 1 s.")
+            rest = session.rest(1.0).mean(axis=0)
+            if earlier is not None:
+                done = [replace(item, reading=item.reading + (rest - earlier)) for item in done]
+                moved = float(np.abs(rest - earlier).max())
+                say(f"The sensor's rest has moved by up to {moved:.4g} since: rows read before are moved with it.")
+            if not options.yes:
+                session.confirm("The device is about to press the sensor. Enter: arm.")
+
+            def keep(rows: Sequence[Collected]) -> None:
+                found[:] = rows
+                _write_part(part, rows, rest, names)
+
+            session.collect(commands, home, rest, done, keep)
+            whole = True
+        except Interrupted:
+            pass
+        finally:
+            session.shut()
+            sensor.close()
+            if not whole and found:
+                say(f"{sum(not item.again for item in found)} rows are kept in {part}; the same command goes on there.")
+    if session.unsure:
+        raise session.refusal("the safe state could not be made sure of")
+    if not whole:
+        return 128 + signals.number
+    drift = _drift(found, rest)
+    _write_table(options.out, spec, np.vstack([home, commands]), rest, found, names, drift)
+    part.unlink(missing_ok=True)
+    for finding in _findings(drift):
+        print(finding, file=sys.stderr)
+    print(f"{options.out}: {len(commands)} rows and rest; {_words(drift)}")
+    return 0
+
+
+def _pose(session: Any, spec: DeviceSpec) -> Array | None:
+    """Return where a virtual device is, by its motors."""
+    connection = session.streamer.connection
+    values = connection.link.report().get("values") if connection is not None else None
+    return None if not values else np.array([values[c.name] for c in spec.channels])
+
+
+def _names(text: str) -> tuple[str, ...]:
+    """Return the names of a sensor's channels: as given, or c1, c2 ... of a number."""
+    if text.isdigit() and int(text) > 0:
+        return tuple(f"c{i + 1}" for i in range(int(text)))
+    names = tuple(name.strip() for name in text.split(","))
+    if len(set(names)) != len(names) or not all(names):
+        raise DermisError("names of channels that differ, or their number", where="--channels", value=text)
+    return names
+
+
+def _limits(given: Sequence[str], names: Sequence[str]) -> dict[int, float]:
+    found = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        try:
+            most = float(value)
+        except ValueError:
+            most = float("nan")
+        if not equals or name not in names or not 0.0 < most < float("inf"):
+            raise DermisError(
+                "not CHANNEL=CHANGE", where="--stop-at", value=text, limit=f"above 0; {', '.join(names)[:120]}"
+            )
+        found[list(names).index(name)] = most
+    return found
+
+
+def _part(out: Path, spec: DeviceSpec, commands: Array, names: Sequence[str], settle: float, average: float) -> Path:
+    """Return the file of rows read so far: another device, sweep, sensor or way of reading has another one."""
+    parts = (spec.hash.encode(), commands.tobytes(), ",".join(names).encode(), f"{settle!r} {average!r}".encode())
+    return out.with_name(f"{out.stem}.{hashlib.sha256(b'|'.join(parts)).hexdigest()[:12]}.part.csv")
+
+
+def _read(part: Path, count: int, names: Sequence[str]) -> tuple[list[Collected], Array | None]:
+    """Read the rows of an earlier run and the sensor's rest in it; none where there was none."""
+    if not part.exists():
+        return [], None
+    rows = read_rows(part)
+    if rows.names != ("row", "again", "at", *names) or not np.isfinite(rows.values).all():
+        raise DermisError("not the rows of a collection", where=str(part), remedy="Remove it, and collect anew")
+    made = [Collected(int(row[0]), bool(row[1]), float(row[2]), row[3:]) for row in rows.values]
+    rest = next((item.reading for item in made if item.row == REST), None)
+    return [item for item in made if 0 <= item.row < count], rest
+
+
+def _write_part(part: Path, rows: Sequence[Collected], rest: Array, names: Sequence[str]) -> None:
+    lines = [",".join(("row", "again", "at", *names))]
+    kept = [Collected(REST, True, 0.0, rest), *rows]
+    lines += [",".join(f"{v:.12g}" for v in (r.row, r.again, r.at, *r.reading)) for r in kept]
+    if rows:
+        write_bytes(part, ("\n".join(lines) + "\n").encode())
+
+
+def _drift(found: Sequence[Collected], rest: Array) -> Array:
+    """Return how far each row was that was read again, and how strong its touch is, shape (repetitions, 2)."""
+    first = {item.row: item.reading for item in found if not item.again}
+    again = [item for item in found if item.again]
+    off = [(r.reading - first[r.row], first[r.row] - rest) for r in again]
+    return np.linalg.norm(np.array(off).reshape(len(off), 2, len(rest)), axis=2)
+
+
+def _findings(drift: Array) -> list[Finding]:
+    if not len(drift) or np.sqrt((drift[:, 0] ** 2).mean()) <= DRIFTED * np.sqrt((drift[:, 1] ** 2).mean()):
+        return []
+    what = "rows that were read again differ: the sensor drifts, or it was moved in the device"
+    return [Finding("warning", "sensor-drift", what, "collection", _words(drift), f"{100 * DRIFTED:g} % of the touch")]
+
+
+def _words(drift: Array) -> str:
+    if not len(drift):
+        return "too few rows to measure drift"
+    rms = np.sqrt((drift**2).mean(axis=0))
+    return (
+        f"{len(drift)} rows read again differ by {rms[0]:.4g}, {100 * rms[0] / max(rms[1], 1e-300):.1f} % of the touch"
+    )
+
+
+def _write_table(
+    out: Path,
+    spec: DeviceSpec,
+    commands: Array,
+    rest: Array,
+    found: Sequence[Collected],
+    names: Sequence[str],
+    drift: Array,
+) -> None:
+    """Write the table, its rest row first."""
+    first = {item.row: item.reading for item in found if not item.again}
+    readings = np.vstack([rest, *(first[row] for row in range(len(commands) - 1))])
+    lines = [f"# collected with {spec.key}: {_words(drift)}"]
+    lines.append(",".join((*(f"{c.name} [{c.unit}]" for c in spec.channels), *names)))
+    lines += [",".join(f"{v:.9g}" for v in row) for row in np.column_stack([commands, readings])]
+    write_bytes(out, ("\n".join(lines) + "\n").encode())

@@ -1,0 +1,220 @@
+"""Verbs of `python -m core stream`: live, to a device or from one."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from ..stream.acceptance.person import INTRODUCTION
+from ..stream.acceptance.report import CHECKS
+from .arguments import LINK, LOG, REST, SPEAKS, TRACK, add_verb, argument, device, seconds, setting, settings_of, switch
+
+CARD = argument(
+    "--card",
+    required=True,
+    metavar="NAME",
+    help="a sound card's whole name, see 'stream cards'; 'virtual:' is simulated",
+)
+
+
+def add_streams(commands: Any) -> None:
+    """Add the verbs to a command line."""
+    verbs = commands.add_parser(
+        "stream",
+        help="play a track to a device, or run a virtual device",
+        description="Live streaming. Read the safety page before a finger goes in.",
+    ).add_subparsers(required=True, metavar="WHAT")
+    add_verb(
+        verbs,
+        "play",
+        TRACK,
+        *device("the track's own"),
+        *LINK,
+        *LOG,
+        setting("look_ahead"),
+        setting("ramp"),
+        switch("--yes", "arm without asking; its warnings are printed"),
+        help="play a track to a device, once",
+        description="Play a track to a device, once. Exit status: 0; 1 where the device refused more than 1 % of the "
+        "commands or took them too late, or where the log is not whole; 2 where it was not played to its end; 128 and "
+        "a signal's number.",
+        run="stream.play_command.play",
+    )
+    add_verb(
+        verbs,
+        "sound",
+        TRACK,
+        CARD,
+        argument(
+            "--measured", type=Path, required=True, metavar="FILE", help="what 'stream loopback' found of the card"
+        ),
+        *settings_of("wav"),
+        switch("--yes", "play without asking"),
+        help="play a voice coil's or a screen's track through a sound card, once",
+        description="Play the voltage of a track through a sound card that no other program uses. Exit status: 0; 1 "
+        "where the card ran dry; 128 and a signal's number.",
+        run="stream.sound.play.sound",
+    )
+    add_verb(
+        verbs,
+        "loopback",
+        CARD,
+        argument("--rate", type=int, default=48_000, metavar="HZ", help="samples a second (48000)"),
+        argument("--out", type=Path, metavar="FILE", help="write the measurement, for 'stream sound'"),
+        help="measure a sound card with a cable from its output to its input",
+        description="Measure gain, latency, jitter, corner and clipping of a sound card with a cable from out to in, "
+        "no amplifier connected.",
+        run="stream.sound.loopback.loopback",
+        writes={"out": False},
+    )
+    add_verb(
+        verbs,
+        "cards",
+        help="list the sound cards that may drive an amplifier",
+        description="List the sound cards that may drive an amplifier: for one program alone, and nobody's default.",
+        run="command_line.stream.cards",
+    )
+    add_verb(
+        verbs,
+        "panel",
+        *device("electrovibration"),
+        argument("map", type=Path, metavar="MAP", help="a screen's map: NAME.map.npz, as exported"),
+        *LINK,
+        *LOG,
+        argument(
+            "--touch",
+            default="device",
+            metavar="FROM",
+            help="who tells where the finger is: the device's own panel ('device', if left out), osc://:PORT or "
+            "osc://HOST:PORT to listen at, serial:PORT?baud=RATE, '-' for standard input, 'mouse' in a window",
+        ),
+        argument(
+            "--unit",
+            default="mm",
+            choices=("m", "mm"),
+            help="of x and y in lines 'x y [down]', from the screen's centre (mm)",
+        ),
+        switch("--yes", "arm without asking"),
+        help="answer a finger on a touch screen, until Ctrl-C",
+        description="Answer a real finger from a screen's map, without Blender.",
+        run="command_line.stream.panel",
+    )
+    add_verb(
+        verbs,
+        "follow",
+        *device("cable_platform", "cable_platform"),
+        argument(
+            "--table",
+            type=Path,
+            required=True,
+            metavar="FILE",
+            help="recorded motor commands and the sensor's channels (.csv), or a collected table (.npz)",
+        ),
+        argument(
+            "--sensor",
+            required=True,
+            metavar="FROM",
+            help="who tells the sensor's readings: osc://:PORT or osc://HOST:PORT to listen at for '/dermis/sensor', "
+            "socket://HOST:PORT, serial:PORT?baud=RATE or '-' (standard input) for lines of a number a channel",
+        ),
+        *LINK,
+        *LOG,
+        setting("ramp"),
+        argument(
+            "--rest-for",
+            type=seconds,
+            default=1.0,
+            metavar="S",
+            help="measure the untouched sensor's rest and noise for so long before arming; 0: as the table says (1)",
+        ),
+        argument(
+            "--noise", type=float, metavar="SIGMA", help="standard deviation of one channel; measured if left out"
+        ),
+        REST[1],
+        switch("--yes", "arm without asking"),
+        help="let a device follow a sensor live, until Ctrl-C",
+        description="Look every reading of a sensor up in a table of the device, and send the result, with the "
+        "sender's ramp, limits and safe state. Without readings the device goes to its safe state. Prints the latency.",
+        run="command_line.follow.live",
+    )
+    add_verb(
+        verbs,
+        "send",
+        argument("--state", type=Path, required=True, metavar="FILE", help="the shared state"),
+        help="serve a shared state (not for people)",
+        run="command_line.stream.send",
+    )
+    add_verb(
+        verbs,
+        "write",
+        argument("--ring", type=Path, required=True, metavar="FILE", help="the ring"),
+        help="write a log from a ring (not for people)",
+        run="stream.log.writer.serve",
+    )
+    add_verb(
+        verbs,
+        "log",
+        argument(
+            "files", type=Path, nargs="+", metavar="FILE", help="binary logs (.dlog): one, or all files of one log"
+        ),
+        argument("--out", type=Path, metavar="FILE.csv", help="the CSV to write; without it, the log is summed up"),
+        help="sum a binary log up, or make CSV of it",
+        run="command_line.stream_log.run",
+        writes={"out": False},
+    )
+    add_verb(
+        verbs,
+        "virtual",
+        *device("haptip"),
+        argument("--at", default="pty", choices=("pty", "tcp", "udp"), help="where it can be reached (pty)"),
+        argument("--every", type=seconds, default=0.0, metavar="S", help="print a report this often"),
+        argument(
+            "--fault",
+            action="append",
+            default=[],
+            metavar="NAME=VALUE",
+            help="loss, delay, jitter, corrupt, slow, stuck, skew, freeze, jump, seed; more than once",
+        ),
+        help="run a virtual device until its input ends",
+        run="command_line.stream.virtual",
+    )
+    add_verb(
+        verbs,
+        "accept",
+        argument("--device", required=True, default="", metavar="KEY", help="device preset"),
+        *SPEAKS,
+        *LINK,
+        argument(
+            "--only",
+            action="append",
+            choices=CHECKS,
+            metavar="CHECK",
+            help=f"one check, more than once: {', '.join(CHECKS)}",
+        ),
+        argument("--out", type=Path, metavar="FILE", help="report (acceptance_DEVICE_DATE.md in this folder)"),
+        help="try a built device on the bench, and write a dated report",
+        description=INTRODUCTION,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        run="stream.acceptance.command.run",
+        writes={"out": False},
+    )
+    add_verb(
+        verbs,
+        "measure",
+        argument("--device", required=True, default="", metavar="KEY", help="device preset"),
+        *SPEAKS,
+        *LINK,
+        argument("--channel", required=True, metavar="NAME", help="whose curve is measured"),
+        argument("--points", type=int, default=11, metavar="N", help="stops on each way, up and down (11)"),
+        argument(
+            "--valid-days", type=int, default=30, metavar="N", help="after so long Connect says it is old; 0: never"
+        ),
+        argument("--out", type=Path, metavar="FILE", help="calibration (calibration_DEVICE_CHANNEL_DATE.json)"),
+        help="measure what an actuator reaches on the bench, and write its calibration",
+        description=INTRODUCTION,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        run="stream.acceptance.curve_walk.run",
+        writes={"out": False},
+    )
+    add_verb(verbs, "ports", help="list the serial ports", run="command_line.stream.ports")

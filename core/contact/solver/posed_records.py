@@ -1,0 +1,56 @@
+"""Bodies as the kernels take them: posed in the frame of the skin."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from ctypes import Array as Records
+from ctypes import addressof
+
+import numpy as np
+
+from ...arrays import Array
+from ...kernels import records
+from ...surface.gap import Surface
+from .bodies import ContactBody, boxes_meet
+
+
+def posed_records(
+    bodies: Sequence[ContactBody], points: Array, reach: float, bone: Array
+) -> tuple[list[int], Records[records.PosedRecord]]:
+    """Return which bodies may be within reach of points, and a record of each, one at least.
+
+    The records point into the bodies' surfaces: keep the bodies as long as them.
+
+    Args:
+        points: [m], shape (n, 3). reach: [m]. bone: a point inside the finger [m], shape (3,).
+    """
+    near = [i for i, body in enumerate(bodies) if in_reach(body, points, reach)]
+    posed = (records.PosedRecord * max(len(near), 1))()
+    for record, i in zip(posed, near, strict=False):
+        _pose(record, bodies[i], bone)
+    return near, posed
+
+
+def in_reach(body: ContactBody, points: Array, reach: float) -> bool:
+    """Return whether a body may be within reach of points [m], shape (n, 3), by the boxes of both."""
+    surface = body.surface
+    if body.away:
+        return False
+    if not isinstance(surface, Surface):
+        return True  # it has no end
+    return bool(surface.table.usable.any()) and boxes_meet(body.local(points)[0], surface.box, reach)
+
+
+def _pose(record: records.PosedRecord, body: ContactBody, bone: Array) -> None:
+    """Fill in the record of a body."""
+    record.side, kernel = 1.0, body.surface.kernel_body
+    if kernel is not None:
+        record.body = addressof(kernel.record)
+    if isinstance(body.surface, Surface):
+        if not body.surface.closed and body.surface.side_of(*body.local(bone)) < 0:
+            record.side = -1.0
+    elif kernel is None:
+        record.plane[:] = [*body.surface.normal, float(body.surface.point @ body.surface.normal)]
+    record.rotation[:] = np.asarray(body.rotation).reshape(-1).tolist()
+    record.translation[:] = body.translation.tolist()
+    record.friction, record.softness = body.friction, body.softness

@@ -1,0 +1,199 @@
+"""The answer to 'how many motors?', found for sensed touches.
+
+Source: [S2] IV and V
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Array
+from ..devices.coupling import refuse_coupled
+from ..devices.spec import DeviceSpec
+from ..errors import DermisError, Finding
+from ..matching.lookup import commands_of
+from ..matching.readings import SATURATED, at_the_end, in_steps, step_of
+from ..matching.table import SkinTable
+from .repetitions import scatter
+from .shared_pulleys import SharedPulleys, shared_pulleys
+from .synergies import Reduction, Rule, reduce
+
+POOR = 0.3  # of a touch: if all motors leave more, fewer are soon as good as all
+BOUNDS = 0.1  # of a touch: if all motors leave more, the table is what limits it
+VIRTUAL = "virtual: 19 electrodes and pressure, 12 bits"
+LOW_RANK = 0.9  # share of the variance that fewer motors must explain to be called a low rank
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """How many motors a set of touches needs on a device.
+
+    Attributes:
+        spec: the original device. names: of the interactions. samples: of each.
+        sensors: what sensed each of them, in words. unit: of readings, for people.
+        step: of readings, in their unit: errors and touches are counted in it.
+        repetitions: how often each is repeated, and how far repetitions are from their mean [steps]; 1 and nan where
+            it is not.
+        poor: interactions of which all motors together leave so much that no number of motors is given.
+        joint: what fewer motors cost with components of all interactions together.
+        alone: the same for each interaction with components of its own.
+        ranges: least and greatest original command in the interactions, SI, shape (2, motors).
+        amounts: least and greatest amount of each joint component, shape (2, motors).
+        table: where the look-up table comes from.
+        findings: reasons to doubt the answer.
+        shared: original motors that may share a pulley, by the rule that relates to the touch.
+        reversed_sweep: spread of rows reached from deeper in, see `collect.reversed_spread`; empty where not made.
+    """
+
+    spec: DeviceSpec
+    names: tuple[str, ...]
+    samples: tuple[int, ...]
+    sensors: tuple[str, ...]
+    repetitions: tuple[tuple[int, float], ...]
+    joint: Reduction
+    alone: tuple[Reduction, ...]
+    ranges: Array
+    amounts: Array
+    table: Mapping[str, Any]
+    findings: tuple[Finding, ...] = ()
+    shared: SharedPulleys = SharedPulleys()
+    reversed_sweep: Mapping[str, float] = field(default_factory=dict)
+    step: float = 1.0
+
+    @property
+    def recorded(self) -> bool:
+        """Whether any interaction comes from a recording."""
+        return any(sensor != VIRTUAL for sensor in self.sensors)
+
+    @property
+    def unit(self) -> str:
+        """Unit of readings, for people."""
+        return "the recording's unit" if self.recorded else "counts"
+
+    @property
+    def poor(self) -> tuple[str, ...]:
+        """Interactions of which all motors together leave so much that no number of motors is given."""
+        left = self.joint.error[:, -1] > POOR * self.joint.touch
+        return tuple(name for name, poor in zip(self.names, left.tolist(), strict=True) if poor)
+
+    def motors(self, rule: Rule = "touch") -> int | None:
+        """Return the fewest motors within a rule; None where the table is poor."""
+        return None if self.poor else self.joint.motors(rule)
+
+    def low_rank(self, rule: Rule = "touch") -> bool:
+        """Return whether fewer motors than the device has are enough, and explain most of the motors' movement."""
+        parts, motors = self.joint.components, self.joint.motors(rule)
+        return motors < len(parts.mean) and float(parts.explained[:motors].sum()) >= LOW_RANK
+
+
+def knee_of(spec: DeviceSpec) -> float:
+    """Return the knee rule's limit of a preset, a share.
+
+    Raises:
+        DermisError: it is missing or not a share above zero.
+    """
+    value = spec.parameters.get("knee_error")
+    if not isinstance(value, float | int) or isinstance(value, bool) or not 0.0 < value < 10.0:
+        raise DermisError("'knee_error' must be a share above zero", where=f"device preset '{spec.key}'", value=value)
+    return float(value)
+
+
+def design(
+    spec: DeviceSpec, table: SkinTable, sensed: Mapping[str, Array], sensors: Mapping[str, str] | None = None
+) -> Design:
+    """Find the fewest motors for a set of sensed interactions.
+
+    Readings of a recorded table that come in steps are counted in these steps from rest on, so that the answer is the
+    same, to the last bit, in whatever unit and from whatever zero they were written.
+
+    Args:
+        spec: the original device. table: its effect on the skin.
+        sensed: target readings by the interaction's name, in the table's unit, each (n, channels).
+        sensors: what sensed each, in words; the virtual sensor where one is not named.
+
+    Raises:
+        DermisError: coupled motors, nothing given, an interaction that never touches, one shorter than two samples, or
+            one in which the sensor is at the end of its scale for long.
+    """
+    refuse_coupled(spec)
+    if not sensed:
+        raise DermisError("no interaction", where="design", remedy="Give at least one baked scene or recording")
+    targets = {name: np.asarray(values, np.float64) for name, values in sensed.items()}
+    for name, values in targets.items():
+        if len(values) < 2:
+            raise DermisError("too few samples", where=f"interaction '{name}'", value=len(values), limit=">= 2")
+        full = at_the_end(values)
+        if full.max() > SATURATED:
+            raise DermisError(
+                "the sensor is at the end of its scale",
+                where=f"interaction '{name}', channel {full.argmax() + 1}",
+                value=f"{100 * full.max():.0f} % of the time",
+                limit=f"{100 * SATURATED:.0f} %",
+                remedy="Touch less deeply",
+            )
+        strongest = float(table.from_rest(values).max())
+        if strongest <= table.noise_floor:
+            raise DermisError(
+                "nothing is ever touched",
+                where=f"interaction '{name}'",
+                value=f"readings up to {strongest:.3g} from rest",
+                limit=f"> {table.noise_floor:.3g}, which the noise reaches",
+                remedy="Choose a touch, or state the noise in the readings' own unit",
+            )
+    step = step_of(table.readings) if "channels" in table.meta else 0.0
+    if step:
+        origin = table.exact_readings[table.rest]
+        targets = {name: in_steps(values, origin, step) for name, values in targets.items()}
+        counted = in_steps(table.readings, origin, step)
+        table = replace(table, readings=counted, noise_floor=table.noise_floor / step)
+    knee = knee_of(spec)
+    commands = [commands_of(table, values) for values in targets.values()]
+    joint = reduce(table, list(targets.values()), knee, commands=commands)
+    alone = (
+        tuple(reduce(table, [values], knee, commands=[m]) for values, m in zip(targets.values(), commands, strict=True))
+        if len(targets) > 1
+        else (joint,)
+    )
+    every = np.vstack(commands)
+    amounts = joint.components.amounts(every, every.shape[1])
+    return Design(
+        spec,
+        tuple(targets),
+        tuple(len(v) for v in targets.values()),
+        tuple((sensors or {}).get(name, VIRTUAL) for name in targets),
+        tuple(scatter(v, table.from_rest(v) > table.noise_floor) for v in targets.values()),
+        joint,
+        alone,
+        np.stack([every.min(axis=0), every.max(axis=0)]),
+        np.stack([amounts.min(axis=0), amounts.max(axis=0)]),
+        {"rows": len(table.commands), **table.meta},
+        _doubts(tuple(targets), joint),
+        shared_pulleys(table, list(targets.values()), commands, joint, joint.motors()),
+        step=step or 1.0,
+    )
+
+
+def _doubts(names: tuple[str, ...], found: Reduction) -> tuple[Finding, ...]:
+    """Find touches that the device does not render even with all its motors."""
+    doubts = []
+    for name, error, touch in zip(names, found.error[:, -1].tolist(), found.touch.tolist(), strict=True):
+        if error > BOUNDS * touch:
+            poor = error > POOR * touch
+            doubts.append(
+                Finding(
+                    "warning" if poor else "info",
+                    "poorly-rendered" if poor else "table-limits",
+                    "all motors together leave much of this touch, so the number says little"
+                    if poor
+                    else "the table, not the motors, limits how well this touch is rendered",
+                    f"interaction '{name}'",
+                    f"{100 * error / touch:.0f} %",
+                    f"{100 * (POOR if poor else BOUNDS):g} %",
+                    "Check that recording and table are of one sensor, or use a table that reaches this touch",
+                )
+            )
+    return tuple(doubts)

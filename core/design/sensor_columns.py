@@ -1,0 +1,102 @@
+"""Columns of a sensor's readings in a file from outside: names and numbers, and channels that cannot be used."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..arrays import Array
+from ..errors import DermisError
+from ..matching.readings import SATURATED, at_the_end
+from ..number_rows import Rows, lines_of, number, numbers_of
+
+LONGEST = 4_000_000  # lines; a whole day at 100 Hz is about twice that, and no interaction
+
+
+def sensor_columns(path: Path, leading: int, wanted: str) -> Rows:
+    """Read names and numbers; errors name the problem in the shape of the file.
+
+    Args:
+        leading: columns before those of the sensor. wanted: all columns, for people.
+
+    Raises:
+        DermisError: no data, a transposed file, columns without a name or with the same one, lines of another length,
+            or values that are no finite numbers.
+    """
+    where = str(path)
+    lines, separator, _ = lines_of(path)
+    if len(lines) < 2:
+        raise DermisError("no data", where=where, value=f"{len(lines)} lines", limit="a line of names, and values")
+    if len(lines) > LONGEST:
+        raise DermisError("too long", where=where, value=len(lines), limit=f"{LONGEST} lines")
+    names = lines[0].cells
+    columns = len(names)
+    if "" in names:
+        raise DermisError("a column has no name", where=where, value=f"column {names.index('') + 1}", limit=wanted)
+    numbers = [number(name, separator) is not None for name in names]
+    if columns > 1 and not numbers[0] and all(numbers[1:]):
+        raise DermisError(
+            "the file is transposed",
+            where=where,
+            value=f"{len(lines)} lines of {columns} values",
+            limit=wanted,
+            remedy="Write one line for each sample, one column for each channel",
+        )
+    if columns <= leading:
+        raise DermisError("channels are missing", where=where, value=f"{columns} columns", limit=wanted)
+    if numbers[0]:
+        raise DermisError("the line of names is missing", where=where, value=names[0], limit=wanted)
+    if len(set(names)) != len(names):
+        seen: set[str] = set()
+        twice = next(name for name in names if name in seen or seen.add(name))  # type: ignore[func-returns-value]
+        raise DermisError("two columns have one name", where=where, value=twice)
+    whole = numbers_of(lines[1:], columns)
+    values = np.empty((len(lines) - 1, columns)) if whole is None else whole
+    for i, line in enumerate(lines[1:] if whole is None else ()):
+        place = f"{where}, line {line.number}"
+        read = line.numbers()
+        if len(read) != columns:
+            raise DermisError(
+                "the line has another length", where=place, value=f"{len(read)} values", limit=str(columns)
+            )
+        if None in read:
+            bad = read.index(None)
+            raise DermisError("not a number", where=f"{place}, {names[bad]}", value=line.cells[bad])
+        values[i] = read
+    rows = Rows(where, names, values, tuple(line.number for line in lines[1:]))
+    wrong = np.argwhere(~np.isfinite(values))
+    if len(wrong):
+        i, j = wrong[0]
+        raise DermisError(
+            "a value is not finite",
+            where=f"{where}, line {rows.lines[i]}, {names[j]}",
+            value=str(values[i, j]),
+            remedy="Leave the sample out, or repair it",
+        )
+    return rows
+
+
+def check_channels(readings: Array, names: Sequence[str], where: str) -> None:
+    """Refuse channels that are dead or saturated.
+
+    Raises:
+        DermisError: a channel is constant, or at an end of its scale for long.
+    """
+    for name, series, full in zip(names, readings.T, at_the_end(readings).tolist(), strict=True):
+        if full > SATURATED:
+            raise DermisError(
+                "the channel is saturated",
+                where=f"{where}, {name}",
+                value=f"{100 * full:.0f} % of the time",
+                limit=f"{100 * SATURATED:.0f} %",
+                remedy="Touch less deeply, or leave the part out",
+            )
+        if np.ptp(series) == 0.0:
+            raise DermisError(
+                "the channel is constant",
+                where=f"{where}, {name}",
+                value=float(series[0]),
+                remedy="Look at the sensor: an electrode that reads one value is dead; or leave the column out",
+            )

@@ -1,0 +1,135 @@
+"""Readings of an actuator, one after another as somebody took them, made into its measured curve."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays import Array
+from ..column_names import ANGLES, LENGTHS, dimension, length_or_angle
+from ..errors import DermisError
+from ..number_rows import read_rows
+from .response import Points, Response
+
+LEAST = 3  # readings of a way whose beginning is left out
+LEFT = 0.5  # of the usual slope: less, and the play is still being taken up
+
+
+def of_readings(driven: ArrayLike, reached: ArrayLike, **more: Any) -> Response:
+    """Make a curve of readings in the order in which they were taken, up, down, and as often as one likes.
+
+    Where an actuator is turned round it holds still until its play is taken up: readings there belong to no curve and
+    are left out. Passes are averaged; how far they are apart is the scatter.
+
+    Args:
+        driven, reached: [unit of the channel]. more: of `Response`: latency, measured_on, valid_days.
+
+    Raises:
+        DermisError: too few readings, or they are no curve of an actuator.
+    """
+    table = np.array([driven, reached], np.float64).T
+    if len(table) < 2 or not np.isfinite(table).all():
+        raise DermisError(
+            "too few readings, or one is not finite", where="measured curve", value=len(table), limit=">= 2"
+        )
+    passes = _passes(table)
+    ways = {up for up, _ in passes}
+    ends = float(np.ptp(table[:, 0]))
+    whole = [
+        (up, _moving(points) if len(ways) == 2 else points)
+        for up, points in passes
+        if np.ptp(points[:, 0]) > 0.5 * ends
+    ]
+    curves: dict[bool, Points] = {}
+    apart = 0.0
+    for way in ways:
+        mine = [points for up, points in whole if up is way and len(points) > 1]
+        if not mine or (len(ways) == 2 and max(map(len, mine)) < LEAST):
+            raise DermisError(
+                "too few readings from one end to the other",
+                where=f"measured curve, {'way up' if way else 'way down'}",
+                value=max(map(len, mine), default=0),
+                limit=f">= {LEAST} that are on the curve",
+                remedy="Take five or more on each way: where it is turned round, play is taken up before it moves",
+            )
+        curves[way], scatter = _averaged(mine)
+        apart = max(apart, scatter)
+    rising = curves.get(True) or curves[False]
+    return Response(rising, curves.get(False) or rising, scatter=apart, **more)
+
+
+def read_csv(path: Path, unit: str = "", **more: Any) -> Response:
+    """Read the readings of a caliper, camera or sensor: columns 'driven' and 'reached' (or 'measured'), in order.
+
+    Units stand in the names, such as 'driven [deg]', 'reached [deg]'; SI where there are none.
+
+    Args:
+        unit: of the channel, 'm' or 'rad': the names may have no unit of something else; '' takes any.
+
+    Raises:
+        DermisError: the file cannot be read, has no such columns, or its readings are no curve of an actuator.
+    """
+    rows = read_rows(path)
+    columns = {}
+    for names in (("driven", "commanded"), ("reached", "measured")):
+        found = [k for k, name in enumerate(rows.names) if name.lower().lstrip("# ").startswith(names)]
+        if len(found) != 1:
+            raise DermisError(
+                f"no column, or more than one, is called '{names[0]}'",
+                where=str(path),
+                value=", ".join(rows.names)[:80] or "no line of names",
+                limit="driven, reached; with a unit: 'driven [deg]', 'reached [deg]'",
+            )
+        of = dimension(rows.names[found[0]])
+        if unit and of and of != unit:
+            raise DermisError(
+                "the unit is none of this channel's",
+                where=f"{path}, column '{rows.names[found[0]]}'",
+                limit=f"one of {unit}: {', '.join(LENGTHS if unit == 'm' else ANGLES if unit == 'rad' else [unit])}",
+                remedy="Convert the column to what the actuator is driven in",
+            )
+        columns[names[0]] = rows.values[:, found[0]] * length_or_angle(rows.names[found[0]])
+        if bad := np.flatnonzero(~np.isfinite(columns[names[0]])).tolist():
+            raise DermisError("a reading is missing or not finite", where=rows.place(bad[0], found[0]))
+    try:
+        return of_readings(columns["driven"], columns["reached"], **more)
+    except DermisError as error:
+        raise error.changed(where=f"{path}: {error.where}") from error
+
+
+def _passes(table: Array) -> list[tuple[bool, Array]]:
+    """Return runs of readings in one direction, each with whether it goes up; a turning point belongs to both."""
+    passes: list[tuple[bool, Array]] = []
+    step = np.sign(np.diff(table[:, 0]))
+    moves = np.flatnonzero(step)
+    if not len(moves):
+        raise DermisError("all readings are at one driven value", where="measured curve", value=float(table[0, 0]))
+    start = 0
+    for k, following in zip(moves, [*moves[1:], None], strict=True):
+        if following is None or step[following] != step[k]:
+            end = k + 1 if following is None else int(following)
+            passes.append((bool(step[k] > 0), table[start : end + 1]))
+            start = end
+    return passes
+
+
+def _moving(points: Array) -> Array:
+    """Return a pass without its beginning, in which the play is taken up: that ends within a step or at its end."""
+    slope = np.diff(points[:, 1]) / np.where(np.diff(points[:, 0]) == 0, np.nan, np.diff(points[:, 0]))
+    usual = np.nanmedian(slope)
+    moves = np.flatnonzero(slope >= LEFT * usual)
+    return points[int(moves[0]) + 1 :] if len(moves) else points[:0]
+
+
+def _averaged(passes: list[Array]) -> tuple[Points, float]:
+    """Return the mean of passes at each driven value, rising, and how far readings are apart at most."""
+    at: dict[float, list[float]] = defaultdict(list)
+    for points in passes:
+        for driven, reached in points.tolist():
+            at[driven].append(reached)
+    curve = tuple((driven, float(np.mean(at[driven]))) for driven in sorted(at))
+    return curve, max(max(values) - min(values) for values in at.values())

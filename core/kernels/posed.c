@@ -1,0 +1,106 @@
+/* The closest of some bodies to a point of the skin. */
+#include "posed.h"
+
+#include "closest.h"
+#include "distance.h"
+#include "numbers.h"
+
+/* A normal that points into the finger less than this is of the far side of something thin; from so far above the skin the
+   near side is looked for [m]. */
+#define OPPOSITE -0.7
+#define ABOVE 0.4e-3
+
+/* Put a point of the skin into the frame of a posed body. */
+static void localised(const dermis_posed *posed, const double *x, double *local) {
+    double from[3];
+    const double *r = posed->rotation;
+    for (int k = 0; k < 3; k++) from[k] = x[k] - posed->translation[k];
+    for (int k = 0; k < 3; k++) local[k] = r[k] * from[0] + r[3 + k] * from[1] + r[6 + k] * from[2];
+}
+
+/* Measure the signed distance of a point to a posed body; return the triangle, -1 beyond the limit. */
+static int64_t measure(const dermis_posed *posed, const double *x, double limit, int64_t *slot, double *gap, double *normal) {
+    double local[3], turned[3];
+    const double *r = posed->rotation;
+    int64_t triangle = 0;
+    localised(posed, x, local);
+    if (posed->body == NULL) {
+        *gap = dermis_dot(local, posed->plane) - posed->plane[3];
+        for (int k = 0; k < 3; k++) turned[k] = posed->plane[k];
+        if (*gap > limit) return -1;
+    } else {
+        dermis_distance found;
+        dermis_signed_distance(posed->body, local, limit, *slot, &found);
+        if (found.triangle < 0) return -1;
+        *gap = posed->side * found.gap, *slot = found.slot, triangle = found.triangle;
+        for (int k = 0; k < 3; k++) turned[k] = posed->side * found.normal[k];
+    }
+    for (int k = 0; k < 3; k++) normal[k] = r[3 * k] * turned[0] + r[3 * k + 1] * turned[1] + r[3 * k + 2] * turned[2];
+    return triangle;
+}
+
+void dermis_look(const dermis_posed *posed, int64_t bodies, double limit, const double *x, const double *inward, dermis_sight *sight) {
+    double best = limit;
+    int64_t before = sight->body, hint = sight->slot;
+    *sight = (dermis_sight){limit, {0.0, 0.0, 0.0}, -1, -1, -1};
+    for (int64_t b = 0; b < bodies; b++) {
+        const dermis_posed *one = posed + b;
+        double gap, out[3], farthest = dermis_most(best, 0.0);
+        /* of a sheet, and of a room, nothing is inside */
+        if (one->body != NULL && (one->body->outside < 0 || !one->body->closed)) farthest = limit;
+        int64_t slot = b == before ? hint : -1, on = measure(one, x, farthest, &slot, &gap, out);
+        if (on < 0) continue;
+        if (one->body != NULL && dermis_dot(out, inward) < OPPOSITE) {
+            double above[3];
+            for (int k = 0; k < 3; k++) above[k] = x[k] + ABOVE * inward[k];
+            on = measure(one, above, limit, &slot, &gap, out);
+            if (on < 0 || dermis_dot(out, inward) < OPPOSITE) continue;
+            gap -= ABOVE * dermis_dot(out, inward);
+        }
+        if (gap >= best) continue;
+        best = sight->gap = gap, sight->body = b, sight->triangle = on, sight->slot = slot;
+        for (int k = 0; k < 3; k++) sight->normal[k] = out[k];
+    }
+}
+
+int dermis_sees_plane(const dermis_posed *posed, int64_t bodies, const double *x, double radius, const dermis_sight *sight) {
+    for (int64_t b = 0; b < bodies; b++) {
+        const dermis_posed *one = posed + b;
+        double local[3], plane[4] = {0.0, 0.0, 0.0, 0.0}; /* of a body that is not seen no triangle lies in it */
+        localised(one, x, local);
+        if (one->body == NULL) {
+            if (b != sight->body && dermis_dot(local, one->plane) - one->plane[3] <= radius) return 0;
+            continue;
+        }
+        const double *r = one->rotation;
+        for (int k = 0; k < 3 && b == sight->body; k++)
+            plane[k] = r[k] * sight->normal[0] + r[3 + k] * sight->normal[1] + r[6 + k] * sight->normal[2];
+        plane[3] = dermis_dot(local, plane) - sight->gap;
+        for (const dermis_body *body = one->body; body != NULL; body = body->next)
+            if (!body->closed || body->by_rays || !dermis_only_plane(body->tree, local, radius, plane)) return 0;
+    }
+    return sight->body >= 0;
+}
+
+int dermis_sound_posed(const dermis_posed *posed, int64_t bodies) {
+    if (bodies < 0) return 0;
+    for (int64_t b = 0; b < bodies; b++)
+        for (const dermis_body *body = posed[b].body; body != NULL; body = body->next)
+            if (!dermis_sound_body(body)) return 0;
+    return 1;
+}
+
+static int finite(const double *values, int64_t count) {
+    for (int64_t k = 0; k < count; k++)
+        if (!dermis_finite(values[k])) return 0;
+    return 1;
+}
+
+int dermis_known_posed(const dermis_posed *posed, int64_t bodies) {
+    for (int64_t b = 0; b < bodies; b++) {
+        const dermis_posed *one = posed + b;
+        if (!finite(one->rotation, 9) || !finite(one->translation, 3) || !finite(one->plane, 4)) return 0;
+        if (!(one->friction >= 0.0) || !(one->softness >= 0.0) || !dermis_finite(one->friction + one->softness)) return 0;
+    }
+    return 1;
+}

@@ -1,0 +1,67 @@
+"""How a track becomes a WAV file: the settings of the format, in Blender's panel and in `export --format wav` alike."""
+
+from __future__ import annotations
+
+from .parameter import SWITCH, Parameter, table
+
+WAVE = table(
+    Parameter(
+        name="rate",
+        unit="Hz",
+        label="Rate",
+        text="Samples a second of the WAV file",
+        default=48_000,
+        low=48_000,
+        high=192_000,
+        whole=True,
+        source="chosen: what sound cards play",
+    ),
+    Parameter(
+        name="full_scale",
+        unit="V",
+        label="Full Scale",
+        text="Peak voltage that the sound card gives for the largest sample; with 0 it is taken such that the largest "
+        "sample is the limit of the device's channel behind the amplifier",
+        default=0.0,
+        low=0.0,
+        high=1e6,
+    ),
+    Parameter(
+        name="gain",
+        unit="1",
+        label="Gain",
+        text="Voltage gain of the amplifier between sound card and device; it scales the samples, never the voltage at "
+        "the device",
+        default=1.0,
+        above=0.0,
+        low=1e-6,
+        high=1e6,
+        soft=(1.0, 1000.0),
+        digits=3,
+    ),
+    Parameter(
+        name="carrier",
+        unit="Hz",
+        label="Carrier",
+        text="Frequency of the voltage; with 0 that of the track",
+        default=0.0,
+        low=0.0,
+        high=24_000.0,
+    ),
+    Parameter(
+        name="offset",
+        unit="V",
+        label="Offset",
+        text="Constant voltage at the device, added to the alternating one; most sound cards cannot hold it",
+        default=0.0,
+        low=-1e6,
+        high=1e6,
+    ),
+    Parameter(
+        name="clip",
+        unit=SWITCH,
+        label="Clip",
+        text="Cut samples beyond full scale off, and count them; otherwise such a track is refused",
+        default=False,
+    ),
+)

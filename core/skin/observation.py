@@ -1,0 +1,134 @@
+"""Observation: what is compared of two touches, in few numbers: stress, what electrodes read, or total force.
+
+On linear skin an observation is a matrix on the contact forces. On skin that follows the neo-Hookean law the matrix
+tells what linear skin would feel of the same forces, and the rest comes from the law. Of stress that rest is its
+projection onto the stress fields that forces on the pad make in linear skin, so one matrix serves both tissues.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..arrays import Array, Floats32
+from ..cache import cache_key
+from ..recent import Recent
+from .assembly import degrees
+from .stimulus import Stimulus
+from .stress import StressOperator
+
+if TYPE_CHECKING:
+    from .model import SkinModel
+
+# Of the largest eigenvalue of the stress that unit forces make: below it single precision leaves rounding alone.
+ROUNDING = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """What is observed of a touch.
+
+    Attributes:
+        matrix: channels for forces on the pad nodes of linear skin, shape (c, 3 m).
+        pad: channels for displacement of the pad nodes [1/m], shape (c, 3 m), where displacement is observed; else
+            None.
+        stress: whether the channels are components of stress.
+    """
+
+    matrix: Array
+    pad: Array | None = None
+    stress: bool = True
+
+    @classmethod
+    def of(cls, given: Array | Observation) -> Observation:
+        """Return an observation; a matrix alone has components of stress."""
+        return given if isinstance(given, Observation) else cls(np.asarray(given, np.float64))
+
+
+class Observer:
+    """An observation on one skin.
+
+    Args:
+        skin: the model. observation: what is observed; a matrix alone has components of stress.
+    """
+
+    def __init__(self, skin: SkinModel, observation: Array | Observation) -> None:
+        self.skin, self.observation = skin, Observation.of(observation)
+        self.matrix = self.observation.matrix
+        self._of_stress: Floats32 | None = None
+        if skin.follows_law and self.observation.stress:
+            self._of_stress = _stress_reader(skin, self.matrix)
+
+    def see(self, felt: Stimulus) -> Array:
+        """Return the channels of a touch, shape (c,)."""
+        flat = np.asarray(felt.force, np.float64).ravel()
+        if not self.skin.follows_law or not flat.any():
+            return np.asarray(self.matrix @ flat)
+        if self._of_stress is not None:
+            return np.asarray(self._of_stress @ felt.stress.astype(np.float32).ravel(), np.float64)
+        out = self.matrix @ flat
+        if self.observation.pad is not None:
+            assert felt.amounts is not None
+            out -= self.observation.pad @ felt.amounts
+        return np.asarray(out)
+
+    def seen(self, force: Array, amounts: Array | None = None) -> Array:
+        """Return the channels for forces on the pad nodes [N], shape (m, 3) or (3 m,) to (c,).
+
+        Args:
+            amounts: see `Stimulus.given`; found from the forces where None.
+        """
+        return self.see(touch_of(self.skin, force, amounts))
+
+
+def skin_key(skin: SkinModel) -> str:
+    """Return what a skin's touch depends on besides E and alpha: of linear skin its own key."""
+    return cache_key(skin.key, "law") if skin.follows_law else skin.key
+
+
+def touch_of(skin: SkinModel, force: Array, amounts: Array | None = None) -> Stimulus:
+    """Return what forces on the pad nodes [N], shape (m, 3) or (3 m,), do to a skin; `amounts` as `Stimulus.given`."""
+    return Stimulus(skin, np.asarray(force, np.float64).reshape(-1, 3), None, amounts)
+
+
+def stress_vector(felt: Stimulus) -> Array:
+    """Return the weighted stress of every element, whose norm is the volume-weighted L2 norm [Pa m^1.5], (6 e,)."""
+    return np.asarray((felt.stress * felt.skin.operator.weights).ravel())
+
+
+def stress_error(target: Stimulus, made: Stimulus) -> float:
+    """Return how far the whole stress of one touch is off that of another, relative to it; 0 where that is none."""
+    if target.skin.follows_law or made.skin.follows_law:
+        wanted = stress_vector(target)
+        off = stress_vector(made) - wanted
+    else:  # the same norm, from fewer numbers
+        root = target.skin.unit_stress
+        wanted = root @ np.asarray(target.force, np.float64).ravel()
+        off = root @ np.asarray(made.force, np.float64).ravel() - wanted
+    size = float(np.linalg.norm(wanted))
+    return float(np.linalg.norm(off)) / size if size > 0.0 else 0.0
+
+
+def _stress_reader(skin: SkinModel, matrix: Array) -> Floats32:
+    """Return D with D s = W f where s is the stress [Pa] that f makes in linear skin, least squares else, (c, 6 e).
+
+    With S the map from forces to weighted stress, D = W (S'S)^-1 S' on weighted stress.
+    """
+    return _readers.make((skin.key, matrix.tobytes()), lambda: _made_reader(skin, matrix))
+
+
+def _made_reader(skin: SkinModel, matrix: Array) -> Floats32:
+    root = skin.unit_stress
+    values, vectors = np.linalg.eigh(root.T @ root)
+    kept = values > ROUNDING * values[-1]
+    inverse = (matrix @ vectors[:, kept] / values[kept]) @ vectors[:, kept].T
+    operator = StressOperator(skin.mesh, skin.material.unit, skin.element)
+    way = np.zeros((len(matrix), skin.mesh.nodes.size), np.float32)
+    way[:, degrees(skin.mesh.free)] = inverse.astype(np.float32) @ skin.unit_response
+    weighted = operator.weighted_matrix.astype(np.float32)
+    return np.asarray((weighted @ way.T).T * operator.weights.ravel().astype(np.float32), np.float32, order="C")
+
+
+_readers: Recent[tuple[str, bytes], Floats32] = Recent(8)

@@ -1,0 +1,173 @@
+"""CollectSession: a built device goes through its poses with a sensor in it, and each pose is read.
+
+Each pose is approached from rest, so that friction is the same in all; every so many rows an earlier one is read again,
+which tells how the sensor drifts. A reading beyond a limit ends it at once, in the device's safe state.
+
+Source: [S2] III.A, and the corrections (rows come from rest)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import clock
+from ..arrays import Array
+from ..errors import DermisError
+from .request import StreamRequest
+from .sensor_input import Sensed, SensorInput
+from .sensor_stream import SensorStream
+from .signals import Interrupted, Signals
+
+REPEAT = 50  # rows from one repetition to the next
+KEEP = 20  # rows after which they are written
+LATE = 5.0  # a device that is not there so long after it should be is stuck, or its link stands [s]
+REACHED = 1e-9  # of a channel's way
+
+
+@dataclass(frozen=True)
+class Collected:
+    """A row that was read.
+
+    Attributes:
+        row: its number in the sweep. again: it is a repetition. at: when [s]. reading: mean, shape (channels,).
+    """
+
+    row: int
+    again: bool
+    at: float
+    reading: Array
+
+
+class CollectSession(SensorStream):
+    """Reads a sensor in every pose of a device.
+
+    Args:
+        settle: how long a pose is held before it is read [s]. average: how long it is read [s].
+        most: by how much a channel may differ from its rest, by its place; beyond, the device goes to its safe state.
+    """
+
+    def __init__(
+        self,
+        request: StreamRequest,
+        sensor: SensorInput,
+        channels: tuple[str, ...],
+        signals: Signals,
+        *,
+        settle: float,
+        average: float,
+        most: Mapping[int, float],
+    ) -> None:
+        super().__init__(request, sensor, channels, signals)
+        self.settle, self.average, self.most = settle, average, most
+        self._rest: Array | None = None
+        self._looked = 0.0  # when the last reading came that was looked at [s]
+
+    def collect(
+        self,
+        commands: Array,
+        home: Array,
+        rest: Array,
+        done: Sequence[Collected],
+        keep: Callable[[Sequence[Collected]], None],
+    ) -> list[Collected]:
+        """Arm, and read every row that has not been read; return all.
+
+        Args:
+            commands: of the rows, shape (n, channels). home: of the device at rest. rest: the reading there.
+            done: rows of an earlier run. keep: writes rows; called now and then, and at the end, whatever that is.
+
+        Raises:
+            DermisError: a limit was passed, the sensor is too slow or fell silent, or the device does not get there.
+            Interrupted: a signal came.
+        """
+        self.paced()
+        found = list(done)
+        there = {item.row for item in found if not item.again}
+        todo = [row for row in range(len(commands)) if row not in there]
+        self._rest, self._watched, self._looked = rest, True, clock.now()
+        self.drive_to(home)
+        self.tick(clock.now())
+        self.arm()
+        try:
+            self._go(home, self.request.ramp)
+            for row in todo:
+                found.append(self._read_row(row, commands[row], home, again=False))
+                count = sum(not item.again for item in found)
+                if count % REPEAT == 0:
+                    earlier = [item.row for item in found if not item.again][-REPEAT]
+                    found.append(self._read_row(earlier, commands[earlier], home, again=True))
+                if count % KEEP == 0:
+                    keep(found)
+        finally:
+            keep(found)
+        self._go(home, 0.0)
+        return found
+
+    def read(self, newest: Sensed) -> None:
+        """End it where a reading is beyond a limit."""
+        assert self._rest is not None
+        since, self._looked = self._looked, newest.taken
+        heard = [*self.sensor.since(since), newest]  # a peak between two ticks counts
+        values = np.array([sensed.values for sensed in heard])
+        for place, most in self.most.items():
+            off = float(np.abs(values[:, place] - self._rest[place]).max())
+            if off > most and self.streamer.armed:
+                what = f"channel {place + 1} is {off:.4g} from its rest, more than the limit of {most:g}"
+                self.streamer.stop(clock.now(), what)
+
+    def _read_row(self, row: int, command: Array, home: Array, *, again: bool) -> Collected:
+        self._go(home, 0.0)
+        self._go(command, 0.0)
+        self._wait(self.settle)
+        since = clock.now()
+        self._run(lambda: clock.now() - since >= self.average and self._heard(since))
+        readings = self.sensor.since(since)
+        return Collected(row, again, clock.now(), np.mean([sensed.values for sensed in readings], axis=0))
+
+    def _go(self, command: Array, more: float) -> None:
+        """Drive to a command, and wait until the limits let the device be there."""
+        self.drive_to(command)
+        output = self.streamer.output
+        assert output is not None
+        goal = output.limiter.driven(np.array(self._values))
+        scale = np.maximum(np.abs(goal), 1.0)
+        began, slew = clock.now(), output.wire.slew
+        way = float(np.max(np.abs(goal - output.limiter.last) / np.where(np.isfinite(slew), slew, np.inf), initial=0.0))
+
+        def there() -> bool:
+            return bool((np.abs(output.limiter.last - goal) <= REACHED * scale).all())
+
+        late = began + way + more + LATE
+        self._run(lambda: there() or clock.now() > late)
+        if not there():
+            raise DermisError("the device does not get there", where=self.request.url, value=f"after {LATE:g} s")
+
+    def _heard(self, since: float) -> bool:
+        """Return whether a reading has come since a moment; a sensor that stays silent ends the stream by itself."""
+        last = self.sensor.last
+        return last is not None and last.taken >= since
+
+    def _wait(self, seconds: float) -> None:
+        until = clock.now() + seconds
+        self._run(lambda: clock.now() >= until)
+
+    def _run(self, done: Callable[[], bool]) -> None:
+        """Let time pass until something holds; a signal, a stop and the end of the sensor end it."""
+        began = clock.now()
+        armed = False
+
+        def ended() -> bool:
+            nonlocal armed
+            armed = armed or self.streamer.armed
+            return self.sensor.ended or (not self.streamer.armed and (armed or clock.now() - began > 2.0))
+
+        self.run(lambda: done() or ended())
+        if self.signals.number:
+            raise Interrupted
+        if self.sensor.ended:
+            raise self.no_more("the sensor's readings have ended")
+        if not self.streamer.armed:
+            raise self.refusal("the device disarmed itself")

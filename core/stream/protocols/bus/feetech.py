@@ -1,0 +1,162 @@
+"""Feetech servos of the STS, SMS and SCS families.
+
+Source: Feetech's memory tables of the STS and SCS servos, and their protocol manual. Packets are held against the
+maker's own scservo_sdk (`ftservo-python-sdk`) in the tests. The SCS family has its words the other way round, and no
+Sync Read.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....errors import DermisError
+from ..silence import Does, Silence
+from .questions import Question
+from .servo import Answer, Present, Servo
+from .servo_bus import ServoBus
+
+HEADER, BROADCAST = b"\xff\xff", 0xFE
+PING, READ, WRITE, SYNC_READ, SYNC_WRITE = 0x01, 0x02, 0x03, 0x82, 0x83
+
+# Memory table: the address of each entry.
+MODEL, LOWEST, HIGHEST, TEMPERATURE_LIMIT, MODE = 3, 9, 11, 13, 33
+TORQUE, GOAL, POSITION, VOLTAGE, TEMPERATURE, CURRENT = 40, 42, 56, 62, 63, 69
+SIGN = 0x8000  # of a number
+AMPERE = 6.5e-3  # one count of current [A]
+ERRORS = ("voltage", "encoder", "overheating", "current", "", "overload")  # bits of a status byte
+SERIES: Mapping[str, tuple[int, float, str]] = {  # counts, over how many degrees, order of bytes in a word
+    "sts": (4096, 360.0, "<"),
+    "scs": (1024, 300.0, ">"),
+}
+
+
+def packet(servo: int, instruction: int, parameters: bytes) -> bytes:
+    """Return a packet: the bytes after the header are added up, and the sum's complement ends it."""
+    body = bytes((servo, len(parameters) + 2, instruction)) + parameters
+    return HEADER + body + bytes((~sum(body) & 0xFF,))
+
+
+def read(servo: int, register: int, size: int) -> bytes:
+    """Return a question for registers of one servo."""
+    return packet(servo, READ, bytes((register, size)))
+
+
+def sync_read(ids: Iterable[int], register: int, size: int) -> bytes:
+    """Return a question for the same registers of several servos, which answer one after the other."""
+    return packet(BROADCAST, SYNC_READ, bytes((register, size, *ids)))
+
+
+def sync_write(register: int, data: Mapping[int, bytes]) -> bytes:
+    """Return one message that writes the same registers of several servos; nobody answers it."""
+    size = len(next(iter(data.values())))
+    rows = b"".join(bytes((servo,)) + value for servo, value in data.items())
+    return packet(BROADCAST, SYNC_WRITE, bytes((register, size)) + rows)
+
+
+def answers(buffer: bytes) -> tuple[list[Answer], bytes, int]:
+    """Return the whole answers in a buffer, the rest of it, and the number of damaged ones."""
+    found: list[Answer] = []
+    damaged = 0
+    while (at := buffer.find(HEADER)) >= 0:
+        buffer = buffer[at:]
+        if len(buffer) < 6:
+            return found, buffer, damaged
+        servo, length = buffer[2], buffer[3]
+        if servo >= BROADCAST or length < 2:  # a third byte of a header, an echo of a broadcast, or rubbish
+            buffer = buffer[1:]
+            continue
+        whole = buffer[: 4 + length]
+        if len(whole) < 4 + length:
+            return found, buffer, damaged
+        if ~sum(whole[2:-1]) & 0xFF != whole[-1]:
+            damaged, buffer = damaged + 1, buffer[1:]
+            continue
+        buffer = buffer[4 + length :]
+        found.append(Answer(servo, whole[4], whole[5:-1]))
+    return found, buffer[-1:], damaged
+
+
+class Feetech(ServoBus):
+    """Feetech. Options beside those of every bus: `series`: 'sts' (STS, SMS) or 'scs'.
+
+    These servos have no watchdog: in silence they keep their last command, whoever ended.
+    """
+
+    name, title = "feetech", "Feetech STS and SCS"
+    OPTIONS = (*ServoBus.OPTIONS, "series")
+    caution = (
+        "These servos have no watchdog: they keep their last command when the computer falls silent. Keep a switch in "
+        "their supply at hand."
+    )
+    unanswered = DELIVERED = "as delivered id 1 and 1000000 baud"
+    IDENTITY, PRESENT, ENABLED = (MODEL, MODE + 1 - MODEL), (TORQUE, CURRENT + 2 - TORQUE), (TORQUE, 1)
+    OVERHEAD = 6
+
+    def _declared_silence(self) -> Silence:
+        return Silence(Does.KEEPS)
+
+    def _scale(self) -> tuple[float, int]:
+        self.series = self.options.get("series", "sts")
+        if self.series not in SERIES:
+            raise DermisError(
+                "no such family of servos",
+                where=f"protocol '{self.name}', series",
+                value=self.series,
+                limit=", ".join(SERIES),
+            )
+        counts, degrees, self._order = SERIES[self.series]
+        return counts / math.radians(degrees), counts // 2
+
+    def _ask_one(self, register: int, size: int, servo: int) -> Question:
+        return Question(read(servo, register, size), (servo,), size)
+
+    def _asking(self, register: int, size: int) -> list[Question]:
+        if self.series == "scs":
+            return [self._ask_one(register, size, servo) for servo in self.ids]
+        return [Question(sync_read(self.ids, register, size), self.ids, size)]
+
+    def _parse(self, buffer: bytes) -> tuple[list[Answer], bytes, int]:
+        return answers(buffer)
+
+    def _word(self, data: bytes, at: int) -> int:
+        (value,) = struct.unpack_from(f"{self._order}H", data, at)
+        return -(value & ~SIGN) if value & SIGN and self.series == "sts" else value
+
+    def _describe(self, data: bytes) -> Servo:
+        number, low, high = (self._word(data, at - MODEL) for at in (MODEL, LOWEST, HIGHEST))
+        mode = data[MODE - MODEL] if self.series == "sts" else 0
+        fault = ""
+        if mode:
+            fault = f"its Mode is {mode}. Set it to 0, position, in Feetech's FD program"
+        elif not 0 <= low < high < SERIES[self.series][0]:
+            fault = (
+                f"its angle limits are {low} and {high}, as no servo of this family that turns to positions has. "
+                "Take the other series= (sts, scs), or set the limits in Feetech's FD program"
+            )
+        return Servo(f"{self.series.upper()} model {number}", low, high, data[TEMPERATURE_LIMIT - MODEL], AMPERE, fault)
+
+    def _measured(self, servo: Servo, answer: Answer) -> Present:
+        data = answer.data
+        position, current = (self._word(data, at - TORQUE) for at in (POSITION, CURRENT))
+        stopped = ""
+        if answer.error:
+            names = ", ".join(name for bit, name in enumerate(ERRORS) if name and answer.error >> bit & 1)
+            stopped = f"reports an error ({names or answer.error})"
+        elif self.armed and not data[0]:
+            stopped = "has switched its torque off"
+        return Present(position, current * servo.ampere, float(data[TEMPERATURE - TORQUE]), stopped)
+
+    def _goal(self, counts: NDArray[np.int_]) -> bytes:
+        words = [struct.pack(f"{self._order}H", -c | SIGN if c < 0 else c) for c in counts.tolist()]
+        return sync_write(GOAL, dict(zip(self.ids, words, strict=True)))
+
+    def _torque(self, on: bool) -> bytes:
+        return sync_write(TORQUE, dict.fromkeys(self.ids, bytes((int(on),))))
+
+    def _unarmed(self, answer: Answer) -> str:
+        return "" if answer.data[0] == 1 else "its torque stays off"

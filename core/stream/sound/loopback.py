@@ -1,0 +1,188 @@
+"""`stream loopback`: a sound card with a cable from out to in, measured: gain, latency, jitter, corner and clipping.
+
+The output is one series: clicks at uneven times, then tones of several frequencies, then a tone of 1 kHz at rising
+levels. Each is looked for where it must come in.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...arrays import Array
+from ...errors import DermisError
+from .card import Card, open_card
+from .measured import MeasuredCard
+
+QUIET = 0.25  # [s] before the first click and behind the last tone: longer than any card is late
+CLICKS, LEVEL = 24, 0.25  # and the samples' size, -12 dB
+GAP = 0.08  # [s] between two clicks at least; a card that is later than that is not measured
+TONES = (10.0, 20.0, 40.0, 80.0, 160.0, 320.0)  # [Hz] where a card's corner shows
+REFERENCE = 1000.0  # [Hz]
+SECONDS = 0.5  # of each tone; the first fifth is left out
+LEVELS = (0.1, 0.25, 0.5, 0.7, 0.8, 0.9, 1.0)
+STRAIGHT = 0.005  # by which the gain may change up to the loudest level: the error that an amplitude may have
+TORN = 0.05  # of a tone that comes in (RMS): a share of something else that makes its gain uncertain
+HEARD = 1e-3  # gain below which nothing is taken for having come in
+DRIFT = 1e-4  # of the input's clock: more is another clock, or another rate
+
+
+@dataclass
+class _Tape:
+    """The output, and where its parts begin [samples]."""
+
+    rate: int
+    parts: list[Array] = field(default_factory=list)
+    length: int = 0
+
+    def add(self, part: Array) -> int:
+        self.parts.append(part)
+        self.length += len(part)
+        return self.length - len(part)
+
+    def tone(self, hertz: float, level: float) -> Array:
+        t = np.arange(round(SECONDS * self.rate)) / self.rate
+        fade = np.clip(np.minimum(t, SECONDS - t) / 0.01, 0.0, 1.0)
+        return level * fade * np.sin(2.0 * np.pi * hertz * t)
+
+
+def measure(card: Card) -> MeasuredCard:
+    """Return the response of a card, from its output to its input.
+
+    Raises:
+        DermisError: nothing comes in, or it comes in at another rate; or the card is gone.
+    """
+    tape, rate = _Tape(card.rate), card.rate
+    rng = np.random.default_rng(1)
+    tape.add(np.zeros(round(QUIET * rate)))
+    click = LEVEL * _click(rate)
+    clicks = []
+    for gap in rng.uniform(GAP, 1.5 * GAP, CLICKS):
+        clicks.append(tape.add(click))
+        tape.add(np.zeros(round(gap * rate)))
+    tape.add(np.zeros(round(QUIET * rate)))
+    tones = {hertz: tape.add(tape.tone(hertz, LEVEL)) for hertz in (*TONES, REFERENCE)}
+    levels = {level: tape.add(tape.tone(REFERENCE, level)) for level in LEVELS}
+    tape.add(np.zeros(round(2 * QUIET * rate)))
+    heard = _played(card, np.concatenate(tape.parts))
+    where = f"sound card '{card.name}'"
+    if np.abs(heard).max(initial=0.0) < HEARD * LEVEL:
+        raise DermisError(
+            "nothing came in of what went out",
+            where=where,
+            value=f"{np.abs(heard).max(initial=0.0):.2g}",
+            limit=f">= {HEARD * LEVEL:g}",
+            remedy="Connect the card's output with its line input, and turn both up",
+        )
+    sent = np.array(clicks, np.float64)
+    late = np.array([_arrival(heard, click, k, round(QUIET * rate)) for k in clicks]) - sent
+    drift = float(np.polyfit(sent, late, 1)[0])
+    if abs(drift) > DRIFT:
+        raise DermisError(
+            "what comes in has another rate than what went out",
+            where=where,
+            value=f"{1e6 * drift:+.0f} ppm",
+            limit=f"{1e6 * DRIFT:.0f} ppm",
+            remedy="Choose an input and output of one card, at a rate that it has itself",
+        )
+    delay = float(np.median(late))
+    gains = {}
+    for hertz, start in tones.items():
+        gains[hertz], left = _gain(heard, start + delay, hertz, LEVEL, rate)
+        if left > TORN:
+            raise DermisError(
+                "what came in is not the tone that went out: it is torn, full of noise or distorted",
+                where=f"{where}, {hertz:g} Hz",
+                value=f"{left:.1%} of it are something else",
+                limit=f"{TORN:.0%}",
+                remedy="End other programs, use a larger buffer, or turn the input down",
+            )
+    reference = gains[REFERENCE]
+    loudest = 0.0
+    for level, start in levels.items():
+        if abs(_gain(heard, start + delay, REFERENCE, level, rate)[0] / reference - 1.0) > STRAIGHT:
+            break
+        loudest = level
+    return MeasuredCard(
+        name=card.name,
+        rate=rate,
+        gain=reference,
+        latency=delay / rate,
+        jitter=float(np.ptp(late)) / rate,
+        corner=max(_corner(hertz, gain / reference) for hertz, gain in gains.items() if hertz in TONES),
+        loudest=loudest,
+    )
+
+
+def loopback(options: argparse.Namespace) -> int:
+    """Measure a card, print the results, and write them where asked."""
+    found = measure(open_card(options.card, options.rate, records=True))
+    print(f"gain {found.gain:.4f}")
+    print(f"latency {1e3 * found.latency:.2f} ms, jitter {1e3 * found.jitter:.3f} ms")
+    print(f"corner {found.corner:.2f} Hz: carriers and bands from {lowest(found):.0f} Hz are right within 0.5 %")
+    print(f"straight up to {found.loudest:g} of full scale")
+    if options.out is not None:
+        found.save(options.out)
+        print(options.out, file=sys.stderr)
+    return 0
+
+
+def lowest(card: MeasuredCard) -> float:
+    """Return the lowest frequency whose amplitude a card changes by no more than 0.5 % [Hz].
+
+    A high-pass of first order leaves 1 / sqrt(1 + (corner / f)^2).
+    """
+    return card.corner / float(np.sqrt(1.0 / (1.0 - STRAIGHT) ** 2 - 1.0))
+
+
+def _click(rate: int) -> Array:
+    """Return a short sweep from 1 to 6 kHz: its place is found to a part of a sample."""
+    t = np.arange(round(0.01 * rate)) / rate
+    return np.sin(2.0 * np.pi * (1000.0 * t + 0.5 * 5000.0 / 0.01 * t**2)) * np.sin(np.pi * t / 0.01) ** 2
+
+
+def _played(card: Card, out: Array) -> Array:
+    """Play samples and return the recorded ones, at least as many."""
+    heard: list[Array] = []
+    sent = 0
+
+    def source(count: int) -> Array:
+        nonlocal sent
+        part = out[sent : sent + count]
+        sent += count
+        return np.pad(part, (0, count - len(part)))
+
+    card.run(source, lambda: sent >= len(out), heard.append)
+    return np.concatenate([*heard, np.zeros(len(out))])[: len(out)]
+
+
+def _arrival(heard: Array, click: Array, sent: int, latest: int) -> float:
+    """Return where a click came in [samples], by the peak of its correlation and a parabola through it."""
+    part = heard[sent : sent + latest + len(click)]
+    match = np.correlate(part, click, "valid")[: round(GAP / QUIET * latest)]
+    k = int(np.argmax(np.abs(match)))
+    if 0 < k < len(match) - 1:
+        a, b, c = np.abs(match[k - 1 : k + 2])
+        return sent + k + 0.5 * float((a - c) / (a - 2.0 * b + c))
+    return float(sent + k)
+
+
+def _gain(heard: Array, start: float, hertz: float, level: float, rate: int) -> tuple[float, float]:
+    """Return the ratio of a tone's input amplitude to its output amplitude, and the share that is no tone (RMS)."""
+    count = round(SECONDS * rate)
+    part = heard[round(start) : round(start) + count]
+    whole = part[count // 5 : count - count // 20]
+    angle = 2.0 * np.pi * hertz / rate * np.arange(len(whole))
+    basis = np.column_stack([np.sin(angle), np.cos(angle), np.ones(len(whole))])
+    found = np.linalg.lstsq(basis, whole, rcond=None)[0]
+    size = float(np.hypot(found[0], found[1]))
+    left = float(np.sqrt(np.mean((whole - basis @ found) ** 2)))
+    return size / level, left / max(size / np.sqrt(2.0), 1e-12)
+
+
+def _corner(hertz: float, gain: float) -> float:
+    """Return the corner of a high-pass of first order that has a gain at a frequency [Hz]."""
+    return hertz * float(np.sqrt(max(1.0 / max(gain, 1e-6) ** 2 - 1.0, 0.0)))

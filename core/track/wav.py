@@ -1,0 +1,306 @@
+"""Command tracks as WAV files, version 1: the voltage of a device, for sound card and amplifier.
+
+One channel of 24-bit PCM, 48 to 192 kHz. Of a device that a sinusoid drives the voltage is
+amplitude(t) sin(phase(t)) + offset, with the track's amplitude as the peak; the phase begins at 0 and grows with the
+carrier. Of a voice coil it is the track's voltage, plus the offset. Samples are
+
+    sample = voltage / (gain * full_scale), 1 being the count 8388607
+
+so `full_scale` is the card's peak voltage and `gain` the amplifier's. Neither changes the device's input: they
+describe the chain behind the file. A voltage that the chain cannot give is refused, or clipped and counted on request.
+
+Before the samples stands a LIST chunk of type INFO: INAM (finger and device), ISBJ (kind of the file), ISFT, and ICMT,
+a JSON object in ASCII: the header of the JSON track, with the schema below, and `wave`: rate, unit, gain, full_scale,
+offset, carrier (null where it is the track's), clipped (samples), open_loop, counts (of full scale).
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Array
+from ..devices.kinds import KINDS, Kind
+from ..devices.spec import Channel
+from ..errors import DermisError, Finding
+from ..files import write_bytes
+from ..interpolate import MAX_SAMPLES
+from ..parameters.wave import WAVE
+from ..version import version
+from .command_track import CommandTrack
+from .track_header import check_finite, header_of, text_of
+from .upsampling import ratio, upsampled
+
+SCHEMA = "dermis-track-wav 1"
+COUNTS = 2**23 - 1
+SLACK = 1e-9  # relative: rounding of sums and products is no step beyond full scale
+OPEN_LOOP = "open loop: the voltage follows the animated finger, and a real finger is not where that one is"
+
+
+@dataclass(frozen=True)
+class Wave:
+    """A track's voltage as samples.
+
+    Attributes:
+        rate: [Hz]. volts: at the device [V], not yet clipped, shape (n,).
+        limit: voltage at the device of the largest sample [V].
+        header: description in the file. findings: of the conversion.
+    """
+
+    rate: int
+    volts: Array
+    limit: float
+    header: Mapping[str, Any]
+    findings: tuple[Finding, ...]
+
+
+def write(track: CommandTrack, path: Path, settings: Mapping[str, Any]) -> tuple[Finding, ...]:
+    """Write a track as a WAV file, whole or not at all; return what people should know of it.
+
+    Args:
+        settings: values of the rows of `WAVE`, in SI.
+
+    Raises:
+        DermisError: see `wave_of`; or the file cannot be written.
+    """
+    wave = wave_of(track, settings)
+    write_bytes(Path(path), dumps(track, wave))
+    return wave.findings
+
+
+def wave_of(track: CommandTrack, settings: Mapping[str, Any]) -> Wave:
+    """Return the voltage that a track stands for.
+
+    Codes of its findings: 'open-loop', 'constant-voltage' (infos), 'clipped' (warning).
+
+    Raises:
+        DermisError: a device that no waveform drives; a setting out of range; no samples, too many, or times that are
+            no regular grid; a value that is not finite; a voltage beyond full scale that may not be clipped; an offset
+            that takes the voltage beyond the channel's limit.
+    """
+    where = f"track of '{track.meta.get('finger', track.spec.key)}'"
+    said = {name: row.of(settings, "WAV") for name, row in WAVE.items()}
+    kind = _driven(track, where)
+    level = _channel(track, kind.wave or kind.sine[0], where)
+    check_finite(track)
+    rate = int(said["rate"])
+    up = ratio(track.spec.rate, rate, track.duration, where)
+    _check_grid(track, float(up), where)
+    place = f"{where}, {level.name}"
+    limit = said["gain"] * said["full_scale"] or _limit(level, place)
+    volts: Array = upsampled(track.column(level.name), up, *_range(level, track))
+    if kind.sine:
+        phase = _phase(track, _channel(track, kind.sine[1], where), said["carrier"], up, rate, where)
+        volts *= np.sin(phase, out=phase)
+    elif said["carrier"]:
+        raise DermisError(
+            "the voltage is the wave itself, so it has no carrier",
+            where=place,
+            value=f"{said['carrier']:g} Hz",
+            limit="0",
+            remedy="Leave the carrier at 0",
+        )
+    _check_offset(volts, said["offset"], level, place)
+    volts += said["offset"]
+    clipped = _beyond(volts, limit, rate, bool(said["clip"]), level, place)
+    findings = [*clipped]
+    if not kind.worn:
+        findings.append(Finding("info", "open-loop", OPEN_LOOP, where=where))
+    if said["offset"]:
+        findings.append(
+            Finding(
+                "info",
+                "constant-voltage",
+                "most sound cards block a constant voltage, so the offset may not reach the device",
+                where=place,
+                value=f"{said['offset']:g} V",
+                remedy="Measure it behind the amplifier, or add the offset there",
+            )
+        )
+    header = {
+        "rate": rate,
+        "unit": level.unit,
+        "gain": said["gain"],
+        "full_scale": limit / said["gain"],
+        "offset": said["offset"],
+        "carrier": said["carrier"] or None,
+        "clipped": sum(finding.count for finding in clipped),
+        "open_loop": not kind.worn,
+        "counts": COUNTS,
+    }
+    return Wave(rate, volts, limit, header, tuple(findings))
+
+
+def dumps(track: CommandTrack, wave: Wave) -> bytes:
+    """Return the file's bytes; equal tracks and settings give equal bytes.
+
+    Raises:
+        DermisError: a kind of device or a key that the header cannot hold.
+    """
+    scaled = np.clip(wave.volts / wave.limit, -1.0, 1.0) * COUNTS
+    data = np.rint(scaled).astype("<i4").view(np.uint8).reshape(-1, 4)[:, :3].tobytes()
+    header = header_of(track, SCHEMA) | {"wave": dict(wave.header)}
+    owner = f"{track.meta['finger']}, " if "finger" in track.meta else ""
+    subject = f"voltage of {track.spec.key}" + (f"; {OPEN_LOOP}" if wave.header["open_loop"] else "")
+    entries = {
+        b"INAM": f"{owner}{track.spec.name}",
+        b"ISBJ": subject,
+        b"ISFT": f"Dermis {version()}",
+        b"ICMT": text_of(header, ascii_only=True),  # which every reader of INFO takes
+    }
+    info = b"INFO" + b"".join(_chunk(key, _ascii(text) + b"\0") for key, text in entries.items())
+    form = struct.pack("<HHIIHH", 1, 1, wave.rate, 3 * wave.rate, 3, 24)
+    return _chunk(b"RIFF", b"WAVE" + _chunk(b"fmt ", form) + _chunk(b"LIST", info) + _chunk(b"data", data))
+
+
+def _driven(track: CommandTrack, where: str) -> Kind:
+    kind = KINDS.get(track.spec.kind)
+    if kind is None or not (kind.sine or kind.wave):
+        raise DermisError(
+            "no waveform drives this device, so it has no WAV file",
+            where=where,
+            value=track.spec.kind,
+            limit=", ".join(name for name, known in KINDS.items() if known.sine or known.wave),
+            remedy="Export it as CSV, JSON, binary or C header",
+        )
+    return kind
+
+
+def _channel(track: CommandTrack, name: str, where: str) -> Channel:
+    for channel in track.channels:
+        if channel.name == name:
+            return channel
+    known = ", ".join(c.name for c in track.channels)
+    raise DermisError("the channel of the waveform is missing", where=where, value=name, limit=known)
+
+
+def _check_grid(track: CommandTrack, up: float, where: str) -> None:
+    if len(track.times) == 0:
+        raise DermisError("the track has no samples", where=where, value=0, limit=">= 1")
+    grid = track.times[0] + np.arange(len(track.times)) / track.spec.rate
+    off = np.abs(grid - track.times)
+    if off.max() > 1e-6:
+        first = int(np.argmax(off > 1e-6))
+        raise DermisError(
+            "the samples are no regular grid",
+            where=f"{where}, at {track.times[first]:.6g} s",
+            value=f"{track.spec.rate:g} Hz",
+            limit="times within 1 us of the device's rate",
+            remedy="Resample it",
+        )
+    if len(track.times) * up > MAX_SAMPLES:
+        raise DermisError(
+            "more samples than a WAV file of ours holds",
+            where=where,
+            value=f"{len(track.times) * up:.4g}",
+            limit=str(MAX_SAMPLES),
+            remedy="Export a range, or choose a lower rate",
+        )
+
+
+def _range(channel: Channel, track: CommandTrack) -> tuple[float, float]:
+    """Return the range that interpolated values keep: the channel's, or that of a forced track's samples."""
+    values = track.column(channel.name)
+    low = -np.inf if channel.low is None else min(channel.low, float(values.min()))
+    return low, np.inf if channel.high is None else max(channel.high, float(values.max()))
+
+
+def _limit(channel: Channel, place: str) -> float:
+    if channel.high is None or not channel.high > 0:
+        raise DermisError(
+            "the channel has no limit that full scale could stand for",
+            where=place,
+            value=channel.high,
+            limit="> 0 V",
+            remedy="State the full scale, or give the channel a 'high' in the device preset",
+        )
+    return float(channel.high)
+
+
+def _phase(track: CommandTrack, channel: Channel, fixed: float, up: Any, rate: int, where: str) -> Array:
+    """Return the phase at every sample [rad], 0 at the first."""
+    place, (low, high) = f"{where}, {channel.name}", _range(channel, track)
+    if fixed:
+        if not low <= fixed <= high:
+            raise DermisError(
+                "a carrier outside the channel's range",
+                where=place,
+                value=f"{fixed:g} Hz",
+                limit=f"{low:g} to {high:g} Hz",
+                remedy="Choose another carrier, or change the range in the device preset",
+            )
+        count = int((len(track.times) - 1) * up) + 1
+        return np.arange(count, dtype=np.float64) * (2 * np.pi * fixed / rate)
+    found = upsampled(track.column(channel.name), up, low, high)
+    if found.max() >= 0.45 * rate or found.min() < 0:
+        raise DermisError(
+            "a carrier that the file's rate cannot hold",
+            where=place,
+            value=f"{found[np.argmax(np.abs(found))]:g} Hz",
+            limit=f"0 to {0.45 * rate:g} Hz",
+            remedy="Choose a higher rate",
+        )
+    steps = (found[1:] + found[:-1]) * (np.pi / rate)
+    found[0] = 0.0
+    np.cumsum(steps, out=found[1:])
+    return found
+
+
+def _check_offset(volts: Array, offset: float, channel: Channel, place: str) -> None:
+    """Refuse an offset that takes the voltage beyond the device's limit, whatever the chain can give."""
+    if not offset or channel.high is None:
+        return
+    peak = float(np.abs(volts).max())
+    # a forced track may be beyond the limit by itself: that was decided when it was forced
+    if peak + abs(offset) > max(channel.high, peak) * (1 + SLACK):
+        raise DermisError(
+            "the offset takes the voltage beyond the channel's limit",
+            where=place,
+            value=f"{peak:.6g} V and {offset:g} V",
+            limit=f"{channel.high:g} V",
+            remedy="Lower the offset, or the track's amplitude",
+        )
+
+
+def _beyond(volts: Array, limit: float, rate: int, clip: bool, channel: Channel, place: str) -> list[Finding]:
+    """Return a finding where samples will be clipped.
+
+    Raises:
+        DermisError: some are beyond full scale, and may not be clipped.
+    """
+    rows = np.flatnonzero(np.abs(volts) > limit * (1 + SLACK))
+    if not len(rows):
+        return []
+    worst = volts[rows[np.argmax(np.abs(volts[rows]))]]
+    found = Finding(
+        "warning",
+        "clipped",
+        f"{len(rows)} of {len(volts)} samples were clipped at full scale",
+        where=f"{place}, first at {rows[0] / rate:.6g} s",
+        value=f"{worst:.6g} {channel.unit}",
+        limit=f"{limit:.6g} {channel.unit}",
+        count=len(rows),
+    )
+    if clip:
+        return [found]
+    raise DermisError(
+        "a voltage beyond full scale",
+        where=found.where,
+        value=found.value,
+        limit=f"{found.limit}, gain times full scale",
+        remedy="Raise full scale or gain to what card and amplifier give, lower the amplitude, or allow clipping",
+        code="beyond-full-scale",
+    )
+
+
+def _ascii(text: str) -> bytes:
+    return text.encode("ascii", "replace").replace(b"\0", b"?")
+
+
+def _chunk(name: bytes, data: bytes) -> bytes:
+    return name + struct.pack("<I", len(data)) + data + b"\0" * (len(data) % 2)

@@ -1,0 +1,38 @@
+"""The first frames of every demo: no handler, timer or draw callback holds the window, whatever is read or made.
+
+Judged is the processor's time of the window's thread, which a loaded machine changes little; `first_frame_block_ms` is
+the time on the wall, each demo in a profile of its own. Here they share one: what a first demo lets child processes
+make is read by others. Other processes still cost time: they empty the processor's caches. So a run above the limit is
+repeated at most twice, each time in a new profile, and the least of the runs is judged.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.benchmarks.bench_first_frame import DEMOS, run
+
+MOST = 50.0  # [ms] that one call may take
+TRIES = 3  # runs of a demo, where the first ones are above the limit
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with the files of all demos."""
+    made = tmp_path_factory.mktemp("demos")
+    run(made, "made", *DEMOS)
+    return made
+
+
+@pytest.mark.one_line("3.13", "what takes long is read and solved in the same threads on both")
+@pytest.mark.parametrize("demo", DEMOS)
+def test_no_piece_of_work_holds_the_window(folder: Path, demo: str) -> None:
+    tried: list[dict[str, Any]] = []
+    while len(tried) < TRIES and not (tried and tried[-1]["cpu"] <= MOST):
+        tried.append(run(folder, "cold" if not tried else f"cold {len(tried)}", demo))
+        assert tried[-1]["shown"], "something was shown in the end"
+    told = ", ".join(f"{found['busiest']}: {found['cpu']:.0f} ms" for found in tried)
+    assert min(found["cpu"] for found in tried) <= MOST, told

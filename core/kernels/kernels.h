@@ -161,6 +161,7 @@ typedef struct {
     double common[3];            /* how far all skin moves with the bone [m] */
     double turned, edge, sharp, bent, corners, beyond, beside, merge, odd, level, deep, steep; /* the rule, see point_tree.py */
     int64_t often, coarsest, many;
+    int64_t thorough;            /* 1: corners are looked at even where one flat face is all that is near; the same cells */
     int64_t most;                /* room for so many cells; at least 4 a root are enough */
     int64_t *room;               /* to work in (2, most) */
     int64_t finest;              /* in: how often sides were halved at most the last time; out: this time */

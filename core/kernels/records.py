@@ -172,6 +172,7 @@ class SurveyRecord(ctypes.Structure):
         ("often", ctypes.c_int64),
         ("coarsest", ctypes.c_int64),
         ("many", ctypes.c_int64),
+        ("thorough", ctypes.c_int64),
         ("most", ctypes.c_int64),
         ("room", ctypes.c_void_p),
         ("finest", ctypes.c_int64),

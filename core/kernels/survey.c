@@ -166,7 +166,7 @@ static int64_t way_of(dermis_survey *s, int64_t cell, const double *shift, const
     dermis_sight middle = look_down(s, cell, shift, centre, &of, at);
     corners_of(s, cell, s->corners, 0.0, corners);
     corners_of(s, cell, 0.5, s->beyond, corners + 12);
-    if (flat(s, at, corners, 8, &middle)) return 0;
+    if (!s->thorough && flat(s, at, corners, 8, &middle)) return 0;
     look_about(s, cell, at, corners, *centre, &of);
     nearest = of.own;
     for (int corner = 0; corner < 4; corner++) nearest = dermis_least(nearest, of.gap[corner]);

@@ -130,6 +130,39 @@ def test_cells_do_not_overlap(pad: SurfaceCompliance) -> None:
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.parametrize("near", [False, True], ids=["anywhere", "on an edge"])
+@pytest.mark.parametrize("bodies", [1, 2])
+def test_cells_that_see_one_flat_face_are_as_if_they_had_looked_at_every_corner(bodies: int, near: bool) -> None:
+    own, cut = opened(kernels().path), 0
+    for seed in range(12):
+        drawn = drawn_survey(seed)
+        if near:
+            drawn.poses[0] = 0.0, 0.0, 0.3e-3
+        answers = []
+        for thorough in (0, 1):
+            assert drawn.call(own, bodies=bodies, thorough=thorough) == [0]
+            answers.append(drawn.answer())
+        cut += drawn.record.cut
+        assert answers[0] == answers[1], seed
+    assert cut > 100
+
+
+@pytest.mark.parametrize("surface", [Surface.block(), Surface.edge()], ids=["block", "edge"])
+def test_a_drag_has_the_same_cells_and_forces_where_every_corner_is_looked_at(
+    pad: SurfaceCompliance, surface: Surface
+) -> None:
+    def drag(thorough: int) -> list[tuple[bytes, bytes]]:
+        steps, found = SubStepper(PointSolver(pad), 8e-3), []
+        steps.solver._tree._record.thorough = thorough
+        for x in np.linspace(-0.4e-3, 0.8e-3, 13):
+            body = ContactBody(surface, translation=np.array([x, 0.0, min(AT, x + 0.4e-3)]), friction=0.3)
+            force = steps.step([body]).solution.force
+            found.append((steps.solver.cells.tobytes(), force.tobytes()))
+        return found
+
+    assert drag(0) == drag(1)
+
+
 def test_a_damaged_record_is_refused(pad: SurfaceCompliance) -> None:
     own = opened(kernels().path)
     drawn = drawn_survey(1)

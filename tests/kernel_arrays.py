@@ -193,6 +193,7 @@ class Contact:
             n,
             self.compliance.dtype == np.float32,
             self.compliance.strides[0] // self.compliance.itemsize,
+            0,
             *(address(getattr(self, name)) for name in GIVEN[:5]),
             self.tolerance,
             self.most,

@@ -100,6 +100,7 @@ typedef struct {
     int64_t count;           /* nodes */
     int64_t single;          /* 1: the compliance is of floats; 0: of doubles */
     int64_t stride;          /* numbers from one row of the compliance to the next */
+    int64_t avx2;            /* 1: the processor has AVX2, see `dermis_has_avx2`: the same bytes, sooner */
     const void *compliance;  /* C, symmetric positive definite (3 count, stride) [m/N] */
     const double *offset;    /* (count, 3) [m] */
     const double *normals;   /* of length 1, or 0 where nothing is near (count, 3) */
@@ -273,6 +274,9 @@ DERMIS_API int32_t dermis_press_pieces(dermis_pieces *pieces);
 
 /* Go over from points that there were to others. */
 DERMIS_API int32_t dermis_number_points(dermis_points *points);
+
+/* Return 1 where this processor and system have AVX2, else 0. */
+DERMIS_API int32_t dermis_has_avx2(void);
 
 /* The ABI number, and the size and offsets of each record; the last number is UINT64_MAX. */
 DERMIS_API const uint64_t *dermis_layout(void);

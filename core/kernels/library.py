@@ -35,6 +35,9 @@ class Kernels:
     Args:
         path: the file.
 
+    Attributes:
+        avx2: 1 where this processor has AVX2, for the records that ask.
+
     Raises:
         DermisError: it cannot be loaded, or is of other sources.
     """
@@ -52,6 +55,7 @@ class Kernels:
             self.law, self.rest = _function(library.dermis_evaluate_law), _function(library.dermis_rest_solve)
             self.press_pieces = _function(library.dermis_press_pieces)
             self.number_points = _function(library.dermis_number_points)
+            self.avx2 = int(library.dermis_has_avx2())
             sources = bytes(library.dermis_sources()).decode("ascii", "replace")
             fields = bytes(library.dermis_fields()).decode("ascii", "replace")
             told = library.dermis_layout()

@@ -93,6 +93,7 @@ class ContactRecord(ctypes.Structure):
         ("count", ctypes.c_int64),
         ("single", ctypes.c_int64),
         ("stride", ctypes.c_int64),
+        ("avx2", ctypes.c_int64),
         ("compliance", ctypes.c_void_p),
         ("offset", ctypes.c_void_p),
         ("normals", ctypes.c_void_p),

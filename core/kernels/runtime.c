@@ -23,7 +23,7 @@
     FIELD(dermis_query, closest) FIELD(dermis_query, weights) FIELD(dermis_query, triangle)                  \
     FIELD(dermis_query, feature) FIELD(dermis_query, beside) FIELD(dermis_query, wrong)
 #define CONTACT(FIELD)                                                                                       \
-    FIELD(dermis_contact, count) FIELD(dermis_contact, single) FIELD(dermis_contact, stride)                 \
+    FIELD(dermis_contact, count) FIELD(dermis_contact, single) FIELD(dermis_contact, stride) FIELD(dermis_contact, avx2)                 \
     FIELD(dermis_contact, compliance) FIELD(dermis_contact, offset) FIELD(dermis_contact, normals)           \
     FIELD(dermis_contact, friction) FIELD(dermis_contact, softness) FIELD(dermis_contact, tolerance)         \
     FIELD(dermis_contact, most) FIELD(dermis_contact, force) FIELD(dermis_contact, image)                    \
@@ -92,6 +92,27 @@ DERMIS_API const char *dermis_fields(void) {
            " survey" SURVEY(NAME) " law" LAW(NAME) " rest" REST(NAME) " patches" PATCHES(NAME) " pieces" PIECES(NAME)
            " points" POINTS(NAME);
 }
+
+#if defined(__x86_64__)
+/* Ask the processor about itself: registers a, b, c and d of a leaf. */
+static void ask(uint32_t leaf, uint32_t *told) {
+    __asm__ volatile("cpuid" : "=a"(told[0]), "=b"(told[1]), "=c"(told[2]), "=d"(told[3]) : "a"(leaf), "c"(0));
+}
+
+DERMIS_API int32_t dermis_has_avx2(void) {
+    uint32_t told[4], low, high;
+    ask(0, told);
+    if (told[0] < 7) return 0;
+    ask(1, told);
+    if ((told[2] >> 27 & 3) != 3) return 0; /* the system keeps wide registers, and there are some */
+    __asm__ volatile("xgetbv" : "=a"(low), "=d"(high) : "c"(0));
+    if ((low & 6) != 6) return 0;
+    ask(7, told);
+    return told[1] >> 5 & 1;
+}
+#else
+DERMIS_API int32_t dermis_has_avx2(void) { return 0; }
+#endif
 
 DERMIS_API const char *dermis_sources(void) { return DERMIS_SOURCES; }
 

@@ -68,6 +68,7 @@ def sweep(
         n,
         int(compliance.dtype == np.float32),
         compliance.strides[0] // step if n else 0,
+        kernels().avx2,
         address(compliance),
         *map(address, values),
         tolerance,

@@ -2,8 +2,8 @@
 """Build the site of the documentation from the pages where they lie, with MkDocs; a warning is an error.
 
 Pages, and every file that they link to or show, are copied to a folder of their own. Headings get the anchors that
-the host of the sources gives them, so that one link serves both. Pages of hardware, which come and go with boards,
-are listed by themselves.
+the host of the sources gives them, so that one link serves both. Pages of boards are
+found in their folders.
 """
 
 from __future__ import annotations
@@ -19,10 +19,7 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 CONFIGURATION = Path(__file__).with_name("mkdocs.yml")
-HARDWARE = (
-    *("presets/streaming*.md", "presets/boards/*.md", "presets/firmware/*/README.md"),
-    *("presets/calibration.md", "presets/stream_log.md"),
-)
+BOARDS = ("presets/boards/*.md", "presets/firmware/*/README.md")
 NO_PAGES = {".git", ".venv", "node_modules", "bench_out", "build", "demo_out", "dist"}
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 BLOCK, SPAN = re.compile(r"^```.*?^```", re.M | re.S), re.compile(r"`[^`\n]+`")  # of code
@@ -100,9 +97,9 @@ def build(site: Path) -> int:
         copied(Path(scratch))
         config: Any = load_config(str(CONFIGURATION), docs_dir=scratch, site_dir=str(site.resolve()))
         config.mdx_configs.setdefault("toc", {})["slugify"] = slug
-        hardware = sorted({p.relative_to(scratch).as_posix() for kind in HARDWARE for p in Path(scratch).glob(kind)})
+        boards = sorted({p.relative_to(scratch).as_posix() for kind in BOARDS for p in Path(scratch).glob(kind)})
         (entry,) = (entry for entry in config.nav if "Hardware" in entry)
-        entry["Hardware"] = hardware
+        entry["Hardware"] += boards
         config.plugins.on_startup(command="build", dirty=False)
         build_site(config)
     return warned.count

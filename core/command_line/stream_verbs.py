@@ -23,7 +23,7 @@ def add_streams(commands: Any) -> None:
     verbs = commands.add_parser(
         "stream",
         help="play a track to a device, or run a virtual device",
-        description="Live streaming. Read the safety page before a finger goes in.",
+        description="Live streaming. Read presets/streaming_safety.md before a finger goes in.",
     ).add_subparsers(required=True, metavar="WHAT")
     add_verb(
         verbs,

@@ -1,4 +1,5 @@
 """Live streaming of command tracks to devices: a process of its own, protocols, transports, a virtual device.
 
-presets/streaming.md describes the messages, the safety rules and the duties of a receiver.
+presets/streaming_protocol.md describes the messages and the duties of a receiver, presets/streaming_safety.md the
+rules for people.
 """

@@ -13,7 +13,7 @@ _CODE = [bytes([n]) for n in range(256)]
 def encode(data: bytes) -> bytes:
     """Return data without zeros, at most one byte in 254 longer and one more; no delimiter is added.
 
-    presets/streaming.md has the rule in words and in examples.
+    presets/streaming_protocol.md has the rule in words and in examples.
     """
     parts = data.split(b"\0")
     if len(max(parts, key=len)) < 254:

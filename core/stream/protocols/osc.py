@@ -3,7 +3,7 @@
 `/dermis/DEVICE/CHANNEL ,f VALUE`; the bundle's time tag is always 'immediately'. A bundle for later could not be taken
 back: a receiver that honours time tags would play it after the safe state, and stay there. A look-ahead makes up for
 the receiver's delay all the same: a message holds the track's values of that much later.
-A panel may send `/dermis/touch ,iff DOWN X Y` back, as often as streaming.md says.
+A panel may send `/dermis/touch ,iff DOWN X Y` back, as often as streaming_protocol.md says.
 Source: the Open Sound Control 1.0 specification, opensoundcontrol.stanford.edu
 """
 

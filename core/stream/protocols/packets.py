@@ -1,4 +1,7 @@
-"""Packets of the native protocol, version 2: framing, check sum, bodies. presets/streaming.md specifies them."""
+"""Packets of the native protocol, version 2: framing, check sum, bodies.
+
+presets/streaming_protocol.md specifies them.
+"""
 
 from __future__ import annotations
 

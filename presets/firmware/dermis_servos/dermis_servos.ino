@@ -1,6 +1,6 @@
 /* Dermis: eight hobby servos on an Arduino Uno (or any board with an ATmega328P at 16 MHz).
 
-   Speaks the native protocol, version 2 (presets/streaming.md), at 500,000 baud. With DERMIS_SERVO_ANIMATION defined
+   Speaks the native protocol, version 2 (presets/streaming_protocol.md), at 500,000 baud. With DERMIS_SERVO_ANIMATION defined
    it receives Blender Servo Animation's live mode instead, at 115,200 baud, positions in microseconds.
 
    Pins 2 to 9 are channels 0 to 7; wiring in README.md beside this file. A pulse is 1000 us for count 0 and 2000 us

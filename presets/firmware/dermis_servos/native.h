@@ -1,4 +1,4 @@
-/* The native protocol, version 2 (presets/streaming.md): who may move what, when, how fast, and what ends it. */
+/* The native protocol, version 2 (presets/streaming_protocol.md): who may move what, when, how fast, and what ends it. */
 #pragma once
 #include "frames.h"
 #include "last_resort.h"

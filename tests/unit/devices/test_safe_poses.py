@@ -32,7 +32,7 @@ STARTS = {"thimble_3rrs": 394, "cable_platform": 838, "hexapod": 1499}  # poses 
 DEEPENING = 0.05e-3  # [m] deeper than where it started: as far as a platform may press on the way
 SPARED = float(np.radians(8.0))  # [rad] of a servo's range, left to calibration
 DROP = 15.0e-3  # [m] below the pad: how far six legs let the platform down
-PAGE = (BUILT_IN / "streaming.md").read_text("utf-8")
+PAGE = (BUILT_IN / "streaming_safety.md").read_text("utf-8")
 
 
 def devices(key: str) -> Thimbles | Platforms:

@@ -118,4 +118,4 @@ def test_the_site_builds_without_a_warning(tmp_path: Path, capfd: pytest.Capture
     found = (tmp_path / "index.html").read_text(encoding="utf-8")
     assert "hand.webp" in found and (tmp_path / "presets" / "pictures" / "hand.webp").is_file()
     assert "finger" in (tmp_path / "search" / "search_index.json").read_text(encoding="utf-8")
-    assert (tmp_path / "presets" / "streaming" / "index.html").is_file()
+    assert (tmp_path / "presets" / "streaming_safety" / "index.html").is_file()

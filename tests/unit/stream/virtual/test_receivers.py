@@ -274,7 +274,7 @@ def test_refusals_are_named_by_the_page() -> None:
 
 
 def test_page_sketch_and_virtual_device_state_the_same_limits() -> None:
-    page = (ROOT / "presets" / "streaming.md").read_text("utf-8")
+    page = (ROOT / "presets" / "streaming_protocol.md").read_text("utf-8")
     sketch = "".join(SKETCH.with_name(name).read_text("utf-8") for name in ("native.h", "movement.h"))
     told = {name: int(value) for name, value in re.findall(r"static const uint\d+_t (\w+) = (\d+);", sketch)}
     assert told["NACK_EVERY"] == native.NACK_EVERY * 1e3 and "One NACK in 5 ms" in page

@@ -53,20 +53,21 @@ def source(stem: Path) -> Source:
 
 
 def page() -> str:
-    """Return the page: the package's own docstring, a list of the names, then each in the order of `_PUBLIC`."""
+    """Return the page: the package's docstring, tables of the names by group, then each name, signature first."""
     package = source(CORE)
     groups = list(public(package))
     out = [HEAD, *prose(ast.get_docstring(package.tree) or ""), ""]
     anchors: Counter[str] = Counter()
     for title, names in groups:
-        links = []
-        for name, _, _ in names:  # headings that differ by case only are numbered
-            again = anchors[name.lower()]
-            links.append(f"[`{name}`](#{name.lower()}{f'-{again}' if again else ''})")
+        out += ["", f"| {title} | |", "|---|---|"]
+        for name, module, attribute in names:
+            again = anchors[name.lower()]  # headings that differ by case only are numbered
+            anchor = f"{name.lower()}-{again}" if again else name.lower()
             anchors[name.lower()] += 1
-        out.append(f"* {title}: {', '.join(links)}")
+            text = ast.get_docstring(source(CORE.joinpath(*module.split("."))).named(attribute)) or ""
+            out.append(f"| [`{name}`](#{anchor}) | {summary(text)} |")
     for title, names in groups:
-        out += ["", f"## {title[0].upper()}{title[1:]}"]
+        out += ["", f"## {title}"]
         for name, module, attribute in names:
             out += ["", f"### {name}", "", *described(source(CORE.joinpath(*module.split("."))), attribute, name)]
     return re.sub(r"\n{3,}", "\n\n", "\n".join(out)) + "\n"
@@ -81,7 +82,8 @@ def public(package: Source) -> Iterator[tuple[str, list[tuple[str, str, str]]]]:
         if line.startswith("    #") or line == "}":
             if names:
                 yield title, names
-            title, names = line.strip(" #"), []
+            title = line.strip(" #")
+            title, names = title[:1].upper() + title[1:], []
         if line == "}":
             return
         if found := re.findall(r'"([^"]+)"', line):
@@ -97,8 +99,7 @@ def described(file: Source, attribute: str, name: str) -> list[str]:
     for at, member in members(file, node):
         decorators = {ast.unparse(d) for d in member.decorator_list}
         if decorators & {"property", "cached_property"}:
-            text = " ".join((ast.get_docstring(member) or "").partition("\n\n")[0].split())
-            out += [f"* `.{member.name}`: {text}"]
+            out += [f"* `.{member.name}`: {summary(ast.get_docstring(member) or '')}"]
         else:
             owner = name if "classmethod" in decorators else ""
             head = re.sub(r"\b(self|cls)(, |(?=\)))", "", at.head(member), count=1)
@@ -135,6 +136,11 @@ def family(file: Source, node: ast.ClassDef) -> Iterator[tuple[Source, ast.Class
         base = origin and origin.named(name)
         if origin and isinstance(base, ast.ClassDef):
             yield from family(origin, base)
+
+
+def summary(text: str) -> str:
+    """Return a docstring's first paragraph on one line."""
+    return " ".join(text.partition("\n\n")[0].split())
 
 
 def code(text: str) -> list[str]:

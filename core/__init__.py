@@ -53,22 +53,16 @@ if TYPE_CHECKING:
     from .track.csv import write as write_csv
     from .work.processes import ProcessExecutor
 
-# name -> module, and the name there
+# name -> module, and the name there; the comments are the groups of API.md, in its order
 _PUBLIC: dict[str, tuple[str, str]] = {
-    # errors and findings
-    "DermisError": ("errors", "DermisError"),
-    "Finding": ("errors", "Finding"),
-    "worst": ("errors", "worst"),
-    # a touch without a scene
+    # one touch: press a fingertip and match a device
     "fingertip": ("experiment", "fingertip"),
-    "SkinModel": ("skin.model", "SkinModel"),
     "Surface": ("surface.gap", "Surface"),
     "press": ("experiment", "press"),
-    "Stimulus": ("skin.stimulus", "Stimulus"),
     "Touch": ("experiment", "Touch"),
     "match": ("experiment", "match"),
     "Match": ("experiment", "Match"),
-    # a sampled scene
+    # scenes: build, load and save
     "TactileScene": ("scene.tactile_scene", "TactileScene"),
     "Finger": ("scene.tactile_scene", "Finger"),
     "DeviceUse": ("scene.tactile_scene", "DeviceUse"),
@@ -81,25 +75,32 @@ _PUBLIC: dict[str, tuple[str, str]] = {
     "scene_from_poses": ("scene.from_poses", "scene_from_poses"),
     "load_scene": ("scene.scene_file", "load"),
     "save_scene": ("scene.scene_file", "save"),
-    # presets
-    "Library": ("presets", "Library"),
-    "PresetEntry": ("presets", "PresetEntry"),
-    "DeviceSpec": ("devices.spec", "DeviceSpec"),
-    "Channel": ("devices.spec", "Channel"),
-    # scene -> tracks
-    "render": ("pipeline.render", "render"),
+    # bake and export
     "run": ("pipeline.render", "run"),
+    "render": ("pipeline.render", "render"),
     "export": ("pipeline.outputs", "export"),
     "Bake": ("pipeline.bake", "Bake"),
     "Output": ("pipeline.bake", "Output"),
     "Progress": ("pipeline.bake", "Progress"),
-    # tracks, their files and pictures
+    # tracks: read, write and plot
     "CommandTrack": ("track.command_track", "CommandTrack"),
     "read_csv": ("track.csv", "read"),
     "write_csv": ("track.csv", "write"),
     "write_svg": ("plot.track", "write_svg"),
     "write_png": ("plot.track", "write_png"),
-    # what long work needs
+    # devices and presets
+    "Library": ("presets", "Library"),
+    "PresetEntry": ("presets", "PresetEntry"),
+    "DeviceSpec": ("devices.spec", "DeviceSpec"),
+    "Channel": ("devices.spec", "Channel"),
+    # skin and stimulus
+    "SkinModel": ("skin.model", "SkinModel"),
+    "Stimulus": ("skin.stimulus", "Stimulus"),
+    # errors and findings
+    "DermisError": ("errors", "DermisError"),
+    "Finding": ("errors", "Finding"),
+    "worst": ("errors", "worst"),
+    # cache and processes
     "Cache": ("cache", "Cache"),
     "cache_key": ("cache", "cache_key"),
     "ProcessExecutor": ("work.processes", "ProcessExecutor"),

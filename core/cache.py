@@ -19,7 +19,7 @@ _TAG = b"Signature: 8a477f597d28d172789f06886806bc55\n# Dermis keeps results her
 
 
 def cache_key(*parts: str | bytes) -> str:
-    """Return a key for the inputs of a result: SHA-256 over the parts and their lengths.
+    """Return a cache key: SHA-256 over the parts and their lengths.
 
     >>> from dermis import cache_key
     >>> cache_key("skin", "1") == cache_key("skin1")
@@ -34,9 +34,11 @@ def cache_key(*parts: str | bytes) -> str:
 
 
 class Cache:
-    """Files by key; when they are more than the limit, those not used for the longest time go first.
+    """A folder of files by key, with a size limit.
 
-    Several processes may share the folder. A file may vanish at any time: who finds it gone computes it again.
+    Over the limit, the least recently used files are deleted first.
+
+    Several processes may share the folder. A file may vanish at any time; its reader computes it again.
 
     Args:
         folder: made when the first file is put.

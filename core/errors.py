@@ -13,7 +13,7 @@ REFUSED = "refused"  # the code of an error that nobody has to tell from others
 
 
 class DermisError(ValueError):
-    """A refusal that a person can act on.
+    """An error message with where, value, limit and remedy.
 
     Args:
         what: the problem, as a short sentence without a full stop.

@@ -35,7 +35,9 @@ METRES = "Lengths are in metres: a millimetre is 1e-3"
 
 @dataclass(frozen=True, eq=False)
 class Touch(Stimulus):
-    """The state of a skin under a pressed object: all of `Stimulus`, and the press that led to it.
+    """The state of a skin under a pressed object.
+
+    It is a `Stimulus`, with the press that led to it.
 
     Attributes:
         depth: of the undeformed pad in the surface [m].
@@ -160,7 +162,7 @@ def press(
     turn: NDArray[np.floating] | None = None,
     contact: str = CONTACT,
 ) -> Touch:
-    """Press a surface into the pad of a skin, then drag it along, and return the touch.
+    """Press a surface into the pad, drag it along, and return the touch.
 
     The surface rises along +Z from first contact with the smooth skin to its depth, by the steps of a bake that is
     sampled every 0.1 mm, since friction remembers the way.
@@ -223,7 +225,9 @@ def match(
     *,
     presets: Library | None = None,
 ) -> Match:
-    """Return the commands that make a device feel most like a touch, within the device's limits.
+    """Return the commands with which a device comes nearest to a touch.
+
+    They are within the device's limits.
 
     Args:
         device: preset of a pin array or a thimble. method: DM0 to FM2 for pins ('DM2'); 'stress', 'force' or

@@ -32,7 +32,7 @@ TABLES: Mapping[str, Table] = {"materials": MATERIAL, "skins": SKIN}
 
 @dataclass(frozen=True)
 class PresetEntry:
-    """One preset file as a listing shows it.
+    """One row of a listing of presets.
 
     Attributes:
         key: the file stem, unique within its group.
@@ -56,7 +56,7 @@ class PresetEntry:
 
 
 class Library:
-    """The presets at hand: the built-in ones and a person's own.
+    """The presets: the built-in ones, and a person's own.
 
     Args:
         user_dir: folder with the person's own presets, laid out like the built-in one; it need not exist.

@@ -46,7 +46,7 @@ Sensed = Mapping[str, NDArray[Any] | Recording]
 
 @dataclass(frozen=True)
 class Step:
-    """How far the work is: `done` of `total` of the named stage."""
+    """Progress of a design: `done` of `total` steps of a stage."""
 
     stage: str
     done: int

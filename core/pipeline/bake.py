@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Progress:
-    """How far the work is: `done` of `total` steps of the named stage."""
+    """Progress of a rendering: `done` of `total` steps of a stage."""
 
     stage: str
     done: int
@@ -47,7 +47,7 @@ class Output:
 
 @dataclass(frozen=True)
 class Bake:
-    """Everything that one rendering of a scene gave.
+    """The result of one rendering of a scene.
 
     Attributes:
         outputs: one per finger and device, in the scene's order.

@@ -14,9 +14,11 @@ from .bake import Bake, Output
 
 
 def export(bake: Bake, folder: Path | str, *, plots: bool = False) -> tuple[Path, ...]:
-    """Write one CSV per finger and device into a folder, and on request a PNG plot beside each; return their paths.
+    """Write one CSV per finger and device into a folder; return the paths.
 
-    A track that cannot be written does not keep the others from being written.
+    On request, each CSV has a PNG plot beside it.
+
+    A track that cannot be written does not stop the others.
 
     Raises:
         DermisError: nothing to export, or a track cannot be written; the first one's reason.

@@ -116,7 +116,7 @@ def render(
 
 
 def run(scene: TactileScene, library: Library | None = None) -> Bake:
-    """Render a scene straight through, without progress.
+    """Render a scene and return its `Bake`; like `render`, without progress.
 
     Args:
         library: the presets; the built-in ones where None.

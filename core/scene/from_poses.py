@@ -21,7 +21,9 @@ def scene_from_poses(
     *,
     name: str = "scene",
 ) -> TactileScene:
-    """Return a scene of things and where each is, sample after sample; every sample is a frame.
+    """Return a scene of bodies, fingers and screens from their sampled poses.
+
+    Every sample is a frame.
 
     Each thing comes with a position [m], shape (3,), or positions, shape (n, 3), where it keeps the world's axes; or
     with a pose or poses, object to world, shape (4, 4) or (n, 4, 4).

@@ -30,7 +30,9 @@ _SERIES = {"frames": (1,), "times": (1,), "fingers": (4, 4), "bodies": (4, 4), "
 
 
 def save(scene: TactileScene, path: Path | str) -> None:
-    """Write a scene; its chunks are drawn one after the other and not kept.
+    """Write a scene to a file.
+
+    The chunks are consumed one at a time and not kept.
 
     Raises:
         DermisError: the file cannot be written, or a parameter is not a plain JSON value.
@@ -63,7 +65,9 @@ def save(scene: TactileScene, path: Path | str) -> None:
 
 
 def load(path: Path | str) -> TactileScene:
-    """Read a scene's header; its chunks are read when they are iterated, and again each time.
+    """Read a scene from its file.
+
+    The header is read at once, the chunks at each iteration over them.
 
     Raises:
         DermisError: missing, not a scene, damaged, or written by a newer version; reading its chunks may raise it too.

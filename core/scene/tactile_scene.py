@@ -74,7 +74,7 @@ class Finger:
 
 @dataclass(frozen=True)
 class Body:
-    """Something that can be touched: an object, or one instance of it.
+    """A touchable object, or one instance of it.
 
     Attributes:
         name: unique among the scene's bodies.

@@ -38,7 +38,7 @@ _DIGITS = 5.001e-9  # nine digits move a number by half a unit of the ninth
 
 
 def write(track: CommandTrack, path: Path | str) -> None:
-    """Write a track as CSV, whole or not at all.
+    """Write a track as CSV; the file is complete or not written.
 
     Raises:
         DermisError: the track cannot be written as version 1 (see `dumps`), or the file cannot be written.
@@ -67,7 +67,7 @@ def dumps(track: CommandTrack) -> str:
 
 
 def read(path: Path | str) -> CommandTrack:
-    """Read a track that `write` wrote, or that something else wrote to the same rules.
+    """Read a track from a CSV file of the same format as `write`.
 
     Raises:
         DermisError: not version 1, or not well formed; says in which line.

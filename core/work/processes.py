@@ -35,9 +35,9 @@ def cores() -> int:
 
 
 class ProcessExecutor(JobExecutor):
-    """Does jobs in child processes, which start when they are needed and end with this one.
+    """A pool of child processes, started on demand, ended with this one.
 
-    A job that is cancelled takes its process with it: a job cannot be taken back. The next one gets another.
+    Cancelling a running job ends its process; the next job starts another.
 
     Args:
         workers: how many processes there are at most.

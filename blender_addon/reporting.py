@@ -80,5 +80,5 @@ def report_findings(operator: bpy.types.Operator, found: Sequence[Any], what: st
         operator.report({"INFO"}, done)
         return
     bad = [f for f in _findings if f.severity != "info"]
-    more = f" and {len(bad) - 1} more" if len(bad) > 1 else ""
-    operator.report({"WARNING"}, f"{done} {bad[0]}{more}")
+    more = f"; {len(bad) - 1} more" if len(bad) > 1 else ""
+    operator.report({"WARNING"}, f"{done.rstrip('.')}; {str(bad[0]).rstrip('.')}{more}")

@@ -53,6 +53,23 @@ def atomic(path: Path) -> Iterator[Path]:
             part.unlink(missing_ok=True)
 
 
+def keep_apart(out: Path | None, *read: Path | None) -> None:
+    """Refuse to write a file over one of those that are read for it.
+
+    Raises:
+        DermisError: `out` is one of them, by whatever name.
+    """
+    for path in read:
+        if out is not None and path is not None:
+            with suppress(OSError):
+                if os.path.samefile(out, path):
+                    raise DermisError(
+                        "the result would overwrite what it is made of",
+                        where=str(out),
+                        remedy="Name another file to write",
+                    )
+
+
 def check_folder(path: Path) -> Path:
     """Return a folder that must be there already.
 

@@ -140,20 +140,21 @@ def _steps() -> slices.Steps:
             for _ in kind.prepare(scene, target):
                 scene = yield
         scene = yield
-    for state in skins(scene) if scene.dermis.skin_view.show else ():
+    states: tuple[SkinState, ...] | None = skins(scene)
+    for state in states or () if scene.dermis.skin_view.show else ():
         view = scene.dermis.skin_view
         if state.model is not None and not skin_field.is_light(state):  # `renew` draws the others together
             for _ in skin_field.learn(state, view.quantity):
                 scene = yield
             skin_shown.values(state, view.quantity, view.exaggeration)
-            scene = yield
-    renew(scene)
+            scene, states = (yield), None  # something may have changed meanwhile
+    renew(scene, states)
     scene = yield
     _doubts[scene.session_uid] = doubtful.of(scene, _layer(scene))
 
 
-def renew(scene: bpy.types.Scene) -> Frame:
-    """Work out everything that is shown at the current frame, and keep it."""
+def renew(scene: bpy.types.Scene, states: tuple[SkinState, ...] | None = None) -> Frame:
+    """Work out everything that is shown at the current frame, and keep it; the skins unless they are given."""
     uid, active = scene.session_uid, _active(scene)
     _keys[uid] = _key(scene)  # first: work that fails is not tried again at every redraw
     _frames.pop(uid, None)
@@ -165,7 +166,7 @@ def renew(scene: bpy.types.Scene) -> Frame:
         moment.frame_of(scene),
         shown,
         tuple(twins.twin_of(scene, row) for row in shown.rows) if shown is not None else (),
-        skin_shown.shown(scene, skins(scene)),
+        skin_shown.shown(scene, skins(scene) if states is None else states),
         readiness.active_devices(scene),
         active.name_full if active is not None else "",
         ready,

@@ -5,7 +5,7 @@ Every part is placed by the servos' angles: the platform by forward kinematics, 
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -70,7 +70,8 @@ def parts(device: Any, at: Joints, shares: Array) -> Part:
         np.repeat([CRANK, ROD, ROD], 3),
         np.concatenate([(1.0 - warm) * LINK + warm * WARNING, np.tile(LINK, (6, 1))]),
     )
-    return joined([placed(ring(device.base_radius), device.mount), links, placed(disc(device.disc_radius), at.pose)])
+    base = _base(device.base_radius, device.mount.tobytes())
+    return joined([base, links, placed(disc(device.disc_radius), at.pose)])
 
 
 def pointer(pose: Array) -> Array:
@@ -110,6 +111,12 @@ def shares(row: Row) -> Array:
 @cache
 def disc(radius: float) -> Part:
     return lathe([(0.0, 0.0), (radius, 0.0), (radius, DISC_HEIGHT), (0.0, DISC_HEIGHT)], DISC)
+
+
+@lru_cache(16)
+def _base(radius: float, mount: bytes) -> Part:
+    """Return the ring where it is mounted, which no servo moves."""
+    return placed(ring(radius), np.frombuffer(mount).reshape(4, 4))
 
 
 @cache

@@ -16,7 +16,7 @@ from ..design.recorded_table import rest_finding
 from ..design.recordings import read_recording
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError
-from ..files import write_bytes
+from ..files import keep_apart, write_bytes
 from ..matching.table import SkinTable, belongs
 from ..plot import stimuli as plot_stimuli
 from ..plot import track as plot_track
@@ -37,6 +37,9 @@ def run(options: argparse.Namespace) -> int:
     """Follow a recording and write the track."""
     if options.noise is not None and not 0.0 <= options.noise < float("inf"):
         raise DermisError("noise is a standard deviation", where="--noise", value=options.noise, limit=">= 0")
+    for out in (options.out, options.plot):
+        keep_apart(out, options.stimuli, options.table)
+    keep_apart(options.plot, options.out)
     spec = Library(options.presets).device(options.device)
     if spec.kind == "thimble" and options.method == "learned":
         _refuse(options, ("motors", "rest", "rest_rows", "plot"), "of look-ups; a thimble learns a model instead")

@@ -25,6 +25,9 @@ from .sensor_columns import check_channels, sensor_columns
 # A change of unit: in as many channels, by more than this factor, alike in all but for this. Units differ by 1,000, or
 # by the size of a converter's count; no touch multiplies three channels or more by one number within a sample.
 MANY, FACTOR, ALIKE = 3, 8.0, 1.2
+# Between noisy samples: readings and their steps alike, in so many samples before and after, by more than `LARGE` in
+# each channel. A touch that sets in changes steps less than readings, since the sensor's noise stays.
+BESIDE, LARGE, ABOUT = 10, 100.0, 4.0
 GAP, MISSED = 0.2, 10.0  # [s], and in samples: a touch can begin and end in a longer gap, so no line bridges it
 
 
@@ -173,13 +176,35 @@ def _units(readings: Array, rows: Rows) -> None:
     known = ((before > 0.0) & (after > 0.0)).all(axis=1) | ((before < 0.0) & (after < 0.0)).all(axis=1)
     ratio = np.log(after[known] / before[known])
     same = (np.ptp(ratio, axis=1) < np.log(ALIKE)) & (np.abs(ratio.mean(axis=1)) > np.log(FACTOR))
-    if same.any():
-        at = int(same.argmax())
-        row = int(np.flatnonzero(known)[at]) + 1
+    found = [(int(np.flatnonzero(known)[at]) + 1, float(ratio[at].mean())) for at in np.flatnonzero(same)[:1]]
+    found += _noisy_change(readings)
+    if found:
+        row, change = min(found)
         raise DermisError(
             "the unit of the readings changes",
             where=f"{rows.where}, line {rows.lines[row]}, all channels",
-            value=f"{np.exp(ratio[at].mean()):.4g} times the row before",
+            value=f"{np.exp(change):.4g} times the rows before",
             limit=f"less than {FACTOR:g} times in all channels alike",
             remedy="Convert the whole recording to one unit",
         )
+
+
+def _noisy_change(readings: Array) -> list[tuple[int, float]]:
+    """Return the first row from which on all channels and their steps are multiplied, and the logarithm of by what."""
+    size, most = np.abs(readings), 0.5 * readings.shape[1]
+    up, down = ((FACTOR * a < b).sum(axis=1) > most for a, b in ((size[:-1], size[1:]), (size[1:], size[:-1])))
+    for row in (np.flatnonzero(up | down) + 1).tolist():
+        parts = readings[max(row - BESIDE, 0) : row], readings[row : row + BESIDE]
+        if min(map(len, parts)) < MANY:
+            continue
+        before, after = (
+            np.concatenate([np.median(np.abs(own), axis=0) for own in (part, np.diff(part, axis=0))]) for part in parts
+        )
+        seen = np.minimum(before, after) > 0.0
+        if seen.sum() < max(2 * MANY, 2 * most):
+            continue
+        change = np.log(after[seen] / before[seen])
+        middle = float(np.median(change))
+        if abs(middle) > np.log(LARGE) and np.abs(change - middle).max() < np.log(ABOUT):
+            return [(row, middle)]
+    return []

@@ -33,13 +33,13 @@ PINS, THIMBLE = Play("pins", range(90, 110)), Play("thimble", range(40, 60))
 FIVE = Play("five", range(28, 46))
 
 
-@benchmark("scrub_demo_ms", limit=5.0, quick=True)
+@benchmark("scrub_demo_ms", limit=4.0, quick=True)
 def scrub_demo() -> Result:
     """Two fingers with shear tactors lift a box, one reads a friction screen."""
     return _result("scrub_demo_ms", DEMO)
 
 
-@benchmark("scrub_thimble_ms", limit=6.0)
+@benchmark("scrub_thimble_ms", limit=4.0)
 def scrub_thimble() -> Result:
     """A thimble on a finger that presses a ball."""
     return _result("scrub_thimble_ms", THIMBLE)
@@ -51,7 +51,7 @@ def scrub_pins() -> Result:
     return _result("scrub_pins_ms", PINS)
 
 
-@benchmark("scrub_5fingers_ms", limit=12.0)
+@benchmark("scrub_5fingers_ms", limit=10.0)
 def scrub_5fingers() -> Result:
     """Five draft skins with thimbles, all in contact; the standard skins are the peer."""
     peer = timing(_times(Play("five, standard", FIVE.frames))[1]).median

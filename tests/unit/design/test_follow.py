@@ -212,6 +212,19 @@ def test_bad_recordings_are_refused_with_row_and_channel(files, tmp_path, capsys
     assert words in capsys.readouterr().err and not out.exists()
 
 
+def test_a_recording_or_a_table_is_not_overwritten_by_its_track(files, tmp_path, capsys):
+    table, felt = ((tmp_path / name.name, name.read_bytes()) for name in files)
+    for path, content in (table, felt):
+        path.write_bytes(content)
+    (tmp_path / "same.csv").hardlink_to(felt[0])
+    words = ["follow", str(felt[0]), "--table", str(table[0]), "--out"]
+    for out in (felt[0], table[0], tmp_path / "same.csv"):
+        assert main([*words, str(out)]) == 2
+        assert "would overwrite what it is made of" in capsys.readouterr().err
+    assert main([*words, str(tmp_path / "o.csv"), "--plot", str(felt[0])]) == 2
+    assert all(path.read_bytes() == content for path, content in (table, felt)) and not (tmp_path / "o.csv").exists()
+
+
 def test_other_devices_and_tables_are_refused_or_told(files, swept, tmp_path, capsys):  # noqa: F811
     out = ["--out", str(tmp_path / "o.csv")]
     felt = ["follow", str(files[1])]

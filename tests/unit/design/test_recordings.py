@@ -299,6 +299,28 @@ def test_a_clock_that_goes_on_in_another_unit_is_refused_with_its_row(write):
 
 
 @pytest.mark.parametrize("factor", [1000.0, 1e-3])
+@pytest.mark.parametrize("row", [10, 90, 190])
+def test_a_unit_that_changes_between_noisy_samples_is_refused_with_its_row(write, factor, row):
+    """Electrodes that change by a third from sample to sample, among them one that stands at nought now and then."""
+    rng = np.random.default_rng(4)
+    felt = np.rint(60.0 * np.exp(rng.normal(0.0, 0.3, (200, 7))) + rng.normal(0.0, 3.0, (200, 7)))
+    felt[rng.uniform(size=200) < 0.04, 2] = 0.0
+    assert len(read_recording(write(recording(felt, names=("time", *NAMES[:7])))).times) == 200
+    felt[row:] *= factor
+    with pytest.raises(DermisError, match=rf"line {row + 2}, all channels: the unit of the readings changes"):
+        read_recording(write(recording(felt, names=("time", *NAMES[:7]))))
+
+
+@pytest.mark.parametrize("contact", [0.02, 1.0, 40.0])
+def test_a_touch_that_sets_in_at_once_is_no_change_of_unit(write, contact):
+    """Of a tared sensor of three axes, from its noise to a thousand times as much within a sample, and back."""
+    rng = np.random.default_rng(5)
+    felt = rng.normal(0.0, 0.001, (200, 3))
+    felt[80:140] += contact * np.array([1.0, 0.8, 1.3]) * (1.0 + 0.2 * np.sin(np.arange(60.0)))[:, None]
+    assert len(read_recording(write(recording(felt, names=("time", "x", "y", "z")))).times) == 200
+
+
+@pytest.mark.parametrize("factor", [1000.0, 1e-3])
 @pytest.mark.parametrize("row", [8, 25, 32])
 def test_a_table_that_goes_on_in_another_unit_is_refused_with_its_row(write, factor, row):
     commands, readings = rows(still=1)

@@ -55,7 +55,7 @@ def _draw(found: Design, canvas: Canvas, width: float, height: float, rule: Rule
         for k, value in enumerate(found.joint.mean_percent(own).tolist()):
             x, y = float(axes.x(k + 0.66 + 0.34 * i)), float(axes.y(min(max(value, 0.0), most)))
             canvas.rectangle(x, y, 0.3 * wide, max(axes.bottom - y, 0.75), BARS[own])
-            canvas.text(x + 0.15 * wide, y - 4, f"{value:.0f}", 7, INK, "middle")
+            canvas.text(x + 0.15 * wide, y - 4, str(round(value)), 7, INK, "middle")
     axes.level(limit)
     canvas.text(axes.right - 4, float(axes.y(limit)) - 4, "rule", SMALL, LIMIT, "end")
     legend(canvas, axes.right - 300, TOP - 6, [(WORDS[own], BARS[own]) for own in RULES])

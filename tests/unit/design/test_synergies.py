@@ -226,6 +226,11 @@ def test_the_report_says_it_in_words_numbers_and_a_picture(answered, tmp_path):
     assert b"how" in (tmp_path / "a.svg").read_bytes().lower()
     with pytest.raises(DermisError, match="kind of picture"):
         picture.write_picture(answered, tmp_path / "a.gif")
+    error = answered.joint.error.copy()
+    error[:, 1] = error[:, 2] - 0.002 * answered.joint.touch  # fewer motors may be a hair better than all
+    picture.write_picture(replace(answered, joint=replace(answered.joint, error=error)), tmp_path / "b.svg")
+    drawn = (tmp_path / "b.svg").read_text()
+    assert ">0<" in drawn and ">-0<" not in drawn
 
 
 def test_ranges_hold_all_that_the_interactions_command(answered):

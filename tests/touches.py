@@ -176,7 +176,7 @@ def solver_on(skin: SkinModel, tolerance: float = 1e-6, name: str = "finger") ->
     pad, law = smooth_pad(skin), LawSkin.of(skin)
     if pad is None:
         return PathSolver(skin.compliance, skin.positions, areas=skin.areas, tolerance=tolerance, name=name, law=law)
-    return PointSolver(pad, NodalForces(skin.mesh, pad.chart), name=name, law=law)
+    return PointSolver(pad, NodalForces(skin.mesh, pad.chart, skin.follows_law), name=name, law=law)
 
 
 def along(count: int, **keys: list[tuple[float, float]]) -> dict[str, Array]:

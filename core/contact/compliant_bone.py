@@ -93,7 +93,7 @@ class CompliantBone:
         if surface is not None:
             if stiffness:
                 surface = surface.with_spring(np.array([0.0, 0.0, 1.0]), stiffness)
-            nodes = NodalForces.of(skin.mesh, surface.chart)
+            nodes = NodalForces.of(skin.mesh, surface.chart, skin.follows_law)
             points = PointSolver(surface, nodes, name=name, depth_limit=depth_limit, law=LawSkin.of(skin))
             if tolerance is not None:
                 points.tolerance = tolerance

@@ -153,7 +153,7 @@ class SkinContact:
             surface, record = self.points.surface, self.points
             parts = [slice(a, b) for a, b in zip(record.starts[:-1], record.starts[1:], strict=True)]
             points = PackedForces(((record.cells[p], record.force[p]) for p in parts), len(surface.chart.places))
-            nodes = NodalForces.of(self.model.mesh, surface.chart)
+            nodes = NodalForces.of(self.model.mesh, surface.chart, self.model.follows_law)
             return replace(self, held=SpreadForces(points, nodes), points=PackedPoints(surface, points))
         loaded = ((np.flatnonzero(force.any(axis=1)), force) for force in self.held)
         packed = PackedForces(((nodes, force[nodes]) for nodes, force in loaded), self.model.pad_count)

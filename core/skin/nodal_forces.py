@@ -1,4 +1,11 @@
-"""NodalForces: forces on the smooth skin as forces on the nodes of a mesh, with the same sum and the same moment."""
+"""NodalForces: forces on the smooth skin as forces on the nodes of a mesh, with the same sum and the same moment.
+
+The smooth pad reaches up to 6 mm farther than the pad of a mesh. On linear skin a force out there keeps its moment,
+with forces up to twice its size on three nodes, one against the other. Tissue that follows a law is hardened by those,
+and what it gives way less would come back to the smooth skin as often larger again: more than that gives way at all
+(5 times on a draft mesh), and skin was held on a fold by the forces that pressed it there. So on such skin a force out
+there acts at the rim of the mesh's pad, and skin there stiffens as the rim does: no mode of it more than 1.5 times.
+"""
 
 from __future__ import annotations
 
@@ -30,13 +37,14 @@ class NodalForces:
 
     Args:
         mesh: of the same fingertip. chart: its smooth pad.
+        follows_law: forces beyond the pad of the mesh act at its rim, and keep their sum alone.
 
     Raises:
         DermisError: the mesh has no triangle whose corners are all on the pad.
     """
 
-    def __init__(self, mesh: TetraMesh, chart: PadChart) -> None:
-        self.mesh, self.chart = mesh, chart
+    def __init__(self, mesh: TetraMesh, chart: PadChart, follows_law: bool = False) -> None:
+        self.mesh, self.chart, self._follows_law = mesh, chart, follows_law
         place = np.full(len(mesh.nodes), -1)
         place[mesh.pad] = np.arange(len(mesh.pad))
         triangles = place[mesh.surface]
@@ -47,9 +55,10 @@ class NodalForces:
         self._centres = self._corners.mean(axis=1)
 
     @classmethod
-    def of(cls, mesh: TetraMesh, chart: PadChart) -> NodalForces:
+    def of(cls, mesh: TetraMesh, chart: PadChart, follows_law: bool = False) -> NodalForces:
         """Return the one of a mesh and a chart; it is kept, since fingers that are alike share it."""
-        return _made.make((id(mesh), id(chart)), lambda: cls(mesh, chart))  # it holds both, so no other has their ids
+        key = id(mesh), id(chart), follows_law  # it holds both, so no other has their ids
+        return _made.make(key, lambda: cls(mesh, chart, follows_law))
 
     def spread(self, cells: Indices, force: Floats) -> Array:
         """Return the forces on the pad nodes [N], shape (m, 3), for forces on cells, shape (n, 3)."""
@@ -74,12 +83,17 @@ class NodalForces:
         shares = _barycentric(self._corners[near], points[:, None])
         best = shares.min(axis=2).argmax(axis=1)
         rows = np.arange(len(points))
+        beyond = shares[rows, best].min(axis=1) < 0.0
         share = np.maximum(shares[rows, best], 0.0)
         share /= share.sum(axis=1, keepdims=True)
         triangle = near[rows, best]
         corners = self._corners[triangle]
         arms = corners - corners.mean(axis=1, keepdims=True)
         off = points - np.einsum("nk,nka->na", share, corners)
+        if self._follows_law:
+            up = np.cross(arms[:, 1] - arms[:, 0], arms[:, 2] - arms[:, 0])
+            up /= np.linalg.norm(up, axis=1, keepdims=True)
+            off[beyond] = (np.einsum("na,na->n", off, up)[:, None] * up)[beyond]
         squares = np.einsum("nka,nka->n", arms, arms)[:, None, None] * np.eye(3)
         turn = np.linalg.solve(squares - np.einsum("nka,nkb->nab", arms, arms), _cross(off))
         found = np.empty(len(cells), dtype=_ROW)
@@ -128,4 +142,4 @@ def _cross(vectors: Array) -> Array:
     return out
 
 
-_made: Recent[tuple[int, int], NodalForces] = Recent(4)
+_made: Recent[tuple[int, int, bool], NodalForces] = Recent(4)

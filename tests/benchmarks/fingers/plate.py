@@ -104,7 +104,7 @@ class Plate:
             depth_limit=np.inf,
             law=LawSkin.of(skin),
         )
-        self._solver = solver.at(self.cells, NodalForces.of(skin.mesh, pad.chart))
+        self._solver = solver.at(self.cells, NodalForces.of(skin.mesh, pad.chart, skin.follows_law))
         self._flat = flat()
         self._kept: dict[float, tuple[list[Moment], Any]] = {}  # of forces that were pressed to
 

@@ -4,6 +4,9 @@ Where they do not, as after a long drag in one frame, the objects that press are
 nothing near is found, as where a finger begins deep in something, they are led straight in from where nothing touches.
 Where that does not help either, the frame keeps the solution of least residual, or that of linear skin, and says that
 it did not converge.
+
+The same forces may hold skin on a fold of itself, pushed in on the mesh and out at the points where they act. That
+balance is left for the one that straight pressing leads to, and the frame says so, also where none is found.
 """
 
 from __future__ import annotations
@@ -21,6 +24,9 @@ from .solved_frame import SolvedFrame
 
 ROUNDS = 80  # of both
 USABLE = 0.1  # residual of the law: a solution with less than that is better than linear skin
+# what becomes of skin that is in balance on a fold
+LEFT = "skin is in balance on a fold of itself too: it is taken as straight pressing has it"
+FOLD = "skin is in balance on a fold of itself alone, and its forces are too large"
 PARTS, STRAIGHT = (1, 4, 16), (4, 16)  # of the way since the last frame, and of the straight one
 
 
@@ -54,7 +60,27 @@ class LinearContact(Protocol):
 def solved_by_law(
     solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, start: Array
 ) -> SolvedFrame:
-    """Solve a frame.
+    """Solve a frame, off any fold of the skin; for the arguments see `_settled`."""
+    tried = law.several == FOLD
+    found = _settled(solver, law, b, gaps, soft, start)
+    if not law.folded(float(np.vdot(found.solution.force, found.image))):
+        return found
+    fold = law.save()
+    for parts in () if tried else STRAIGHT:  # to try it in every frame would take seconds each
+        law.reset()
+        other, ends = _walked(solver, law, b, gaps, soft, np.zeros_like(b), _depth(gaps), parts)
+        if ends and law.settled and not law.folded(float(np.vdot(other.solution.force, other.image))):
+            law.tell_several(LEFT)
+            return other
+    law.restore(fold)
+    law.tell_several(FOLD)
+    return found
+
+
+def _settled(
+    solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, start: Array
+) -> SolvedFrame:
+    """Take turns until contact and the law agree, from the last frame or, where that leads nowhere, from rest.
 
     Args:
         solver: of linear skin. law: of the same, at the last frame.

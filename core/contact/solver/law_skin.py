@@ -19,6 +19,9 @@ from ...skin.relaxation import Relaxation, Taught
 
 # Of what the law leaves, see `Miss.left`, where a frame is done: stress is then a hundredth off, force a third of that.
 TOLERANCE = 5e-3
+# Of the work that forces do on the mesh, by the law, what they do at the points of the smooth skin: there is 1 to 2.5 times
+# as much, since its own compliance is a little larger. Below this the mesh lies far from the skin it stands for.
+FOLDED = 0.5
 FASTER = 2.0  # times as far as in the last frame what presses may go before more is not expected of c either
 
 
@@ -29,6 +32,7 @@ class LawState(NamedTuple):
         felt: c that contact was solved with. now: what the law wants of it, and before: wanted in the frame before,
             shapes (3 free,). left: see `LawSkin.left`.
         went: how what presses moved [m], shape (6,), None where that is not known. taught: what looks taught.
+        several: see `LawSkin.several`. work: of the forces on the mesh [J].
     """
 
     felt: Floats32
@@ -37,6 +41,8 @@ class LawState(NamedTuple):
     left: float
     went: Array | None = None
     taught: tuple[Taught, ...] = ()
+    several: str = ""
+    work: float = 0.0
 
 
 class LawSkin:
@@ -102,6 +108,19 @@ class LawSkin:
         """Whether no step leads nearer to what it wants."""
         return self._steps.lost
 
+    @property
+    def several(self) -> str:
+        """What became of the last frame's skin, which is in balance on a fold of itself too; empty where it is not."""
+        return self._state.several
+
+    def folded(self, work: float) -> bool:
+        """Return whether skin lies on a fold, from the work that the last forces do at the points they act on [J]."""
+        return self.settled and self._state.work != 0.0 and work < FOLDED * abs(self._state.work)
+
+    def tell_several(self, what: str) -> None:
+        """Say what became of skin that is in balance on a fold too."""
+        self._state = self._state._replace(several=what)
+
     def begin(self, went: Array | None = None, ahead: float = 1.0) -> None:
         """Begin a frame.
 
@@ -139,7 +158,7 @@ class LawSkin:
             miss = tables.miss(pulled - self._c, pulled, load)
             following = self._steps.next(self._c, miss.way, miss.pull, miss.left)
         self.left = miss.left
-        self._state = self._reached(following)
+        self._state = self._reached(following)._replace(work=float(load @ (pulled - self._c)[tables.pad]) * self.modulus)
         if self.settled:
             tables.remember(load, self._c[tables.pad], pulled - self._c)
         elif self.lost:

@@ -12,11 +12,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from core.contact.solver.law_frame import FOLD, LEFT
+from core.contact.solver.law_skin import LawSkin
 from core.contact.solver.path import PathSolver
 from core.contact.solver.path_step import PathStep
 from core.contact.solver.point_path import PointSolver
 from core.skin.model import SkinModel, fingertip_skin
+from core.skin.nodal_forces import NodalForces
 from core.skin.stimulus import Stimulus
+from core.skin.stress import von_mises
+from core.skin.surface_store import smooth_pad
 from tests.touches import Touch, ball, edge, flat, flat_press, rod, solver_on
 
 Array = NDArray[np.float64]
@@ -67,7 +72,7 @@ def followed(skin: SkinModel, touch: Touch) -> tuple[PathSolver | PointSolver, P
 
 def felt(skin: SkinModel, step: PathStep) -> tuple[Array, Array]:
     """Return total force and von Mises stress of the elements."""
-    return step.nodal.sum(axis=0), Stimulus(skin, step.nodal, None, step.amounts).von_mises
+    return step.nodal.sum(axis=0), von_mises(Stimulus(skin, step.nodal, None, step.amounts).stress)
 
 
 def off(a: Array, b: Array) -> float:
@@ -94,3 +99,31 @@ def test_a_tilting_block_on_its_way_back_is_where_rest_would_lead() -> None:
         if i >= 84 and i % 4 == 0 and step.nodal.any():
             _, there = followed(skin, straight(touch, i))
             assert off(step.nodal.sum(axis=0), there.nodal.sum(axis=0)) <= 0.1  # friction has a past
+
+
+def test_skin_on_a_fold_is_led_off_it_and_the_frame_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forces beyond the mesh that keep their moment bend its rim so that a fold carries itself."""
+    skin, touch = fingertip_skin(level="draft").with_law(), flat_press(120)
+    path, bent = solver_on(skin), NodalForces(skin.mesh, smooth_pad(skin).chart)
+    monkeypatch.setattr(path, "nodes", bent)
+    told = 0
+    for i in range(112):
+        step = path.step(touch.bodies(i))
+        if i >= 96 and i % 4 == 0:
+            _, there = followed(skin, straight(touch, i))
+            assert off(step.nodal.sum(axis=0), there.nodal.sum(axis=0)) <= 0.15 or path.law.several == FOLD
+        told += bool(path.law.several)
+    assert told > 0
+    (found,) = [f for f in path.findings if f.code == "several-states"]
+    assert found.count == told and "fold" in found.what
+
+
+def test_what_a_frame_says_of_folds_is_kept_with_its_state() -> None:
+    skin = fingertip_skin(level="draft").with_law()
+    law = LawSkin.of(skin)
+    law.tell_several(LEFT)
+    state = law.save()
+    law.reset()
+    assert not law.several
+    law.restore(state)
+    assert law.several == LEFT

@@ -25,6 +25,7 @@ from .press_problem import Carrier, PressPoints, PressProblem
 from .press_state import PressState
 
 STEPS = 3
+FINER = 4  # times as many for rows that the law has not settled for
 BATCH = 128
 AT_ONCE = 1024  # rows whose poses without load are looked for together
 DEEP = 3.0  # times as much as where a row presses, how deep it does so counts for which rows are alike
@@ -58,6 +59,11 @@ class Pressed:
     imbalance: Array
     left: Array
     amounts: Floats32 | None = None
+
+    def take(self, rows: Indices) -> Pressed:
+        """Return some rows."""
+        own = {name: value for name, value in vars(self).items() if value is not None}
+        return Pressed(**{k: v.take(rows) if isinstance(v, Poses) else v[rows] for k, v in own.items()})
 
     def set(self, rows: Indices, found: Pressed) -> None:
         """Set the results of some rows."""
@@ -105,7 +111,13 @@ class Press:
             there = self.carrier.carry(first[rows], free.take(rows))
             free.rotation[rows], free.centre[rows], where[rows] = there.rotation, there.centre, self._where(there)
         for rows in _alike(np.arange(n), where):
-            made.set(rows, self._batch(commands[rows], None if via is None else via[rows], free.take(rows)))
+            made.set(rows, self._batch(commands[rows], None if via is None else via[rows], free.take(rows), self.steps))
+        again = np.flatnonzero(made.left > 0.0)
+        if len(again):  # what the law did not settle for on a way of few parts it may on one of many
+            there = None if via is None else via[again]
+            finer = self._batch(commands[again], there, free.take(again), FINER * self.steps)
+            better = np.flatnonzero(finer.left < made.left[again])
+            made.set(again[better], finer.take(better))
         return made
 
     def _where(self, free: Poses) -> Array:
@@ -118,11 +130,11 @@ class Press:
 
     # -- a batch -----------------------------------------------------------------------------------------------------
 
-    def _batch(self, commands: Array, via: Array | None, free: Poses) -> Pressed:
+    def _batch(self, commands: Array, via: Array | None, free: Poses, steps: int) -> Pressed:
         """Press on those points that rows come near; rows in which others would be touched are pressed on all.
 
         Args:
-            free: where rows first go, without load.
+            free: where rows first go, without load. steps: parts of a way.
         """
         n, problem = len(commands), self.problem
         gap = np.full((n, problem.count), np.inf)
@@ -131,8 +143,8 @@ class Press:
             gap = np.minimum(gap, own + REACH * np.minimum(own.min(axis=1, keepdims=True), 0.0))
         near = np.flatnonzero((gap <= max(float(gap.min()), 0.0)).any(axis=0))
         if len(near) > MOST * problem.count:
-            return self._pressed(commands, via, free, problem, np.arange(problem.count))
-        found = self._pressed(commands, via, free, problem.part(near), near)
+            return self._pressed(commands, via, free, problem, np.arange(problem.count), steps)
+        found = self._pressed(commands, via, free, problem.part(near), near, steps)
         other = np.ones(problem.count, bool)
         other[near] = False
         apart = problem.gap(found.poses)
@@ -142,11 +154,11 @@ class Press:
             rows = np.flatnonzero(touched)
             there = None if via is None else via[rows]
             every = np.arange(problem.count)
-            found.set(rows, self._pressed(commands[rows], there, free.take(rows), problem, every))
+            found.set(rows, self._pressed(commands[rows], there, free.take(rows), problem, every, steps))
         return found
 
     def _pressed(
-        self, commands: Array, via: Array | None, free: Poses, problem: PressProblem, near: Indices
+        self, commands: Array, via: Array | None, free: Poses, problem: PressProblem, near: Indices, steps: int
     ) -> Pressed:
         """Press rows on some of the points."""
         n, whole = len(commands), self.problem
@@ -159,9 +171,9 @@ class Press:
         touch = rest + share * (legs[0] - rest)
         part = (1.0 - share) * start.centre + share * free.centre
         state = PressState(problem, self.points, self.carrier.carry(touch, Poses(free.rotation, part)))
-        path = [touch + (legs[0] - touch) * (k / self.steps) for k in range(1, self.steps + 1)]
+        path = [touch + (legs[0] - touch) * (k / steps) for k in range(1, steps + 1)]
         if via is not None:
-            path += [via + (commands - via) * (k / self.steps) for k in range(1, self.steps + 1)]
+            path += [via + (commands - via) * (k / steps) for k in range(1, steps + 1)]
         with np.errstate(over="ignore", invalid="ignore"):  # a row may have no balance; the others go on
             for k, command in enumerate(path):
                 state.step(command, last=k == len(path) - 1)

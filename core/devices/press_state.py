@@ -37,7 +37,7 @@ class PressState:
         self.image = np.zeros((n, 3 * m), np.float32)
         self.sticking = np.zeros((n, m), bool)
         self.residual, self.left = np.zeros(n), np.zeros(n)
-        self.imbalance = np.zeros(n)
+        self.imbalance, self.lost = np.zeros(n), np.zeros(n, bool)
         self.laws = None if points.law is None else RowLaws(points, problem.own, n)
 
     def step(self, commands: Array, *, last: bool) -> None:
@@ -83,6 +83,8 @@ class PressState:
                 self.imbalance = np.linalg.norm((after[0] + load)[:, :3], axis=1)
                 if self.imbalance.max(initial=0.0) <= BALANCE and not len(unsettled):
                     break
+        if self.laws is not None:
+            self.left[self.lost] = np.inf  # no forces, which nothing is left of
         self._settle()
 
     def _looked(self, rows: NDArray[np.intp], ends: bool) -> NDArray[np.intp]:
@@ -156,6 +158,10 @@ class PressState:
                     core = None if core is None else core[keep]
                     if not len(active):
                         break
+        self.lost[rows] = lost = ~np.isfinite(residual)
+        if lost.any():  # an offset far off drove them beyond numbers: they begin anew, from no force
+            self.force[rows[lost]], self.shift[rows[lost]], self.sticking[rows[lost]] = 0.0, 0.0, False
+            residual[lost] = 1.0
         self.residual[rows] = residual
         self.image[rows] = self.force[rows] @ problem.compliance
         if self.laws is not None:

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from core.contact.solver.law_skin import TOLERANCE
+from core.design.collect import _deeper
 from core.devices.poses import inverted
 from core.devices.press import Press, Pressed
+from core.devices.row_laws import RowLaws
 from core.matching.platforms import mechanism
 from core.matching.readings import readings_of
-from core.matching.sweep import platform_poses, sweep
+from core.matching.sweep import commands_swept, platform_poses, reached, sweep
 from core.matching.table import belongs, build, press_of, tabulate
 from core.presets import Library
 from core.skin.model import SkinModel, fingertip_skin, skin_from_parameters
@@ -129,3 +131,31 @@ def test_a_matrix_without_an_inverse_has_no_numbers_and_the_others_have_theirs()
     np.testing.assert_allclose(out[[0, 2]] @ some[[0, 2]], np.tile(np.eye(6), (2, 1, 1)), atol=1e-12)
     some[1] = np.nan
     assert not np.isfinite(inverted(some)[1]).any() and np.isfinite(inverted(some)[[0, 2]]).all()
+
+
+def test_rows_that_come_back_from_deeper_on_a_thumb_have_forces_of_the_law() -> None:
+    """Where offsets ran away, two rows had forces that were no numbers, and two more were not the law's."""
+    spec = Library().device("cable_platform")
+    thumb = skin_from_parameters(Library().skin("thumb_medium"), level="draft").with_law()
+    press = press_of(thumb, spec)
+    each = [commands_swept(one, press.points.positions, 96) for one in (spec, _deeper(spec))]
+    within = reached(spec, each[0]) & reached(spec, each[1])
+    there, deeper = (rows[within][[18, 21]] for rows in each)
+    straight, back = press.press(there), press.press(there, via=deeper)
+    for found in (straight, back):
+        assert all(np.isfinite(getattr(found, name)).all() for name in ("force", "displacement", "amounts"))
+        assert found.touching.all() and found.left.max() == 0.0 and found.residual.max() < 5e-3
+    apart = np.linalg.norm(back.force.sum(axis=1) - straight.force.sum(axis=1), axis=1)
+    assert (apart < 0.1 * np.linalg.norm(straight.force.sum(axis=1), axis=1)).all()  # of friction
+
+
+def test_a_row_whose_offset_is_no_number_has_no_force_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    press, begin = press_of(skin(), Library().device("hexapod")), RowLaws.begin
+
+    def far_off(laws: RowLaws) -> None:
+        begin(laws)
+        laws.less[0] = np.nan
+
+    monkeypatch.setattr(RowLaws, "begin", far_off)
+    found = press.press(commands()[-1:])
+    assert not found.force.any() and np.isfinite(found.displacement).all() and found.left[0] == np.inf

@@ -68,7 +68,9 @@ def _grouped(skin: SkinModel, pad: SurfaceCompliance) -> PressPoints:
     shapes = {"positions": (n, 3), "compliance": (3 * n, 3 * n), "nodal": (3 * nodes, 3 * n)}
     assert skin.shape is not None
     smooth = remainder_key(skin.shape, skin.material.poisson)
-    key = cache_key(f"dermis-press-points {PRESS_VERSION}", version(), skin.key, skin.tissue, smooth, repr(unit.material))
+    key = cache_key(
+        f"dermis-press-points {PRESS_VERSION}", version(), skin.key, skin.tissue, smooth, repr(unit.material)
+    )
     nodes_of = NodalForces(skin.mesh, chart, skin.follows_law)
     made = kept(skin.cache, key, shapes, lambda: _made(nodes_of, unit, cells, point, share))
     return PressPoints(made["positions"], made["compliance"] / skin.material.modulus, made["nodal"], *_law_of(skin))

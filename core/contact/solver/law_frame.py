@@ -77,9 +77,7 @@ def solved_by_law(
     return found
 
 
-def _settled(
-    solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, start: Array
-) -> SolvedFrame:
+def _settled(solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, start: Array) -> SolvedFrame:
     """Take turns until contact and the law agree, from the last frame or, where that leads nowhere, from rest.
 
     Args:

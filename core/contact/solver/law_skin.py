@@ -19,8 +19,8 @@ from ...skin.relaxation import Relaxation, Taught
 
 # Of what the law leaves, see `Miss.left`, where a frame is done: stress is then a hundredth off, force a third of that.
 TOLERANCE = 5e-3
-# Of the work that forces do on the mesh, by the law, what they do at the points of the smooth skin: there is 1 to 2.5 times
-# as much, since its own compliance is a little larger. Below this the mesh lies far from the skin it stands for.
+# Of the work that forces do on the mesh, by the law, what they do at the points of the smooth skin: it is .94 to 2.6 times
+# as much, since the smooth skin is softer under small loads. Below this the mesh lies far from the skin it stands for.
 FOLDED = 0.5
 FASTER = 2.0  # times as far as in the last frame what presses may go before more is not expected of c either
 
@@ -158,7 +158,9 @@ class LawSkin:
             miss = tables.miss(pulled - self._c, pulled, load)
             following = self._steps.next(self._c, miss.way, miss.pull, miss.left)
         self.left = miss.left
-        self._state = self._reached(following)._replace(work=float(load @ (pulled - self._c)[tables.pad]) * self.modulus)
+        self._state = self._reached(following)._replace(
+            work=float(load @ (pulled - self._c)[tables.pad]) * self.modulus
+        )
         if self.settled:
             tables.remember(load, self._c[tables.pad], pulled - self._c)
         elif self.lost:

@@ -429,7 +429,10 @@ class PathSolver:
             )
         if self.law is not None and self.law.several:
             self.notes.warn(
-                "several-states", self.law.several, where, remedy="Press less deep, or turn less in a frame while pressed"
+                "several-states",
+                self.law.several,
+                where,
+                remedy="Press less deep, or turn less in a frame while pressed",
             )
         # no point is deeper than its gap says, which is seldom more than skin is trusted with
         near = step.gaps is not None and -float(step.gaps.gap.min(initial=np.inf)) > self.depth_limit

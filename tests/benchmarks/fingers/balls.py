@@ -46,7 +46,9 @@ def ball_profiles(skin: SkinModel, radius: float, forces: Sequence[float], below
     pad = smooth_pad(skin)
     assert pad is not None
     law = LawSkin.of(skin)
-    solver = PointSolver(pad, NodalForces(skin.mesh, pad.chart, skin.follows_law), name="ball", depth_limit=np.inf, law=law)
+    solver = PointSolver(
+        pad, NodalForces(skin.mesh, pad.chart, skin.follows_law), name="ball", depth_limit=np.inf, law=law
+    )
     surface: Solid = ball(radius) if np.isfinite(radius) else flat()
     row = np.arange(pad.chart.starts[2], pad.chart.starts[3])
     where = pad.cells.positions[row]

@@ -85,7 +85,7 @@ def test_the_way_to_a_pose_without_friction_changes_nothing(skin: SkinModel, sha
     touch = pressed_and_let_back(shape, seed)
     path, here = followed(skin, touch)
     _, there = followed(skin, straight(touch, len(touch.position) - 1))
-    assert path.findings == ()
+    assert {f.code for f in path.findings} <= {"too-deep"}
     for one, other in zip(felt(skin, here), felt(skin, there), strict=True):
         assert off(one, other) <= ALLOWED
 

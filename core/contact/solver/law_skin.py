@@ -19,8 +19,8 @@ from ...skin.relaxation import Relaxation, Taught
 
 # Of what the law leaves, see `Miss.left`, where a frame is done: stress is then a hundredth off, force a third of that.
 TOLERANCE = 5e-3
-# Of the work that forces do on the mesh, by the law, what they do at the points of the smooth skin: it is .94 to 2.6 times
-# as much, since the smooth skin is softer under small loads. Below this the mesh lies far from the skin it stands for.
+# Of the work that forces do on the mesh, by the law, what they do at the points of the smooth skin: .94 to 2.6 times as
+# much, since the smooth skin is softer where little is touched. Below this the mesh is far from the skin it stands for.
 FOLDED = 0.5
 FASTER = 2.0  # times as far as in the last frame what presses may go before more is not expected of c either
 

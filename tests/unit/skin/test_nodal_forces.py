@@ -10,9 +10,11 @@ pytest.importorskip("scipy")
 from core.errors import DermisError
 from core.skin.fingertip import fingertip_mesh
 from core.skin.mesh import TetraMesh
+from core.skin.model import fingertip_skin
 from core.skin.nodal_forces import NEAREST, NodalForces
 from core.skin.pad_chart import PadChart
 from core.skin.shape import FingertipShape
+from core.skin.surface_store import smooth_pad
 
 
 @pytest.fixture(scope="module")
@@ -68,3 +70,39 @@ def test_a_pad_without_triangles_is_refused(chart: PadChart) -> None:
     bare = TetraMesh(mesh.nodes, mesh.tetrahedra, mesh.fixed, mesh.pad[:1], mesh.surface)
     with pytest.raises(DermisError, match="no triangle"):
         NodalForces(bare, chart)
+
+
+def test_only_beyond_the_mesh_a_law_changes_what_is_spread(chart: PadChart) -> None:
+    mesh = fingertip_mesh(level="draft")
+    kept, cut = (NodalForces(mesh, chart, law) for law in (False, True))
+    far = np.flatnonzero(chart.cells.positions[:, 1] < mesh.nodes[mesh.pad, 1].min() - 1e-3)
+    middle = np.flatnonzero(np.linalg.norm(chart.cells.positions[:, :2], axis=1) < 5e-3)
+    apart = []
+    for cells in (far, middle):
+        one, other = (nodal.spread(cells, np.tile([0.0, 0.0, 1.0], (len(cells), 1))) for nodal in (kept, cut))
+        assert other.sum(axis=0) == pytest.approx(one.sum(axis=0), abs=1e-9)
+        apart.append(np.abs(other - one).sum() / np.abs(one).sum())
+    assert apart[0] > 0.4 and apart[1] < 0.01  # a few cells lie over the edges between triangles
+
+
+@pytest.mark.parametrize(("level", "most"), [("draft", 1.5), ("standard", 1.3)])
+def test_what_the_law_takes_back_is_never_far_more_than_skin_gives_way(level: str, most: float) -> None:
+    """No mode of forces moves the mesh, seen from the smooth skin, more than so many times as much as that itself."""
+    from scipy.linalg import eigh
+
+    skin = fingertip_skin(level=level)
+    pad = smooth_pad(skin)
+    assert pad is not None
+    cells = np.arange(pad.chart.starts[0], pad.chart.starts[1])
+    cells = cells[pad.chart.cells.positions[cells, 2] < 2.5e-3]
+    own = pad.rows(cells, cells).astype(np.float64)
+    largest = []
+    for follows_law in (True, False):
+        nodal = NodalForces(skin.mesh, pad.chart, follows_law)
+        columns = np.zeros((3 * skin.pad_count, 3 * len(cells)))
+        for k, cell in enumerate(cells):
+            for axis in range(3):
+                columns[:, 3 * k + axis] = nodal.spread(np.array([cell]), np.eye(3)[[axis]]).ravel()
+        back = columns.T @ skin.compliance @ columns
+        largest.append(eigh(back, 0.5 * (own + own.T), eigvals_only=True)[-1])
+    assert largest[0] < most < 1.4 * most < largest[1]

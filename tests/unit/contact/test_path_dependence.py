@@ -104,8 +104,11 @@ def test_a_tilting_block_on_its_way_back_is_where_rest_would_lead() -> None:
 def test_skin_on_a_fold_is_led_off_it_and_the_frame_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """Forces beyond the mesh that keep their moment bend its rim so that a fold carries itself."""
     skin, touch = fingertip_skin(level="draft").with_law(), flat_press(120)
-    path, bent = solver_on(skin), NodalForces(skin.mesh, smooth_pad(skin).chart)
+    path, pad = solver_on(skin), smooth_pad(skin)
+    assert pad is not None
+    bent = NodalForces(skin.mesh, pad.chart)
     monkeypatch.setattr(path, "nodes", bent)
+    assert path.law is not None
     told = 0
     for i in range(112):
         step = path.step(touch.bodies(i))
@@ -121,6 +124,7 @@ def test_skin_on_a_fold_is_led_off_it_and_the_frame_says_so(monkeypatch: pytest.
 def test_what_a_frame_says_of_folds_is_kept_with_its_state() -> None:
     skin = fingertip_skin(level="draft").with_law()
     law = LawSkin.of(skin)
+    assert law is not None
     law.tell_several(LEFT)
     state = law.save()
     law.reset()

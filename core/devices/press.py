@@ -14,6 +14,7 @@ Source: [S2] III.A (data collection); method as in `contact.solver.admm`
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,8 +63,9 @@ class Pressed:
 
     def take(self, rows: Indices) -> Pressed:
         """Return some rows."""
-        own = {name: value for name, value in vars(self).items() if value is not None}
-        return Pressed(**{k: v.take(rows) if isinstance(v, Poses) else v[rows] for k, v in own.items()})
+        own: dict[str, Any] = {name: value for name, value in vars(self).items() if value is not None}
+        some: dict[str, Any] = {k: v.take(rows) if isinstance(v, Poses) else v[rows] for k, v in own.items()}
+        return Pressed(**some)
 
     def set(self, rows: Indices, found: Pressed) -> None:
         """Set the results of some rows."""
@@ -113,9 +115,9 @@ class Press:
         for rows in _alike(np.arange(n), where):
             made.set(rows, self._batch(commands[rows], None if via is None else via[rows], free.take(rows), self.steps))
         again = np.flatnonzero(made.left > 0.0)
-        if len(again):  # what the law did not settle for on a way of few parts it may on one of many
-            there = None if via is None else via[again]
-            finer = self._batch(commands[again], there, free.take(again), FINER * self.steps)
+        if len(again):  # a way of more parts may settle
+            turned = None if via is None else via[again]
+            finer = self._batch(commands[again], turned, free.take(again), FINER * self.steps)
             better = np.flatnonzero(finer.left < made.left[again])
             made.set(again[better], finer.take(better))
         return made

@@ -84,7 +84,7 @@ class PressState:
                 if self.imbalance.max(initial=0.0) <= BALANCE and not len(unsettled):
                     break
         if self.laws is not None:
-            self.left[self.lost] = np.inf  # no forces, which nothing is left of
+            self.left[self.lost] = np.inf
         self._settle()
 
     def _looked(self, rows: NDArray[np.intp], ends: bool) -> NDArray[np.intp]:

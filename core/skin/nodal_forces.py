@@ -2,10 +2,10 @@
 
 The smooth pad reaches up to 6 mm farther than the pad of a mesh. On linear skin a force out there keeps its moment,
 with forces up to twice its size on three nodes, one against the other. Tissue that follows a law is hardened by those,
-and what it gives way less would come back to the smooth skin as often larger again: more than that gives way at all
-(5 times on a draft mesh), and skin was held on a fold by the forces that pressed it there. So on such skin a force out
+and its correction would come back to the smooth skin as often larger again: more than the whole compliance there (5
+times on a draft mesh), and skin was held on a fold by the forces that pressed it there. So on such skin a force out
 there acts at the rim of the mesh's pad, and skin there stiffens as the rim does: up to 4.5 mm above the pad's middle,
-no mode of what comes back is more than 1.5 times its compliance (1.2 on a standard mesh).
+no mode of the correction is more than 1.5 times its compliance (1.2 on a standard mesh).
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ from .solved_frame import SolvedFrame
 
 ROUNDS = 80  # of both
 USABLE = 0.1  # residual of the law: a solution with less than that is better than linear skin
-# what becomes of skin that is in balance on a fold
+# of skin that is in balance on a fold
 LEFT = "skin is in balance on a fold of itself too: it is taken as straight pressing has it"
 FOLD = "skin is in balance on a fold of itself alone, and its forces are too large"
 PARTS, STRAIGHT = (1, 4, 16), (4, 16)  # of the way since the last frame, and of the straight one

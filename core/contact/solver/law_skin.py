@@ -19,8 +19,8 @@ from ...skin.relaxation import Relaxation, Taught
 
 # Of what the law leaves, see `Miss.left`, where a frame is done: stress is then a hundredth off, force a third of that.
 TOLERANCE = 5e-3
-# Of the work that forces do on the mesh, by the law, what they do at the points of the smooth skin: .94 to 2.6 times as
-# much, since the smooth skin is softer where little is touched. Below this the mesh is far from the skin it stands for.
+# Work of the forces at the points of the smooth skin over their work on the mesh, by the law: .94 to 2.6 were measured,
+# since the smooth skin is softer where little is touched. Below this the mesh is far from the skin it stands for.
 FOLDED = 0.5
 FASTER = 2.0  # times as far as in the last frame what presses may go before more is not expected of c either
 
@@ -110,7 +110,7 @@ class LawSkin:
 
     @property
     def several(self) -> str:
-        """What became of the last frame's skin, which is in balance on a fold of itself too; empty where it is not."""
+        """The way out of a fold that the last frame's skin is in balance on too; empty without one."""
         return self._state.several
 
     def folded(self, work: float) -> bool:
@@ -118,7 +118,7 @@ class LawSkin:
         return self.settled and self._state.work != 0.0 and work < FOLDED * abs(self._state.work)
 
     def tell_several(self, what: str) -> None:
-        """Say what became of skin that is in balance on a fold too."""
+        """Note the way out of a fold."""
         self._state = self._state._replace(several=what)
 
     def begin(self, went: Array | None = None, ahead: float = 1.0) -> None:

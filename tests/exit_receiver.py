@@ -2,6 +2,7 @@
 
 `python exit_receiver.py PROTOCOL DEVICE BAUD` prints its port, reads at the line's real pace (datagrams as they come),
 and answers lines on its standard input with JSON: `mark` forgets what came before, `listen` forgets silences only,
+`deaf` lets nothing through for a second, either way,
 `pose` says where it was told to be, `judge` also how far any step was ahead of the declared speed.
 """
 
@@ -22,6 +23,9 @@ from core.stream.protocols.wire import Array, Wire
 from core.stream.virtual.device import Server, make
 from core.stream.virtual.program import Endpoint
 
+WATCHED = ("native", "native-wifi")
+LOSS = {"native-wifi": 0.1}  # of the datagrams, each way
+DEAF = 1.0  # [s]
 QUANTUM = 2e-3  # of a channel's range: what the coarsest protocol can tell apart
 
 
@@ -51,7 +55,7 @@ class Judged:
         """Take what arrived, byte by byte where several commands may come at once."""
         self.gap = max(self.gap, now - self.heard)
         self.heard, out = now, []
-        native = self._protocol == "native"
+        native = self._protocol in WATCHED
         whole, received = self.datagrams or native, self.device.received if native else 0
         for part in [data] if whole else [bytes((byte,)) for byte in data]:
             out += self.device.feed(part, now)
@@ -71,7 +75,7 @@ class Judged:
 
     def told(self) -> Array:
         """Return what the last command asked for [units]; of a torque board the torques."""
-        if self._protocol == "native":
+        if self._protocol in WATCHED:
             return self.wire.values(self.device._target)
         if self._protocol == "torque":
             return np.array(self.device.torque)
@@ -80,8 +84,10 @@ class Judged:
     @property
     def safe(self) -> bool:
         """Return whether the last thing that it was told is its safe state."""
-        if self._protocol == "native":
-            return bool(self.device.state == DeviceState.SAFE)
+        if self._protocol in WATCHED:
+            if self.device.state in (DeviceState.SAFE, DeviceState.ARMED):
+                return bool(self.device.state == DeviceState.SAFE)
+            # a sender has come back and shaken hands: nothing of that moves it from where it went
         if self._protocol == "torque":
             return not self.told().any()
         span = np.maximum(self.wire.range_high - self.wire.range_low, 1e-9)
@@ -93,7 +99,7 @@ class Judged:
         if (told == self._last).all():
             return
         self.steps += 1
-        if self._protocol != "torque" and not (self._protocol == "native" and self.safe):
+        if self._protocol != "torque" and not (self._protocol in WATCHED and self.safe):
             step = np.maximum(np.abs(told - self._last) - QUANTUM * (self.wire.range_high - self.wire.range_low), 0.0)
             seconds = float(np.max(step / self.wire.slew))
             self.ahead = max(self.ahead, seconds - (now - self._at))
@@ -105,8 +111,18 @@ def main(protocol: str, key: str, baud: str) -> None:
     """Serve until standard input ends."""
     judged = Judged(protocol, Wire.of(Library().device(key)))
     link = Endpoint("udp" if judged.datagrams else "pty")
-    pace = {} if judged.datagrams else {"slow": float(baud) / 10}
-    server = Server(judged, lambda wait: link.read(wait, server.read_most), link.write, pace)
+    faults = {"loss": LOSS.get(protocol, 0.0)} if judged.datagrams else {"slow": float(baud) / 10}
+    deaf_until = 0.0
+
+    def read(wait: float) -> list[bytes] | None:
+        data = link.read(wait, server.read_most)
+        return [] if data and clock.now() < deaf_until else data
+
+    def write(message: bytes) -> None:
+        if clock.now() >= deaf_until:
+            link.write(message)
+
+    server = Server(judged, read, write, faults)
     asked: SimpleQueue[str] = SimpleQueue()
 
     def ask() -> None:
@@ -123,6 +139,8 @@ def main(protocol: str, key: str, baud: str) -> None:
             continue
         if question == "end":
             return
+        if question == "deaf":
+            deaf_until = clock.now() + DEAF
         if question == "listen":
             judged.gap, judged.heard = 0.0, clock.now()
         if question == "mark":

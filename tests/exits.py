@@ -21,7 +21,8 @@ from core.track import binary
 from core.track.command_track import CommandTrack
 from core.work.child import command, environment
 
-PROTOCOLS = ("native", "maestro", "dynamixel", "feetech", "servo-animation", "torque", "osc")
+PROTOCOLS = ("native", "native-wifi", "maestro", "dynamixel", "feetech", "servo-animation", "torque", "osc")
+WATCHED = ("native", "native-wifi")  # boards that go to their safe state by themselves, whatever becomes of the link
 SIGNALS = {
     name: getattr(signal, number, signal.SIGTERM)
     for name, number in (
@@ -34,6 +35,7 @@ SIGNALS = {
 }
 BAUD = 115_200
 AHEAD = 0.03  # a step may seem this far ahead of its speed, when it came later than sent and the next one did not [s]
+DEAF = 1.0  # [s]
 QUIET = 0.1  # nothing more comes after such a silence [s]
 
 
@@ -82,7 +84,7 @@ class Receiver:
     def judgement(self, seconds: float = 10.0) -> dict[str, Any]:
         """Wait until nothing more comes; return what it makes of it."""
         end = time.monotonic() + seconds
-        while (found := self.ask("judge"))["quiet"] < QUIET and not (self.protocol == "native" and found["safe"]):
+        while (found := self.ask("judge"))["quiet"] < QUIET and not (self.protocol in WATCHED and found["safe"]):
             if time.monotonic() > end:
                 break
             time.sleep(0.02)
@@ -228,6 +230,16 @@ def by_disconnect(receiver: Receiver) -> None:
     with sender(receiver) as client:
         client.set(connect=False, arm_id=0)
         until(lambda: client.status()["state"] == "disconnected", client.heartbeat, "disconnected")
+
+
+def by_silence(receiver: Receiver) -> None:
+    """Let nothing through for a second, either way; then the link is as before."""
+    with sender(receiver) as client:
+        receiver.ask("deaf")
+        end = time.monotonic() + DEAF + 0.5
+        until(lambda: time.monotonic() > end, client.heartbeat, "a second passes")
+        if client.status()["armed"]:
+            raise RuntimeError("it armed again by itself")
 
 
 def by_close(receiver: Receiver) -> None:

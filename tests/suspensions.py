@@ -119,7 +119,11 @@ def went_on(protocol: str, silence: str, found: dict[str, Any]) -> str:
     """
     wire = Wire.of(Library().device(exits.device_for(protocol)))
     silence = silence or adapters.make(protocol, wire, {}).silence.does.value
-    if protocol not in ("native", "torque") and silence in ("", "unknown", "lets-go") and not found.get("led"):
+    if (
+        protocol not in ("native", "native-wifi", "torque")
+        and silence in ("", "unknown", "lets-go")
+        and not found.get("led")
+    ):
         return f"{found['commands']} messages" if found["commands"] else ""
     if silence in ("keeps", "stops"):  # it was led home from where it was
         jump = f"a step {found['ahead']:.3f} s ahead of its speed" if found["ahead"] > exits.AHEAD else ""

@@ -165,6 +165,17 @@ def add_streams(commands: Any) -> None:
     )
     add_verb(
         verbs,
+        "pair",
+        argument("--url", required=True, metavar="PORT", help="the board's serial port, see 'stream ports'"),
+        argument("--network", required=True, metavar="NAME", help="the Wi-Fi that it shall join, of 2.4 GHz"),
+        switch("--open", "the Wi-Fi has no password; otherwise it is asked for, and not shown"),
+        help="pair an ESP32 with this computer over USB, for its Wi-Fi",
+        description="Pair an ESP32 with this computer over USB: it keeps a random key, joins the Wi-Fi, and then "
+        "answers this computer alone. Prints the address to connect to.",
+        run="stream.pair_command.pair",
+    )
+    add_verb(
+        verbs,
         "virtual",
         *device("haptip"),
         argument("--at", default="pty", choices=("pty", "tcp", "udp"), help="where it can be reached (pty)"),

@@ -20,6 +20,11 @@ STREAM = table(
             ("other", "Other", "An adapter of your own, which the port names: ?adapter=NAME"),
             ("dynamixel", "Dynamixel", "Servos of the X and MX families, protocol 2.0; they stop when nobody speaks"),
             ("feetech", "Feetech", "Servos of the STS, SMS and SCS families; they have no watchdog"),
+            (
+                "native-wifi",
+                "Dermis Native over Wi-Fi",
+                "ESP32 that was paired over USB; safe pose after 200 ms of silence",
+            ),
         ),
     ),
     Parameter(

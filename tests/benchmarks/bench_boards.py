@@ -41,7 +41,29 @@ def board_values_lost() -> Result:
     for protocol, options, settings in BOARDS:
         name = " ".join((protocol, *options.values()))
         lost[name] = float(_lost(protocol, options, settings))
+    lost["native-wifi"] = float(_lost_over_wifi())
     return Result("board_values_lost", sum(lost.values()), "", None, lost)
+
+
+def _lost_over_wifi() -> int:
+    """Return how many values of 10,000 do not arrive at the sketch, whole, as real datagrams of 127.0.0.1."""
+    from tests.unit.stream.firmware_board import Sender, servos, wanted_us
+    from tests.unit.stream.firmware_host import MISSING, WifiBoard
+
+    if MISSING:
+        raise RuntimeError(f"the sketch cannot be compiled, for want of {', '.join(MISSING)}")
+    lost, rng = 0, np.random.default_rng(6)
+    with WifiBoard("-DDERMIS_CHANNELS=8") as board:
+        sender = Sender(board, servos(8))
+        sender.arm()
+        for values in rng.uniform(-1, 1, (VALUES // 8, 8)):
+            sender.command(values)
+            sender.run(0.025, 0.0125)
+            board.pulses.clear()
+            sender.run(0.02, 0.01)
+            widths = board.widths()
+            lost += sum(abs(widths.get(i, 0.0) - w) > 1.0 for i, w in enumerate(wanted_us(values)))
+    return lost
 
 
 def _lost(protocol: str, options: dict[str, str], settings: dict[str, float]) -> int:

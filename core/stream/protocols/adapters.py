@@ -58,6 +58,7 @@ _loaded: dict[tuple[str, int], type[Adapter]] = {}
 # protocol -> file of this folder, and class in it
 NAMES: Mapping[str, tuple[str, str]] = {
     "native": ("native", "Native"),
+    "native-wifi": ("native_wifi", "NativeWifi"),
     "maestro": ("maestro", "Maestro"),
     "servo-animation": ("servo_animation", "ServoAnimation"),
     "dynamixel": ("bus.dynamixel", "Dynamixel"),

@@ -39,11 +39,13 @@ class Native(Adapter):
     baud = 500_000
     unanswered = "Check port, protocol, power and baud rate: boards flashed before version 2 need ?baud=115200"
     OPTIONS = ("reach", "watchdog_ms")
+    WATCHDOGS = WATCHDOG_MS, LEAST_WATCHDOG_MS, 80  # as set, shortest and longest [ms]; 100 ms are not kept with more
+    GONE, BEHIND = SILENCE_ARMED, BEHIND
 
     def __init__(self, wire: Wire, options: Mapping[str, str]) -> None:
         super().__init__(wire, options)
         wire.need_ranges(self.title)
-        self.watchdog_ms = self.whole("watchdog_ms", WATCHDOG_MS, LEAST_WATCHDOG_MS, 80)  # more: 100 ms are not kept
+        self.watchdog_ms = self.whole("watchdog_ms", *self.WATCHDOGS)
         self.reach = self._reach(options.get("reach", ""))
         does = Does.LETS_GO if self.reach == Reach.RELEASE else Does.RETRACTS
         self.silence = Silence(does, self.watchdog_ms / 1e3, "board")
@@ -104,7 +106,7 @@ class Native(Adapter):
                     self._draw_session()
                 out += self.ask_pose()
             return out
-        silence = SILENCE_ARMED if self.armed else SILENCE
+        silence = self.GONE if self.armed else SILENCE
         if now - self._heard > silence:
             self.fault = f"the device has not answered for {silence:g} s"
         if self._safes and self._is_due("safe", SAFE_EVERY, now):
@@ -294,7 +296,7 @@ class Native(Adapter):
 
     def _judge_link(self, now: float) -> None:
         """Judge by overdue answers the queue in a driver that does not report it."""
-        self.congested = now - self._oldest > max(self._trips.shortest + BEHIND, self._trips.usual + PROMPT)
+        self.congested = now - self._oldest > max(self._trips.shortest + self.BEHIND, self._trips.usual + PROMPT)
         self.prompt = self.round_trip < self._trips.usual + PROMPT
 
     def _reach(self, given: str) -> Reach:

@@ -24,6 +24,7 @@ from .faults import Faults, FaultyClock
 
 DEVICES = {
     "native": ("native", "NativeDevice"),
+    "native-wifi": ("native_wifi", "NativeWifiDevice"),
     "maestro": ("maestro", "MaestroDevice"),
     "servo-animation": ("servo_animation", "ServoAnimationDevice"),
     "dynamixel": ("servo_bus", "DynamixelDevice"),
@@ -59,7 +60,7 @@ def make(protocol: str, wire: Wire, options: dict[str, float]) -> Device:
         raise DermisError("no such protocol", value=protocol, limit=", ".join(DEVICES))
     module, name = DEVICES[protocol]
     faulty = FaultyClock(*(options.get(key, 0.0) for key in ("skew", "freeze", "jump")))
-    more: dict[str, Any] = {"clock": faulty} if protocol == "native" else {}  # the others have none
+    more: dict[str, Any] = {"clock": faulty} if protocol in ("native", "native-wifi") else {}  # the others have none
     if protocol == "maestro":
         crc, number, timeout = (
             options.get(f"board_{key}", d) for key, d in (("crc", 0), ("number", 12), ("timeout", 0))

@@ -42,6 +42,7 @@ class NativeDevice:
     """
 
     datagrams = False
+    watchdogs_allowed = WATCHDOGS
 
     def __init__(
         self,
@@ -217,8 +218,9 @@ class NativeDevice:
         watchdog, reach, safe, slew = packets.read_configure(body)
         if len(safe) != self.wire.count:
             raise DermisError("another number of channels", value=len(safe), limit=str(self.wire.count))
-        if watchdog not in WATCHDOGS:
-            raise DermisError("no such watchdog", value=watchdog, limit="10 to 80 ms")
+        allowed = self.watchdogs_allowed
+        if watchdog not in allowed:
+            raise DermisError("no such watchdog", value=watchdog, limit=f"{allowed[0]} to {allowed[-1]} ms")
         if not slew.all():
             raise DermisError("a channel may not move at all", value=0, limit="1 to 65535 counts a millisecond")
         if self.state == DeviceState.ARMED:

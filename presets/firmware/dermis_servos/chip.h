@@ -28,6 +28,15 @@
      chip_i2c_begin           (re)starts the I2C bus at 400 kHz and forgets what was under way
      chip_i2c_send            begins to write bytes to an address; they stay as they are while it is busy
      chip_i2c_busy, chip_i2c_acknowledged  whether that is still under way, and whether all of it was acknowledged
+   and for Wi-Fi, where the chip has it
+     CHIP_WIFI                defined
+     ChipPeer                 who sent a datagram, and whom one goes to; comparable
+     chip_random              fills bytes with true random numbers
+     chip_keep, chip_kept     writes a record into flash, and reads it: whether it could
+     chip_restart             begins anew
+     chip_wifi_begin          joins a network, now and whenever it was lost, and listens at a port
+     chip_wifi_address        its address there, 0 where it has none
+     chip_udp_receive, chip_udp_send    a datagram that has come, 0 for none; one that goes out, or is lost
    Nothing of this may wait. The interrupt runs on the same processor as setup() and loop(). */
 #pragma once
 
@@ -39,8 +48,10 @@
 #include "chip_rp2040.h"
 #elif defined(__IMXRT1062__)
 #include "chip_teensy4.h"
+#elif defined(ARDUINO_ARCH_ESP32)
+#include "chip_esp32.h"
 #else
-#error "dermis_servos knows ATmega328P at 16 MHz (Arduino Uno, Nano, Pro Mini 5 V), RP2040 and Teensy 4. chip.h says how to add one."
+#error "dermis_servos knows ATmega328P at 16 MHz (Arduino Uno, Nano, Pro Mini 5 V), RP2040, Teensy 4 and ESP32. chip.h says how to add one."
 #endif
 
 #if __BYTE_ORDER__ != __ORDER_LITTLE_ENDIAN__

@@ -24,7 +24,12 @@
 
 // #define DERMIS_RELAY_PIN 12 // a relay in the servos' supply: on while armed and on the way to safety
 // #define DERMIS_PCA9685 1 // so many PCA9685 boards make the pulses instead of this chip: up to 16 servos each
+// #define DERMIS_WIFI // ESP32: sealed datagrams over Wi-Fi instead of USB, which is for pairing then
 // #define DERMIS_SERVO_ANIMATION // Blender Servo Animation's live mode instead of the native protocol
+
+#ifndef DERMIS_UDP_PORT
+#define DERMIS_UDP_PORT 3947 /* at which it listens, with DERMIS_WIFI */
+#endif
 
 #include "chip.h"
 #ifdef CHIP_FLASH /* a chip that it knows; else the error of chip.h is the only one */

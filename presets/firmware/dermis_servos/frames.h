@@ -1,7 +1,7 @@
 /* Frames of the native protocol: zero, COBS of packet and CRC-32, zero. Each byte costs the same few cycles when it
    comes, so that whoever counts bytes has counted the work; an answer leaves whole at once, or not at all. */
 #pragma once
-#include "chip.h"
+#include "line.h"
 #include <stdint.h>
 
 #ifdef DERMIS_PCA9685
@@ -78,7 +78,7 @@ __attribute__((always_inline)) static inline Found take_byte(uint8_t byte) {
 
 static const uint8_t MOST_OUT = (uint8_t)(4 + 27 + 2 * MOST_SERVOS + 4); /* header, body and check sum of a WELCOME: no answer is longer */
 static_assert(4 + 27 + 2 * MOST_SERVOS + 4 < 254, "an answer of 254 bytes needs a second block of COBS");
-static_assert(MOST_OUT + 3 <= CHIP_LINE_ROOM, "the longest answer must fit into the line's buffer, or it never leaves");
+static_assert(MOST_OUT + 3 <= LINE_ROOM, "the longest answer must fit into the line's buffer, or it never leaves");
 
 static uint8_t out[MOST_OUT];
 static uint8_t out_size;
@@ -92,7 +92,7 @@ static void put32(uint32_t v) { put16((uint16_t)v); put16((uint16_t)(v >> 16)); 
    sender can count it. */
 static bool begin_answer(uint8_t kind, uint8_t session, uint8_t body_size) {
   sequence_out++;
-  if (chip_line_room() < body_size + 11) return false; /* header 4, check sum 4, COBS 1, two zeros */
+  if (line_room() < (uint16_t)(body_size + 11)) return false; /* header 4, check sum 4, COBS 1, two zeros */
   out_size = 0;
   put8(kind);
   put8(session);
@@ -104,13 +104,13 @@ static void end_answer() {
   uint32_t crc = 0xffffffff;
   for (uint8_t i = 0; i < out_size; i++) crc = crc_step(crc, out[i]);
   put32(~crc);
-  chip_line_put(0);
+  line_put(0);
   for (uint8_t at = 0; at <= out_size; at++) { /* COBS; no packet of this board reaches 254 bytes */
     uint8_t n = 0;
     while (at + n < out_size && out[at + n]) n++;
-    chip_line_put(n + 1);
-    while (n--) chip_line_put(out[at++]);
+    line_put(n + 1);
+    while (n--) line_put(out[at++]);
   }
-  chip_line_put(0);
-  chip_line_send();
+  line_put(0);
+  line_send();
 }

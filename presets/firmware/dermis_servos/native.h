@@ -16,8 +16,7 @@ static_assert(chip_line_baud(DERMIS_BAUD), "DERMIS_BAUD: the chip's clock does n
 static const uint8_t BYTES_A_LOOP = 16;
 static const uint8_t NACK_EVERY = 5; /* ms */
 static const uint16_t WINDOW = 1024; /* packets: what is further ahead was not lost on the way, it is old */
-static const uint8_t LEAST_WATCHDOG = 10; /* ms of silence that a sender may ask for ... */
-static const uint8_t MOST_WATCHDOG = 80;  /* ... and the longest */
+static const uint8_t LEAST_WATCHDOG = 10; /* ms of silence that a sender may ask for; the longest is MOST_WATCHDOG */
 static_assert(CHIP_WATCHDOG_MS > MOST_WATCHDOG, "the chip's reset must come after the way to safety has begun");
 
 enum Kind : uint8_t {
@@ -32,7 +31,7 @@ static Reach reach = RAMP;
 static uint8_t session = 0; /* nobody's */
 static uint16_t sequence_in = 0;
 static uint16_t received = 0, lost = 0, damaged = 0, late = 0, watchdogs = 0;
-static uint8_t watchdog_ms = 50;
+static uint16_t watchdog_ms = 50;
 static uint16_t safe_counts[CHANNELS], slew[CHANNELS];
 static uint32_t heard = 0;
 
@@ -120,7 +119,7 @@ static bool configure(const uint8_t *body, uint8_t size) {
   if (watchdog < LEAST_WATCHDOG || watchdog > MOST_WATCHDOG) return false;
   for (uint8_t c = 0; c < CHANNELS; c++) if (!get16(body + 6 + 4 * c)) return false;
   if (state == ARMED) return true; /* nobody changes what is safe under way */
-  watchdog_ms = (uint8_t)watchdog;
+  watchdog_ms = watchdog;
   reach = (Reach)body[2];
   for (uint8_t c = 0; c < CHANNELS; c++) {
     safe_counts[c] = get16(body + 4 + 4 * c);
@@ -214,8 +213,8 @@ static void take_packet(const uint8_t *data, uint8_t size) {
 
 /* Take what has come in: so many bytes and one packet at most, the rest in the next loop. */
 static void receive() {
-  for (uint8_t n = 0; n < BYTES_A_LOOP && chip_line_waiting(); n++) {
-    Found found = take_byte(chip_line_take());
+  for (uint8_t n = 0; n < BYTES_A_LOOP && line_waiting(); n++) {
+    Found found = take_byte(line_take());
     if (found == NOTHING) continue;
     if (found == WHOLE) return take_packet(packet, whole_size - 4);
     damaged++;
@@ -226,11 +225,12 @@ static void receive() {
 void setup() {
   begin_power();
   begin_pulses();
-  chip_line_begin(DERMIS_BAUD);
+  line_begin();
   begin_watchdog();
 }
 
 void loop() {
+  serve_line(state == ARMED, pulsing);
   receive();
   if (state == ARMED && chip_ms() - heard > watchdog_ms) {
     watchdogs++;

@@ -3,6 +3,9 @@
 #include "last_resort.h"
 #include "pulses.h"
 
+#ifdef DERMIS_WIFI
+#error "DERMIS_WIFI works with the native protocol only: this one has neither check sum nor watchdog."
+#endif
 #ifdef DERMIS_RELAY_PIN
 #error "DERMIS_RELAY_PIN works with the native protocol only: nothing tells this one when to switch the supply on."
 #endif

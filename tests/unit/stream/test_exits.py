@@ -29,6 +29,13 @@ def test_closing_a_sender_leaves_the_safe_state_at_the_receiver(protocol: str) -
         is_safe(receiver)
 
 
+@pytest.mark.parametrize("protocol", exits.WATCHED)
+def test_a_silence_of_a_second_leaves_a_board_with_a_watchdog_safe(protocol: str) -> None:
+    with Receiver(protocol) as receiver:
+        exits.by_silence(receiver)
+        is_safe(receiver)
+
+
 @pytest.mark.parametrize("protocol", ["maestro", "native"])
 def test_the_ramp_outlives_the_process_that_started_it(protocol: str) -> None:
     with Receiver(protocol) as receiver:

@@ -76,36 +76,65 @@ def test_what_the_readme_allows_compiles_without_a_warning(define: str) -> None:
     assert not done.returncode and not done.stderr
 
 
-ARM = "arm-none-eabi-g++"
+ARM, XTENSA, RISC_V = "arm-none-eabi-g++", "xtensa-lx106-elf-g++", "riscv64-unknown-elf-g++"
+ESP32 = ("esp32", "-ffreestanding", "-DARDUINO_ARCH_ESP32")
 BARE = {
-    "RP2040": ("rp2040", "-mcpu=cortex-m0plus", "-DARDUINO_ARCH_RP2040", "-DPICO_RP2040=1"),
-    "Teensy 4": ("teensy4", "-mcpu=cortex-m7", "-mfloat-abi=hard", "-mfpu=fpv5-d16", "-D__IMXRT1062__"),
+    "RP2040": (ARM, "rp2040", "-mcpu=cortex-m0plus", "-mthumb", "-DARDUINO_ARCH_RP2040", "-DPICO_RP2040=1"),
+    "Teensy 4": (
+        *(ARM, "teensy4", "-mcpu=cortex-m7", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv5-d16", "-D__IMXRT1062__"),
+    ),
+    # The distribution's compiler for Xtensa knows the ESP8266's core, not those of ESP32 and ESP32-S3.
+    "ESP32": (XTENSA, *ESP32, "-DCONFIG_IDF_TARGET_ESP32=1"),
+    "ESP32-S3": (XTENSA, *ESP32, "-DCONFIG_IDF_TARGET_ESP32S3=1"),
+    "ESP32-C3": (
+        *(RISC_V, *ESP32, "-march=rv32imc", "-mabi=ilp32", "-DCONFIG_IDF_TARGET_ESP32C3=1", "-DDERMIS_CHANNELS=7"),
+    ),
 }
+WIFI = ["ESP32", "ESP32-S3", "ESP32-C3"]
 
 
 def compile_bare(name: str, *defines: str) -> subprocess.CompletedProcess[str]:
-    """Compile the sketch for an ARM chip, as the Arduino tools do, against declarations of its SDK."""
-    folder, *flags = BARE[name]
-    command = [ARM, *flags, "-mthumb", "-O2", "-std=gnu++17", "-fno-exceptions", "-fno-rtti", *WARNINGS, *defines]
+    """Compile the sketch for a chip, as the Arduino tools do, against declarations of its SDK."""
+    compiler, folder, *flags = BARE[name]
+    flags = [flag for flag in flags if "CHANNELS" not in flag or not any("CHANNELS" in given for given in defines)]
+    command = [compiler, *flags, "-O2", "-std=gnu++17", "-fno-exceptions", "-fno-rtti", *WARNINGS, *defines]
     command += [f"-I{SOURCES / folder}", "-x", "c++", "-c", str(SKETCH), "-o", os.devnull]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
+BARE_MISSING = [compiler for compiler in (ARM, XTENSA, RISC_V) if shutil.which(compiler) is None]
 bare = pytest.mark.skipif(
-    shutil.which(ARM) is None,
-    reason=f"RP2040 AND TEENSY 4 WERE NOT COMPILED, for want of {ARM}: "
-    "apt install gcc-arm-none-eabi libstdc++-arm-none-eabi-newlib",
+    bool(BARE_MISSING),
+    reason=f"RP2040, TEENSY 4 AND ESP32 WERE NOT COMPILED, for want of {', '.join(BARE_MISSING)}: apt install "
+    "gcc-arm-none-eabi libstdc++-arm-none-eabi-newlib gcc-xtensa-lx106 gcc-riscv64-unknown-elf",
 )
 
 
 @bare
 @pytest.mark.parametrize(
-    "defines", [(), ("-DDERMIS_CHANNELS=3", "-DDERMIS_RELAY_PIN=12"), ("-DDERMIS_SERVO_ANIMATION",)]
+    "defines", [(), ("-DDERMIS_CHANNELS=3", "-DDERMIS_RELAY_PIN=RELAY"), ("-DDERMIS_SERVO_ANIMATION",)]
 )
 @pytest.mark.parametrize("name", BARE)
-def test_it_compiles_for_arm_chips_without_a_warning(name: str, defines: tuple[str, ...]) -> None:
-    done = compile_bare(name, *defines)
+def test_it_compiles_for_other_chips_without_a_warning(name: str, defines: tuple[str, ...]) -> None:
+    relay = {"ESP32": "13", "ESP32-C3": "10"}.get(name, "12")
+    done = compile_bare(name, *(define.replace("RELAY", relay) if "=RELAY" in define else define for define in defines))
     assert not done.returncode and not done.stderr, done.stderr
+
+
+@bare
+@pytest.mark.parametrize("name", BARE)
+def test_wi_fi_compiles_for_the_chips_that_have_it_and_is_refused_by_the_others(name: str) -> None:
+    done = compile_bare(name, "-DDERMIS_WIFI")
+    if name in WIFI:
+        assert not done.returncode and not done.stderr, done.stderr
+    else:
+        assert any("DERMIS_WIFI: the header of this chip has no Wi-Fi" in line for line in errors(done.stderr))
+
+
+@bare
+def test_other_chips_of_the_esp32_family_are_refused() -> None:
+    done = compile_bare("ESP32", "-UCONFIG_IDF_TARGET_ESP32")
+    assert "dermis_servos knows ESP32, ESP32-S3 and ESP32-C3" in errors(done.stderr)[0]
 
 
 @bare
@@ -113,12 +142,15 @@ def test_only_a_chip_with_i2c_drives_pca9685_boards() -> None:
     sixteen = ("-DDERMIS_PCA9685=1", "-DDERMIS_CHANNELS=16")
     done = compile_bare("RP2040", *sixteen)
     assert not done.returncode and not done.stderr, done.stderr
-    assert "the header of this chip has no I2C" in errors(compile_bare("Teensy 4", *sixteen).stderr)[0]
+    for name in ("Teensy 4", "ESP32"):
+        assert "the header of this chip has no I2C" in errors(compile_bare(name, *sixteen).stderr)[0]
 
 
 @bare
-@pytest.mark.parametrize(("name", "pin"), [("RP2040", 9), ("RP2040", 25), ("Teensy 4", 13), ("Teensy 4", 2)])
-def test_pins_of_arm_chips_that_cannot_be_the_relays(name: str, pin: int) -> None:
+@pytest.mark.parametrize(
+    ("name", "pin"), [("RP2040", 9), ("RP2040", 25), ("Teensy 4", 13), ("Teensy 4", 2), ("ESP32", 12)]
+)
+def test_pins_of_other_chips_that_cannot_be_the_relays(name: str, pin: int) -> None:
     found = errors(compile_bare(name, f"-DDERMIS_RELAY_PIN={pin}").stderr)
     assert found and "this pin cannot be the relay's" in found[0], found
 

@@ -9,7 +9,7 @@ from core.stream.protocols import packets
 from core.stream.protocols.packets import Kind
 from tests.unit.stream.firmware_avr import AvrBoard, emulated
 from tests.unit.stream.firmware_board import BAUD, Board, Chip, Sender, servos, wanted_us
-from tests.unit.stream.firmware_host import every_chip
+from tests.unit.stream.firmware_host import every_chip, every_line
 
 pytestmark = pytest.mark.one_line("3.11", "the sketch is C++, compiled by the system's compilers")
 
@@ -59,7 +59,7 @@ def synced(board: Board, sender: Sender) -> packets.Synced:
     return packets.Synced.read(found[-1].body)
 
 
-@every_chip
+@every_line
 def test_a_loop_that_stood_still_loses_what_found_no_room_and_nothing_before_it(chip: Chip) -> None:
     with chip() as board:
         sender = Sender(board, servos())
@@ -90,7 +90,7 @@ def test_at_a_million_baud_the_chip_loses_bytes() -> None:
         assert board.overruns  # at 500,000 there are none; how many it is depends on the pace of this computer
 
 
-@every_chip
+@every_line
 def test_another_baud_is_not_understood(chip: Chip) -> None:
     with chip(baud=115_200) as board:
         sender = Sender(board, servos())
@@ -98,7 +98,7 @@ def test_another_baud_is_not_understood(chip: Chip) -> None:
         assert not sender.adapter.ready and board.garbled
 
 
-@every_chip
+@every_line
 def test_the_board_keeps_the_line_s_pace_in_its_answers(chip: Chip) -> None:
     """500 SYNCs at once: each answer has twice the bytes of its question, so the line has room for every second one."""
     with chip() as board:

@@ -34,6 +34,14 @@ void host_i2c_begin(void);
 void host_i2c_send(uint8_t address, const uint8_t *bytes, uint8_t size);
 int host_i2c_busy(void);
 int host_i2c_acknowledged(void);
+void host_random(uint8_t *to, uint8_t size);
+int host_keep(const uint8_t *bytes, uint8_t size);
+int host_kept(uint8_t *bytes, uint8_t size);
+void host_restart(void);
+void host_wifi_begin(void);
+uint32_t host_wifi_address(void);
+int host_udp_receive(uint32_t *address, uint16_t *port, uint8_t *to, uint16_t room);
+void host_udp_send(uint32_t address, uint16_t port, const uint8_t *bytes, uint16_t size);
 
 /* What it calls. */
 void setup(void);
@@ -110,6 +118,31 @@ static inline void chip_i2c_send(uint8_t address, const uint8_t *bytes, uint8_t 
 static inline bool chip_i2c_busy() { return host_i2c_busy(); }
 static inline bool chip_i2c_acknowledged() { return host_i2c_acknowledged(); }
 
+#ifdef DERMIS_WIFI
+static const uint16_t CHIP_WATCHDOG_MS = 500;
+#else
 static const uint16_t CHIP_WATCHDOG_MS = 250;
+#endif
 static inline void chip_watchdog_begin() { host_watchdog(CHIP_WATCHDOG_MS); }
 static inline void chip_watchdog_feed() { host_watchdog(CHIP_WATCHDOG_MS); }
+
+#define CHIP_WIFI
+
+struct ChipPeer {
+  uint32_t address;
+  uint16_t port;
+  bool operator==(const ChipPeer &other) const { return address == other.address && port == other.port; }
+};
+
+static inline void chip_random(uint8_t *to, uint8_t size) { host_random(to, size); }
+static inline bool chip_keep(const uint8_t *bytes, uint8_t size) { return host_keep(bytes, size); }
+static inline bool chip_kept(uint8_t *bytes, uint8_t size) { return host_kept(bytes, size); }
+static inline void chip_restart() { host_restart(); }
+static inline void chip_wifi_begin(const char *, const char *, uint16_t) { host_wifi_begin(); }
+static inline uint32_t chip_wifi_address() { return host_wifi_address(); }
+static inline uint16_t chip_udp_receive(ChipPeer &from, uint8_t *to, uint16_t room) {
+  return (uint16_t)host_udp_receive(&from.address, &from.port, to, room);
+}
+static inline void chip_udp_send(const ChipPeer &to, const uint8_t *bytes, uint16_t size) {
+  host_udp_send(to.address, to.port, bytes, size);
+}

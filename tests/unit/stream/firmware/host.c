@@ -8,16 +8,20 @@
      Q hz                  their oscillator
      G board register      print a register
      D 0 or 1              the I2C bus works, or stands still
+     N                     print the port of 127.0.0.1 that it listens at for datagrams; 0: it does not
 
    host LIBRARY START_US SEED: the clock begins at START_US; SEED draws how long each call of the chip layer takes. A reset
    by the chip's watchdog loads the library anew. */
 #include "pca9685.h"
+#include <arpa/inet.h>
 #include <dlfcn.h>
 #include <setjmp.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/random.h>
+#include <sys/socket.h>
 
 #define NEVER UINT64_MAX
 #define US 1000000ull   /* time is counted in picoseconds, so that each timer's ticks are whole */
@@ -201,6 +205,61 @@ int host_i2c_busy(void) {
 
 int host_i2c_acknowledged(void) { return i2c_good; }
 
+/* -- flash, which outlives a reset, and a real socket in place of Wi-Fi */
+
+static uint8_t flash[256];
+static unsigned in_flash;
+static int udp = -1;
+
+void host_random(uint8_t *to, uint8_t size) {
+  if (getrandom(to, size, 0) != size) fail("no random numbers");
+}
+
+int host_keep(const uint8_t *bytes, uint8_t size) {
+  memcpy(flash, bytes, in_flash = size);
+  return 1;
+}
+
+int host_kept(uint8_t *bytes, uint8_t size) {
+  if (in_flash != size) return 0;
+  memcpy(bytes, flash, size);
+  return 1;
+}
+
+void host_restart(void) { longjmp(reset_point, 1); }
+
+static uint16_t udp_port(void) {
+  struct sockaddr_in at;
+  socklen_t size = sizeof at;
+  return udp < 0 || getsockname(udp, (struct sockaddr *)&at, &size) ? 0 : ntohs(at.sin_port);
+}
+
+void host_wifi_begin(void) {
+  struct sockaddr_in at = {.sin_family = AF_INET, .sin_addr = {htonl(INADDR_LOOPBACK)}};
+  if (udp >= 0) return;
+  udp = socket(AF_INET, SOCK_DGRAM, 0);
+  if (udp < 0 || bind(udp, (struct sockaddr *)&at, sizeof at)) fail("no socket");
+}
+
+uint32_t host_wifi_address(void) { return udp < 0 ? 0 : htonl(INADDR_LOOPBACK); }
+
+int host_udp_receive(uint32_t *address, uint16_t *port, uint8_t *to, uint16_t room) {
+  struct sockaddr_in from = {0};
+  socklen_t size = sizeof from;
+  take_time();
+  if (udp < 0) return 0;
+  ssize_t got = recvfrom(udp, to, room, MSG_DONTWAIT | MSG_TRUNC, (struct sockaddr *)&from, &size);
+  *address = from.sin_addr.s_addr;
+  *port = from.sin_port;
+  return got > 0 && got <= room ? (int)got : 0;
+}
+
+void host_udp_send(uint32_t address, uint16_t port, const uint8_t *bytes, uint16_t size) {
+  struct sockaddr_in to = {.sin_family = AF_INET, .sin_port = port, .sin_addr = {address}};
+  take_time();
+  if (udp >= 0) sendto(udp, bytes, size, MSG_DONTWAIT, (struct sockaddr *)&to, sizeof to);
+}
+
 void host_line_begin(uint32_t baud) { chip_baud = baud; }
 
 void host_line_send(void) {
@@ -293,6 +352,7 @@ int main(int argc, char **argv) {
     else if (words[0] == 'A') pca_boards((unsigned)atoi(words + 2));
     else if (words[0] == 'Q') pca_clock(atof(words + 2));
     else if (words[0] == 'D') i2c_stuck = words[2] == '1';
+    else if (words[0] == 'N') printf("G %u\n", udp_port());
     else if (words[0] == 'G') {
       unsigned board, at;
       if (sscanf(words + 2, "%u %u", &board, &at) == 2) printf("G %u\n", pca_register(board, (uint8_t)at));

@@ -42,7 +42,7 @@ class Line(Transport):
 
 
 @pytest.mark.parametrize("count", [1, 2, 8, 20, 130])
-@pytest.mark.parametrize("protocol", ["native", "maestro", "servo-animation", "torque", "osc"])
+@pytest.mark.parametrize("protocol", ["native", "native-wifi", "maestro", "servo-animation", "torque", "osc"])
 def test_no_command_is_longer_than_is_reckoned(protocol: str, count: int) -> None:
     if protocol == "maestro" and count > 24:
         return

@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from core.stream.protocols import adapters, packets
+from core.stream.protocols import adapters, packets, sealed
+from core.stream.protocols.native_wifi import NativeWifi
 from core.stream.protocols.packets import DeviceState, Kind, Nack, Reach
 from core.stream.virtual import native
+from core.stream.virtual.native_wifi import NativeWifiDevice
 from tests.unit.stream.firmware_board import BAUD, ROOT, SKETCH, Chip
-from tests.unit.stream.firmware_host import every_chip
+from tests.unit.stream.firmware_host import WifiBoard, every_chip
 from tests.unit.stream.firmware_receivers import (
     HELLO,
     OTHER,
@@ -221,7 +223,10 @@ SCRIPTS: dict[str, Script] = {
 @every_chip
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_all_receivers_say_the_same(chip: Chip, name: str) -> None:
-    virtual = SCRIPTS[name](Virtual())
+    receiver = Virtual()
+    if chip is WifiBoard:
+        receiver.device.watchdogs_allowed = NativeWifiDevice.watchdogs_allowed
+    virtual = SCRIPTS[name](receiver)
     with chip("-DDERMIS_CHANNELS=2") as board:
         sketch = SCRIPTS[name](Sketch(board))
     for number, (ours, theirs) in enumerate(zip(sketch, virtual, strict=True)):
@@ -275,7 +280,7 @@ def test_refusals_are_named_by_the_page() -> None:
 
 def test_page_sketch_and_virtual_device_state_the_same_limits() -> None:
     page = (ROOT / "presets" / "streaming_protocol.md").read_text("utf-8")
-    sketch = "".join(SKETCH.with_name(name).read_text("utf-8") for name in ("native.h", "movement.h"))
+    sketch = "".join(SKETCH.with_name(name).read_text("utf-8") for name in ("native.h", "movement.h", "line.h"))
     told = {name: int(value) for name, value in re.findall(r"static const uint\d+_t (\w+) = (\d+);", sketch)}
     assert told["NACK_EVERY"] == native.NACK_EVERY * 1e3 and "One NACK in 5 ms" in page
     assert told["MOST_STEPS"] == native.MAX_STEP and "no more than 5 ms of elapsed time" in page
@@ -283,5 +288,9 @@ def test_page_sketch_and_virtual_device_state_the_same_limits() -> None:
     assert told["VERSION"] == packets.VERSION and f"version {packets.VERSION}" in page
     least, most = native.WATCHDOGS[0], native.WATCHDOGS[-1]
     assert (told["LEAST_WATCHDOG"], told["MOST_WATCHDOG"]) == (least, most)
+    wifi = SKETCH.with_name("line_wifi.h").read_text("utf-8")
+    longest = NativeWifiDevice.watchdogs_allowed[-1]
+    assert f"MOST_WATCHDOG = {longest};" in wifi and NativeWifi.WATCHDOGS[-1] == longest
+    assert f"FRESH_MS = {sealed.FRESH_MS};" in SKETCH.with_name("sealed.h").read_text("utf-8")
     assert f"a watchdog outside {least} to {most} ms" in page.replace("\n", " ").replace("  ", " ")
     assert f"#define DERMIS_BAUD {BAUD}" in SKETCH.read_text("utf-8") and f"{BAUD:,} baud" in page

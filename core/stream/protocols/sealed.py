@@ -1,0 +1,161 @@
+"""Datagrams that only a host and its paired board can make: BLAKE2s keyed with a secret that went over USB.
+
+Layouts, keys and what each side refuses are those of presets/firmware/dermis_servos/sealed.h. Nothing is kept secret.
+
+Source: RFC 7693, 'The BLAKE2 Cryptographic Hash and Message Authentication Code'
+"""
+
+from __future__ import annotations
+
+import hmac
+import os
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import IntEnum
+from hashlib import blake2s
+
+KEY, SEAL, NONCE = 32, 16, 16  # bytes
+TRIES = 10  # datagrams of a handshake, then another begins
+FRESH_MS = 200  # a datagram whose stamp is older was held back
+MARK = b"DU"
+_HEAD = struct.Struct("<2sBII")
+OVERHEAD = _HEAD.size + SEAL  # of a datagram with bytes of a session
+
+
+class Sealed(IntEnum):
+    """Third byte of a datagram."""
+
+    ASK, OFFER, OPEN, TO_BOARD, FROM_BOARD, BUSY = 1, 2, 3, 4, 5, 6
+
+
+def seal(key: bytes, data: bytes) -> bytes:
+    """Return data with their seal behind."""
+    return data + blake2s(data, key=key, digest_size=SEAL).digest()
+
+
+def unsealed(key: bytes, datagram: bytes) -> bytes | None:
+    """Return what is sealed; None where the seal is not that of the key."""
+    data, found = datagram[:-SEAL], datagram[-SEAL:]
+    good = blake2s(data, key=key, digest_size=SEAL).digest()
+    return data if hmac.compare_digest(good, found) else None
+
+
+def session_key(key: bytes, host: bytes, board: bytes) -> bytes:
+    """Return the key of a session of two random numbers."""
+    return blake2s(b"dermis session" + host + board, key=key).digest()
+
+
+def pairing_check(key: bytes) -> bytes:
+    """Return what a board answers once it has kept a key: 8 bytes that show it and do not tell it."""
+    return blake2s(b"dermis paired", key=key, digest_size=8).digest()
+
+
+@dataclass
+class HostSeals:
+    """The host's side of one session after the other; `ask` begins another.
+
+    Attributes:
+        opened: datagrams can be sent. busy: the board is armed for another session. forged: datagrams without a seal.
+    """
+
+    key: bytes
+    opened: bool = False
+    busy: bool = False
+    forged: int = 0
+    _nonce: bytes = b""
+    _offer: bytes = b""
+    _session: bytes = b""
+    _asked: int = 0
+    _out: int = 0
+    _in: int = 0
+    _clock: int = 0
+
+    def ask(self) -> bytes:
+        """Return the next datagram of the handshake: ASK until the board has made an offer, then OPEN."""
+        self._asked += 1
+        if self._asked % TRIES == 0 or not self._nonce:  # its offer may have been used up
+            self._nonce, self._offer = os.urandom(NONCE), b""
+        kind = Sealed.OPEN if self._offer else Sealed.ASK
+        return seal(self.key, MARK + bytes((kind,)) + self._nonce + self._offer)
+
+    def seal(self, data: bytes) -> bytes:
+        """Return a datagram with bytes of the session."""
+        self._out += 1
+        return seal(self._session, _HEAD.pack(MARK, Sealed.TO_BOARD, self._out, self._clock) + data)
+
+    def unseal(self, datagram: bytes) -> bytes:
+        """Return the bytes of the session in a datagram; b'' for those of the handshake, copies and forged ones."""
+        kind = datagram[2] if len(datagram) >= OVERHEAD and datagram.startswith(MARK) else 0
+        if kind in (Sealed.OFFER, Sealed.BUSY):
+            data = unsealed(self.key, datagram)
+            if data is not None and data[3 : 3 + NONCE] == self._nonce and not self.opened:
+                self.busy = kind == Sealed.BUSY
+                self._offer = b"" if self.busy else data[3 + NONCE :]
+                self._session = session_key(self.key, self._nonce, self._offer)
+                return b""
+        elif kind == Sealed.FROM_BOARD and self._session:
+            data = unsealed(self._session, datagram)
+            if data is not None:
+                _, _, counter, clock = _HEAD.unpack_from(data)
+                if counter <= self._in:
+                    return b""
+                self._in, self._clock, self.opened, self.busy = counter, clock, True, False
+                return data[_HEAD.size :]
+        self.forged += 1
+        return b""
+
+
+@dataclass
+class BoardSeals:
+    """The board's side, as sealed.h has it, for simulated boards; `clock_ms` is the board's [ms]."""
+
+    key: bytes
+    clock_ms: Callable[[], int]
+    _offer: bytes = field(default_factory=lambda: os.urandom(NONCE))
+    _opened: bytes = b""
+    _session: bytes = b""
+    _out: int = 0
+    _in: int = 0
+
+    def seal(self, data: bytes) -> bytes:
+        """Return a datagram with bytes of the session."""
+        self._out += 1
+        clock = self.clock_ms() & 0xFFFFFFFF
+        return seal(self._session, _HEAD.pack(MARK, Sealed.FROM_BOARD, self._out, clock) + data)
+
+    def take(self, datagram: bytes, *, held: bool) -> tuple[bytes, list[bytes]]:
+        """Return the bytes of the session in a datagram, and datagrams that answer it.
+
+        `held`: the session in force may not be taken over.
+        """
+        kind = datagram[2] if len(datagram) >= OVERHEAD and datagram.startswith(MARK) else 0
+        if kind in (Sealed.ASK, Sealed.OPEN):
+            data = unsealed(self.key, datagram)
+            if data is None or len(data) != 3 + NONCE * (1 if kind == Sealed.ASK else 2):
+                return b"", []
+            return b"", self._ask(data[3:], held) if kind == Sealed.ASK else self._open(data[3:], held)
+        data = unsealed(self._session, datagram) if kind == Sealed.TO_BOARD and self._opened else None
+        if data is None:
+            return b"", []
+        _, _, counter, stamp = _HEAD.unpack_from(data)
+        if counter <= self._in:
+            return b"", []
+        self._in = counter
+        if (self.clock_ms() - stamp) & 0xFFFFFFFF > FRESH_MS:
+            return b"", [self.seal(b"")]
+        return data[_HEAD.size :], []
+
+    def _ask(self, nonce: bytes, held: bool) -> list[bytes]:
+        kind = Sealed.BUSY if held else Sealed.OFFER
+        return [seal(self.key, MARK + bytes((kind,)) + nonce + (b"" if held else self._offer))]
+
+    def _open(self, nonces: bytes, held: bool) -> list[bytes]:
+        if nonces != self._opened:
+            if nonces[NONCE:] != self._offer:
+                return []
+            if held:
+                return self._ask(nonces[:NONCE], held)
+            self._opened, self._session = nonces, session_key(self.key, nonces[:NONCE], nonces[NONCE:])
+            self._offer, self._in, self._out = os.urandom(NONCE), 0, 0
+        return [self.seal(b"")]

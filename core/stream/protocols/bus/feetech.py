@@ -11,11 +11,9 @@ import math
 import struct
 from collections.abc import Iterable, Mapping
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ....errors import DermisError
 from ..silence import Does, Silence
+from .bus_line import Taken, rows, scan
 from .questions import Question
 from .servo import Answer, Present, Servo
 from .servo_bus import ServoBus
@@ -27,7 +25,7 @@ PING, READ, WRITE, SYNC_READ, SYNC_WRITE = 0x01, 0x02, 0x03, 0x82, 0x83
 MODEL, LOWEST, HIGHEST, TEMPERATURE_LIMIT, MODE = 3, 9, 11, 13, 33
 TORQUE, GOAL, POSITION, VOLTAGE, TEMPERATURE, CURRENT = 40, 42, 56, 62, 63, 69
 SIGN = 0x8000  # of a number
-AMPERE = 6.5e-3  # one count of current [A]
+AMPERE = 6.5e-3  # one count of current [A]: as drivers of others for the STS3215 have it; the maker's SDK names no unit
 ERRORS = ("voltage", "encoder", "overheating", "current", "", "overload")  # bits of a status byte
 SERIES: Mapping[str, tuple[int, float, str]] = {  # counts, over how many degrees, order of bytes in a word
     "sts": (4096, 360.0, "<"),
@@ -54,31 +52,26 @@ def sync_read(ids: Iterable[int], register: int, size: int) -> bytes:
 def sync_write(register: int, data: Mapping[int, bytes]) -> bytes:
     """Return one message that writes the same registers of several servos; nobody answers it."""
     size = len(next(iter(data.values())))
-    rows = b"".join(bytes((servo,)) + value for servo, value in data.items())
-    return packet(BROADCAST, SYNC_WRITE, bytes((register, size)) + rows)
+    return packet(BROADCAST, SYNC_WRITE, bytes((register, size)) + rows(data))
 
 
 def answers(buffer: bytes) -> tuple[list[Answer], bytes, int]:
     """Return the whole answers in a buffer, the rest of it, and the number of damaged ones."""
-    found: list[Answer] = []
-    damaged = 0
-    while (at := buffer.find(HEADER)) >= 0:
-        buffer = buffer[at:]
-        if len(buffer) < 6:
-            return found, buffer, damaged
-        servo, length = buffer[2], buffer[3]
-        if servo >= BROADCAST or length < 2:  # a third byte of a header, an echo of a broadcast, or rubbish
-            buffer = buffer[1:]
-            continue
-        whole = buffer[: 4 + length]
-        if len(whole) < 4 + length:
-            return found, buffer, damaged
-        if ~sum(whole[2:-1]) & 0xFF != whole[-1]:
-            damaged, buffer = damaged + 1, buffer[1:]
-            continue
-        buffer = buffer[4 + length :]
-        found.append(Answer(servo, whole[4], whole[5:-1]))
-    return found, buffer[-1:], damaged
+    return scan(buffer, HEADER, _take)
+
+
+def _take(data: bytes) -> Taken | None:
+    if len(data) < 6:
+        return None
+    servo, length = data[2], data[3]
+    if servo >= BROADCAST or length < 2:  # a third byte of a header, an echo of a broadcast, or rubbish
+        return Taken(1, [])
+    whole = data[: 4 + length]
+    if len(whole) < 4 + length:
+        return None
+    if ~sum(whole[2:-1]) & 0xFF != whole[-1]:
+        return Taken(1, None)
+    return Taken(len(whole), [Answer(servo, whole[4], whole[5:-1])])
 
 
 class Feetech(ServoBus):
@@ -95,7 +88,7 @@ class Feetech(ServoBus):
     )
     unanswered = DELIVERED = "as delivered id 1 and 1000000 baud"
     IDENTITY, PRESENT, ENABLED = (MODEL, MODE + 1 - MODEL), (TORQUE, CURRENT + 2 - TORQUE), (TORQUE, 1)
-    OVERHEAD = 6
+    OVERHEAD, TORQUE, GOAL = 6, TORQUE, GOAL
 
     def _declared_silence(self) -> Silence:
         return Silence(Does.KEEPS)
@@ -112,8 +105,11 @@ class Feetech(ServoBus):
         counts, degrees, self._order = SERIES[self.series]
         return counts / math.radians(degrees), counts // 2
 
-    def _ask_one(self, register: int, size: int, servo: int) -> Question:
-        return Question(read(servo, register, size), (servo,), size)
+    def _read_one(self, register: int, size: int, servo: int) -> bytes:
+        return read(servo, register, size)
+
+    def _write(self, register: int, data: Mapping[int, bytes]) -> bytes:
+        return sync_write(register, data)
 
     def _asking(self, register: int, size: int) -> list[Question]:
         if self.series == "scs":
@@ -123,12 +119,12 @@ class Feetech(ServoBus):
     def _parse(self, buffer: bytes) -> tuple[list[Answer], bytes, int]:
         return answers(buffer)
 
-    def _word(self, data: bytes, at: int) -> int:
+    def _number(self, data: bytes, at: int) -> int:
         (value,) = struct.unpack_from(f"{self._order}H", data, at)
         return -(value & ~SIGN) if value & SIGN and self.series == "sts" else value
 
     def _describe(self, data: bytes) -> Servo:
-        number, low, high = (self._word(data, at - MODEL) for at in (MODEL, LOWEST, HIGHEST))
+        number, low, high = (self._number(data, at - MODEL) for at in (MODEL, LOWEST, HIGHEST))
         mode = data[MODE - MODEL] if self.series == "sts" else 0
         fault = ""
         if mode:
@@ -142,7 +138,7 @@ class Feetech(ServoBus):
 
     def _measured(self, servo: Servo, answer: Answer) -> Present:
         data = answer.data
-        position, current = (self._word(data, at - TORQUE) for at in (POSITION, CURRENT))
+        position, current = (self._number(data, at - TORQUE) for at in (POSITION, CURRENT))
         stopped = ""
         if answer.error:
             names = ", ".join(name for bit, name in enumerate(ERRORS) if name and answer.error >> bit & 1)
@@ -151,12 +147,8 @@ class Feetech(ServoBus):
             stopped = "has switched its torque off"
         return Present(position, current * servo.ampere, float(data[TEMPERATURE - TORQUE]), stopped)
 
-    def _goal(self, counts: NDArray[np.int_]) -> bytes:
-        words = [struct.pack(f"{self._order}H", -c | SIGN if c < 0 else c) for c in counts.tolist()]
-        return sync_write(GOAL, dict(zip(self.ids, words, strict=True)))
-
-    def _torque(self, on: bool) -> bytes:
-        return sync_write(TORQUE, dict.fromkeys(self.ids, bytes((int(on),))))
+    def _word(self, count: int) -> bytes:
+        return struct.pack(f"{self._order}H", -count | SIGN if count < 0 else count)
 
     def _unarmed(self, answer: Answer) -> str:
         return "" if answer.data[0] == 1 else "its torque stays off"

@@ -1,8 +1,4 @@
-"""Smart servos on one half-duplex line, whatever their maker: Connect, Arm, commands, and measurements.
-
-One line carries commands and answers, so nothing is sent while an answer may be on its way: a question leaves right
-behind a command, and the next command waits for the answer (`Adapter.busy`).
-"""
+"""Smart servos on one line, whatever their maker: Connect, Arm, commands, and measurements."""
 
 from __future__ import annotations
 
@@ -14,33 +10,27 @@ from numpy.typing import NDArray
 
 from ....arrays import Array
 from ....errors import DermisError
-from ..adapter import Adapter
 from ..packets import Reach
 from ..wire import Wire
 from . import servo as words
-from .questions import Question, Questions, Round
+from .bus_line import READ_EVERY, BusLine
+from .questions import Round
 from .servo import HIGHEST_ID, Answer, Limits, Present, Servo, ids_of
 
-READ_EVERY = 0.05  # the servos are asked for their measurements this often [s]
-MISSES = 3  # so many rounds in a row without an answer, and a servo is gone
 
-
-class ServoBus(Adapter):
+class ServoBus(BusLine):
     """Servos on one line; a maker's protocol is a class derived from this one.
 
     Channel k is the servo `first` + k, or the k-th of `ids`. Options: `zero`: position that stands for 0 rad [counts].
     `hottest_c`, `most_ma`, `most_lag_deg`: limits on the servos' reports; beyond one the stream ends.
 
     Attributes:
-        DELIVERED: a new servo's settings, in words. OVERHEAD: bytes of an answer beside its registers.
-        IDENTITY, PRESENT, ENABLED: first register and number of registers of each round.
+        DELIVERED: a new servo's settings, in words. GOAL: register of the position that a servo goes to.
     """
 
-    tells_pose, baud, bears = True, 1_000_000, 0.001
     OPTIONS: tuple[str, ...] = ("first", "ids", "zero", "hottest_c", "most_ma", "most_lag_deg")
     DELIVERED = ""
-    IDENTITY = PRESENT = ENABLED = (0, 0)
-    OVERHEAD = 0
+    GOAL = 0
 
     def __init__(self, wire: Wire, options: Mapping[str, str]) -> None:
         super().__init__(wire, options)
@@ -61,13 +51,6 @@ class ServoBus(Adapter):
             self.ids = tuple(range(first, first + wire.count))
         hottest, current, lag = (self._limit(name) for name in ("hottest_c", "most_ma", "most_lag_deg"))
         self.limits = Limits(hottest, current / 1e3, lag)
-        self.questions = Questions(self.OVERHEAD)
-        self._servos: dict[int, Servo] = {}
-        self._writes: list[bytes] = []  # leave before the next question
-        self._buffer, self._noise = b"", False
-        self._read_at = self._said_at = -math.inf
-        self._wants_arm = self._fresh = self._letting_go = False
-        self._misses = dict.fromkeys(self.ids, 0)
         self._sent = wire.safe.copy()
         answers = wire.count * (self.OVERHEAD + self.PRESENT[1])
         asked = sum(len(question.message) for question in self._asking(*self.PRESENT))
@@ -80,18 +63,6 @@ class ServoBus(Adapter):
         """Return counts a radian, and the position that stands for 0 rad where nobody says."""
         raise NotImplementedError
 
-    def _asking(self, register: int, size: int) -> list[Question]:
-        """Return questions for registers of all servos: as few as the protocol takes."""
-        raise NotImplementedError
-
-    def _ask_one(self, register: int, size: int, servo: int) -> Question:
-        """Return the question for registers of one servo."""
-        raise NotImplementedError
-
-    def _parse(self, buffer: bytes) -> tuple[list[Answer], bytes, int]:
-        """Return whole answers, the rest of the buffer, and how many answers were damaged."""
-        raise NotImplementedError
-
     def _describe(self, data: bytes) -> Servo:
         """Read a servo's identity."""
         raise NotImplementedError
@@ -100,12 +71,8 @@ class ServoBus(Adapter):
         """Read the measurements of a servo."""
         raise NotImplementedError
 
-    def _goal(self, counts: NDArray[np.int_]) -> bytes:
-        """Return the message that sends every servo to a position [counts]."""
-        raise NotImplementedError
-
-    def _torque(self, on: bool) -> bytes:
-        """Return the message that switches every torque."""
+    def _word(self, count: int) -> bytes:
+        """Return a position as a servo's registers have it."""
         raise NotImplementedError
 
     def _unarmed(self, answer: Answer) -> str:
@@ -116,39 +83,12 @@ class ServoBus(Adapter):
         """Return messages after which servos obey again that have stopped in silence, and watch it anew."""
         return []
 
-    def _without_fast(self) -> bool:
-        """Take a slower question where nobody answers the fast one; return whether there is one."""
-        return False
-
-    # -- time passes
-
-    def opened(self, now: float) -> None:
-        """Begin with the servos' identities."""
-        self.questions.begin(Round.IDENTITY, (self._ask_one(*self.IDENTITY, servo) for servo in self.ids))
-
-    def poll(self, now: float) -> list[bytes]:
-        """Return the question that is due. While the servos are armed questions leave behind commands."""
-        if self.questions.open is not None and now > self.questions.until:
-            self._missed()
-        if not self.armed and self.ready and self.questions.round is None:
-            if self._wants_arm or now - self._read_at >= READ_EVERY:
-                self._check() if self._letting_go else self._read()
-        return [] if self.armed else self._next(now)
-
-    def receive(self, data: bytes, now: float) -> None:
-        """Take answers; damaged ones are dropped and counted."""
-        answers, self._buffer, damaged = self._parse(self._buffer + data)
-        self._noise = True
-        if damaged:
-            self.counters["answers damaged"] += damaged
-            self.questions.damaged()
-        for answer in answers:
-            self._take(answer, now)
+    # -- commands
 
     def arm(self) -> None:
         """Read where the servos are, then have them hold that pose."""
         self._wants_arm, self.armed, self._fresh, self._letting_go = True, False, False, False
-        self._misses = dict.fromkeys(self.ids, 0)
+        self._misses.clear()
 
     def command(self, values: Array, now: float, play: float | None) -> list[bytes]:
         """Return the goal of every servo in one message, and behind it a question that is due."""
@@ -161,12 +101,6 @@ class ServoBus(Adapter):
     def carried(self, values: Array) -> Array:
         """Return the values of whole counts."""
         return self._values(self._counts(values))
-
-    def forget(self) -> None:
-        """Wait for no answer: the question may not have left."""
-        if self.ready and not self._wants_arm:
-            self.questions.end()
-            self.busy = False
 
     def sign_of_life(self, values: Array, now: float) -> list[bytes]:
         """Return every goal again."""
@@ -206,55 +140,11 @@ class ServoBus(Adapter):
     def _values(self, counts: NDArray[np.int_]) -> Array:
         return (counts - self.zero) / self._counts_a_radian
 
+    def _goal(self, counts: NDArray[np.int_]) -> bytes:
+        """Return the message that sends every servo to a position [counts]."""
+        return self._write(self.GOAL, dict(zip(self.ids, map(self._word, counts.tolist()), strict=True)))
+
     # -- rounds
-
-    def _read(self) -> None:
-        """Ask every servo for its measurements."""
-        self._fresh = self._wants_arm
-        self.questions.begin(Round.PRESENT, self._asking(*self.PRESENT))
-
-    def _check(self) -> None:
-        """Ask every servo whether its torque is on."""
-        self.questions.begin(Round.ENABLED, self._asking(*self.ENABLED))
-
-    def _next(self, now: float) -> list[bytes]:
-        """Return the writes before the next question, and the question, unless an answer is on its way."""
-        if self.questions.open is not None or not self.questions.more:
-            return []
-        writes, self._writes = self._writes, []
-        self._said_at, self.busy = now, True
-        return [*writes, self.questions.next(now, self.carries, first=not self.ready)]
-
-    def _take(self, answer: Answer, now: float) -> None:
-        if not self.questions.take(answer):
-            self.counters["answers out of turn"] += 1
-            if not self.ready and (answer.servo in self.questions.found or answer.servo in self._servos):
-                self._refuse(words.twins([answer.servo]))
-            return
-        if self.questions.open is None:
-            self.busy, self.round_trip = False, now - self.questions.asked
-            if not self.questions.more:
-                self._over(now)
-
-    def _missed(self) -> None:
-        """Go on after a question that not every servo answered."""
-        absent, what = self.questions.missed(), self.questions.round
-        self._buffer, self.busy = b"", False
-        if what is Round.IDENTITY:
-            if not self.questions.more:
-                self._over(self.questions.until)
-            return
-        self.counters["answers missing or damaged"] += 1
-        if not self.ready and not self.questions.found and self._without_fast():
-            self._read()
-            return
-        for servo in absent:
-            self._misses[servo] += 1
-        lost = [servo for servo in absent if self._misses[servo] >= MISSES]
-        if lost or not self.ready:
-            garbled = self.questions.garbled
-            self._refuse(words.twins(sorted(garbled)) if garbled else words.gone(lost or absent))
-        self.questions.end()
 
     def _over(self, now: float) -> None:
         """Judge a round."""
@@ -305,7 +195,7 @@ class ServoBus(Adapter):
         """Take the servos' measurements, compare them with the limits, and go on with Arm."""
         found, self._read_at = self.questions.found, now
         read = [self._measured(self._servos[servo], found[servo]) for servo in self.ids]
-        self._misses = dict.fromkeys(self.ids, 0)
+        self._misses.clear()
         counts = np.array([one.position for one in read])
         self.pose, self.pose_at = self._values(counts), now
         self.sensed = {
@@ -322,6 +212,3 @@ class ServoBus(Adapter):
         if self._fresh and self._wants_arm and not self.fault:
             self._writes = [*self._revived(), self._goal(counts), self._torque(True)]
             self._check()
-
-    def _refuse(self, why: str) -> None:
-        self.fault = self.fault or why

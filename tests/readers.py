@@ -5,11 +5,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 
@@ -36,6 +39,8 @@ from core.stream.protocols.bus import dynamixel, feetech
 from core.stream.protocols.maestro import Maestro
 from core.stream.protocols.native import Native
 from core.stream.protocols.osc import Osc, bundle, message_head, read_bundle, read_message
+from core.stream.protocols.pairs import FILE, VIRTUAL_KEY, key_of
+from core.stream.protocols.sealed import KEY, BoardSeals, HostSeals
 from core.stream.protocols.torque import Torque
 from core.stream.protocols.wire import Wire
 from core.stream.request import request_of
@@ -180,6 +185,23 @@ def _use_torque(path: Path) -> object:
     adapter._asked[1] = 0.9
     adapter.receive(path.read_bytes(), 1.0)
     return adapter
+
+
+def _use_pairs(path: Path) -> None:
+    with mock.patch.dict(os.environ, {FILE: str(path)}), contextlib.suppress(KeyError):
+        key_of("DERMISU1")
+
+
+def _use_seals(path: Path) -> None:
+    host, board = HostSeals(VIRTUAL_KEY), BoardSeals(VIRTUAL_KEY, lambda: 0)
+    _, (offer,) = board.take(host.ask(), held=False)
+    host.unseal(offer)
+    _, (opened,) = board.take(host.ask(), held=False)
+    host.unseal(opened)
+    data = path.read_bytes()
+    for one in (data, host.seal(data), board.seal(data)):
+        host.unseal(one)
+        board.take(one, held=False)
 
 
 def _use_maestro(path: Path) -> object:
@@ -498,6 +520,21 @@ READERS = (
         file=False,
     ),
     _reader(
+        "keys of paired boards",
+        "core.stream.protocols.pairs:_read",
+        ".json",
+        lambda: [json.dumps({"DERMISU1": "00" * KEY}).encode()],
+        _use_pairs,
+    ),
+    _reader(
+        "sealed datagrams",
+        "core.stream.protocols.sealed:HostSeals.unseal core.stream.protocols.sealed:BoardSeals.take",
+        ".bin",
+        lambda: [HostSeals(VIRTUAL_KEY).ask(), BoardSeals(VIRTUAL_KEY, lambda: 0).seal(b"\0")],
+        _use_seals,
+        file=False,
+    ),
+    _reader(
         "torque board",
         "core.stream.protocols.torque:Torque.receive",
         ".bin",
@@ -524,7 +561,7 @@ READERS = (
     ),
     _reader(
         "Feetech's answers",
-        "core.stream.protocols.bus.feetech:Feetech._word",
+        "core.stream.protocols.bus.feetech:Feetech._number",
         ".bin",
         lambda: _identity("feetech"),
         lambda path: _use_servos(path, feetech.Feetech(ex.wire(), {})),
@@ -588,6 +625,7 @@ OWN = {
     "core.scene.scene_file:save": "writes",
     "core.skin.store:write_model": "writes",
     "core.skin.store:write_arrays": "writes",
+    "core.stream.protocols.pairs:keep": "writes",
     "core.command_line.stream_log:run": "writes; the reader 'stream log' has the rest",
     "core.stream.log.files:_published": "writes",
     "core.stream.log.writer:serve": "its own sender's ring",

@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ...errors import DermisError
+from ...files import read_text
+from ...foreign import json_of
 from .sealed import KEY
 
 FILE = "DERMIS_PAIRS"  # environment variable: the file, where it shall be another
@@ -73,15 +75,13 @@ def keep(board: str, key: bytes) -> Path:
 
 def _read() -> Mapping[str, bytes]:
     file = path()
-    try:
-        found = json.loads(file.read_text("utf-8"))
-        keys = {str(name): bytes.fromhex(value) for name, value in found.items()}
-    except FileNotFoundError:
+    if not file.exists():
         return {}
-    except OSError as error:
-        raise DermisError("the keys cannot be read", where=str(file), value=error.strerror) from error
-    except (ValueError, TypeError, AttributeError, RecursionError) as error:
-        keys = {"": str(error).encode()}
+    found = json_of(read_text(file), str(file))
+    try:
+        keys = {str(name): bytes.fromhex(value) for name, value in found.items()}
+    except (ValueError, TypeError, AttributeError):
+        keys = {"": b""}
     if any(len(key) != KEY for key in keys.values()):
         raise DermisError(
             "the file holds no keys of boards", where=str(file), remedy="Remove it, and pair the boards again"

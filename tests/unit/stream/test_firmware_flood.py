@@ -9,7 +9,7 @@ from core.stream.protocols.native import Native
 from tests.unit.stream.firmware_avr import AvrBoard, emulated
 from tests.unit.stream.firmware_board import ANIMATION_BAUD, BAUD, Board, Chip, Sender, servos
 from tests.unit.stream.firmware_floods import ARRIVES, FAR, FLOODS, FRAME_US, ROUNDING_US, SLEW, flood
-from tests.unit.stream.firmware_host import HostBoard, every_chip, hosted
+from tests.unit.stream.firmware_host import HostBoard, every_chip, every_line, hosted
 
 pytestmark = pytest.mark.one_line("3.11", "the sketch is C++, compiled by the system's compilers")
 
@@ -41,7 +41,7 @@ def test_safe_in_time_whatever_is_on_the_line(chip: Chip, name: str) -> None:
     assert not done.overruns
 
 
-@every_chip
+@every_line
 @pytest.mark.parametrize("name", ["random bytes, 30 % zeros", "00 01", "nothing but 3c"])
 def test_servo_animation_lets_go_whatever_is_on_the_line(chip: Chip, name: str) -> None:
     with chip("-DDERMIS_SERVO_ANIMATION", baud=ANIMATION_BAUD) as board:

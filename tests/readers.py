@@ -31,6 +31,7 @@ from core.skin import file as skin_file
 from core.skin import own_mesh, sensor
 from core.skin import store as skin_store
 from core.skin.remainder import Remainder
+from core.stream.daq.force_sensor import ForceSensor
 from core.stream.log import binary as stream_log
 from core.stream.log.csv import CsvForm
 from core.stream.output_limiter import OutputLimiter
@@ -185,6 +186,12 @@ def _use_torque(path: Path) -> object:
     adapter._asked[1] = 0.9
     adapter.receive(path.read_bytes(), 1.0)
     return adapter
+
+
+def _use_force_sensor(path: Path) -> None:
+    sensor = ForceSensor.load(path)
+    volts = np.zeros((3, sensor.inputs))
+    assert sensor.forces(volts, volts[0]).shape == (3, len(sensor.channels)) and not sensor.beyond(volts)
 
 
 def _use_pairs(path: Path) -> None:
@@ -518,6 +525,13 @@ READERS = (
         lambda: [bundle(1, [message_head("/dermis/touch") + bytes(4)]), TOUCH],
         _use_osc,
         file=False,
+    ),
+    _reader(
+        "force sensor",
+        "core.stream.daq.force_sensor:ForceSensor.load",
+        ".json",
+        lambda: [ForceSensor("s", ("Fx", "Tz"), ("N", "N m"), 5.0, ((1.0, 2.0), (3.0, 4.0))).dumps().encode()],
+        _use_force_sensor,
     ),
     _reader(
         "keys of paired boards",

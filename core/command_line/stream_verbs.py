@@ -70,6 +70,23 @@ def add_streams(commands: Any) -> None:
     )
     add_verb(
         verbs,
+        "daq",
+        TRACK,
+        argument("--output", required=True, metavar="CHANNEL", help="an NI device's analog output: Dev1/ao0"),
+        argument("--inputs", default="", metavar="CHANNELS", help="its analog inputs with a force sensor: Dev1/ai0:5"),
+        argument("--sensor", type=Path, metavar="FILE", help="the force sensor's calibration matrix (JSON)"),
+        argument("--forces", type=Path, metavar="FILE", help="write the measured forces and torques (CSV)"),
+        *settings_of("wav"),
+        switch("--yes", "play without asking"),
+        help="play a voice coil's or a screen's track through an NI device, once, and measure forces",
+        description="Play the voltage of a track through an analog output of an NI device, clocked by the device, and "
+        "log a force sensor at its inputs meanwhile. Exit status: 0; 2 where it was not played to its end; 128 and a "
+        "signal's number.",
+        run="stream.daq.play.daq",
+        writes={"forces": False},
+    )
+    add_verb(
+        verbs,
         "cards",
         help="list the sound cards that may drive an amplifier",
         description="List the sound cards that may drive an amplifier: for one program alone, and nobody's default.",

@@ -88,6 +88,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "stream.log": DEVICE | {"stream.protocols", "stream.links", "work"},
     "stream": LIVE,
     "stream.sound": LIVE | {"stream"},
+    "stream.daq": LIVE | {"stream"},
     "stream.acceptance": LIVE | {"stream"},
 }
 SEES_ALL = {"__init__", "__main__", "command_line"}

@@ -1,0 +1,105 @@
+"""ForceSensor: what turns a force and torque sensor's voltages into newtons, and its file, JSON of version 1."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...arrays import Array
+from ...errors import DermisError
+from ...files import read_text, write_bytes
+from ...foreign import json_of
+
+SCHEMA = "dermis-force-sensor 1"
+UNITS = ("N", "N m")
+MOST = 32  # channels
+FULL = 0.98  # of the input's range: a voltage beyond it may be larger than it looks
+
+
+@dataclass(frozen=True)
+class ForceSensor:
+    """A sensor with a calibration matrix.
+
+    Attributes:
+        name: of the sensor. channels, units: of the results, as 'Fx' in 'N'. range: of the inputs, either way [V].
+        matrix: results a volt, shape (results, inputs), as rows.
+    """
+
+    name: str
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    range: float
+    matrix: tuple[tuple[float, ...], ...]
+
+    @property
+    def inputs(self) -> int:
+        """Return how many voltages it has."""
+        return len(self.matrix[0])
+
+    def forces(self, volts: Array, tare: Array) -> Array:
+        """Return forces and torques, shape (n, results), of voltages (n, inputs); `tare`: those without a load."""
+        return np.asarray((volts - tare) @ np.array(self.matrix).T)
+
+    def beyond(self, volts: Array) -> int:
+        """Return how many rows of voltages are so near the end of their range that they may be cut."""
+        return int((np.abs(volts) >= FULL * self.range).any(axis=1).sum())
+
+    def dumps(self) -> str:
+        """Return it as JSON; equal ones give equal text."""
+        return json.dumps({"schema": SCHEMA, **asdict(self)}, indent=1, allow_nan=False) + "\n"
+
+    def save(self, path: Path) -> None:
+        """Write it, whole or not at all."""
+        write_bytes(Path(path), self.dumps().encode("utf-8"))
+
+    @classmethod
+    def load(cls, path: Path) -> ForceSensor:
+        """Read a file.
+
+        Raises:
+            DermisError: no such file of this version, or a matrix that does not fit its channels.
+        """
+        where = str(path)
+        found: Any = json_of(read_text(path), where)
+        known = {field.name for field in fields(cls)}
+        if not isinstance(found, dict) or found.get("schema") != SCHEMA or set(found) != {"schema", *known}:
+            raise DermisError("no force sensor", where=where, limit=f"{SCHEMA}: {', '.join(sorted(known))}")
+        channels, units, rows = found["channels"], found["units"], found["matrix"]
+        lists = all(isinstance(v, list) and 0 < len(v) <= MOST for v in (channels, units, rows))
+        if (
+            not lists
+            or not all(isinstance(t, str) for t in (found["name"], *channels))
+            or len(set(channels)) < len(rows)
+        ):
+            raise DermisError("its name, channels, units and matrix do not fit together", where=where)
+        if len(units) != len(channels) or len(rows) != len(channels) or any(unit not in UNITS for unit in units):
+            raise DermisError(
+                "one unit and one row of the matrix a channel",
+                where=where,
+                value=str(units)[:80],
+                limit=", ".join(UNITS),
+            )
+        widths = {len(row) if isinstance(row, list) else 0 for row in rows}
+        numbers = [found["range"], *(value for row in rows if isinstance(row, list) for value in row)]
+        if len(widths) != 1 or not 0 < min(widths) <= MOST or not all(map(_is_number, numbers)) or found["range"] <= 0:
+            raise DermisError(
+                "the matrix is no rows of as many numbers, or a number is none that a sensor has",
+                where=f"{where}, matrix and range",
+                limit="finite numbers, range above 0",
+            )
+        return cls(
+            found["name"],
+            tuple(channels),
+            tuple(units),
+            float(found["range"]),
+            tuple(tuple(map(float, row)) for row in rows),
+        )
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value) and abs(value) < 1e9

@@ -1,0 +1,189 @@
+"""An NI device by the maker's package `nidaqmx`, where that is installed: outputs and inputs on one hardware clock.
+
+Only calls that the maker documents are used; a test holds each against the package's own signatures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+
+from ... import clock
+from ...arrays import Array
+from ...errors import DermisError
+
+CHUNK = 0.005  # written at once [s]
+AHEAD = 8  # chunks that wait in the device: what a stop has to wait for
+PATIENCE = 0.5  # longest wait for room [s]
+HIGHEST = 10.0  # [V]: no analog output of theirs gives more
+STEADY = 1e-4  # relative error of the rate that the device's clock may have
+
+Sink = Callable[[float, Array], None]
+
+
+def nidaqmx_package() -> Any:
+    """Return the maker's package.
+
+    Raises:
+        DermisError: it is not installed.
+    """
+    if find_spec("nidaqmx") is None:
+        raise DermisError(
+            "an NI device needs the Python package 'nidaqmx', which is not installed",
+            where="NI device",
+            remedy="Install NI-DAQmx, and run 'pip install nidaqmx' with the Python that runs Dermis",
+        )
+    import nidaqmx
+    import nidaqmx.constants
+
+    return nidaqmx
+
+
+class Daq:
+    """One output and, with `inputs`, some inputs of one device, that the output's clock samples.
+
+    Args:
+        package: `nidaqmx`. output, inputs: physical channels, 'Dev1/ao0', 'Dev1/ai0:5'; '' for no inputs.
+        rate: samples a second of both [Hz]. volts: range of the output, either way [V]. sensed: that of the inputs [V].
+
+    Attributes:
+        dry: whether the device ran out of samples. channels: number of inputs.
+
+    Raises:
+        DermisError: the device is not there, or does not take channels, range or rate.
+    """
+
+    def __init__(self, package: Any, output: str, inputs: str, rate: float, volts: float, sensed: float = 10.0) -> None:
+        if not 0.0 < volts <= HIGHEST:
+            raise DermisError("no output of these devices gives that", where=output, value=f"{volts:g} V", limit="10 V")
+        self.output, self.rate, self.dry = output, rate, False
+        self._package, self._inputs = package, inputs
+        self._out = self._in = None
+        self._chunk = max(round(CHUNK * rate), 1)
+        constants = package.constants
+        device = output.strip("/").partition("/")[0]
+        try:
+            self._out = package.Task()
+            self._out.ao_channels.add_ao_voltage_chan(output, min_val=-volts, max_val=volts)
+            if len(self._out.ao_channels) != 1:
+                raise self._refused("one output is wanted", f"{len(self._out.ao_channels)} are named")
+            self._timed(self._out, "")
+            self._out.out_stream.output_buf_size = AHEAD * self._chunk
+            self._out.out_stream.regen_mode = constants.RegenerationMode.DONT_ALLOW_REGENERATION
+            if inputs:
+                self._in = package.Task()
+                self._in.ai_channels.add_ai_voltage_chan(inputs, min_val=-sensed, max_val=sensed)
+                self._timed(self._in, f"/{device}/ao/SampleClock")
+        except package.errors.DaqError as error:
+            self.close()
+            raise self._refused("the NI device does not take this", str(error)) from error
+        except DermisError:
+            self.close()
+            raise
+        self.channels = len(self._in.ai_channels) if self._in is not None else 0
+
+    def play(self, samples: Array, ended: Callable[[], bool], sink: Sink | None = None) -> int:
+        """Play samples [V], shape (n,), then 0 V; return how many were played.
+
+        Args:
+            ended: asked before each chunk; once it holds, the voltage falls to 0 V within a chunk.
+            sink: takes times on this program's clock [s] of the first of some readings, and them [V], (n, channels).
+
+        Raises:
+            DermisError: the device is gone. It is told 0 V, if it still listens.
+        """
+        assert self._out is not None
+        rest, played, stopping = samples, 0, False
+        zeros, silent = np.zeros(self._chunk), 0
+        try:
+            for _ in range(AHEAD - 1):
+                self._put(zeros)
+            if self._in is not None:
+                self._in.start()
+            before = clock.now()
+            self._out.start()
+            self._began = 0.5 * (before + clock.now())
+            self._read = 0
+            while silent < AHEAD:
+                part, rest = rest[: self._chunk], rest[self._chunk :]
+                if not stopping and ended():
+                    part, rest, stopping = part * np.linspace(1.0, 0.0, len(part)), rest[:0], True
+                played += len(part)
+                silent += not len(part)
+                self._put(np.pad(part, (0, self._chunk - len(part))))
+                self._take(sink)
+            self._take(sink)
+        except self._package.errors.DaqError as error:
+            self.dry = True
+            raise self._refused("the NI device has stopped by itself: it ran dry, or is gone", str(error)) from error
+        finally:
+            self._rest()
+        return played
+
+    def sensed(self, seconds: float) -> Array:
+        """Return readings of the inputs for some time, while the output gives 0 V, shape (n, channels) [V].
+
+        Raises:
+            DermisError: the device is gone.
+        """
+        found: list[Array] = []
+        self.play(np.zeros(max(round(seconds * self.rate), 1)), lambda: False, lambda _time, volts: found.append(volts))
+        return np.concatenate(found) if found else np.zeros((0, self.channels))
+
+    def close(self) -> None:
+        """Let the device go. Safe to call twice."""
+        for task in (self._out, self._in):
+            if task is not None:
+                task.close()
+        self._out = self._in = None
+
+    def _timed(self, task: Any, source: str) -> None:
+        mode = self._package.constants.AcquisitionType.CONTINUOUS
+        task.timing.cfg_samp_clk_timing(self.rate, source=source, sample_mode=mode, samps_per_chan=AHEAD * self._chunk)
+        made = float(task.timing.samp_clk_rate)
+        if abs(made / self.rate - 1.0) > STEADY:
+            raise self._refused("the NI device's clock does not make this rate", f"{made:g} Hz")
+
+    def _put(self, volts: Array) -> None:
+        assert self._out is not None
+        self._out.write(volts, auto_start=False, timeout=PATIENCE)
+
+    def _take(self, sink: Sink | None) -> None:
+        if self._in is None:
+            return
+        count = int(self._in.in_stream.avail_samp_per_chan)
+        if count <= 0:
+            return
+        read = self._in.read(number_of_samples_per_channel=count, timeout=PATIENCE)
+        volts = np.atleast_2d(np.array(read, np.float64))
+        volts = volts.reshape(self.channels, -1).T
+        if sink is not None:
+            sink(self._began + self._read / self.rate, volts)
+        self._read += len(volts)
+
+    def _rest(self) -> None:
+        """Stop both tasks and tell the output 0 V: a device holds its last voltage when its task ends."""
+        for task in (self._out, self._in):
+            if task is not None:
+                try:
+                    task.stop()
+                except self._package.errors.DaqError:
+                    continue  # it has stopped by itself
+        try:
+            with self._package.Task() as last:
+                last.ao_channels.add_ao_voltage_chan(self.output, min_val=-HIGHEST, max_val=HIGHEST)
+                last.write(0.0, auto_start=True, timeout=PATIENCE)
+        except self._package.errors.DaqError:
+            self.dry = True  # what is at its output now is not known; the error under way says so
+
+    def _refused(self, what: str, value: str) -> DermisError:
+        return DermisError(
+            what,
+            where=f"NI device, {self.output}",
+            value=value.splitlines()[0][:200] if value else None,
+            limit=f"{self.rate:g} Hz",
+            remedy="Switch the amplifier off before you look for the cause",
+        )

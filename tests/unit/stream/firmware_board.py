@@ -56,6 +56,7 @@ class Board:
     """
 
     room = 128  # bytes that wait for the program to take them
+    watchdog = 0.25  # the chip's own [s]
 
     def __init__(self, command: Sequence[str], baud: float, started: float = 0.0) -> None:
         self._errors = tempfile.TemporaryFile("w+")
@@ -97,6 +98,9 @@ class Board:
     def go_on(self) -> None:
         """Let the loop run again."""
         raise NotImplementedError
+
+    def meet_again(self) -> None:
+        """Let the board, which may have begun anew, be spoken to again where that needs a handshake of its own."""
 
     def kill_pulses(self) -> None:
         """Let the interrupt that makes the pulses do nothing from now on."""

@@ -137,6 +137,8 @@ class WifiBoard(HostBoard):
     that tests of a line are tests of this, too; `drop` decides which datagrams are lost, each way.
     """
 
+    watchdog = 0.5
+
     def __init__(self, *defines: str, baud: float = BAUD, **more: Any) -> None:
         self.pace, self.drop = baud, lambda: False
         self.waiting: deque[tuple[float, bytes]] = deque()
@@ -188,6 +190,10 @@ class WifiBoard(HostBoard):
                 seals.unseal(answer)
         assert seals.opened
         return seals
+
+    def meet_again(self) -> None:
+        self.waiting.clear()
+        self.seals = self.opened()
 
     def send(self, data: bytes) -> None:
         at = max(self.now, self.waiting[-1][0] if self.waiting else 0.0)

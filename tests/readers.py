@@ -5,14 +5,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
 import numpy as np
 
@@ -35,12 +32,12 @@ from core.stream.daq.force_sensor import ForceSensor
 from core.stream.log import binary as stream_log
 from core.stream.log.csv import CsvForm
 from core.stream.output_limiter import OutputLimiter
-from core.stream.protocols import adapters, packets
+from core.stream.protocols import adapters, packets, pairs
 from core.stream.protocols.bus import dynamixel, feetech
 from core.stream.protocols.maestro import Maestro
 from core.stream.protocols.native import Native
 from core.stream.protocols.osc import Osc, bundle, message_head, read_bundle, read_message
-from core.stream.protocols.pairs import FILE, VIRTUAL_KEY, key_of
+from core.stream.protocols.pairs import VIRTUAL_KEY
 from core.stream.protocols.sealed import KEY, BoardSeals, HostSeals
 from core.stream.protocols.torque import Torque
 from core.stream.protocols.wire import Wire
@@ -192,11 +189,6 @@ def _use_force_sensor(path: Path) -> None:
     sensor = ForceSensor.load(path)
     volts = np.zeros((3, sensor.inputs))
     assert sensor.forces(volts, volts[0]).shape == (3, len(sensor.channels)) and not sensor.beyond(volts)
-
-
-def _use_pairs(path: Path) -> None:
-    with mock.patch.dict(os.environ, {FILE: str(path)}), contextlib.suppress(KeyError):
-        key_of("DERMISU1")
 
 
 def _use_seals(path: Path) -> None:
@@ -535,10 +527,10 @@ READERS = (
     ),
     _reader(
         "keys of paired boards",
-        "core.stream.protocols.pairs:_read",
+        "core.stream.protocols.pairs:load",
         ".json",
         lambda: [json.dumps({"DERMISU1": "00" * KEY}).encode()],
-        _use_pairs,
+        pairs.load,
     ),
     _reader(
         "sealed datagrams",

@@ -18,7 +18,7 @@ from .protocols import pairs
 from .protocols.sealed import KEY, pairing_check
 
 BAUD = 115_200
-STARTS = 8.0  # opening the port may reset the board, which then prints what it likes [s]
+STARTS = 8.0  # opening the port may reset the board, which then prints its boot text [s]
 ANSWERS = 5.0  # writing into its flash takes it a moment [s]
 JOINS = 25.0  # a network may take so long to give an address [s]
 AGAIN = 0.5  # [s]

@@ -16,7 +16,7 @@ from ...arrays import Array
 from ...errors import DermisError
 
 CHUNK = 0.005  # written at once [s]
-AHEAD = 8  # chunks that wait in the device: what a stop has to wait for
+AHEAD = 8  # chunks that wait in the device, and a stop for them
 PATIENCE = 0.5  # longest wait for room [s]
 HIGHEST = 10.0  # [V]: no analog output of theirs gives more
 STEADY = 1e-4  # relative error of the rate that the device's clock may have
@@ -177,7 +177,7 @@ class Daq:
                 last.ao_channels.add_ao_voltage_chan(self.output, min_val=-HIGHEST, max_val=HIGHEST)
                 last.write(0.0, auto_start=True, timeout=PATIENCE)
         except self._package.errors.DaqError:
-            self.dry = True  # what is at its output now is not known; the error under way says so
+            self.dry = True  # the voltage at its output is not known now; the error under way says so
 
     def _refused(self, what: str, value: str) -> DermisError:
         return DermisError(

@@ -40,7 +40,7 @@ def daq(options: argparse.Namespace) -> int:
 
 
 def run(options: argparse.Namespace, package: Any, signals: Signals) -> int:
-    """Play a track with the maker's package, or what stands for it; see `daq`."""
+    """Play a track with the maker's package, or its fake; see `daq`."""
     track = export.read(options.track)
     given = {name: getattr(options, f"wav_{name}") for name in WAVE}
     volts, wave = volts_of(track, {name: value for name, value in given.items() if value is not None})

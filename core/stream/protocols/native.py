@@ -38,7 +38,7 @@ class Native(Adapter):
     tells_pose = timed = True
     baud = 500_000
     unanswered = "Check port, protocol, power and baud rate: boards flashed before version 2 need ?baud=115200"
-    OPTIONS = ("reach", "watchdog_ms")
+    OPTIONS: tuple[str, ...] = ("reach", "watchdog_ms")
     WATCHDOGS = WATCHDOG_MS, LEAST_WATCHDOG_MS, 80  # as set, shortest and longest [ms]; 100 ms are not kept with more
     GONE, BEHIND = SILENCE_ARMED, BEHIND
 

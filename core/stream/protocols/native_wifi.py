@@ -48,7 +48,7 @@ class NativeWifi(Native):
         super().receive(payload, now)
 
     def poll(self, now: float) -> list[bytes]:
-        """Open a session, then return what the native protocol has due."""
+        """Open a session, then return due messages of the native protocol."""
         if self.seals.opened:
             return super().poll(now)
         if not self.seals.busy:

@@ -73,10 +73,12 @@ def keep(board: str, key: bytes) -> Path:
     return file
 
 
-def _read() -> Mapping[str, bytes]:
-    file = path()
-    if not file.exists():
-        return {}
+def load(file: Path) -> Mapping[str, bytes]:
+    """Return the keys in a file, by the boards' names.
+
+    Raises:
+        DermisError: it cannot be read, or holds no keys.
+    """
     found = json_of(read_text(file), str(file))
     try:
         keys = {str(name): bytes.fromhex(value) for name, value in found.items()}
@@ -87,3 +89,7 @@ def _read() -> Mapping[str, bytes]:
             "the file holds no keys of boards", where=str(file), remedy="Remove it, and pair the boards again"
         )
     return keys
+
+
+def _read() -> Mapping[str, bytes]:
+    return load(path()) if path().exists() else {}

@@ -1,6 +1,6 @@
 """Datagrams that only a host and its paired board can make: BLAKE2s keyed with a secret that went over USB.
 
-Layouts, keys and what each side refuses are those of presets/firmware/dermis_servos/sealed.h. Nothing is kept secret.
+Layouts, keys and refusals are those of presets/firmware/dermis_servos/sealed.h. Nothing is kept secret.
 
 Source: RFC 7693, 'The BLAKE2 Cryptographic Hash and Message Authentication Code'
 """
@@ -35,7 +35,7 @@ def seal(key: bytes, data: bytes) -> bytes:
 
 
 def unsealed(key: bytes, datagram: bytes) -> bytes | None:
-    """Return what is sealed; None where the seal is not that of the key."""
+    """Return the sealed data; None where the seal is not that of the key."""
     data, found = datagram[:-SEAL], datagram[-SEAL:]
     good = blake2s(data, key=key, digest_size=SEAL).digest()
     return data if hmac.compare_digest(good, found) else None
@@ -47,7 +47,7 @@ def session_key(key: bytes, host: bytes, board: bytes) -> bytes:
 
 
 def pairing_check(key: bytes) -> bytes:
-    """Return what a board answers once it has kept a key: 8 bytes that show it and do not tell it."""
+    """Return the answer of a board that has kept a key: 8 bytes that show it and do not tell it."""
     return blake2s(b"dermis paired", key=key, digest_size=8).digest()
 
 

@@ -29,7 +29,7 @@ class NativeWifiDevice(NativeDevice):
         return answers + self._sealed(super().feed(payload, now))
 
     def tick(self, now: float) -> list[bytes]:
-        """Let time pass; return what the device says by itself."""
+        """Let time pass; return messages that nobody has asked for."""
         self._now = now
         return self._sealed(super().tick(now))
 

@@ -51,7 +51,7 @@ def rows(data: Mapping[int, bytes]) -> bytes:
 
 
 class BusLine(Adapter):
-    """The line, without what the servos are.
+    """The line, whatever servos are on it.
 
     Class attributes:
         OVERHEAD: bytes of an answer beside its registers. TORQUE: register that switches a servo's torque.

@@ -70,7 +70,7 @@ def parts(device: Any, at: Joints, shares: Array) -> Part:
         np.repeat([CRANK, ROD, ROD], 3),
         np.concatenate([(1.0 - warm) * LINK + warm * WARNING, np.tile(LINK, (6, 1))]),
     )
-    base = _base(device.base_radius, device.mount.tobytes())
+    base = _base(device.base_radius, tuple(device.mount.ravel().tolist()))
     return joined([base, links, placed(disc(device.disc_radius), at.pose)])
 
 
@@ -114,9 +114,9 @@ def disc(radius: float) -> Part:
 
 
 @lru_cache(16)
-def _base(radius: float, mount: bytes) -> Part:
+def _base(radius: float, mount: tuple[float, ...]) -> Part:
     """Return the ring where it is mounted, which no servo moves."""
-    return placed(ring(radius), np.frombuffer(mount).reshape(4, 4))
+    return placed(ring(radius), np.array(mount).reshape(4, 4))
 
 
 @cache

@@ -88,12 +88,12 @@ def verified(scene: bpy.types.Scene, library: Any) -> Steps:
     """
     result, where = store.current(scene), f"scene '{scene.name}'"
     if result is None:
-        raise DermisError("nothing has been baked", where=where, remedy="Bake first")
+        raise DermisError("the scene has no bake", where=where, remedy="Bake first")
     if result.bake.recorded:
         return  # its tracks follow recordings, whatever the scene is
     if not result.bake.inputs:
         raise DermisError(
-            "nobody can tell whether the scene has changed since: the bake is of an earlier version of Dermis",
+            "the bake is of an earlier version of Dermis: changes of the scene since then cannot be detected",
             where=where,
             remedy="Bake again",
             code="bake-unchecked",

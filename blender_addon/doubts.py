@@ -121,7 +121,7 @@ def into_open(context: bpy.types.Context, finger: bpy.types.Object) -> None:
     place = finger.matrix_world.translation
     spot = surfaces.way_out(bodies(context.scene, context.view_layer), place, depsgraph)
     if spot is None:
-        raise DermisError("it is inside nothing", where=f"finger '{finger.name}'")
+        raise DermisError("it is not inside any object", where=f"finger '{finger.name}'")
     surfaces.lie(finger, spot, 0.0)
 
 
@@ -143,7 +143,7 @@ def _units(unit: float, solids: list[bpy.types.Object]) -> Iterator[Doubt]:
     sizes = sorted(max(obj.dimensions) for obj in solids)
     middle = sizes[len(sizes) // 2] if sizes else 0.0
     if unit == 1.0 and middle > HUGE:
-        text = f"What is touched is {middle:.3g} m large: is the scene in millimetres?"
+        text = f"Touchable objects are {middle:.3g} m large: is the scene in millimetres?"
         yield Doubt("units", "", text, "One Unit Is a Millimetre")
 
 
@@ -232,7 +232,7 @@ def _pressed(
             side = 1.0 if deep > 0.0 else presses.side(body, pose, thick, reach, depsgraph)
             sides += [side] if side is not None else []
     if sides and max(sides) < _AWAY:
-        text = f"{finger.name} passes things with its nail, not with its pad"
+        text = f"{finger.name} passes objects with its nail, not with its pad"
         yield Doubt("away", finger.name, text, "Turn the Pad to Them")
     if through:
         text = f"{through} is thinner than {finger.name} presses: it goes through the bone, and is not felt there"

@@ -213,7 +213,7 @@ def press(
 def _unfelt(touch: SingleTouch, depth: float) -> Finding:
     """Return that nothing is felt though the surface is in the skin."""
     where = "the points" if touch.pad is not None else "the nodes"
-    what = f"nothing is felt: the surface lies between {where} that contact is solved at, or went through the skin"
+    what = f"the surface is not touched: it lies between {where} that contact is solved at, or went through the skin"
     remedy = "Solve its contact on points of the smooth skin, or press less deep"
     return Finding("warning", "smaller-than-mesh", what, touch.name, f"{1e3 * depth:g} mm deep", remedy=remedy)
 
@@ -260,7 +260,7 @@ def match(
     }
     if spec.kind not in matchers:
         raise DermisError(
-            "one touch by itself is matched on pins and thimbles only",
+            "a single touch is matched on pin arrays and thimbles only",
             where=spec.key,
             value=spec.kind,
             limit=", ".join(matchers),

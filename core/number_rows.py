@@ -18,7 +18,7 @@ SEPARATORS = ";\t,"  # the first of them that stands in the first line; else whi
 LONGEST_SPAN = 86_400.0  # [s], a day: no recording of a finger is longer, and numbers of another unit are
 SLOW, LONG = 1.0, 60.0  # rows as far apart [s], for so long [s]: nobody records so, their times have another unit
 LATEST = 1e11  # [s] more than since the year 1 (6.4e10), less than milliseconds since 1970 (1.7e12)
-UNIT_NOT_SAID = "nobody says in which unit the times are, and as seconds they are slow"
+UNIT_NOT_SAID = "the unit of the times is not stated, and in seconds they are slow"
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ class DermisTipSize(bpy.types.PropertyGroup):
     has_hand, "Select an armature, one of its bones in pose mode, a mesh that it moves, or a part that hangs on another"
 )
 class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
-    """Put a finger on each fingertip of the selected armature's hand, as large as the hand, so that it moves along"""
+    """Add a finger to each fingertip of the selected armature's hand, in the size of the hand, parented to its bone"""
 
     bl_idname = "dermis.attach_fingers"
     bl_label = "Attach Fingers to Hand"

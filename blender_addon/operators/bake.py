@@ -13,7 +13,7 @@ from ..results import store
 
 @needs(lambda context: context.mode in ("OBJECT", "POSE"), "Leave edit mode first")
 class DERMIS_OT_bake(jobs.Job, bpy.types.Operator):
-    """Work out what every device on every finger does over the frame range; Esc cancels"""
+    """Compute the commands of every device on every finger over the frame range; Esc cancels"""
 
     bl_idname = "dermis.bake"
     bl_label = "Bake"

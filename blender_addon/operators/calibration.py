@@ -44,7 +44,7 @@ class DERMIS_OT_stream_calibrate(Streaming, bpy.types.Operator):
 
 
 class DERMIS_OT_calibration_use(Streaming, bpy.types.Operator):
-    """Say which built device the finger wears: it is calibrated as that one, here and now and from now on"""
+    """Say which built device the finger wears: it uses the calibration that one, here and now and from now on"""
 
     bl_idname = "dermis.calibration_use"
     bl_label = "Choose the Built Device"

@@ -38,7 +38,7 @@ class _Demo(Work):
 
 
 class DERMIS_OT_demo_scene(_Demo, bpy.types.Operator):
-    """Open an example in a scene of its own: fingers stroke a plate, lift a box and feel a touch screen"""
+    """Open an example in a new scene: fingers stroke a plate, lift a box and feel a touch screen"""
 
     bl_idname = "dermis.demo_scene"
     bl_label = "Demo Scene"
@@ -54,7 +54,7 @@ class DERMIS_OT_demo_scene(_Demo, bpy.types.Operator):
 
 
 class DERMIS_OT_demo_skin_scene(_Demo, bpy.types.Operator):
-    """Open an example in a scene of its own: fingertips press and slide over a sphere, an edge and a ribbed plate"""
+    """Open an example in a new scene: fingertips press and slide over a sphere, an edge and a ribbed plate"""
 
     bl_idname = "dermis.demo_skin_scene"
     bl_label = "Demo Skin Scene"
@@ -64,8 +64,8 @@ class DERMIS_OT_demo_skin_scene(_Demo, bpy.types.Operator):
         name="Fingers",
         description="Fingers of the scene and their objects",
         items=(
-            ("ONE", "One", "One finger touches one thing after the other"),
-            ("FIVE", "Five", "Five fingers touch five things at once"),
+            ("ONE", "One", "One finger touches one object after the other"),
+            ("FIVE", "Five", "Five fingers touch five objects at once"),
             (
                 "TISSUES",
                 "Two Tissues",
@@ -80,7 +80,7 @@ class DERMIS_OT_demo_skin_scene(_Demo, bpy.types.Operator):
 
 
 class DERMIS_OT_demo_pins_scene(_Demo, bpy.types.Operator):
-    """Open the paper's experiment in a scene of its own: a plane is pressed into the finger and drawn along"""
+    """Open the paper's experiment in a new scene: a plane is pressed into the finger and drawn along"""
 
     bl_idname = "dermis.demo_pins_scene"
     bl_label = "Demo Pin Array Scene"
@@ -108,7 +108,7 @@ class DERMIS_OT_demo_pins_scene(_Demo, bpy.types.Operator):
 
 
 class DERMIS_OT_demo_thimble_scene(_Demo, bpy.types.Operator):
-    """Open one of the paper's touches in a scene of its own"""
+    """Open one of the paper's touches in a new scene"""
 
     bl_idname = "dermis.demo_thimble_scene"
     bl_label = "Demo Thimble Scene"
@@ -129,8 +129,8 @@ class DERMIS_OT_demo_thimble_scene(_Demo, bpy.types.Operator):
 
 
 class DERMIS_OT_demo_motors_scene(_Demo, bpy.types.Operator):
-    """Open one of the paper's six interactions in a scene of its own: a flat surface, moved by a hand that wobbles,
-    touches the finger three times"""
+    """Open one of the paper's six interactions in a new scene: a flat surface, moved by a trembling hand, touches the
+    finger three times"""
 
     bl_idname = "dermis.demo_motors_scene"
     bl_label = "Demo Interaction"

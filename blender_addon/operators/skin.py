@@ -49,10 +49,10 @@ class DERMIS_OT_apply_skin(Work, bpy.types.Operator):
 
 
 class DERMIS_OT_reset_skin_range(bpy.types.Operator):
-    """Let the automatic range begin anew with the current frame"""
+    """Restart the automatic range at the current frame"""
 
     bl_idname = "dermis.reset_skin_range"
-    bl_label = "Begin Range Anew"
+    bl_label = "Restart Range"
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
         """Forget the largest value."""

@@ -73,15 +73,15 @@ class DERMIS_OT_stream_disconnect(Streaming, bpy.types.Operator):
 
 
 class DERMIS_OT_stream_arm(Checked, Streaming, bpy.types.Operator):
-    """Let the device move, from where it is. Know where the stop is before you press this. A bake of a scene that has
-    changed since is not played"""
+    """Enable the device's motors; it starts at its current pose. Locate the Stop button first. A bake of a scene that
+    has changed since is not played"""
 
     bl_idname = "dermis.stream_arm"
     bl_label = "Arm"
     job_title = "Arm"
 
     fingers_out: BoolProperty(  # type: ignore[valid-type]
-        name="Fingers Out", description="Nobody's finger is in the device", options={"HIDDEN", "SKIP_SAVE"}
+        name="Fingers Out", description="No finger is in the device", options={"HIDDEN", "SKIP_SAVE"}
     )
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:

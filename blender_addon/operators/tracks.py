@@ -105,7 +105,7 @@ class DERMIS_OT_export_as(Checked, Folder, bpy.types.Operator):
         for scene in self.checked(context):
             result = store.current(scene)
             if result is None:
-                raise DermisError("nothing has been baked", where=scene.name, remedy="Bake first")
+                raise DermisError("the scene has no bake", where=scene.name, remedy="Bake first")
             more, told = export_parts.plan(
                 scene,
                 result,

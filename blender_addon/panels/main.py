@@ -8,7 +8,10 @@ from .. import jobs
 from ..layouts import paragraph
 from ..polls import finger_at_hand
 from ..results import store
-from . import doubtful, exported, hands, summary
+from ..viewport import shown
+from . import exported, hands, summary
+
+_MOST_DOUBTS = 3  # at once; the others come when these are corrected
 
 
 class DermisPanel:
@@ -43,7 +46,7 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
             return
         if not working(layout, context):
             self._steps(context, there)
-            doubtful.doubts_of(layout, context)
+            _doubts(layout, context)
 
     def _welcome(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -135,6 +138,15 @@ def working(layout: Any, context: bpy.types.Context, title: str = "") -> bool:
 
 def _names(names: tuple[str, ...]) -> str:
     return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
+
+
+def _doubts(layout: Any, context: bpy.types.Context) -> None:
+    """Draw the first doubts about the scene, if there are any."""
+    for doubt in shown.scene_doubts(context.scene)[:_MOST_DOUBTS]:
+        column = layout.box().column(align=True)
+        paragraph(column, context, f"{doubt.text}.".replace("?.", "?"), "ERROR")
+        operator = column.operator("dermis.mend", text=doubt.remedy)
+        operator.code, operator.name = doubt.code, doubt.name
 
 
 CLASSES: tuple[type, ...] = (DERMIS_PT_main,)

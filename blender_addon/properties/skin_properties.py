@@ -81,7 +81,7 @@ class DermisSkinView(bpy.types.PropertyGroup):
         name="Range",
         description="Value at the end of the colours",
         items=(
-            ("auto", "Automatic", "The largest value seen so far, so that frames can be compared"),
+            ("auto", "Automatic", "The largest value so far; it makes frames comparable"),
             ("frame", "This Frame", "The largest value of the frame"),
             ("fixed", "Fixed", "The value below"),
         ),
@@ -113,7 +113,7 @@ class DermisSkinView(bpy.types.PropertyGroup):
     )
     xray: FloatProperty(
         name="Through Objects",
-        description="How strongly the skin shows through whatever hides it: where it touches, an object always does",
+        description="Opacity of the skin behind objects that hide it, such as the touched object",
         default=0.75,
         min=0.0,
         max=1.0,

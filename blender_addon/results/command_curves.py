@@ -106,9 +106,9 @@ def _holder(scene: bpy.types.Scene, finger: str) -> Any:
     if _free(obj):
         return obj
     raise DermisError(
-        "no place for curves: it is animated or linked, and has no mesh of its own",
+        "it cannot hold the curves: it is animated or linked, and shares its mesh",
         where=where,
-        remedy="Give it a mesh that it shares with nobody (Object > Relations > Make Single User)",
+        remedy="Make its mesh single-user (Object > Relations > Make Single User)",
     )
 
 

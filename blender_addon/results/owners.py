@@ -62,7 +62,7 @@ def loads(text: str) -> dict[str, Owner]:
     if not text:
         return {}
     where = "the stored bake's owners"
-    with core.foreign.damage_told("the file does not say whose its stored bake is", where, remedy="Bake again"):
+    with core.foreign.damage_told("the file does not name the fingers of its stored bake", where, remedy="Bake again"):
         plain = core.foreign.json_of(text.encode(), where, core.foreign.MAX_TEXT)
         read = {
             name: Owner(str(own), tuple((str(p), str(d)) for p, d in devices)) for name, (own, devices) in plain.items()

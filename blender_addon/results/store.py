@@ -256,7 +256,7 @@ def _by_name(scene: bpy.types.Scene, names: Sequence[str], told: owners.Owners) 
         "bake-by-name",
         "the stored bake is of an earlier version, which knew fingers by their names: those called so have it now",
         where=f"scene '{scene.name}'",
-        value=f"nobody is called {', '.join(lost)}" if lost else ", ".join(names),
+        value=f"not in the scene: {', '.join(lost)}" if lost else ", ".join(names),
         remedy="Bake again if a finger was renamed since",
     )
 

@@ -143,9 +143,9 @@ def _as_it_was(finger: str) -> Finding:
     return Finding(
         "info",
         EARLIER,
-        "a series of an earlier version felt it: forces are as they were, and the law tells what they do",
+        "its forces are of an earlier version of Dermis; only their displacement follows the neo-Hookean law",
         f"finger '{finger}'",
-        remedy="Bake again, to have it felt by the law",
+        remedy="Bake again, so that the forces follow the law, too",
     )
 
 

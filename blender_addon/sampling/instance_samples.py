@@ -160,7 +160,7 @@ class InstanceSamples:
             yield Finding(
                 "warning",
                 "instance-between-frames",
-                "it shows an instance between whole frames that is at no whole frame, so that one is not felt",
+                "it shows an instance between whole frames only: that instance is not touchable",
                 where=f"object '{maker.name_full}'",
                 frame=float(frames[samples[0]]),
                 remedy="Let instances come and go at whole frames",

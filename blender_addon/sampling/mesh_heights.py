@@ -49,7 +49,7 @@ def cast(
     stretch = np.linalg.norm(matrix[:3, :3], axis=0)
     if abs(np.linalg.det(matrix[:3, :3])) <= 1e-9 * stretch.prod():
         raise DermisError(
-            "the screen is scaled to nothing",
+            "the screen's scale is zero",
             where=where,
             value=" x ".join(f"{s:g}" for s in stretch),
             limit="a scale other than zero",
@@ -66,7 +66,7 @@ def cast(
     missed = int(bare.sum())
     if missed == heights.size:
         raise DermisError(
-            "nothing of the mesh lies over the touch screen",
+            "no part of the mesh lies over the touch screen",
             where=where,
             value=target.name_full,
             remedy="Move the mesh in front of the screen, along the screen's own Z",

@@ -178,7 +178,7 @@ def hidden_instances(obj: bpy.types.Object, view_layer: bpy.types.ViewLayer) -> 
         Finding(
             "warning",
             "instances-hidden",
-            "it is hidden, and Blender shows no instances of what is hidden: they are not felt",
+            "it is hidden, so Blender shows no instances of it: they are not touchable",
             where=f"object '{obj.name_full}'",
             remedy="Show it with the eye in the Outliner, or realize its instances",
         )

@@ -194,7 +194,7 @@ def _hidden(obj: bpy.types.Object, frame: float) -> Any:
         "render-differs",
         "renders do not show it, but it is felt",
         where=f"object '{obj.name_full}'",
-        remedy="Show it in renders, or ignore this where it stands for something else",
+        remedy="Show it in renders, or ignore this if it is a stand-in",
         frame=frame,
     )
 

@@ -58,7 +58,7 @@ def scene_findings(scene: bpy.types.Scene) -> list[Any]:
             Finding(
                 "warning",
                 "scripts-blocked",
-                "Blender did not run the file's scripts, so what they drive stands still",
+                "Blender did not run the file's scripts, so their drivers have no effect",
                 where=where,
                 value=bpy.app.autoexec_fail_message,
                 remedy="If you trust the file, allow its scripts (-y)",
@@ -158,7 +158,7 @@ def list_participants(
         Finding(
             "warning",
             "background-set",
-            "the background set shows it, and nothing of a background set is felt or feels",
+            "it belongs to the background set, whose objects neither touch nor are touched",
             where=f"object '{obj.name_full}'",
             limit=f"the objects of scene '{scene.name_full}'",
             remedy="Link it to this scene",

@@ -30,8 +30,8 @@ _WHAT = {
     "url": ("write", "a record of every byte (spy://)"),
     "track_file": ("read", "the command track to be played"),
     "screen_file": ("read", "the screen map"),
-    "log_folder": ("write", "a log of what is streamed, in this folder"),
-    "tee": ("send", "what is streamed, to whoever listens there"),
+    "log_folder": ("write", "a log of the stream, in this folder"),
+    "tee": ("send", "the rows of the stream, to this address"),
 }
 _confirmed: set[tuple[str, str]] = set()  # (path, kind)
 
@@ -58,7 +58,7 @@ def confirm_log(settings: Any) -> None:
 
 
 def pending(settings: Any, *names: str) -> list[Claim]:
-    """Return the files that nobody has confirmed."""
+    """Return the files that were not confirmed."""
     return [claim for claim in claims(settings, *names) if (claim.path, claim.kind) not in _confirmed]
 
 
@@ -68,14 +68,14 @@ def confirm(agreed: list[Claim]) -> None:
 
 
 def check(settings: Any, *names: str) -> None:
-    """Refuse to go on with files that nobody has confirmed.
+    """Refuse to go on with files that were not confirmed.
 
     Raises:
         DermisError: says which, and its purpose.
     """
     if asked := pending(settings, *names):
         raise DermisError(
-            "this .blend names files that nobody has confirmed",
+            "this .blend names files that were not confirmed",
             where="streaming",
             value="; ".join(f"{claim.kind} {claim.path}" for claim in asked),
             remedy="Press Connect and look at the paths, or choose files of your own",

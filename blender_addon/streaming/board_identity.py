@@ -14,7 +14,7 @@ from . import built_devices, calibration_offers, device_calibration, measured_cu
 
 _answered: tuple[str, ...] = ()  # serial numbers of the device that is connected ...
 _recognised = ""  # ... and the message about it
-UNSAID = "Nobody has said yet which built device this is."
+UNSAID = "No built device is chosen yet."
 
 
 class Shown(NamedTuple):
@@ -110,13 +110,13 @@ def advice(scene: bpy.types.Scene) -> str:
     one = device_calibration.worn_by(scene)
     if one is not None:
         old = "; ".join(map(str, measured_curves.found(scene)))
-        return f"{choices.worn(settings.channels_of)} is calibrated as '{one.made.name}'{'. ' if old else ''}{old}"
+        return f"{choices.worn(settings.channels_of)} uses the calibration '{one.made.name}'{'. ' if old else ''}{old}"
     if calibration_offers.offers(scene):
-        return "This file holds a calibration of a device that is not known here: see Calibration"
+        return "This file has a calibration of a device that is not known on this computer: see Calibration"
     choice = device_calibration.choice(settings.channels_owner)
     if choice is None and built_devices.devices(settings.channels_owner.rpartition(": ")[2]):
         return (
-            f"Nobody has said which device {choices.worn(settings.channels_of)} is, so it is not calibrated: choose it"
+            f"No built device is chosen for {choices.worn(settings.channels_of)}, so it is not calibrated: choose one"
         )
     return ""
 

@@ -58,7 +58,7 @@ def with_reported(shown: Preview | None, reported: dict[str, float], own: Row | 
             place = tactor.forward(np.array([values["pulley_1"], values["pulley_2"]]))
             values["tactor_x"], values["tactor_y"] = (float(v) for v in place)
         rows.append(replace(row, values=values, signals={}))  # signals rate computed values, not reported ones
-    return Preview(shown.frame, "device", "what the device reports", tuple(rows))
+    return Preview(shown.frame, "device", "reported by the device", tuple(rows))
 
 
 def of_file(scene: bpy.types.Scene) -> Preview | None:

@@ -49,7 +49,7 @@ def request_fields(scene: bpy.types.Scene) -> dict[str, Any]:
     """Return the fields of the sender's request that the settings decide; only connecting changes the protocol.
 
     Raises:
-        DermisError: a file that nobody has confirmed, or a track that cannot be read.
+        DermisError: a file that was not confirmed, or a track that cannot be read.
     """
     agreed_paths.check(scene.dermis_stream, "track_file", "screen_file", "log_folder", "tee")
     s = scene.dermis_stream

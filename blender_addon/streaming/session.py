@@ -106,7 +106,7 @@ def connect(scene: bpy.types.Scene) -> None:
     """Start a sender and let it connect. Nothing is armed by this.
 
     Raises:
-        DermisError: files of the .blend that nobody has confirmed, no device, a setting that cannot be, or the process
+        DermisError: files of the .blend that were not confirmed, no device, a setting that cannot be, or the process
             cannot be started.
     """
     global _client, _preset, _scene, _status
@@ -186,7 +186,7 @@ def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
         raise DermisError("another scene is connected", where=scene.name, remedy="Arm it there, or connect this one")
     if frame_hold.held():
         raise DermisError(
-            "nothing is armed while something steps through the frames",
+            "arming is refused while a bake or a render steps through the frames",
             remedy="Let the bake or the render end, or cancel it",
         )
     if scene.dermis_stream.mode == "jog":
@@ -201,7 +201,7 @@ def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
     board_identity.check(scene)
     if pose_unknown() and not fingers_out:
         raise DermisError(
-            "the device does not know where its motors are", remedy="Take the finger out, and say so (fingers_out)"
+            "the device does not know where its motors are", remedy="Take the finger out, and confirm it (fingers_out)"
         )
     _client.arm()
 
@@ -241,7 +241,7 @@ def _check_preset(scene: bpy.types.Scene) -> None:
     if key != _preset:
         disarm()
         raise DermisError(
-            "what is to be streamed is of another device than the one that is connected",
+            "the chosen track is of another device than the connected one",
             where=scene.dermis_stream.output or bpy.path.basename(scene.dermis_stream.track_file),
             value=key,
             limit=_preset,
@@ -265,7 +265,7 @@ def heartbeat() -> None:
         return
     if missing := streamed_track.gone(scene):
         close()
-        why = f"{missing}, so its device was brought to its safe state and let go"
+        why = f"{missing}, so its device was brought to its safe state and disconnected"
         _status = {"state": core.stream.state.State.DISCONNECTED, "message": why, "armed": False}
         return
     if _restored:

@@ -193,7 +193,7 @@ def load_file(scene: bpy.types.Scene) -> Any:
     """Return the command track of the settings' file.
 
     Raises:
-        DermisError: nobody has confirmed it, or it cannot be read.
+        DermisError: it was not confirmed, or it cannot be read.
     """
     global _file_track
     agreed_paths.check(scene.dermis_stream, "track_file")

@@ -81,12 +81,7 @@ class DermisStreamChannel(bpy.types.PropertyGroup):
         options=set(),
     )
     zero: FloatProperty(
-        name="Zero",
-        description="What is driven for a command of 0, in SI",
-        precision=5,
-        step=1,
-        update=_changed,
-        options=set(),
+        name="Zero", description="Output for a command of 0, in SI", precision=5, step=1, update=_changed, options=set()
     )
     gain: FloatProperty(
         name="Gain",
@@ -164,7 +159,7 @@ class DermisStream(bpy.types.PropertyGroup):
     )
     use_log: BoolProperty(
         name="Log",
-        description="Write what is asked for, limited, sent and reported, a row a sample",
+        description="Write commanded, limited, sent and reported values, one row a sample",
         default=False,
         update=_log_switched,
         options=set(),
@@ -184,7 +179,7 @@ class DermisStream(bpy.types.PropertyGroup):
     )
     show_received: BoolProperty(
         name="Twin Shows the Device",
-        description="Draw what the device reports, where it reports anything",
+        description="Draw the pose that the device reports, if it reports one",
         default=True,
         update=_quiet,
         options=set(),

@@ -34,7 +34,7 @@ from ..sampling import (
     touched_frames,
 )
 from ..streaming import built_devices, reported_values, streamed_track
-from . import platform_twin, skin_field, skin_shown, skin_surface, slices, tactor_twin, thimble_twin, twins
+from . import display_surface, platform_twin, skin_field, skin_shown, slices, tactor_twin, thimble_twin, twins
 from .twin import Twin
 
 
@@ -86,7 +86,16 @@ _LIGHT = (
     readiness,
     doubtful,
 )
-_MODULES = (*_LIGHT, skin_field, skin_surface, skin_shown, platform_twin, thimble_twin, thimble_preview, skin_preview)
+_MODULES = (
+    *_LIGHT,
+    skin_field,
+    display_surface,
+    skin_shown,
+    platform_twin,
+    thimble_twin,
+    thimble_preview,
+    skin_preview,
+)
 
 
 def devices(scene: bpy.types.Scene) -> Preview | None:
@@ -194,7 +203,7 @@ def draws() -> int:
 
 def _late(kept: Frame, scene: bpy.types.Scene) -> Frame:
     """Return the frame to show until the current one is worked out; it says so."""
-    note = f"frame {kept.frame:g}: {moment.frame_of(scene):g} is being worked out"
+    note = f"of frame {kept.frame:g}; computing {moment.frame_of(scene):g}"
     states = tuple(replace(state, note=note) for state in kept.skins.states)
     shown = None if kept.devices is None else replace(kept.devices, note=note)
     return kept._replace(devices=shown, skins=kept.skins._replace(states=states))

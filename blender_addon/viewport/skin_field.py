@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .. import loading
 from .._core import Array, core
 from ..preview.skin_state import SkinState
-from .skin_surface import DisplaySurface
+from .display_surface import DisplaySurface
 
 COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
 SIGNED = frozenset(COMPONENTS)

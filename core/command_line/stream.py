@@ -53,5 +53,5 @@ def cards(_options: argparse.Namespace) -> int:
     found = card.names()
     print("\n".join(found))
     if not found:
-        print("no sound card may be used: it has to be for one program alone, and nobody's default", file=sys.stderr)
+        print("no sound card qualifies: exclusive to one program, and not the system's default", file=sys.stderr)
     return 0

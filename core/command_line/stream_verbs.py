@@ -89,7 +89,7 @@ def add_streams(commands: Any) -> None:
         verbs,
         "cards",
         help="list the sound cards that may drive an amplifier",
-        description="List the sound cards that may drive an amplifier: for one program alone, and nobody's default.",
+        description="List the sound cards that may drive an amplifier: exclusive to one program, and not the default.",
         run="command_line.stream.cards",
     )
     add_verb(

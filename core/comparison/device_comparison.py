@@ -99,7 +99,7 @@ def compare_devices(
             skipped.append(Skipped(key, title, str(error).rstrip(".")))
             continue
         if judged is None:
-            skipped.append(Skipped(key, title, "the touch asks nothing of it"))
+            skipped.append(Skipped(key, title, "the touch does not use it"))
         else:
             row = row_of(output, judged)
             if floors:

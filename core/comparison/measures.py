@@ -70,7 +70,7 @@ class Judged:
 
 
 def judge(output: Output, skin: SkinContact | None, parameters: Mapping[str, Any]) -> Judged | None:
-    """Judge one device; None where the touch asks nothing of it.
+    """Judge one device; None where the touch does not use it.
 
     Args:
         skin: states of the finger's skin, for a device that presses on it. parameters: of its use.

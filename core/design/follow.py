@@ -224,7 +224,7 @@ def _held(spec: DeviceSpec, x: Array) -> tuple[Array, Array, list[Finding]]:
     values = np.stack([columns[c.name] for c in spec.channels], axis=1)
     if not missed:
         return values, held, []
-    what = "the device cannot hold a looked-up pose, and stays where it was"
+    what = "the device cannot hold a looked-up pose, and keeps the last one"
     return values, held, [Finding("warning", "pose-unreached", what, f"device '{spec.key}'", count=missed)]
 
 
@@ -236,7 +236,7 @@ def _sensor(table: SkinTable, recording: Recording) -> list[Finding]:
         Finding(
             "warning",
             "virtual-table",
-            "the table was swept with the virtual sensor: it says nothing of a real one's readings",
+            "the table was swept with the virtual sensor: it does not apply to a real sensor's readings",
             f"recording '{recording.name}'",
             remedy="Use a table that was recorded with this sensor in this device",
         )
@@ -266,7 +266,7 @@ def _left(recording: Recording, off: Array, error: float, touch: float) -> list[
         Finding(
             "warning" if poor else "info",
             "poorly-rendered" if poor else "table-limits",
-            "the table has nothing like much of this touch"
+            "the table has no similar readings for much of this touch"
             if poor
             else "the table limits how well this touch is rendered",
             f"recording '{recording.name}'",

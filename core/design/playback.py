@@ -125,7 +125,7 @@ def playback(
     shift, correlation = _shift(times, estimated, clock, measured, span)
     if correlation < ALIKE:
         raise DermisError(
-            "the recording has nothing of this track",
+            "the recording does not overlap this track in time",
             where=f"recording '{recording.name}'",
             value=f"correlation {correlation:.2f}",
             limit=f">= {ALIKE:g}",

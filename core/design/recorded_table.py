@@ -125,7 +125,7 @@ def rest_finding(table: SkinTable) -> tuple[Finding, ...]:
         Finding(
             "info",
             "rest-guessed",
-            "nobody says in which rows nothing is touched: the row nearest to the device at rest is taken",
+            "the rows without touch are not stated: the row nearest to the device at rest is taken",
             str(table.meta["source"]),
             f"line {table.meta['rest_line']}",
             remedy="Name the untouched rows: --rest-rows on the command line",

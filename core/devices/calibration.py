@@ -123,7 +123,7 @@ class Calibration:
             low, high = max(lows, default=-math.inf), min(highs, default=math.inf)
             if low > high:
                 raise DermisError(
-                    "the limits of preset and calibration leave nothing",
+                    "the limits of preset and calibration do not overlap",
                     where=f"{where}, {channel.name}",
                     value=f"{low:g} to {high:g}",
                 )
@@ -275,7 +275,7 @@ def _check(entry: Entry, where: str) -> None:
         if type(value) not in (int, float) or not abs(value) < 1e12:
             raise DermisError(f"'{name}' is not a finite number", where=where, value=str(value)[:80])
     if entry.gain == 0:
-        raise DermisError("a gain of zero moves nothing", where=where, value=0, limit="not 0")
+        raise DermisError("a gain of zero does not move the actuator", where=where, value=0, limit="not 0")
     if entry.response is not None and entry.response.latency and entry.frequency is not None:
         raise DermisError(
             "the phase of the frequency response holds the latency already",

@@ -233,7 +233,7 @@ def _check_points(points: Points) -> None:
             raise DermisError("frequencies do not rise above 0", where=place, value=hertz, limit=f"> {before:g} Hz")
         if not LEAST_GAIN <= gain <= MOST_GAIN:
             raise DermisError(
-                "the actuator hardly moves here, so its response cannot be inverted"
+                "the gain is too small here, so the response cannot be inverted"
                 if gain < LEAST_GAIN
                 else "the gain is no ratio of an actuator",
                 where=place,

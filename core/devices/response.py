@@ -329,7 +329,7 @@ def _check_points(points: Points, name: str) -> None:
     if slope.min() * STEEPEST < whole:
         k = int(slope.argmin())
         raise DermisError(
-            "the actuator hardly moves here, so the curve cannot be inverted",
+            "the slope is too small here, so the curve cannot be inverted",
             where=f"{where}, points {k + 1} and {k + 2}",
             value=f"{slope[k]:.3g} driven to reached",
             limit=f">= {whole / STEEPEST:.3g}",

@@ -184,7 +184,7 @@ def _check_white(raster: images.Raster, path: str | Path) -> None:
     found = np.array([raster.values.min(), raster.values.max()], np.float64) * raster.largest
     if np.abs(found).max() * LEAST_OF_RANGE < raster.levels:
         raise DermisError(
-            "the map's whole numbers are measures, and nobody says in what unit",
+            "the map holds whole numbers as lengths, and their unit is not stated",
             where=f"image '{Path(path).name}'",
             value=f"{found[0]:.7g} to {found[1]:.7g} of {raster.levels - 1}",
             remedy="Say what one stands for: Values Are in the Dermis tab under Screen, or unit=1e-3 (mm) in a script",

@@ -223,7 +223,7 @@ class EffectSum:
                 Finding(
                     "info",
                     "auto-range",
-                    "weights were scaled so that the strongest of the scene uses the whole range",
+                    "weights were scaled: the strongest of the scene uses the whole range",
                     self._where,
                     value=f"factor {known:.4g}",
                 )

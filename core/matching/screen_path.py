@@ -91,7 +91,7 @@ def screen_path(
     flat = volume <= 1e-9 * lengths.prod(axis=1)
     if flat.any():
         raise DermisError(
-            "the screen is scaled to nothing",
+            "the screen's scale is zero",
             where=where,
             value=f"frame {pad_contact.frames[flat][0]:g}",
             limit="a scale other than zero",

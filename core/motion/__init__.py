@@ -6,9 +6,9 @@ normalised where it is read. Both are twice continuously differentiable and exac
 acceleration and angular velocity are the exact derivatives of the interpolation, not differences.
 """
 
-from .kinks import RoundedPath
 from .motion import Motion, MotionSamples
 from .rotation import accumulated, continuous, matrices, quaternions, rotations, singular
+from .rounded_path import RoundedPath
 from .spline import Spline, second_derivatives, solve_tridiagonal
 
 __all__ = [

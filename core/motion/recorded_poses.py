@@ -101,7 +101,7 @@ def of_rows(rows: Rows, *, columns: str = "", rate: float = 100.0, unit: float |
         check_times(times, rows, time)
     unsaid = [place[name] for name in PLACE if known[place[name]].unit is None]
     if unit is None and unsaid and _far(rows.values[:, unsaid]):
-        raise _not_said("nobody says in which unit the places are, and as metres they are far", rows, known)
+        raise _not_said("the unit of the positions is not stated, and in metres they are far away", rows, known)
     numbers = {name: rows.values[:, place[name]] for name in (*PLACE, *turn)}
     for name in numbers:
         own = known[place[name]].unit
@@ -237,7 +237,7 @@ def _known(rows: Rows, columns: str) -> tuple[Column, ...]:
     if not set(QUATERNION) & meanings and not set(VECTOR) & meanings:
         angles = [column for column in known if column.meaning in EULER]
         if any(column.unit is None for column in angles):
-            raise _not_said("nobody says whether the angles are degrees or radians", rows)
+            raise _not_said("the unit of the angles is not stated: degrees or radians", rows)
     return known
 
 

@@ -9,8 +9,8 @@ from .parameter import SWITCH, TEXT, Parameter, table
 
 FRICTION = 0.6  # [1] of skin on a dry surface that nobody described. Source: Seo 2009, abstract: finger on aluminium
 
-_OFF = "of amplitude 0 where nobody says, so that a bare scene is still; the window begins with one that can be felt"
-_ON = "on where nobody says, at amplitude 0; off in the window until somebody wants it"
+_OFF = "amplitude 0 by default, so that a bare scene is still; the window starts with a perceptible one"
+_ON = "on by default, at amplitude 0; off in the window until it is enabled"
 
 
 def _texture_amplitude(name: str, axis: str) -> Parameter:

@@ -70,7 +70,7 @@ PINS = table(
         name="pin_lead",
         unit=SWITCH,
         label="Lead by Delay",
-        text="Let the track run ahead by the device's control delay, so that pins press when the touch is seen",
+        text="Advance the track by the device's control delay, so that pins press when the touch is seen",
         default=True,
     ),
     _fade("pin_fade_in", "Fade In", "Time in which the pins' forces come up at the start of the track"),

@@ -18,7 +18,7 @@ STREAM = table(
             ("torque", "Torque Board", "Torques over UDP at 1 kHz, HapTip style; positions are closed here"),
             ("osc", "OSC", "Open Sound Control over UDP; receivers need a watchdog of their own"),
             ("other", "Other", "An adapter of your own, which the port names: ?adapter=NAME"),
-            ("dynamixel", "Dynamixel", "Servos of the X and MX families, protocol 2.0; they stop when nobody speaks"),
+            ("dynamixel", "Dynamixel", "Servos of the X and MX families, protocol 2.0; they stop in silence"),
             ("feetech", "Feetech", "Servos of the STS, SMS and SCS families; they have no watchdog"),
             (
                 "native-wifi",
@@ -60,7 +60,7 @@ STREAM = table(
         low=0.0,
         high=10.0,
         soft=(None, 1.0),
-        note="none where nobody says: a finger on a touch screen is answered at once",
+        note="none by default: a finger on a touch screen is answered at once",
     ),
     Parameter(
         name="rate",
@@ -97,14 +97,14 @@ STREAM = table(
         name="play_on",
         unit=SWITCH,
         label="Play On",
-        text="A baked track goes on while Blender stands still",
+        text="A baked track continues while Blender does not respond",
         default=False,
     ),
     Parameter(
         name="reconnect",
         unit=SWITCH,
         label="Reconnect",
-        text="Try again when the link is lost; it never arms by itself",
+        text="Reconnect when the link is lost; it never arms automatically",
         default=False,
     ),
     Parameter(

@@ -115,7 +115,7 @@ def test_without_a_mesh_of_its_own_the_finger_itself_holds_them_where_it_is_free
 def test_where_nobody_can_hold_curves_it_is_refused(demo: bpy.types.Scene) -> None:
     reader, index = demo.objects["Reader"], demo.objects["Index"]
     reader.data = demo.objects["Thumb"].data = index.data
-    with pytest.raises(RuntimeError, match="no place for curves"):
+    with pytest.raises(RuntimeError, match="it cannot hold the curves"):
         bpy.ops.dermis.commands_as_curves()
 
 

@@ -70,7 +70,7 @@ def test_places_that_cannot_be_metres_are_asked_about_and_the_unit_answers(tmp_p
     """A finger was keyed 100 m away, and moved by a metre."""
     obj = ready()
     path = written(tmp_path, "time,x,y,z\n0,100,200,300\n0.5,101,200,300\n")
-    with pytest.raises(RuntimeError, match="as metres they are far.*columns='time, x_mm, y_mm, z_mm'"):
+    with pytest.raises(RuntimeError, match="in metres they are far away.*columns='time, x_mm, y_mm, z_mm'"):
         bpy.ops.dermis.import_poses(filepath=path)
     assert obj.animation_data is None
     bpy.ops.dermis.import_poses(filepath=path, unit="MM")

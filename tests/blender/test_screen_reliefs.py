@@ -400,7 +400,7 @@ def test_a_screen_scaled_to_nothing_is_refused_in_words(scale):
         tactile = scene_sweep.sample()
     assert tactile.screens == ()
     (finding,) = [f for f in tactile.findings if f.code == "screen-unusable"]
-    assert "scaled to nothing" in finding.what and finding.where == "screen 'Screen'"
+    assert "scale is zero" in finding.what and finding.where == "screen 'Screen'"
 
 
 @pytest.mark.parametrize("formula", ["slope", "printed"])

@@ -97,7 +97,7 @@ def test_connect_arm_follow_stop(scene: Any) -> None:
     assert status["state"] == "streaming" and status["silence"]["by"] == "board"
     shown = views.devices(scene)
     assert shown.source == "device" and shown.source in cards.SOURCE_COLOURS
-    assert shown.rows[0].values["tactor_x"] == pytest.approx(-5e-4, abs=2e-6), "the twin shows what the device reports"
+    assert shown.rows[0].values["tactor_x"] == pytest.approx(-5e-4, abs=2e-6), "the twin shows reported by the device"
     scene.frame_set(7)
     wanted = a_track().values[250, 2:]
     wait(lambda s: np.allclose(heard(s), wanted, atol=1e-4))

@@ -44,7 +44,7 @@ def test_a_record_that_a_file_names_is_written_by_nobody(scene: Any, tmp_path: P
     victim = tmp_path / "thesis.txt"
     victim.write_text("three years")
     arrived(tmp_path, url=f"spy://virtual:?file={victim}")
-    with pytest.raises(RuntimeError, match=f"nobody has confirmed.*write {victim}"):
+    with pytest.raises(RuntimeError, match=f"were not confirmed.*write {victim}"):
         bpy.ops.dermis.stream_connect()
     assert not session.connected() and victim.read_text() == "three years"
 
@@ -57,7 +57,7 @@ def test_a_file_that_a_file_names_is_read_by_nobody(scene: Any, tmp_path: Path, 
     found[name] = "/dev/zero"  # as the file holds it: nobody set it
     for work in (bpy.ops.dermis.stream_connect, lambda: bpy.ops.dermis.stream_calibrate(action="SAFE")):
         if name == "track_file" or work is bpy.ops.dermis.stream_connect:
-            with pytest.raises(RuntimeError, match="nobody has confirmed.*read /dev/zero"):
+            with pytest.raises(RuntimeError, match="were not confirmed.*read /dev/zero"):
                 work()
     found.output = "Finger: haptip"
     bpy.ops.dermis.stream_calibrate(action="BEGIN")
@@ -100,7 +100,7 @@ def test_a_path_that_comes_under_way_is_refused(scene: Any) -> None:
     scene.dermis_stream["track_file"] = "/dev/zero"  # without a word, as undo does it
     session.changed()
     session.heartbeat()
-    assert "nobody has confirmed" in session.status()["message"] and session._client._request["track"] != "/dev/zero"
+    assert "were not confirmed" in session.status()["message"] and session._client._request["track"] != "/dev/zero"
 
 
 def test_a_device_that_knows_no_pose_is_armed_with_fingers_out_only(scene: Any) -> None:

@@ -101,7 +101,7 @@ def test_a_blend_with_the_log_on_writes_nothing_by_being_opened(scene: Any, tmp_
     for _ in range(3):
         session.heartbeat()
     assert not folder.exists() and not session.connected()
-    with pytest.raises(RuntimeError, match=f"nobody has confirmed.*write {folder}"):
+    with pytest.raises(RuntimeError, match=f"were not confirmed.*write {folder}"):
         bpy.ops.dermis.stream_connect()
     assert not folder.exists() and not session.connected()
     asked = agreed_paths.pending(found)
@@ -119,7 +119,7 @@ def test_a_click_agrees_to_no_folder_that_came_with_the_file(scene: Any, tmp_pat
     session.connect(bpy.context.scene)
     wait(state("ready"))
     found.use_log = True
-    wait(lambda s: "nobody has confirmed" in s["message"])
+    wait(lambda s: "were not confirmed" in s["message"])
     assert not folder.exists() and not session._client._request.get("log")
 
 
@@ -127,7 +127,7 @@ def test_a_blend_tees_to_nobody(scene: Any, tmp_path: Path) -> None:
     found = arrived(tmp_path).dermis_stream
     found["tee"] = "udp://127.0.0.1:9"  # as the file holds it: nobody set it
     assert [(c.kind, c.path) for c in agreed_paths.pending(found)] == [("send", "udp://127.0.0.1:9")]
-    with pytest.raises(RuntimeError, match="nobody has confirmed.*send udp://127.0.0.1:9"):
+    with pytest.raises(RuntimeError, match="were not confirmed.*send udp://127.0.0.1:9"):
         bpy.ops.dermis.stream_connect()
     found.tee = "udp://127.0.0.1:9"
     assert not agreed_paths.pending(found)

@@ -72,7 +72,7 @@ class GripSolver:
         if not (np.isfinite(mass) and mass >= 0.0):
             raise DermisError("a held object needs a mass", where=name, value=mass, limit=">= 0 kg")
         if not fingers:
-            raise DermisError("nothing can hold the object", where=name, remedy="Add a finger")
+            raise DermisError("no contact can hold the object", where=name, remedy="Add a finger")
         self.centre, self.inertia, self.gravity = centre, inertia, gravity
         self.surface, self.mass, self.friction, self.name = surface, mass, friction, name
         self.fingers = tuple(fingers)

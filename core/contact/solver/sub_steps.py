@@ -123,7 +123,7 @@ class SubStepper:
         if lost:
             self.solver.notes.warn(
                 "slips-in",
-                "something small slips into the skin: it pushes back less, the deeper it is",
+                "a feature smaller than the contact resolution sinks into the skin: the force is unreliable",
                 self._number,
                 value=f"{lost:.0%} less",
                 remedy="Press less deep, or give it more friction",

@@ -13,7 +13,7 @@ from typing import Protocol
 from ...errors import DermisError
 
 INTRODUCTION = """\
-FINGERS OUT. From now until the end nobody's finger is in or on the device.
+FINGERS OUT. Keep all fingers out of the device until the end.
 Have a switch in the actuators' supply within reach. Ctrl-C stops at any time.
 What this program cannot see it asks: y (yes), n (no), s (skip; the device then counts as not wholly tried)."""
 ANSWERS = {"y": True, "yes": True, "n": False, "no": False, "s": None, "skip": None}

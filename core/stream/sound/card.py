@@ -215,7 +215,7 @@ def _refusal(sound: Any, entry: Mapping[str, Any]) -> DermisError | None:
                 "the system plays its own sounds to this card",
                 where=where,
                 value=default,
-                limit="a card that is nobody's default",
+                limit="a card that is not the system's default",
                 remedy="Make another card the default of the system, or buy a second one for the amplifier",
                 code="default-card",
             )

@@ -51,7 +51,7 @@ def sound(options: argparse.Namespace) -> int:
                     flush=True,
                 )
                 if not signals.line():
-                    raise DermisError("nobody has confirmed it", where=card.name, remedy="Press Enter, or give --yes")
+                    raise DermisError("it was not confirmed", where=card.name, remedy="Press Enter, or give --yes")
             played = play(card, samples, signals)
         except Interrupted:
             return 128 + signals.number

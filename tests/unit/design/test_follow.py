@@ -244,7 +244,7 @@ def test_other_devices_and_tables_are_refused_or_told(files, swept, tmp_path, ca
     kilo = [[t, *(f"{3.0 * float(v):g}" for v in values)] for t, *values in (row.split(",") for row in rows)]
     (tmp_path / "kilo.csv").write_text("\n".join([first, *map(",".join, kilo)]))
     assert main(["follow", str(tmp_path / "kilo.csv"), *out, "--table", str(files[0])]) == 0
-    assert "the table has nothing like much of this touch" in capsys.readouterr().err
+    assert "the table has no similar readings for much of this touch" in capsys.readouterr().err
 
 
 def test_what_is_left_is_told_with_its_channel_and_sample(files, spec, tmp_path):

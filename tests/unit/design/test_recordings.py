@@ -81,7 +81,7 @@ def test_times_that_can_hardly_be_seconds_need_their_unit(write, name, step, sta
         lines = [f"{start + step * i}," + ",".join(map(str, row)) for i, row in enumerate(values.tolist())]
         return write("\n".join([",".join([first, *NAMES]), *lines]) + "\n")
 
-    with pytest.raises(DermisError, match=f"nobody says in which unit the times are.*'time_{unit}'"):
+    with pytest.raises(DermisError, match=f"the unit of the times is not stated.*'time_{unit}'"):
         read_recording(written(name))
     found = read_recording(written(f"{name}_{unit}"))
     assert np.ptp(found.times) == pytest.approx(199 * step * {"ms": 1e-3, "us": 1e-6}[unit])

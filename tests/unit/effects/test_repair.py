@@ -225,7 +225,7 @@ def test_floats_with_a_unit_are_lengths_and_without_one_have_none(tmp_path):
 def test_measures_without_a_unit_are_asked_for_one(tmp_path):
     np.save(tmp_path / "map.npy", (waves() * 3000).astype(np.int32))
     with pytest.raises(
-        DermisError, match=r"in what unit \(found '.* of 2147483647'\). Say what one stands for"
+        DermisError, match=r"their unit is not stated \(found '.* of 2147483647'\). Say what one stands for"
     ) as caught:
         read(tmp_path / "map.npy")
     assert caught.value.code == "no-unit" and "unit=1e-3" in caught.value.remedy

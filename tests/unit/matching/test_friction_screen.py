@@ -422,7 +422,7 @@ def screens_scaled(*scale):
         ({"size": (0.0, 0.1)}, "no area"),
         ({"unit": -1.0}, "height unit"),
         ({"screen_at": screens_scaled(1, 0, 1), "finger_world": ACROSS}, "no area|nothing"),
-        ({"screen_at": screens_scaled(1, 1, 0), "finger_world": ACROSS}, "scaled to nothing"),
+        ({"screen_at": screens_scaled(1, 1, 0), "finger_world": ACROSS}, "scale is zero"),
         ({"device": {"profile": "sine"}}, "profile"),
         ({"device": {"downhill": "free"}}, "downhill"),
         ({"device": {"scale_mode": "guess"}}, "scale"),

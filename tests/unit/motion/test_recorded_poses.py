@@ -163,8 +163,8 @@ REFUSED = {
     "going back": ("t,x,y,z\n0,0,0,0\n2,0,0,0\n1,0,0,0\n", "line 4, column 1 't': times do not rise"),
     "standing": ("t,x,y,z\n0,0,0,0\n0,0,0,0\n", "line 3, column 1 't': times do not rise"),
     "nanoseconds": ("time_s,x,y,z\n0,0,0,0\n1000000000,0,0,0\n", "cannot be seconds.*longer than a day"),
-    "nanoseconds, not said": ("time,x,y,z\n0,0,0,0\n10000000,0,0,0\n", "which unit the times.*'time_ns, x, y"),
-    "slow": ("time,x,y,z\n" + "".join(f"{10 * i},0,0,0\n" for i in range(99)), "which unit the times.*'time_ms, x, y"),
+    "nanoseconds, not said": ("time,x,y,z\n0,0,0,0\n10000000,0,0,0\n", "unit of the times.*'time_ns, x, y"),
+    "slow": ("time,x,y,z\n" + "".join(f"{10 * i},0,0,0\n" for i in range(99)), "unit of the times.*'time_ms, x, y"),
     "a gap": ("t,x,y,z\n0,1,2,3\n1,a,2,3\n", "line 3, column 2 'x': a value is missing"),
     "no time": ("t,x,y,z\n0,1,2,3\n,1,2,3\n", "line 3, column 1 't': a time is missing"),
     "feet": ("t,x [ft],y [ft],z [ft]\n0,1,2,3\n1,1,2,3\n", "unit is none of this column's.*'ft'; allowed: m, cm"),
@@ -222,7 +222,7 @@ def test_numbers_that_cannot_have_the_usual_unit_are_asked_about(write, text, na
     made = recorded_poses.read(path, columns=names)
     assert made.times[-1] < 1.1 and np.abs(made.places).max() < 3.1
     if "_mm" in names:
-        with pytest.raises(DermisError, match="as metres they are far"):  # names without a unit say none
+        with pytest.raises(DermisError, match="in metres they are far away"):  # names without a unit say none
             recorded_poses.read(path, columns=names.replace("_mm", ""))
         if "Frame" not in names:
             assert np.abs(recorded_poses.read(path, unit=1e-3).places).max() < 0.4

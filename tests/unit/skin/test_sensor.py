@@ -148,7 +148,7 @@ def test_a_first_sample_of_missing_values_is_no_line_of_names(tmp_path):
 def test_times_that_can_hardly_be_seconds_need_their_unit(tmp_path, names):
     rows = "".join(f"{10 * i},1,2\n" for i in range(200))
     (tmp_path / "a.csv").write_text(names + rows)
-    with pytest.raises(DermisError, match="nobody says in which unit the times are.*'time_ms'.*'time_s'"):
+    with pytest.raises(DermisError, match="the unit of the times is not stated.*'time_ms'.*'time_s'"):
         read_stimuli(tmp_path / "a.csv", 2)
     (tmp_path / "a.csv").write_text("time_ms,a,b\n" + rows)
     assert read_stimuli(tmp_path / "a.csv", 2)[0][-1] == pytest.approx(1.99)

@@ -1,9 +1,11 @@
-"""A click on a mark of the strip goes to its frame."""
+"""Clicks in the views: on a mark of the strip, and on a device's card."""
 
 import bpy
 
 from .. import scene_time
+from ..polls import needs
 from ..timeline import strip
+from ..viewport import cards
 
 
 class DERMIS_OT_strip_jump(bpy.types.Operator):
@@ -28,4 +30,17 @@ class DERMIS_OT_strip_jump(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES: tuple[type, ...] = (DERMIS_OT_strip_jump,)
+@needs(lambda context: cards.shown_in(context))
+class DERMIS_OT_fold_card(bpy.types.Operator):
+    """Fold the device's card that was clicked to a line, or unfold it; other clicks are passed on"""
+
+    bl_idname = "dermis.fold_card"
+    bl_label = "Fold Card"
+    bl_options = {"INTERNAL"}
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Fold or unfold the card under the pointer."""
+        return {"FINISHED" if cards.fold_at(context, event.mouse_region_x, event.mouse_region_y) else "PASS_THROUGH"}
+
+
+CLASSES: tuple[type, ...] = (DERMIS_OT_fold_card, DERMIS_OT_strip_jump)

@@ -133,7 +133,8 @@ class Forces:
         rows = len(whole) // block
         self._left, self._left_at = whole[rows * block :], start + rows * block / self._rate
         if rows:
-            self._volts.append(whole[: rows * block].reshape(rows, block, -1).mean(axis=1))
+            means = whole[: rows * block].reshape(rows, block, -1).mean(axis=1)
+            self._volts.append(np.asarray(means, dtype=np.float64))
             self._times.append(start + (np.arange(rows) * block + 0.5 * (block - 1)) / self._rate)
 
     def rows(self) -> tuple[Array, Array]:

@@ -133,9 +133,9 @@ class Forces:
         rows = len(whole) // block
         self._left, self._left_at = whole[rows * block :], start + rows * block / self._rate
         if rows:
-            means = whole[: rows * block].reshape(rows, block, -1).mean(axis=1)
-            self._volts.append(np.asarray(means, dtype=np.float64))
-            self._times.append(start + (np.arange(rows) * block + 0.5 * (block - 1)) / self._rate)
+            self._volts.append(whole[: rows * block].reshape(rows, block, -1).mean(axis=1))
+            middles = np.arange(rows, dtype=np.float64) * block + 0.5 * (block - 1)
+            self._times.append(start + middles / self._rate)
 
     def rows(self) -> tuple[Array, Array]:
         """Return times [s of the stream's clock], shape (n,), and forces, shape (n, results)."""

@@ -17,13 +17,13 @@ from ..sampling import scene_sweep
 from .checked import Checked
 from .work import File, Folder, counted, listed
 
-TOLD = ("refused", "name-shortened", "clipped", "open-loop", "constant-voltage")  # the rest was told by the bake
+TOLD = ("refused", "name-shortened", "clipped", "open-loop", "constant-voltage")  # the bake has reported the others
 
 
 @needs(lambda context: store.current(context.scene) is not None, "Bake first")
 class DERMIS_OT_export_tracks(Checked, Folder, bpy.types.Operator):
-    """Write a file for each finger and device of the last bake, and one for the forces on each skin; a scene that has
-    changed since is refused"""
+    """Write a track for each finger and device of the last bake, and a file of forces for each skin. A changed scene
+    must be baked again"""
 
     bl_idname = "dermis.export_tracks"
     bl_label = "Export Tracks"
@@ -38,7 +38,7 @@ class DERMIS_OT_export_tracks(Checked, Folder, bpy.types.Operator):
     ask: BoolProperty(name="Ask", description="Ask for the folder", default=False, options={"HIDDEN", "SKIP_SAVE"})
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Write to the output folder; ask on request, or where that is relative to a file that was never saved."""
+        """Write to the output folder; ask for one on request, or if it is relative and the file was never saved."""
         settings = context.scene.dermis
         self.form, self.plots = settings.export_format, settings.plots
         self.directory = ""
@@ -63,7 +63,7 @@ class DERMIS_OT_export_tracks(Checked, Folder, bpy.types.Operator):
         refused: list[Any] = []
         written: list[Path] = []
         if result.bake.outputs:
-            # a CSV is written whatever it says, and says so itself; other formats are for devices
+            # a CSV is written even with errors, which its header lists; other formats go to devices, and are refused
             written, found = export_parts.write(scene, result, folder, self.form, force=self.form == "csv")
             refused = [finding for finding in found if finding.code in TOLD]
             written += core.pipeline.outputs.write_plots(result.bake, folder) if self.plots else ()
@@ -82,7 +82,8 @@ class DERMIS_OT_export_tracks(Checked, Folder, bpy.types.Operator):
         if store.state(scene) != "stale":
             return text
         self.report(
-            {"WARNING"}, f"{text}: frames {result.clock.first:g} to {result.last}, as baked; the range is another now"
+            {"WARNING"},
+            f"{text}: frames {result.clock.first:g} to {result.last}, as baked; the range has changed since",
         )
         return None
 
@@ -104,7 +105,7 @@ class DERMIS_OT_open_export(bpy.types.Operator):
 
 
 class DERMIS_OT_export_scene(File, bpy.types.Operator):
-    """Sample the animation and save it for 'python -m core render', for a machine without Blender"""
+    """Sample the animation and save it. 'python -m core render' renders the file on a machine without Blender"""
 
     bl_idname = "dermis.export_scene"
     bl_label = "Save Sampled Scene"
@@ -133,7 +134,7 @@ class DERMIS_OT_export_scene(File, bpy.types.Operator):
 
 @needs(lambda context: any(o.dermis.role == "SCREEN" for o in context.scene.objects), "Add a touch screen first")
 class DERMIS_OT_export_screen_maps(Folder, bpy.types.Operator):
-    """Write each touch screen's relief and law of friction, for a screen that answers to a real finger"""
+    """Write the relief and the friction law of each touch screen, for a real screen that tracks a person's finger"""
 
     bl_idname = "dermis.export_screen_maps"
     bl_label = "Export Screen Maps"
@@ -174,7 +175,7 @@ class DERMIS_OT_load_result(bpy.types.Operator):
             scene.dermis.bake_key = scene.dermis.bake_owners = ""
             self.report({"WARNING"}, "The stored bake is gone; bake again")
             return {"CANCELLED"}
-        now = cast(store.Result, store.current(scene))  # with the names of now
+        now = cast(store.Result, store.current(scene))  # with the present names
         reporting.show(now.bake.all_findings, f"Stored bake of {scene.name}")
         return {"FINISHED"}
 

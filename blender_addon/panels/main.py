@@ -1,4 +1,4 @@
-"""The Dermis tab's head: what to do next, and how far the work is."""
+"""Head of the Dermis tab: the next step, and the progress of the work."""
 
 from typing import Any
 
@@ -37,8 +37,8 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
             paragraph(
                 box,
                 context,
-                f"This file was saved by a newer Dermis (its format {there.newer}). "
-                "Update Dermis to bake it: newer settings are not known here.",
+                f"A newer version of Dermis saved this file (file format {there.newer}). "
+                "Update Dermis to bake it: this version cannot read the newer settings.",
                 "ERROR",
             )
         if not there.fingers and not there.touchables and not there.screens:
@@ -70,7 +70,7 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
     def _steps(self, context: bpy.types.Context, there: summary.Summary) -> None:
         layout = self.layout
         if not there.fingers:
-            paragraph(layout, context, "Next: add the finger that feels.", "RIGHTARROW")
+            paragraph(layout, context, "Next: add a finger.", "RIGHTARROW")
             layout.operator("dermis.add_finger", icon="VIEW_PAN")
             hands.button(layout, context)
         elif not there.touchables and not there.screens:
@@ -94,7 +94,7 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
         layout, state = self.layout, store.state(context.scene)
         if state in ("fresh", "earlier"):
             fresh = "Baked. Play it, export it, or stream it to the device."
-            earlier = "Baked in an earlier session: export that, or bake again."
+            earlier = "This result is from an earlier session: export it, or bake again."
             words, icon = (fresh, "CHECKMARK") if state == "fresh" else (earlier, "INFO")
             paragraph(layout, context, words, icon)
             row = layout.row(align=True)
@@ -105,7 +105,7 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
             if state == "fresh":
                 return
         if state == "none":
-            first = "bake" if there.moving else "animate the finger, then bake; what does not move feels little"
+            first = "bake" if there.moving else "animate the finger, then bake. A finger at rest gives almost no signal"
             paragraph(layout, context, f"Next: {first}.", "RIGHTARROW")
             finger = finger_at_hand(context)
             if not there.moving and finger is not None and finger.parent is None:
@@ -118,10 +118,10 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
 
 
 def working(layout: Any, context: bpy.types.Context, title: str = "") -> bool:
-    """Draw how far the job in the window is, where its button was; return whether there is one.
+    """Draw the running job's progress in place of its button; return whether one runs.
 
     Args:
-        title: of the only job to draw, without its words, so that nothing moves; of any where empty.
+        title: draw only the job of this title, as a bar without text, so that the layout does not move. Empty: any job.
     """
     now = jobs.progress()
     if now is None or title not in ("", now.title):

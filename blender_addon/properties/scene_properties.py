@@ -20,18 +20,18 @@ RANGES = (
     (
         "TOUCHED",
         "Touched Frames",
-        "From the first to the last key of fingers, of their objects and of all parents of these, within the "
-        "scene's range. Where drivers, NLA strips, simulations or scripts move something, the scene's range",
+        "From the first to the last key of the fingers, the touched objects and all their parents, within the "
+        "scene's range. If drivers, NLA strips, simulations or scripts move anything, the whole scene range",
     ),
     ("SCENE", "Scene", "The scene's frame range"),
     ("PREVIEW", "Preview", "The preview range while it is on, else the scene's"),
-    ("OWN", "Own", "A range of its own"),
+    ("OWN", "Own", "The frames set in Start and End"),
 )
 FILE_VERSION = 1  # raise it when a property is renamed or means something else, and migrate older files on loading
 
 
 def _choose(settings: Any, own: bool) -> None:
-    """Choose the range that a script of before the choice means."""
+    """Set the range as scripts written before `bake_range` mean it."""
     settings.bake_range = "OWN" if own else "PREVIEW"
 
 
@@ -43,11 +43,11 @@ class DermisWave(bpy.types.PropertyGroup):
 class DermisScene(bpy.types.PropertyGroup):
     """Settings of the whole scene."""
 
-    # 0: no Dermis yet. Blender does not store values that equal the default, so that must not be the version.
+    # 0: not used in this scene yet. Blender does not store defaults, so the default differs from every real version.
     file_version: IntProperty(description="Version of these settings in the file", default=0, options={"HIDDEN"})
     sample_rate: FloatProperty(
         name="Sampling",
-        description="Samples a second of the sweep over the animation, whatever the frame rate",
+        description="Number of samples per second of animation, independent of the frame rate",
         default=240.0,
         min=1.0,
         max=10_000.0,
@@ -57,13 +57,13 @@ class DermisScene(bpy.types.PropertyGroup):
         options=set(),
         update=touched,
     )
-    # the default is what files of before the choice mean; `begin` chooses for scenes that are new to Dermis
+    # the default keeps the behaviour of files saved before this property existed; `begin` sets it for new scenes
     bake_range: EnumProperty(
         name="Range", description="Frames to bake", items=RANGES, default="PREVIEW", options=set(), update=touched
     )
     use_range: BoolProperty(
         name="Own Range",
-        description="What older files and scripts say for Range: on for Own, off for Preview",
+        description="Old name of Range, kept for older files and scripts: on means Own, off means Preview",
         get=lambda settings: settings.bake_range == "OWN",
         set=_choose,
         options={"HIDDEN"},
@@ -80,7 +80,7 @@ class DermisScene(bpy.types.PropertyGroup):
     )
     export_format: EnumProperty(
         name="Format",
-        description="Of the files that Export Tracks writes",
+        description="File format of exported tracks",
         items=FORMATS,
         default="csv",
         options=set(),
@@ -105,7 +105,7 @@ class DermisScene(bpy.types.PropertyGroup):
     )
     show_twin: BoolProperty(
         name="Device Twin",
-        description="Draw the device on the finger, moving as it will",
+        description="Draw the device on the finger, with its commanded movement",
         default=True,
         options=set(),
         update=redrawn,
@@ -144,26 +144,26 @@ class DermisScene(bpy.types.PropertyGroup):
         update=redrawn,
     )
     bake_key: StringProperty(description="Which stored result the last bake gave", options={"HIDDEN"})
-    bake_owners: StringProperty(description="The fingers and devices that it belongs to", options={"HIDDEN"})
+    bake_owners: StringProperty(description="Fingers and devices of the last bake", options={"HIDDEN"})
     active_finding: IntProperty(description="Place in the list of findings", default=-1, options={"HIDDEN"})
 
 
 def settle() -> None:
-    """Choose the range that files of before the choice mean."""
+    """Set the range in files saved before `bake_range` existed."""
     for scene in bpy.data.scenes:
         if scene.is_editable and compat.taken(scene, "dermis", "use_range"):
             scene.dermis.bake_range = "OWN"
 
 
 def begin(scene: bpy.types.Scene) -> None:
-    """Choose for a scene that is new to Dermis what older ones do not have, and stamp it."""
+    """Set the default range of a scene that is new to Dermis, and store the version."""
     if not scene.dermis.file_version and scene.dermis.bake_range == "PREVIEW":
         scene.dermis.bake_range = "TOUCHED"
     stamp(scene)
 
 
 def stamp(scene: bpy.types.Scene) -> None:
-    """Note which version of these properties a scene was made with; a newer one that it holds stays said."""
+    """Store the version of these properties in a scene; a newer stored version is kept."""
     scene.dermis.file_version = max(scene.dermis.file_version, FILE_VERSION)
 
 

@@ -1,9 +1,10 @@
 """Skin stress optimisation: the device pose whose stress in the skin is nearest to the target's, frame after frame.
 
 On each frame the friction state is fixed, the pose is searched for, and then the friction state is renewed with the
-pose fixed (staggering). The search starts where the last one's slope makes up for the change of the target. At a new
-contact it starts from the few entries of a small table of poses that promise most, of which the one is kept that leaves
-least of the touch once it is strong. Whenever an entry of that table promises a better match, it starts from there too.
+pose fixed (staggering). The search starts from a predicted pose: the Jacobian of the last search gives the step that
+compensates for the change of the target. At a new contact it starts from the most promising entries of a small table of
+poses, and keeps the result with the smallest residual for the same touch at full strength. Later it starts from an
+entry of the table as well, whenever that predicts a better match.
 
 Source: [S0] 5.1 and eq. 1, whose norm is minimised through its square.
 """
@@ -34,18 +35,18 @@ from .warm_start import WarmStartTable, warm_start_table
 Search = Callable[[Array, ServoLimits], Minimum]
 
 NOTHING = 1e-12  # targets below this share of the table's strongest stimulus are no touch
-PROMISE = 0.9  # a table entry must leave less than this share of a mismatch to be tried
-MISTRUST = 0.5  # of the target: a learned model farther from the true contact at its own pose is not believed
-WORTHWHILE = 0.05  # of the cost: for less than that the device does not jump
-# On skin that follows a law the search goes on where the law was off by more than these shares of the target, which is
-# how well the law itself is solved, and of the residual. An offset that is off by a share of the residual makes the
-# pose found leave no more than twice that share more, and next to the best pose the square of it: 0.25 %.
+PROMISE = 0.9  # a table entry is tried if its predicted mismatch is below this share of the present one
+MISTRUST = 0.5  # of the target: a learned model with a larger error at the pose that it chose is rejected
+WORTHWHILE = 0.05  # of the cost: the device moves to a distant minimum only for a larger gain
+# On nonlinear skin the search stops when the error of the predicted stimulus is below CLOSE times the target, the
+# accuracy to which the law is solved, or below LEFT times the residual. An offset error of a share e of the residual
+# raises the final residual by at most 2 e, and near the best pose by e^2: 0.25 %.
 CLOSE, LEFT = 5e-3, 0.05
-MOST_LOOKS = 6  # of a frame at the law
-# Of the cost: a learned model's prediction of a step that gains less than this is as good as another look at it. It is
-# a hundredth of the mismatch; the model's own error is more.
+MOST_LOOKS = 6  # largest number of evaluations of the nonlinear law in a frame
+# Share of the cost: if the predicted gain of a step is smaller, a learned model's linear prediction is accepted without
+# another evaluation. 2 % of the cost is 1 % of the mismatch, which is less than the model's error.
 FORESEEN = 0.02
-LONGEST_WAIT = 32  # frames between two tries of the table while they fail
+LONGEST_WAIT = 32  # largest number of frames between two attempts from the table after failed ones
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,15 +55,16 @@ class ThimbleFrame:
 
     Attributes:
         x: configuration, see `disc_device`, shape (n,). angles: of the joints from neutral, shape (n,).
-        stimulus: rendered, after the friction update, shape (k,). mismatch: |stimulus - target| / |target|, 0 for none.
+        stimulus: rendered, after the friction update, shape (k,).
+        mismatch: |stimulus - target| / |target|, 0 without a target.
         solution: contact of the disc with the skin.
-        minimum: the search's own account, None where the target is no touch.
+        minimum: result of the search; None if the target is no touch.
         rescued: a learned model was wrong, and the direct search took its place.
-        looks: at the law of skin that follows one; 0 on linear skin.
-        unsettled: difference between the law and the search's expectation at the last look, relative to the target; 0
-            where it settled, and on linear skin.
-        felt: stimulus of the disc on the skin; None where the matcher was told no skin.
-        stress_error: error of the whole stress, relative to the target's; where the matcher is told of that.
+        looks: number of evaluations of the nonlinear law; 0 on linear skin.
+        unsettled: error of the predicted stimulus at the last evaluation of the law, relative to the target; 0 if the
+            iteration converged, and on linear skin.
+        felt: stimulus of the disc on the skin; None if the matcher has no observer of the skin.
+        stress_error: error of the whole stress, relative to the target's, if the matcher is given the whole stress.
     """
 
     x: Array
@@ -88,8 +90,8 @@ class _Looked:
     """A pose that a search chose, and the skin's response to it.
 
     Attributes:
-        minimum: the search's own account. solution, stimulus: there, by the law of skin that follows one.
-        beyond: excess of the law over the search's evaluation there, shape (k,).
+        minimum: result of the search. solution, stimulus: contact and stimulus at its pose, by the nonlinear law if the
+            skin has one. beyond: stimulus by the law minus stimulus by the search's model there, shape (k,).
         looks, unsettled, rescued: see `ThimbleFrame`.
     """
 
@@ -107,16 +109,16 @@ class StressMatcher:
 
     Args:
         device: the mechanism. contact: disc and skin, for the friction update.
-        observation: the quantity compared; of linear skin a matrix from forces, shape (k, 3 m), will do.
-        model: evaluated by the search; the contact itself where None.
+        observation: the quantity compared; for linear skin it may be a matrix that maps forces to it, shape (k, 3 m).
+        model: forward model of the search; None uses the contact itself.
         change: largest change of a joint from frame to frame [rad or m]; None: not limited here.
         hover: distance kept from the skin while nothing is touched [m].
         noise_floor: targets no stronger than this cannot be told from a sensor's noise and are no touch.
-        table: to start from; made where None.
+        table: poses to start from; None computes it.
 
     Attributes:
         rescues: frames since the last reset in which a learned model was wrong and the direct search took its place.
-        follows_law: whether the law of a skin is looked at where it has one.
+        follows_law: whether the nonlinear law of a skin is used, if it has one.
 
     Raises:
         DermisError: the servo limits exclude first contact, or model and observation matrix have different components.
@@ -155,7 +157,7 @@ class StressMatcher:
         self.rest_x = self._start_at(0.0, 0.0, -hover)
         self.table = warm_start_table(device, contact, self.model) if table is None else table
         self._foreseen = FORESEEN
-        # a disc that shifts along the pad has other ways back, and total force tells no side from another
+        # only a device of three freedoms looks ahead: a disc that shifts can change sides later, and force has no sides
         sided = device.freedoms == 3 < self.model.size
         self._usual = AHEAD * float(np.median(self.table.strength)) if sided else 0.0
         self.reset()
@@ -169,8 +171,8 @@ class StressMatcher:
         self._told: tuple[Array, Array] | None = None  # target of the last search, and the slope it ended with
         self._wait, self._patience = 0, 1
         self._goal: Array | None = None  # a better minimum that is farther away than one frame
-        self._reach = 1.0  # of steps, in the last search
-        # excess of the law over the search's evaluation, at the last commanded pose and at the one before it
+        self._reach = 1.0  # accepted share of a full step, in the last search
+        # stimulus by the law minus stimulus by the model, at the last two commanded poses
         self._beyond: tuple[Array, Array] | None = None
         self.rescues = 0
 
@@ -188,9 +190,9 @@ class StressMatcher:
         """Find the pose for the next frame's target, shape (k,), and renew the friction state.
 
         Args:
-            start: a configuration to search from, whether that is better than where the device is or not, shape (n,).
-            search: another way to find the pose, from where the device is and within limits; the target then only
-                says whether anything is touched, and serves for comparison.
+            start: start of the search, used even if the present configuration is better, shape (n,).
+            search: replaces the search; it gets the present configuration and the limits. The target then only decides
+                whether there is a touch, and gives the reported mismatch.
 
         Raises:
             DermisError: a target of another size, or not finite.
@@ -237,7 +239,7 @@ class StressMatcher:
             return ThimbleFrame(x, self.angles, stimulus, 0.0, solution, None, felt=made)
         mismatch = float(np.sqrt(miss @ miss)) / size
         minimum = found.minimum
-        if found.beyond.any():  # the search's stimulus is of linear skin
+        if found.beyond.any():  # the search used linear skin: add the correction by the law
             minimum = replace(minimum, stimulus=minimum.stimulus + found.beyond)
         return ThimbleFrame(
             x, self.angles, stimulus, mismatch, solution, minimum, found.rescued, found.looks, found.unsettled, made
@@ -276,7 +278,7 @@ class StressMatcher:
         return best
 
     def _begun(self, target: Array, limits: ServoLimits) -> Minimum:
-        """Search at a new contact, on several sides; how faint the touch is says how they are judged."""
+        """Search at a new contact from several sides; for a faint touch, judge them by a stronger target."""
         self._goal, self._patience = None, 1
         growth = self._usual / float(np.sqrt(target @ target))
 
@@ -293,7 +295,7 @@ class StressMatcher:
         return best
 
     def _left_of(self, target: Array, side: Minimum) -> float:
-        """Return the cost of a target in the next frame, if the disc began on a side."""
+        """Return the cost of the next frame's target if the disc begins contact at the pose of a side."""
         self.model.hold(self.state)
         self.model.hold(self.contact.settle(self._contact_at(side.x)))
         return descend(self.model.evaluate, target, side.x, self.device, self.limits).cost
@@ -306,7 +308,7 @@ class StressMatcher:
         return self._toward(descend(self.model.evaluate, target, start, self.device, self.limits), target, limits)
 
     def _toward(self, goal: Minimum, target: Array, limits: ServoLimits) -> Minimum:
-        """Return a better minimum elsewhere, or where the servos can be on the way to it within one frame."""
+        """Return a better minimum, or the farthest pose on the way to it that the servos reach within one frame."""
         if self._allowed(goal.x, limits):
             return goal
         self._goal = goal.x
@@ -317,7 +319,7 @@ class StressMatcher:
         room, _ = limits.constraints(self.device, x)
         ends = room.copy()
         ends[GIVES_WAY] = np.inf
-        slowest = (int(ends.argmin()),)  # it is the joints' speed that decides here, and no optimality
+        slowest = (int(ends.argmin()),)  # the active constraint is the joints' speed; the pose is not optimal
         return Minimum(
             x,
             stimulus,
@@ -336,8 +338,10 @@ class StressMatcher:
         )
 
     def _ahead(self, target: Array, limits: ServoLimits) -> Array:
-        """Return where the device makes up for the change of the target since the last search, as that one's slope
-        says: the residual stays as it was then, and the right nodes slip from the first evaluation on."""
+        """Return a predicted start: the Jacobian of the last search compensates for the change of the target.
+
+        The residual stays the same, and the correct nodes slip at the first evaluation.
+        """
         if self._told is None:
             return self.x
         before, jacobian = self._told
@@ -345,17 +349,17 @@ class StressMatcher:
         return ahead if self._allowed(ahead, limits) else self.x
 
     def _expected(self) -> Array:
-        """Return the expected excess of the law over the search's evaluation: it goes on changing as it did."""
+        """Extrapolate the difference between law and model from the last two frames."""
         if self._beyond is None:
             return np.zeros(self.model.size)
         return 2.0 * self._beyond[0] - self._beyond[1]
 
     def _looked(self, target: Array, limits: ServoLimits, minimum: Minimum, expected: Array) -> _Looked:
-        """Look at the law where a search ended, and search on while it is not as expected.
+        """Evaluate the law at the pose found, and search again while it differs from the prediction.
 
-        A pose at which the law leaves more than at the best so far is too far: a part of the way there is looked at.
-        Where that does not settle, the pose that leaves least by the law is kept, and where no pose did, the one
-        before. A learned model is off by more than another search would gain, so it is looked at once.
+        If the residual by the law is larger than the best so far, the step is halved. If that does not converge, the
+        pose of the smallest residual is kept; if no pose converges, the one before. The error of a learned model
+        exceeds the gain of another search, so the law is then evaluated only once.
         """
         if self.contact.law is None or not self.follows_law:
             solution = self._contact_at(minimum.x)
@@ -395,7 +399,7 @@ class StressMatcher:
         return replace(best, looks=MOST_LOOKS, unsettled=max(off, 0.0 if best.solution.settled else 1.0))
 
     def _part_of(self, start: Array, way: Array, share: float) -> Array:
-        """Return a pose on the way from one that the device holds to another: a part of it, if it holds that too."""
+        """Return start + share * way if that pose is feasible, else start + way."""
         part: Array = start + share * way
         return part if share == 0.0 or self.device.feasible(part) else start + way
 
@@ -412,7 +416,7 @@ class StressMatcher:
         if np.linalg.norm(other.stimulus - target) >= np.linalg.norm(found.stimulus - target):
             return found
         self.rescues += 1
-        # the next frame asks the learned model first, whose own offset that search has not seen
+        # the next frame uses the learned model again, so its own offset is kept
         return replace(other, rescued=True, looks=found.looks + other.looks, beyond=found.beyond)
 
     def _rendered_stimulus(self, solution: DiscSolution, minimum: Minimum | None) -> Array:

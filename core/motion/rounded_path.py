@@ -1,8 +1,8 @@
-"""Kinks: samples at which a path changes its velocity at once, and the path's acceleration with them rounded.
+"""RoundedPath: the acceleration of a path whose kinks, the jumps of its velocity, are rounded.
 
-Keys joined by straight lines, steps and baked captures have kinks. Between two samples no finite acceleration takes a
-body round them, so a body with inertia takes its time. A kink is a change of velocity that stands out from those
-at the samples about it; a smooth path has none, and keeps its acceleration to the last digit.
+Keys joined by straight lines, steps and baked captures have kinks. A jump of velocity needs infinite acceleration; a
+body with inertia needs a finite time for it. A sample is a kink if its change of velocity is an outlier among the
+samples around it. A smooth path has no kinks, and its acceleration is unchanged to the last digit.
 """
 
 from __future__ import annotations
@@ -14,15 +14,16 @@ import numpy as np
 from ..arrays import Array, Indices
 from .spline import Spline
 
-# A kink is this many times as far from the median of its neighbourhood as these samples to either side mostly are.
+# A change of velocity is a kink if its distance from the local median is more than OUTLIER times the median distance of
+# the BESIDE samples to either side.
 OUTLIER, BESIDE = 5.0, 3
 
 
 class RoundedPath:
     """The acceleration of a sampled path whose kinks are rounded.
 
-    The path is taken apart into a smooth one and a change of velocity at each kink; the smooth one's acceleration is
-    its spline's, and each change is spread over `over` by a raised cosine about the kink, so that all of it is made.
+    The acceleration of the smooth part of the path is that of its spline. Each jump of velocity is spread by a raised
+    cosine of duration `over`, centred on the kink, whose integral is the whole jump.
 
     Args:
         times: [s], strictly rising, shape (n,). values: shape (n, k).
@@ -30,7 +31,7 @@ class RoundedPath:
         least: change of velocity below which there is no kink, in units of the values per second.
 
     Attributes:
-        samples: where the kinks are. changes: of the velocity there, shape (len(samples), k).
+        samples: indices of the kinks. changes: jumps of the velocity there, shape (len(samples), k).
     """
 
     def __init__(self, times: Array, values: Array, over: float, least: float) -> None:
@@ -39,7 +40,7 @@ class RoundedPath:
 
     @cached_property
     def acceleration(self) -> Array:
-        """At the samples, shape (n, k)."""
+        """Acceleration at the samples, shape (n, k)."""
         times = self._times
         if not (self._over > 0.0 and len(self.samples)):
             return Spline(times, self._values).at(times, 2)
@@ -59,7 +60,7 @@ class RoundedPath:
 
 
 def _kinks(times: Array, values: Array, least: float) -> tuple[Indices, Array]:
-    """Return the samples of kinks, and by how much the velocity changes there more than about them."""
+    """Return the indices of kinks, and the excess of their changes of velocity over those around them."""
     change = np.diff(np.diff(values, axis=0) / np.diff(times)[:, None], axis=0)
     none: Indices = np.zeros(0, dtype=np.intp)
     if len(change) <= BESIDE:

@@ -26,7 +26,7 @@ ITALIC = re.compile(r"(?<![*\w])\*([A-Z][^*\n]*?)\*(?![*\w])")
 # Buttons, menus and keys of Blender itself, and two words that stand in italics for other reasons.
 BLENDERS = {
     *("Add", "Edit", "Esc", "File", "Get Extensions", "Import", "Install from Disk", "N", "Preferences", "Shift Esc"),
-    *("HapTip", "Recorded Poses"),
+    *("Adjust Last Operation", "HapTip", "Recorded Poses"),
 }
 
 

@@ -14,7 +14,7 @@ from .transport import Gone, Stream, Transport
 from .url import Url
 
 CONNECT_SECONDS = 2.0
-STILL = 0.05  # confirmations may be held back for 40 ms by the other side's system [s]
+STILL = 0.05  # [s], more than the 40 ms by which the receiver's system may delay confirmations
 _SIOCOUTQ = 0x5411  # Linux: bytes that the other side's system has not confirmed
 
 
@@ -55,7 +55,7 @@ class Tcp(Stream):
         return [data]
 
     def stands_still(self, now: float) -> float:
-        """Return for how long the other side has confirmed none of the waiting bytes [s]; 0 where nothing waits."""
+        """Return the time since the last confirmation while bytes wait [s]; 0 if none wait."""
         confirmed = self._given - self._queued()
         if confirmed != self._confirmed or confirmed == self._given:
             self._confirmed, self._moved = confirmed, now
@@ -63,7 +63,7 @@ class Tcp(Stream):
 
     def _queued(self) -> int:
         if sys.platform != "linux":
-            return 0  # close() below lets the system send the rest by itself
+            return 0  # not known here; after close() the system sends the rest
         import fcntl
 
         with contextlib.suppress(OSError):
@@ -108,7 +108,7 @@ class Udp(Transport):
         except ConnectionRefusedError as error:
             raise Gone("nobody listens there", where=self.name) from error
         except OSError as error:
-            raise Gone("the network does not take it", where=self.name, value=error.strerror) from error
+            raise Gone("the network refused the datagram", where=self.name, value=error.strerror) from error
 
     def receive(self) -> list[bytes]:
         out: list[bytes] = []
@@ -127,14 +127,17 @@ class Udp(Transport):
         self._socket.close()
 
 
-# Numbers of Windows stand beside the others: there a socket's errors have their own.
+# Each pair has the error number of POSIX and that of Windows.
 _REFUSED = {
     (errno.EACCES, 10013): (
-        "the address is one of a whole network (broadcast), or a firewall refuses it",
-        "Give the device's own address; if it is that already, allow the connection in the firewall",
+        "the address is a broadcast address, or a firewall blocks it",
+        "Use the device's own address. If it is correct, allow the connection in the firewall",
     ),
     (errno.ECONNREFUSED, 10061): ("nobody listens there", "Start the device, and check its address and port"),
-    (errno.ENETUNREACH, 10051): ("no network leads there", "Connect this computer to the device's network"),
+    (errno.ENETUNREACH, 10051): (
+        "there is no network route to the device",
+        "Connect this computer to the device's network",
+    ),
     (errno.EHOSTUNREACH, 10065): ("the network does not reach the device", "Check its address, and that it is on"),
     (errno.ETIMEDOUT, 10060): ("the device does not answer", "Check its address and port, and that it is on"),
 }

@@ -18,21 +18,21 @@ from .refusals import MOST, Refusals
 from .silence import Does, Silence
 from .wire import REACH, Wire
 
-WATCHDOG_MS = 50  # silence after which the device goes to its safe state: with 30 ms of backlog and a pulse's 20, 100
+WATCHDOG_MS = 50  # silence before the safe state [ms]: 100 in all with 30 of backlog and a pulse period of 20
 HELLO_EVERY, SYNC_EVERY, ARM_EVERY, SAFE_EVERY = 0.1, 0.01, 0.03, 0.005
 LEAST_WATCHDOG_MS = round(2e3 * SYNC_EVERY)  # one sign of life may come late; with 10 ms no device would arm
 SILENCE = 1.0  # a device that has not answered for this long is gone [s] ...
 SILENCE_ARMED = 0.08  # ... and while it is armed for this long: the sender's own dead man's switch
-BEHIND = 0.01  # an answer this much later than the soonest lies behind commands that the link does not carry [s]
-PROMPT = 0.004  # one no later than this beyond the usual found nothing before it on its way [s]
-OVERDUE = 0.03  # an answer this late is asked for more often: one lost packet must not end a stream [s]
-ABSENT = 0.03  # when this sender did not listen for so long, that time says nothing about the device [s]
-SAFE_TIMES = 200  # said until the device confirms it, for a second at most: any of them may be lost
-HELLO_TIMES = 5  # without an answer: the device may have heard this session's number before, and takes us for old
+BEHIND = 0.01  # if an answer takes this much longer than the fastest one, commands are queuing on the link [s]
+PROMPT = 0.004  # an answer at most this much slower than usual met no queue [s]
+OVERDUE = 0.03  # after this long without an answer questions come more often: one lost packet must not end a stream [s]
+ABSENT = 0.03  # a time in which this sender itself did not listen for longer does not count as the device's silence [s]
+SAFE_TIMES = 200  # SAFE is repeated until the device confirms it, for a second at most, since any packet may be lost
+HELLO_TIMES = 5  # after so many without an answer a new session begins: the device may have seen this number before
 
 
 class Native(Adapter):
-    """Dermis native, versions 1 and 2. Options: `watchdog_ms`; `reach`, 'ramp' or 'release' instead of the preset's."""
+    """Dermis native, versions 1 and 2. Options: `watchdog_ms`, and `reach`, 'ramp' or 'release'."""
 
     name, title = "native", "Dermis native"
     tells_pose = timed = True
@@ -49,7 +49,7 @@ class Native(Adapter):
         self.reach = self._reach(options.get("reach", ""))
         does = Does.LETS_GO if self.reach == Reach.RELEASE else Does.RETRACTS
         self.silence = Silence(does, self.watchdog_ms / 1e3, "board")
-        self.least_rate = 0.0  # its questions for the clock are signs of life
+        self.least_rate = 0.0  # the questions for the clock are signs of life already
         full = packets.command(0xFFFFFFFF, np.full(wire.count, packets.FULL, np.uint16), timed=True)
         self.command_bytes = len(packets.pack(Kind.COMMAND, 0xFF, 0xFFFF, full))
         self.other_bytes = len(packets.pack(Kind.SYNC, 0xFF, 0xFFFF, b"\xff" * 4)) / SYNC_EVERY
@@ -234,7 +234,7 @@ class Native(Adapter):
         self.device = welcome.device.hex()
         if welcome.version not in packets.READS:
             self.fault = (
-                f"the device speaks version {welcome.version} of the protocol, this sender "
+                f"the device uses version {welcome.version} of the protocol, and this sender supports "
                 f"{' and '.join(map(str, packets.READS))}"
             )
         elif welcome.channels != self.wire.count:
@@ -248,12 +248,12 @@ class Native(Adapter):
                 f"'{self.wire.spec.name}' is {self.wire.hash.hex()}"
             )
         else:
-            if not self.ready:  # later on it answers a question for its pose, and excuses nothing
+            if not self.ready:  # a later one only answers a question for the pose, and clears no fault
                 self.ready, self.fault = True, ""
             if welcome.version < packets.VERSION:
                 self._old_firmware = (
-                    f"The device's firmware speaks version {welcome.version} of the protocol. Flash it anew: "
-                    "rubbish on the line can keep an older one from its safe state; its channels come there one by one"
+                    f"The device's firmware uses version {welcome.version} of the protocol. Update it: with an old one "
+                    "noise on the line can delay the safe state, and the channels reach it one after another"
                 )
             self._tell_notice()
             self.queue, self.output_hz = welcome.queue, float(welcome.output_hz)
@@ -263,9 +263,9 @@ class Native(Adapter):
             self._device_state(welcome.state)
 
     def _judge_timing(self, now: float) -> None:
-        """Synchronise the clocks again, or stop timing commands, where the device's clock or its refusals ask for it.
+        """Synchronise the clocks again, or stop timing commands, if the clock or too many refusals require it.
 
-        Commands that the device still holds were timed by its clock's earlier readings: the next one empties its queue.
+        Commands in the device's queue have times of the old synchronisation, so the next command empties the queue.
         """
         jumped, self._jumps = self.clock.jumps > self._jumps, self.clock.jumps
         refuses = self._refusals.too_many(self._commands, now)
@@ -278,7 +278,7 @@ class Native(Adapter):
         elif again:
             self._give_up_timing(f"more than {MOST:.0%} of the commands were still refused or late")
         elif jumped or refuses:
-            if not jumped:  # which has begun anew by itself
+            if not jumped:  # after a jump the clock has restarted by itself
                 self.clock.forget()
             self._at_once = True
             refused = f"More than {MOST:.0%} of the commands were refused or late"
@@ -295,7 +295,7 @@ class Native(Adapter):
         self.notice = ". ".join(filter(None, (self._old_firmware, *self._timing)))
 
     def _judge_link(self, now: float) -> None:
-        """Judge by overdue answers the queue in a driver that does not report it."""
+        """Estimate the hidden send queue of a driver from overdue answers."""
         self.congested = now - self._oldest > max(self._trips.shortest + self.BEHIND, self._trips.usual + PROMPT)
         self.prompt = self.round_trip < self._trips.usual + PROMPT
 

@@ -60,7 +60,7 @@ def test_an_old_firmware_is_named_and_goes_on(version: int, monkeypatch: pytest.
     lab = Lab(mode="jog", jog={"pulley_1": 0.2}, ramp=0.0)
     lab.run(0.2)
     notice = lab.streamer.status()["notice"]
-    assert ("speaks version 1 of the protocol. Flash it anew" in notice) is (version == 1)
+    assert ("uses version 1 of the protocol. Update it" in notice) is (version == 1)
     assert (notice == "") is (version == 2)
     lab.arm()
     lab.run(0.3)

@@ -150,7 +150,7 @@ def test_a_file_of_another_computer_calibrates_nothing_here(scene: Any, tmp_path
     another_computer(monkeypatch, tmp_path / "there")
     scene = reopened(tmp_path / "a.blend")
     assert [o.name for o in calibration_offers.offers(scene)] == ["Index: haptip"], "offered before connecting too"
-    assert "not known here" in (session.connect(scene) or board_identity.advice(scene))
+    assert "not known on this computer" in (session.connect(scene) or board_identity.advice(scene))
     assert device_calibration.worn_by(scene) is None and listed(scene) == PLAIN and driven(scene) == {}
     bpy.ops.dermis.calibration_keep_found(name="from a friend")
     assert calibration_offers.offers(scene) == [] and listed(scene) == PLAIN, "saved, and worn by nobody"

@@ -123,7 +123,7 @@ def test_a_stored_bake_comes_back_after_loading_and_nothing_is_written(demo: bpy
     assert recall.work() == 0  # it is there
     layout = Anything()
     draw_panels(layout)
-    assert "Baked in an earlier session:" in " ".join(layout.words)
+    assert "result is from an earlier session:" in " ".join(layout.words)
     assert strip.of(scene).state == "earlier"
 
 

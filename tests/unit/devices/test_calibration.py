@@ -37,7 +37,7 @@ def test_file_round_trip(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("numbers", "what"),
-    [({"gain": 0.0}, "moves nothing"), ({"zero": float("nan")}, "finite"), ({"low": 1.0, "high": 0.0}, "low is above")],
+    [({"gain": 0.0}, "does not move"), ({"zero": float("nan")}, "finite"), ({"low": 1.0, "high": 0.0}, "low is above")],
 )
 def test_impossible_numbers(numbers: dict[str, float], what: str) -> None:
     with pytest.raises(DermisError, match=what):
@@ -49,7 +49,7 @@ def test_misfits_are_refused() -> None:
         Calibration("other").for_spec(SPEC)
     with pytest.raises(DermisError, match="no such channel"):
         Calibration.of(SPEC).with_entry("c", zero=1.0).for_spec(SPEC)
-    with pytest.raises(DermisError, match="leave nothing"):
+    with pytest.raises(DermisError, match="do not overlap"):
         Calibration.of(SPEC).with_entry("a", low=2.0, high=3.0).for_spec(SPEC)
     for text in ("[]", '{"schema": []}', "{", '{"schema": "dermis-calibration 2"}', "[" * 100_000):
         with pytest.raises(DermisError):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Iterator
 from functools import partial
 
@@ -11,6 +12,19 @@ from core.design import trial
 from core.design.interactions import interaction
 from core.skin.model import SkinModel, fingertip_skin
 from tests.clusters import MISSING, Cluster, has_dask
+
+
+@pytest.fixture(autouse=True)
+def signals_as_they_were() -> Iterator[None]:
+    """Put signals back as they were: a stream that one has ended ignores all others until its program has ended.
+
+    Programs that later tests start would ignore them too.
+    """
+    before = {number: signal.getsignal(number) for number in signal.valid_signals()}
+    yield
+    for number, handler in before.items():
+        if signal.getsignal(number) is not handler and handler is not None:
+            signal.signal(number, handler)
 
 
 @pytest.fixture(scope="session")

@@ -136,7 +136,7 @@ def test_a_screen_without_a_relief_is_left_out_with_the_reason(case, tmp_path):
         "no file name": "no image file",
         "no such file": "gone.png",
         "no mesh": "no mesh was chosen",
-        "beside": "nothing of the mesh",
+        "beside": "no part of the mesh",
         "no area": "the touch screen has no area",
     }[case]
     if case == "no pixels":

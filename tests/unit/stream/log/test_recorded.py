@@ -354,13 +354,13 @@ def play(*options: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(line, env=environment(), capture_output=True, text=True, timeout=60)
 
 
-def short_track(path: Path) -> Path:
-    """Half a second of the sine."""
+def short_track(path: Path, rows: int = 501) -> Path:
+    """Return the first rows of the sine, a thousand a second."""
     import core.track.csv as csv_track
     from core.track.command_track import CommandTrack
 
     whole = csv_track.read(sine_track(path))
-    csv_track.write(CommandTrack(whole.spec, whole.times[:501], whole.values[:501]), path)
+    csv_track.write(CommandTrack(whole.spec, whole.times[:rows], whole.values[:rows]), path)
     return path
 
 
@@ -393,8 +393,8 @@ sys.exit(main(sys.argv[2:]))
 @posix
 @pytest.mark.parametrize("suffix", ["csv", "dlog"])
 def test_a_full_disk_ends_the_log_said_once_and_never_the_stream(suffix: str, tmp_path: Path) -> None:
-    track, path = short_track(tmp_path / "t.csv"), tmp_path / f"a.{suffix}"
-    room = 60_000 if suffix == "csv" else 40_000  # the first rows come in one heap, once the writer has started
+    track, path = short_track(tmp_path / "t.csv", 3001), tmp_path / f"a.{suffix}"
+    room = 240_000 if suffix == "csv" else 160_000  # the first rows come in one heap, once the writer has started
     options = ["stream", "play", str(track), "--url", "virtual:", "--yes", "--ramp", "0.1", "--log", str(path)]
     done = subprocess.run(
         [sys.executable, "-c", FULL, str(room), *options], env=environment(), capture_output=True, text=True

@@ -10,6 +10,7 @@ import numpy as np
 
 from core.stream.protocols import packets
 from core.stream.protocols.packets import Kind, Reach
+from core.stream.protocols.wire import Wire
 from tests.unit.stream.firmware_board import Board, Sender, servos
 
 SLEW = 7.5  # [rad/s]: 3.75 us of pulse a millisecond, 75 us in a frame of 20 ms
@@ -146,8 +147,7 @@ FLOODS: dict[str, Flood] = {
 def flood(board: Board, name: str, baud: float, seconds: float = SECONDS) -> Flooded:
     """Arm a board, drive it far from its safe pose, kill its sender, and flood the line."""
     said: list[bytes] = []
-    values = {f"s{i}": {"value": SAFE, "unit": "rad"} for i in range(8)}
-    sender = Sender(board, servos(slew=SLEW, safe={"reach": "ramp", "values": values}))
+    sender = Sender(board, far_and_safe())
     plain = board.send
     board.send = lambda data: (said.append(data), plain(data))[1]  # type: ignore[method-assign]
     try:
@@ -167,13 +167,24 @@ def flood(board: Board, name: str, baud: float, seconds: float = SECONDS) -> Flo
     board.send(bytes(data[:most]))
     for _ in range(round(seconds / 0.02)):
         board.run(0.02)
+    return judged(board, name, last)
+
+
+def far_and_safe() -> Wire:
+    """Return eight servos whose safe pose is `SAFE`."""
+    values = {f"s{i}": {"value": SAFE, "unit": "rad"} for i in range(8)}
+    return servos(slew=SLEW, safe={"reach": "ramp", "values": values})
+
+
+def judged(board: Board, name: str, last: float) -> Flooded:
+    """Judge the pulses of a board since its last valid packet, by a flood's name."""
     paths = [np.array(board.path(channel)) for channel in range(8)]
     arrives = max(_first(p, p[:, 1] < 1500 + 500 * SAFE + 1.0) for p in paths)
-    judged = [p[p[:, 0] <= arrives] if "SAFE" in name else p for p in paths]
+    within = [p[p[:, 0] <= arrives] if "SAFE" in name else p for p in paths]
     return Flooded(
         begins=max(_first(p, p[:, 1] < p[0, 1] - 0.5) for p in paths) - last,
         arrives=arrives - last,
-        steepest=max(float(np.abs(np.diff(p[:, 1])).max()) for p in judged),
+        steepest=max(float(np.abs(np.diff(p[:, 1])).max()) for p in within),
         overruns=board.overruns,
     )
 

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import os
-import socket
 import struct
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
-from core.stream.protocols import adapters, pairs
-from core.stream.protocols.native_wifi import NativeWifi
+from core.stream.protocols import adapters
 from core.stream.protocols.packets import DeviceState
 from core.stream.protocols.sealed import FRESH_MS, KEY, NONCE, SEAL, BoardSeals, HostSeals, Sealed, pairing_check, seal
-from tests.unit.stream.firmware_board import Board, servos
+from tests.unit.stream.firmware_board import Board
+from tests.unit.stream.firmware_floods import ARRIVES, FRAME_US, ROUNDING_US
 from tests.unit.stream.firmware_host import HostBoard, WifiBoard, compile_for_host, hosted
+from tests.unit.stream.firmware_wifi import SILENCES, WIFI_FLOODS, WIRE, Host, wifi_flood
 
 pytestmark = [hosted, pytest.mark.one_line("3.11", "the sketch is C++, compiled by the system's compilers")]
-WIRE = servos(2, slew=4.0)
 NAME = "DERMISU1"
 
 
@@ -26,54 +25,6 @@ NAME = "DERMISU1"
 def board() -> Iterator[WifiBoard]:
     with WifiBoard("-DDERMIS_CHANNELS=2") as made:
         yield made
-
-
-class Host:
-    """A sender that speaks `native-wifi` to the board's socket, behind a network that loses and holds back."""
-
-    def __init__(self, board: WifiBoard, loss: float = 0.0, key: bytes = b"") -> None:
-        self.board, self.loss, self.rng = board, loss, np.random.default_rng(1)
-        adapter = adapters.make("native-wifi", WIRE, {"board": pairs.VIRTUAL})
-        assert isinstance(adapter, NativeWifi)
-        self.adapter = adapter
-        self.adapter.seals.key = key or board.key
-        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.socket.bind(("127.0.0.1", 0))
-        self.socket.setblocking(False)
-        self.silent, self.sent = False, [b""]
-        self.adapter.opened(board.now)
-
-    def send(self, message: bytes) -> None:
-        self.sent.append(message)
-        if not self.silent and self.rng.random() >= self.loss:
-            self.socket.sendto(message, ("127.0.0.1", self.board.port))
-
-    def run(self, seconds: float, goal: float | None = None) -> None:
-        for _ in range(round(seconds / 0.005)):
-            now = self.board.now
-            for message in self.adapter.poll(now):
-                self.send(message)
-            if goal is not None:
-                for message in self.adapter.command(np.full(2, goal), now, None):
-                    self.send(message)
-            Board.run(self.board, 0.005)
-            self.board.now = now + 0.005
-            for data in self.board.datagrams(self.socket):
-                if not self.silent and self.rng.random() >= self.loss:
-                    self.adapter.receive(data, self.board.now)
-
-    def arm(self) -> None:
-        self.run(0.6)
-        assert self.adapter.ready, self.adapter.fault
-        self.adapter.arm()
-        self.run(0.4)
-        assert self.adapter.armed, self.adapter.counters
-
-    def __enter__(self) -> Host:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.socket.close()
 
 
 @pytest.mark.parametrize("loss", [0.0, 0.1])
@@ -235,6 +186,17 @@ def test_answers_go_to_nobody_but_the_host_that_opened_the_session(board: WifiBo
             thief.socket.sendto(message, ("127.0.0.1", board.port))
         Board.run(board, 0.02)
         assert not board.datagrams(thief.socket)
+
+
+@pytest.mark.parametrize("silence_ms", SILENCES)
+@pytest.mark.parametrize("name", WIFI_FLOODS)
+def test_safe_in_time_whatever_is_in_the_air(name: str, silence_ms: int) -> None:
+    with WifiBoard() as board:
+        done = wifi_flood(board, name, silence_ms)
+    late = silence_ms / 1e3 - 0.05
+    assert done.begins <= 0.1 + late, f"begins after {done.begins * 1e3:.0f} ms"
+    assert done.arrives <= ARRIVES + late, "and goes on to the safe pose"
+    assert done.steepest <= FRAME_US + ROUNDING_US, f"{done.steepest} us from one pulse to the next"
 
 
 def test_a_flood_of_questions_keeps_no_sender_from_its_board(board: WifiBoard) -> None:

@@ -277,7 +277,7 @@ def request() -> bytes:
     return json.dumps({"connect": True, "url": "virtual:", "device": device, "jog": {"pulley_1": 0.1}}).encode()
 
 
-def stream_log() -> bytes:
+def stream_log(sensed: int = 1) -> bytes:
     header = LogHeader(
         log="0123456789abcdef",
         started="2026-01-02T03:04:05.000006+00:00",
@@ -293,8 +293,9 @@ def stream_log() -> bytes:
         zero=(0.0,),
         gain=(1.0,),
         program="dermis 0",
+        sensed=(LogColumn("current", "A"),) * sensed,
     )
-    rows, form = np.zeros(4, file_rows(1)), BinaryForm()
+    rows, form = np.zeros(4, file_rows(1, sensed)), BinaryForm()
     rows["number"], rows["play"] = np.arange(4), np.nan
     return form.head(header) + form.rows(rows[:2]) + form.rows(rows[2:]) + form.end({"rows": 4, "lost": 0})
 

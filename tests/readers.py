@@ -245,7 +245,7 @@ def _use_row(path: Path) -> object:
 
 def _use_stream_log(path: Path) -> object:
     file = stream_log.read(path)
-    form = CsvForm(len(file.header.channels))
+    form = CsvForm(len(file.header.channels), len(file.header.sensed))
     return form.head(file.header) + form.rows(file.rows) + form.end(file.end or {})
 
 
@@ -599,7 +599,7 @@ READERS = (
         "stream log",
         "core.stream.log.binary:read core.stream.log.binary:loads core.stream.log.binary:_end",
         ".dlog",
-        lambda: [ex.stream_log()],
+        lambda: [ex.stream_log(), ex.stream_log(0)],
         _use_stream_log,
     ),
     _reader("request", "", ".json", lambda: [ex.request()], _use_request, file=False),

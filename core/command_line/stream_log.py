@@ -31,7 +31,7 @@ def run(options: argparse.Namespace) -> int:
     first, last = files[0], files[-1]
     doubts = _doubts(files, last.lost or _gaps(rows))
     if options.out is not None:
-        form = CsvForm(len(first.header.channels))
+        form = CsvForm(len(first.header.channels), len(first.header.sensed))
         with atomic(options.out) as part, part.open("wb") as out:
             out.write(form.head(replace(first.header, removed=last.header.removed)))
             for start in range(0, len(rows), _AT_ONCE):
@@ -94,4 +94,17 @@ def _summary(files: Sequence[LogFile], rows: Rows) -> list[str]:
         f"started {header.started}",
         f"{len(rows):,} rows in {seconds:.3f} s: " + ", ".join(f"{name} {n:,}" for name, n in counted.items()),
         "channels " + ", ".join(f"{c.name} [{c.unit}]" for c in header.channels),
+        *_highest(files, rows),
     ]
+
+
+def _highest(files: Sequence[LogFile], rows: Rows) -> list[str]:
+    """Return how high each measured quantity was, either way, a line each."""
+    lines = []
+    for k, quantity in enumerate(files[0].header.sensed):
+        values = np.abs(rows["sensed"][:, k])
+        if np.isfinite(values).any():
+            lines.append(f"{quantity.name} up to {np.nanmax(values):.3g} {quantity.unit}")
+        else:
+            lines.append(f"{quantity.name}: not measured")
+    return lines

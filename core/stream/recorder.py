@@ -88,6 +88,7 @@ class Recorder:
             output.wanted,
             output.limiter.last,
             adapter.pose,
+            tuple(adapter.sensed.values()),
         )
 
     def status(self) -> dict[str, Any]:
@@ -155,6 +156,7 @@ class Recorder:
             zero=tuple(wire.zero.tolist()),
             gain=tuple(wire.gain.tolist()),
             program=f"dermis {version()}",
+            sensed=tuple(Column(name, unit) for name, unit in adapter.SENSES),
         )
         setup = {
             "header": header.plain(),
@@ -168,7 +170,7 @@ class Recorder:
             "total": settings.total,
             "tees": list(settings.tees),
         }
-        ring = Ring.create(wire.count, max(int(output.rate * SECONDS), LEAST), setup)
+        ring = Ring.create(wire.count, max(int(output.rate * SECONDS), LEAST), setup, sensed=len(header.sensed))
         try:
             self._child = ChildProcess("the log", command("stream", "write", "--ring", str(ring.path)))
         except BaseException:

@@ -1,8 +1,8 @@
-"""Rows as compact binary, version 1: blocks with check sums, so that a file is readable wherever its writing ended.
+"""Rows as compact binary, version 2: blocks with check sums, so that a file is readable wherever its writing ended.
 
 Little-endian:
 
-    8 bytes   magic 89 44 52 4D 4C 0D 0A 01 (0x89 "DRML" CR LF, version 1)
+    8 bytes   magic 89 44 52 4D 4C 0D 0A 02 (0x89 "DRML" CR LF, version 2)
     u32       length of the header
     header    UTF-8 JSON
     u32       CRC-32 (zlib's) of everything before it
@@ -10,7 +10,8 @@ Little-endian:
     end       u32 FF FF FF FF, u32 length, u32 CRC-32 of both and the text, UTF-8 JSON; only in a file that was finished
 
 A row: number u64, time f64, play f64, track f64, heard f64, skipped u32, phase u8, fate u8, 2 bytes of 0, then f32
-commanded, limited, sent and reported, each for all channels.
+commanded, limited, sent and reported, each for all channels, and each quantity of the header's `sensed` for all
+channels. Version 1, which has no `sensed`, is read as well.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ from ...files import read_bytes
 from ...foreign import MAX_SETTINGS, json_of
 from .row import Fate, LogHeader, Phase, Rows, file_rows, header_of
 
-MAGIC = b"\x89DRML\r\n\x01"
+MAGIC = b"\x89DRML\r\n\x02"
+READ = MAGIC[7:], b"\x01"  # versions
 END = 0xFFFFFFFF
 _PAIR = struct.Struct("<II")
 
@@ -95,9 +97,9 @@ def loads(data: bytes, *, where: str = "log") -> LogFile:
     """
     if not data.startswith(MAGIC[:-1]):
         raise DermisError("not a binary log", where=where, value=data[:8].hex(" "), limit=MAGIC.hex(" "))
-    if data[7:8] != MAGIC[7:]:
+    if data[7:8] not in READ:
         raise DermisError(
-            "written by another version of Dermis", where=where, value=data[7:8].hex(), limit="01", remedy="Update"
+            "written by another version of Dermis", where=where, value=data[7:8].hex(), limit="01, 02", remedy="Update"
         )
     size = int.from_bytes(data[8:12], "little")
     at = 12 + size + 4
@@ -111,7 +113,7 @@ def loads(data: bytes, *, where: str = "log") -> LogFile:
     if not isinstance(plain, dict):
         raise DermisError("the header of the log is no object", where=where)
     header = header_of(plain, f"{where}, header")
-    layout = file_rows(len(header.channels))
+    layout = file_rows(len(header.channels), len(header.sensed))
     parts, end = [], None
     while at + _PAIR.size <= len(data):
         count, check = _PAIR.unpack_from(data, at)

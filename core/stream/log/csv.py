@@ -1,4 +1,4 @@
-"""Rows as CSV, version 1: a header that begins with '#', one line of names, one line a row, a footer with '#'."""
+"""Rows as CSV, version 2: a header that begins with '#', one line of names, one line a row, a footer with '#'."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .row import BLOCKS, SCHEMA, Fate, LogHeader, Phase, Rows
+from .row import BLOCKS, SCHEMA, Fate, LogHeader, Phase, Rows, values_of
 
 _HEAD = ("number", "t_s", "play_s", "track_s", "skipped", "phase", "fate", "reported_t_s")
 _PHASES, _FATES = [phase.name.lower() for phase in Phase], [fate.name.lower() for fate in Fate]
@@ -17,8 +17,8 @@ _PHASES, _FATES = [phase.name.lower() for phase in Phase], [fate.name.lower() fo
 class CsvForm:
     """Text that spreadsheets and `pandas.read_csv(FILE, comment="#")` read; an unknown value is an empty cell."""
 
-    def __init__(self, channels: int) -> None:
-        values = ",%.9g" * (len(BLOCKS) * channels)  # nine digits keep every bit of a float32
+    def __init__(self, channels: int, sensed: int = 0) -> None:
+        values = ",%.9g" * ((len(BLOCKS) + sensed) * channels)  # nine digits keep every bit of a float32
         self._line = f"%d,%.6f,%.6f,%.6f,%d,%s,%s,%.6f{values}\n"
 
     def head(self, header: LogHeader) -> bytes:
@@ -31,7 +31,7 @@ class CsvForm:
     def rows(self, rows: Rows) -> bytes:
         """Return lines."""
         lines = []
-        values = np.concatenate([rows[name] for name in BLOCKS], axis=1) + np.float32(0)  # no minus zeros
+        values = values_of(rows) + np.float32(0)  # no minus zeros
         heads = zip(*(rows[name].tolist() for name in ("number", "time", "play", "track", "skipped")), strict=True)
         ends = zip(*(rows[name].tolist() for name in ("phase", "fate", "heard")), strict=True)
         for head, (phase, fate, heard), numbers in zip(heads, ends, values.tolist(), strict=True):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ... import clock
-from .row import BLOCKS, LogHeader, Rows
+from .row import LogHeader, Rows, values_of
 from .settings import Tee
 
 BUFFERED = 10  # buffer for a recorder that stands still [s]
@@ -52,9 +52,9 @@ class LslTee:
         """Hand rows over."""
         # LSL has a clock of its own; the distance of the two is taken anew each time.
         offset = self._lsl.local_clock() - clock.now() + self._header.clock
-        blocks = [rows[name].astype(np.float64) for name in BLOCKS]
         codes = np.stack([rows[name].astype(np.float64) for name in CODES], axis=1)
-        for values, time in zip(np.concatenate([*blocks, codes], axis=1).tolist(), rows["time"].tolist(), strict=True):
+        table = np.concatenate([values_of(rows).astype(np.float64), codes], axis=1)
+        for values, time in zip(table.tolist(), rows["time"].tolist(), strict=True):
             self._outlet.push_sample(values, time + offset)
         self.sent += len(rows)
 

@@ -10,7 +10,7 @@ import json
 import mmap
 import os
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +21,12 @@ from ...errors import DermisError
 from ...work.mapped import MappedRecord, create, mapped
 from .row import Rows, ring_rows
 
-MAGIC = b"DERMIS-RING 1\0\0\0"
+MAGIC = b"DERMIS-RING 2\0\0\0"
 SECONDS = 10.0  # of rows that fit: how long whoever writes may stand still, for a slow disk or a busy machine [s]
 LEAST = 1024  # rows
 STATUS_BYTES = 1 << 14
 MOST_AT_ONCE = 4096  # rows
-_SHAPE = struct.Struct("<III")  # rows, channels, bytes of the setup
+_SHAPE = struct.Struct("<IHHI")  # rows, channels, measured quantities, bytes of the setup
 _WORDS = 32  # offset of the words that change: 8 bytes each, so that no reader sees half of one
 _HEAD, _TAIL, _LOST = 0, 1, 2  # rows put in, rows taken out, rows lost
 _ROW = struct.Struct("<Q4dIBBxx")
@@ -37,41 +37,42 @@ class Ring:
     """Rows between one process that puts them in and one that takes them out.
 
     Attributes:
-        path: of the mapped file. channels: of a row. capacity: rows. setup: configuration of the writer, plain JSON.
+        path: of the mapped file. channels, sensed: of a row. capacity: rows. setup: configuration of the writer,
+            plain JSON.
     """
 
-    def __init__(self, path: Path, memory: mmap.mmap, capacity: int, channels: int, setup: int) -> None:
-        self.path, self.channels, self.capacity = path, channels, capacity
+    def __init__(self, path: Path, memory: mmap.mmap, capacity: int, channels: int, sensed: int, setup: int) -> None:
+        self.path, self.channels, self.sensed, self.capacity = path, channels, sensed, capacity
         self._memory = memory
         self._words = memoryview(memory)[_WORDS : _WORDS + 24].cast("Q")
         self._status = MappedRecord(memory, _START, STATUS_BYTES)
         at = _START + 2 * STATUS_BYTES
         self.setup: dict[str, Any] = json.loads(memory[at : at + setup] or b"{}")
-        self._start, layout = _rows_at(setup), ring_rows(channels)
+        self._start, layout = _rows_at(setup), ring_rows(channels, sensed)
         self._width = layout.itemsize
         self._rows: Rows = np.frombuffer(memory, layout, capacity, self._start)
-        self._commanded, self._limited, self._reported = (
-            self._rows[name] for name in ("commanded", "limited", "reported")
+        self._commanded, self._limited, self._reported, self._sensed = (
+            self._rows[name] for name in ("commanded", "limited", "reported", "sensed")
         )
         self._unknown = np.full(channels, np.nan)
         self._number = self._seen = 0
 
     @classmethod
-    def create(cls, channels: int, capacity: int, setup: Mapping[str, Any]) -> Ring:
-        """Make a ring.
+    def create(cls, channels: int, capacity: int, setup: Mapping[str, Any], *, sensed: int = 0) -> Ring:
+        """Make a ring. `sensed`: quantities that the device measures beside its pose.
 
         Raises:
             DermisError: there is no room for it.
         """
         text = json.dumps(setup).encode()
-        size = _rows_at(len(text)) + capacity * ring_rows(channels).itemsize
+        size = _rows_at(len(text)) + capacity * ring_rows(channels, sensed).itemsize
         path, descriptor = create("dermis-ring-", size)
         os.lseek(descriptor, 0, os.SEEK_SET)
-        os.write(descriptor, MAGIC + _SHAPE.pack(capacity, channels, len(text)))
+        os.write(descriptor, MAGIC + _SHAPE.pack(capacity, channels, sensed, len(text)))
         memory = mapped(descriptor, size)
         at = _START + 2 * STATUS_BYTES
         memory[at : at + len(text)] = text
-        return cls(path, memory, capacity, channels, len(text))
+        return cls(path, memory, capacity, channels, sensed, len(text))
 
     @classmethod
     def open(cls, path: Path) -> Ring:
@@ -88,11 +89,11 @@ class Ring:
         if not start.startswith(MAGIC) or len(start) < len(MAGIC) + _SHAPE.size:
             os.close(descriptor)
             raise DermisError("not a ring of this version", where=str(path))
-        capacity, channels, setup = _SHAPE.unpack_from(start, len(MAGIC))
-        if size != _rows_at(setup) + capacity * ring_rows(channels).itemsize:
+        capacity, channels, sensed, setup = _SHAPE.unpack_from(start, len(MAGIC))
+        if size != _rows_at(setup) + capacity * ring_rows(channels, sensed).itemsize:
             os.close(descriptor)
             raise DermisError("the ring has another size than it states", where=str(path), value=size)
-        return cls(path, mapped(descriptor, size), capacity, channels, setup)
+        return cls(path, mapped(descriptor, size), capacity, channels, sensed, setup)
 
     def put(
         self,
@@ -106,8 +107,12 @@ class Ring:
         commanded: Array,
         limited: Array,
         reported: Array | None,
+        sensed: Sequence[Array] = (),
     ) -> None:
-        """Put a row in; in a full ring it is lost, and counted. Costs a few microseconds."""
+        """Put a row in; in a full ring it is lost, and counted. Costs a few microseconds.
+
+        `sensed`: an array a quantity, each with a value a channel; none of them where nothing was measured yet.
+        """
         words = self._words
         number, self._number = self._number, self._number + 1
         head = words[_HEAD]
@@ -120,6 +125,8 @@ class Ring:
         self._commanded[k] = commanded
         self._limited[k] = limited
         self._reported[k] = self._unknown if reported is None else reported
+        if self.sensed:
+            self._sensed[k] = sensed or self._unknown
         words[_HEAD] = head + 1  # last, so that nobody takes a row that is not whole
 
     def take(self, *, last: bool = False) -> Rows:
@@ -169,7 +176,7 @@ class Ring:
         if self._memory.closed:
             return
         self._words.release()
-        del self._rows, self._commanded, self._limited, self._reported
+        del self._rows, self._commanded, self._limited, self._reported, self._sensed
         self._memory.close()
 
     def remove(self) -> None:

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from ...errors import DermisError
 
-SCHEMA = "dermis-stream-log 1"
+SCHEMA = "dermis-stream-log 2"
+FIRST_SCHEMA = "dermis-stream-log 1"  # without measurements beside the pose
 BLOCKS = ("commanded", "limited", "sent", "reported")  # one value a channel each
 Rows = NDArray[np.void]
 
@@ -47,23 +48,34 @@ HEAD: tuple[tuple[str, str], ...] = (
 )
 
 
-def file_rows(channels: int) -> np.dtype[np.void]:
-    """Return the layout of rows in files and datagrams: values as float32, little-endian, without gaps."""
-    return _layout([(name, "<f4", (channels,)) for name in BLOCKS])
+def file_rows(channels: int, sensed: int = 0) -> np.dtype[np.void]:
+    """Return the layout of rows in files and datagrams: values as float32, little-endian, without gaps.
+
+    `sensed`: quantities that the device measures beside its pose; the field 'sensed' has the shape (sensed, channels).
+    """
+    return _layout("<f4", BLOCKS, channels, sensed)
 
 
-def ring_rows(channels: int) -> np.dtype[np.void]:
-    """Return the layout of rows in the ring: values as the sender computes with them."""
-    return _layout([(name, "<f8", (channels,)) for name in BLOCKS if name != "sent"])
+def ring_rows(channels: int, sensed: int = 0) -> np.dtype[np.void]:
+    """Return the layout of rows in the ring: values as the sender computes with them; see `file_rows`."""
+    return _layout("<f8", tuple(name for name in BLOCKS if name != "sent"), channels, sensed)
 
 
-def _layout(values: list[tuple[str, str, tuple[int]]]) -> np.dtype[np.void]:
-    return np.dtype([(name or "unused", kind) for name, kind in HEAD] + values)
+def _layout(number: str, blocks: tuple[str, ...], channels: int, sensed: int) -> np.dtype[np.void]:
+    head = [(name or "unused", kind) for name, kind in HEAD]
+    values = [(name, number, (channels,)) for name in blocks]
+    return np.dtype([*head, *values, ("sensed", number, (sensed, channels))])
+
+
+def values_of(rows: Rows) -> NDArray[np.floating]:
+    """Return all values of rows of a file, in the order of `LogHeader.columns`, shape (rows, columns)."""
+    blocks = [*(rows[name] for name in BLOCKS), *np.moveaxis(rows["sensed"], 1, 0)]
+    return np.concatenate(blocks, axis=1)
 
 
 @dataclass(frozen=True)
 class Channel:
-    """A column: its name and SI unit."""
+    """A column, or a quantity that a device measures: its name and unit."""
 
     name: str
     unit: str
@@ -82,7 +94,7 @@ class LogHeader:
         rate: planned commands a second [Hz]. channels: in the order of the values.
         zero, gain: of the calibration when the log began: limited = zero + gain * commanded, before limits;
             a measured curve, which the calibration in the header has, is inverted after that.
-        program: that wrote it.
+        program: that wrote it. sensed: quantities that the device measures beside its pose, in the order of the values.
     """
 
     log: str
@@ -101,6 +113,7 @@ class LogHeader:
     program: str
     file: int = 1
     removed: int = 0
+    sensed: tuple[Channel, ...] = ()
 
     def plain(self) -> dict[str, Any]:
         """Return it as JSON values."""
@@ -108,8 +121,9 @@ class LogHeader:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of the values' columns, with units: 'commanded.pulley_1[rad]'."""
-        return tuple(f"{block}.{c.name}[{c.unit}]" for block in BLOCKS for c in self.channels)
+        """Names of the values' columns, with units: 'commanded.pulley_1[rad]', 'temperature.pulley_1[degC]'."""
+        values = [f"{block}.{c.name}[{c.unit}]" for block in BLOCKS for c in self.channels]
+        return (*values, *(f"{q.name}.{c.name}[{q.unit}]" for q in self.sensed for c in self.channels))
 
 
 def header_of(plain: Mapping[str, Any], where: str) -> LogHeader:
@@ -118,19 +132,24 @@ def header_of(plain: Mapping[str, Any], where: str) -> LogHeader:
     Raises:
         DermisError: another schema, a field that is missing, unknown or of another kind.
     """
-    if plain.get("schema") != SCHEMA:
+    if plain.get("schema") not in (SCHEMA, FIRST_SCHEMA):
+        limit = f"{SCHEMA} or {FIRST_SCHEMA}"
         raise DermisError(
-            "not a log of this version", where=where, value=plain.get("schema"), limit=SCHEMA, remedy="Update Dermis"
+            "not a log of this version", where=where, value=plain.get("schema"), limit=limit, remedy="Update Dermis"
         )
     given = {name: value for name, value in plain.items() if name != "schema"}
-    names = {field.name for field in fields(LogHeader)}
+    names = {field.name for field in fields(LogHeader)} - ({"sensed"} if plain["schema"] == FIRST_SCHEMA else set())
     if set(given) != names:
         raise DermisError("fields of the header are missing or unknown", where=where, value=sorted(set(given) ^ names))
+    given.setdefault("sensed", [])
     channels = given["channels"]
     if not isinstance(channels, list) or not 0 < len(channels) < 256:
         raise DermisError("no list of 1 to 255 channels", where=where)
-    if not all(isinstance(c, dict) and set(c) == {"name", "unit"} and _texts(c.values()) for c in channels):
-        raise DermisError("a channel is not a name and a unit", where=where)
+    sensed = given["sensed"]
+    if not isinstance(sensed, list) or len(sensed) > 16:
+        raise DermisError("no list of at most 16 measured quantities", where=where)
+    if not all(isinstance(c, dict) and set(c) == {"name", "unit"} and _texts(c.values()) for c in channels + sensed):
+        raise DermisError("a channel or a measured quantity is not a name and a unit", where=where)
     for name in ("zero", "gain"):
         if not isinstance(given[name], list) or len(given[name]) != len(channels) or not _numbers(given[name]):
             raise DermisError("one number a channel is wanted", where=f"{where}, {name}")
@@ -140,7 +159,8 @@ def header_of(plain: Mapping[str, Any], where: str) -> LogHeader:
     if type(given["file"]) is not int or type(given["removed"]) is not int:
         raise DermisError("a field of the header is of another kind", where=where)
     numbers = {name: tuple(map(float, given[name])) for name in ("zero", "gain")}
-    return LogHeader(**{**given, **numbers, "channels": tuple(Channel(c["name"], c["unit"]) for c in channels)})
+    lists = {name: tuple(Channel(c["name"], c["unit"]) for c in given[name]) for name in ("channels", "sensed")}
+    return LogHeader(**{**given, **numbers, **lists})
 
 
 def _texts(values: Any) -> bool:

@@ -13,7 +13,9 @@ from ..links.token_bucket import TokenBucket
 from .row import BLOCKS, SCHEMA, Fate, LogHeader, Phase, Rows
 from .settings import Tee
 
-MAGIC = b"DRMT\1\0"  # and the number of channels as u16, the log's identifier as 8 bytes, and a row as in files
+MAGIC = (
+    b"DRMT\2\0"  # and channels and measured quantities as u16, the log's identifier as 8 bytes, and a row as in files
+)
 BURST = 0.1  # of the rate that may leave at once: rows of a sender that catches up, not of one that is too fast [s]
 HEADER_EVERY = 1.0  # who begins to listen learns names and units within this time [s]
 
@@ -36,8 +38,9 @@ class UdpTee:
         self._socket.setblocking(False)
         self._bucket = TokenBucket(tee.rate or math.inf, burst=BURST)
         self._told = -math.inf
-        self._prefix = MAGIC + struct.pack("<H", len(header.channels)) + bytes.fromhex(header.log)
+        self._prefix = MAGIC + struct.pack("<HH", len(header.channels), len(header.sensed)) + bytes.fromhex(header.log)
         self._names = [channel.name for channel in header.channels]
+        self._sensed = [f"{quantity.name} [{quantity.unit}]" for quantity in header.sensed]
         self.sent = self.dropped = self.thinned = 0
 
     def take(self, rows: Rows, now: float) -> None:
@@ -80,7 +83,9 @@ class UdpTee:
 
     def _texts(self, rows: Rows) -> Iterator[bytes]:
         for row in rows:
-            values = {name: [_plain(v) for v in row[name].tolist()] for name in BLOCKS}
+            values: dict[str, Any] = {name: [_plain(v) for v in row[name].tolist()] for name in BLOCKS}
+            sensed = [[_plain(v) for v in one] for one in row["sensed"].tolist()]
+            values["sensed"] = dict(zip(self._sensed, sensed, strict=True))
             times = {name: _plain(float(row[name])) for name in ("time", "play", "track", "heard")}
             head = {"schema": SCHEMA, "log": self._header.log, "device": self._header.device}
             rest = {

@@ -106,12 +106,13 @@ class Writer:
         calibration = Calibration.loads(setup["calibration"]) if setup["calibration"] else None
         wire = Wire.of(from_preset(device["key"], device["preset"]), calibration)
         self._adapter = adapters.make(setup["protocol"], wire, setup["options"])
-        self._layout = file_rows(wire.count)
         self._taken = 0
         self.header = _dated(header_of(setup["header"], "ring"))
+        sensed = len(self.header.sensed)
+        self._layout = file_rows(wire.count, sensed)
         self.files: Outlet | None = None
         if setup["path"]:
-            form = CsvForm(wire.count) if setup["form"] == "csv" else BinaryForm()
+            form = CsvForm(wire.count, sensed) if setup["form"] == "csv" else BinaryForm()
             path, size, total = Path(setup["path"]), setup["size"], setup["total"]
             self.files = Outlet(f"the log {path}", lambda: LogFiles(path, form, self.header, size, total))
         self.tees = [self._tee(Tee.of(text)) for text in setup["tees"]]
@@ -133,7 +134,7 @@ class Writer:
     def rows_of(self, taken: Rows) -> Rows:
         """Return rows of the ring as files have them: times from the log's start, and the values as carried."""
         rows = np.zeros(len(taken), self._layout)
-        for name in ("number", "skipped", "phase", "fate", "commanded", "limited", "reported"):
+        for name in ("number", "skipped", "phase", "fate", "commanded", "limited", "reported", "sensed"):
             rows[name] = taken[name]
         for name in ("time", "play", "track", "heard"):
             rows[name] = taken[name] - (0.0 if name == "track" else self.header.clock)

@@ -37,6 +37,7 @@ class Adapter:
         baud: of a serial port whose URL names none.
         unanswered: advice where nobody answers.
         OPTIONS: names of the options that a URL may set.
+        SENSES: name and unit of what the actuators measure beside their pose.
 
     Attributes:
         silence: the board's declared behaviour when no more commands reach it.
@@ -51,7 +52,8 @@ class Adapter:
         round_trip: the last one [s], or NaN. congested: answers stay away, so the link holds more than it carries.
         busy: an answer is on a line that carries commands too: they wait for it.
         carries: bytes a second of the link, None where that is not known.
-        sensed: the actuators' measurements beside their pose: name and unit -> a value each, NaN where one has none.
+        sensed: those measurements, taken with `pose`: 'temperature [degC]' -> a value each, NaN where one has none.
+            Empty before the first, else one for each of SENSES, in that order.
         prompt: the last answer came as soon as any, or there are none: nothing waits on the way.
         queue: commands that the device can hold for later; 0: not known.
         output_hz: how often the actuators can take a new value [Hz]; 0: not known, or at every command.
@@ -74,6 +76,7 @@ class Adapter:
     command_bytes = 0
     other_bytes = 0.0
     OPTIONS: tuple[str, ...] = ()
+    SENSES: tuple[tuple[str, str], ...] = ()
 
     def __init__(self, wire: Wire, options: Mapping[str, str]) -> None:
         unknown = sorted(set(options) - set(self.OPTIONS))

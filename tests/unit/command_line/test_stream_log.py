@@ -28,6 +28,7 @@ def test_all_files_of_a_log_become_one(tmp_path: Path, capsys: pytest.CaptureFix
     assert main(["stream", "log", *names]) == 0
     said = capsys.readouterr().out
     assert "1,000 rows in 0.999 s" in said and "dropped 200" in said and "HapTip, left (haptip)" in said
+    assert "temperature up to 1 degC" in said and "current up to 1 A" in said
     middle = str(tmp_path / "a.2.dlog")
     assert main(["stream", "log", *(n for n in names if n != middle)]) == 1
     assert "files 2 of the log are not among those given" in capsys.readouterr().err
@@ -40,7 +41,7 @@ def test_a_log_that_is_not_whole_is_told_and_read(tmp_path: Path, capsys: pytest
     assert main(["stream", "log", str(path), "--out", str(tmp_path / "b.csv")]) == 1
     said = capsys.readouterr().err
     assert "was not finished" in said and "bytes at its end that are no whole rows" in said
-    assert (tmp_path / "b.csv").read_text().count("\n") == 30 + 17 + 1
+    assert (tmp_path / "b.csv").read_text().count("\n") == 30 + 18 + 1
 
 
 def test_lost_rows_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -29,6 +29,7 @@ class ServoBus(BusLine):
     """
 
     OPTIONS: tuple[str, ...] = ("first", "ids", "zero", "hottest_c", "most_ma", "most_lag_deg")
+    SENSES = ("temperature", "degC"), ("current", "A")
     DELIVERED = ""
     GOAL = 0
 
@@ -198,10 +199,7 @@ class ServoBus(BusLine):
         self._misses.clear()
         counts = np.array([one.position for one in read])
         self.pose, self.pose_at = self._values(counts), now
-        self.sensed = {
-            "temperature [degC]": np.array([one.temperature for one in read]),
-            "current [A]": np.array([one.current for one in read]),
-        }
+        self.sensed = {f"{name} [{unit}]": np.array([getattr(one, name) for one in read]) for name, unit in self.SENSES}
         lag = np.degrees(np.abs(self.pose - self._sent)) if self.armed else np.zeros(len(read))
         for k, (servo, one) in enumerate(zip(self.ids, read, strict=True)):
             if one.stopped and (self.armed or self._wants_arm or not self.ready):

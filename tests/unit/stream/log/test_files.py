@@ -5,8 +5,10 @@ from __future__ import annotations
 import csv as plain_csv
 import json
 import os
+import struct
 import subprocess
 import sys
+import zlib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -36,13 +38,14 @@ HEADER = LogHeader(
     zero=(0.0, 0.1),
     gain=(1.0, -1.0),
     program="dermis 0",
+    sensed=(Channel("temperature", "degC"), Channel("current", "A")),
 )
-FORMS = {"csv": CsvForm(2), "dlog": BinaryForm()}
+FORMS = {"csv": CsvForm(2, 2), "dlog": BinaryForm()}
 
 
 def rows(count: int, first: int = 0) -> Rows:
     """Rows that can be told apart; every third has no play-out time, every fourth no pose, every fifth was dropped."""
-    made = np.zeros(count, file_rows(2))
+    made = np.zeros(count, file_rows(2, 2))
     number = np.arange(first, first + count)
     made["number"], made["time"], made["play"] = number, number * 1e-3, number * 1e-3 + 0.1
     made["track"], made["heard"] = number * 1e-3 - 0.5, number * 1e-3 - 0.002
@@ -54,7 +57,9 @@ def rows(count: int, first: int = 0) -> Rows:
     for k, name in enumerate(("commanded", "limited", "sent", "reported")):
         made[name] = np.sin(number[:, None] * 0.1 + k + np.arange(2))
     made["sent"][number % 5 == 4] = np.nan
-    made["reported"][number % 4 == 0] = np.nan
+    made["sensed"] = np.cos(number[:, None, None] * 0.1 + np.arange(4).reshape(2, 2))
+    for name in ("reported", "sensed"):
+        made[name][number % 4 == 0] = np.nan
     return made
 
 
@@ -85,6 +90,12 @@ def test_a_csv_is_read_by_others_and_holds_every_bit(tmp_path: Path) -> None:
             cells = [row[f"{block}.pulley_{k}[rad]"] for k in (1, 2)]
             back = np.array([float(cell) if cell else np.nan for cell in cells], np.float32)
             assert np.array_equal(back, wanted[block], equal_nan=True), "nine digits keep a float32"
+        for quantity, values in zip(
+            ("temperature.pulley_{}[degC]", "current.pulley_{}[A]"), wanted["sensed"], strict=True
+        ):
+            cells = [row[quantity.format(k)] for k in (1, 2)]
+            back = np.array([float(cell) if cell else np.nan for cell in cells], np.float32)
+            assert np.array_equal(back, values, equal_nan=True)
         for name, column in (("t_s", "time"), ("play_s", "play"), ("track_s", "track"), ("reported_t_s", "heard")):
             back = float(row[name]) if row[name] else np.nan
             assert np.isclose(back, wanted[column], atol=5e-7, equal_nan=True)
@@ -99,7 +110,7 @@ def test_binary_and_csv_hold_the_same(tmp_path: Path) -> None:
     file = binary.read(tmp_path / "a.dlog")
     assert file.header == HEADER and file.end == {"rows": 300, "lost": 0} and file.unread == 0
     assert np.array_equal(file.rows, rows(300), equal_nan=False) or file.rows.tobytes() == rows(300).tobytes()
-    form = CsvForm(2)
+    form = CsvForm(2, 2)
     assert form.head(file.header) + form.rows(file.rows) + form.end(file.end) == (tmp_path / "a.csv").read_bytes()
 
 
@@ -146,11 +157,11 @@ def test_all_files_together_stay_within_their_bound_and_only_its_own_are_removed
 
 
 def test_a_file_that_took_its_place_is_not_removed(tmp_path: Path) -> None:
-    files = written(tmp_path / "a.csv", 250, size=20_000, total=40_000)
+    files = written(tmp_path / "a.csv", 150, size=20_000, total=40_000)
     assert files.count == 2
     (tmp_path / "new").write_text("three years")
     os.replace(tmp_path / "new", tmp_path / "a.csv")
-    for first in range(250, 900, 10):
+    for first in range(150, 900, 10):
         files.take(rows(10, first), 0.0)
     assert (tmp_path / "a.csv").read_text() == "three years" and str(tmp_path / "a.csv") not in files.removed
     files.give_up()
@@ -198,7 +209,10 @@ def test_wherever_a_file_ends_its_whole_rows_are_read(suffix: str, tmp_path: Pat
             continue
         file = binary.read(path)
         assert file.end is None and file.rows["number"].tolist() == list(range(len(file.rows)))
-        assert len(file.rows) >= 40 * (cut - start) // (len(data) - start) - 10 and file.unread < 10 * 80 + 8
+        assert (
+            len(file.rows) >= 40 * (cut - start) // (len(data) - start) - 10
+            and file.unread < 10 * file.rows.itemsize + 8
+        )
 
 
 def test_damage_in_the_middle_ends_the_reading_there_and_is_counted(tmp_path: Path) -> None:
@@ -241,11 +255,38 @@ def test_a_full_disk_ends_a_file_with_a_whole_row(suffix: str, room: int, tmp_pa
     assert suffix == "dlog" or path.read_bytes().endswith(b"\n")
 
 
+def test_a_log_of_the_first_version_is_read() -> None:
+    """It has no measurements beside the pose: neither in its header nor in its rows."""
+    plain = {**json.loads(json.dumps(HEADER.plain())), "schema": "dermis-stream-log 1"}
+    del plain["sensed"]
+    text = json.dumps(plain).encode()
+    head = b"\x89DRML\r\n\x01" + struct.pack("<I", len(text)) + text
+    made = np.zeros(5, file_rows(2))
+    for name in made.dtype.names or ():
+        if name != "sensed":
+            made[name] = rows(5)[name]
+    assert made.dtype.itemsize == 48 + 16 * 2
+    count = struct.pack("<I", 5)
+    block = count + struct.pack("<I", zlib.crc32(made.tobytes(), zlib.crc32(count))) + made.tobytes()
+    old = head + struct.pack("<I", zlib.crc32(head)) + block
+    file = binary.loads(old)
+    assert file.header == replace(HEADER, sensed=()) and file.rows.tobytes() == made.tobytes() and not file.unread
+    form = CsvForm(2)
+    names = form.head(file.header).decode().splitlines()[-1]
+    assert names.endswith("reported.pulley_2[rad]") and form.rows(file.rows).count(b"\n") == 5
+    with pytest.raises(DermisError, match="another version"):
+        binary.loads(old[:7] + b"\x03" + old[8:])
+
+
 def test_headers_that_are_none_are_refused() -> None:
     plain = json.loads(json.dumps(HEADER.plain()))
     assert header_of(plain, "x") == HEADER
     bad: list[dict[str, Any]] = [
-        {"schema": "dermis-stream-log 2"},
+        {"schema": "dermis-stream-log 3"},
+        {"schema": "dermis-stream-log 1"},
+        {"sensed": None},
+        {"sensed": [{"name": "a"}]},
+        {"sensed": [{"name": "a", "unit": "b"}] * 17},
         {"channels": []},
         {"channels": [{"name": "a"}] * 2},
         {"zero": [1.0]},

@@ -8,27 +8,32 @@ from pathlib import Path
 
 from core.stream.log import binary, settings, udp_tee
 from core.stream.log.csv import CsvForm
-from core.stream.log.row import BLOCKS, HEAD, SCHEMA, Fate, Phase, file_rows
+from core.stream.log.row import BLOCKS, FIRST_SCHEMA, HEAD, SCHEMA, Fate, Phase, file_rows
+from core.stream.protocols.bus.servo_bus import ServoBus
 from tests.unit.stream.log.test_files import HEADER
 
 PAGE = (Path(__file__).resolve().parents[4] / "presets" / "stream_log.md").read_text("utf-8")
 
 
 def test_every_column_is_on_the_page() -> None:
-    names = CsvForm(2).head(HEADER).decode().splitlines()[-1].split(",")
+    names = CsvForm(2, 2).head(HEADER).decode().splitlines()[-1].split(",")
     for name in names[:8]:
         assert f"| `{name}` |" in PAGE, name
     for block in BLOCKS:
         assert f"| `{block}.CHANNEL[unit]` |" in PAGE
+    for name, unit in ServoBus.SENSES:
+        assert f"`{name}.CHANNEL[{unit}]`" in PAGE
     for word in (*Phase, *Fate):
         assert f"`{word.name.lower()}` ({word.value})" in PAGE
-    assert f"`{SCHEMA}`" in PAGE
+    assert f"`{SCHEMA}`" in PAGE and f"`{FIRST_SCHEMA}`" in PAGE
 
 
 def test_the_bytes_are_those_of_the_page() -> None:
     assert binary.MAGIC.hex(" ").upper() in PAGE and udp_tee.MAGIC.hex(" ").upper() in PAGE
     base, each = map(int, re.findall(r"A row is (\d+) \+ (\d+) x channels bytes", PAGE)[0])
     assert (base, base + 7 * each) == (file_rows(0).itemsize, file_rows(7).itemsize)
+    (more,) = map(int, re.findall(r"of `sensed` in the header adds (\d+) x channels bytes", PAGE))
+    assert file_rows(7, 3).itemsize == base + 7 * each + 3 * 7 * more
     (order,) = re.findall(r"bytes: ([\w, ]+?), two bytes", PAGE)
     assert [name for name, _ in HEAD if name] == order.split(", ")
 

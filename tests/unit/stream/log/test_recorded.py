@@ -22,6 +22,8 @@ from core.stream.client import SenderClient
 from core.stream.log import binary
 from core.stream.log.row import BLOCKS, Fate, Phase
 from core.stream.outbox import SendResult
+from core.stream.protocols.bus import dynamixel as dynamixel_registers
+from core.stream.protocols.bus import feetech as feetech_registers
 from core.work.child import command, environment
 from tests.unit.stream.stream_box import beating, posix, ready
 from tests.unit.stream.stream_lab import Lab, sine_track
@@ -88,6 +90,27 @@ def test_what_the_device_reports_has_its_own_time(tmp_path: Path) -> None:
     assert np.isfinite(live["reported"]).all() and (live["heard"] <= live["time"]).all()
     assert (live["time"] - live["heard"])[10:].max() < 0.003, "this board answers every datagram"
     assert abs(live["reported"][-1, 0] - 0.2) < 0.05
+
+
+@pytest.mark.parametrize("protocol", ["dynamixel", "feetech"])
+def test_what_servos_measure_beside_their_pose_stands_in_columns_of_its_own(protocol: str, tmp_path: Path) -> None:
+    lab = jog_lab(tmp_path / "a.dlog", protocol, rate=100.0)
+    lab.begin(1.0)
+    assert lab.streamer.armed, lab.streamer.message
+    registers = dynamixel_registers if protocol == "dynamixel" else feetech_registers
+    lab.device.servos[1].memory[registers.TEMPERATURE] = 44
+    lab.run(0.5)
+    file = lab_log(lab, tmp_path / "a.dlog")
+    assert [(q.name, q.unit) for q in file.header.sensed] == [("temperature", "degC"), ("current", "A")]
+    assert file.header.columns[-4:] == (
+        "temperature.pulley_1[degC]",
+        "temperature.pulley_2[degC]",
+        "current.pulley_1[A]",
+        "current.pulley_2[A]",
+    )
+    live = file.rows[file.rows["phase"] == Phase.LIVE]
+    assert live["sensed"].shape[1:] == (2, 2) and np.isfinite(live["sensed"]).all()
+    assert live["sensed"][0, 0].tolist() == [31.0, 31.0] and live["sensed"][-1, 0].tolist() == [31.0, 44.0]
 
 
 def test_a_native_device_is_asked_for_its_pose_while_it_is_driven(tmp_path: Path) -> None:
@@ -304,7 +327,9 @@ def test_kill_9_of_the_writer_leaves_a_readable_log_and_the_stream(
     with SenderClient() as client:
         ready(client, box.url, track=str(track_file), ramp=0.0, log=str(path))
         client.arm()
-        beating(client, 0.5, playing=True)
+        end = time.monotonic() + 20.0  # its process starts late on a busy machine
+        while client.status()["log"].get("written", 0) <= 200 and time.monotonic() < end:
+            beating(client, 0.1, playing=True)
         os.kill(writer_of(client.pid), signal.SIGKILL)
         beating(client, 0.4, playing=True)
         status = client.status()

@@ -18,13 +18,12 @@ from core.work import mapped
 
 def put(ring: Ring, value: float, reported: bool = True) -> None:
     values = np.full(ring.channels, value)
-    ring.put(
-        value, value + 1, value + 2, value + 3, 4, Phase.RAMP, Fate.LATE, values, -values, values if reported else None
-    )
+    pose, sensed = (values, (values + 1, values + 2)) if reported else (None, ())
+    ring.put(value, value + 1, value + 2, value + 3, 4, Phase.RAMP, Fate.LATE, values, -values, pose, sensed)
 
 
 def test_rows_come_out_as_they_went_in() -> None:
-    mine = Ring.create(3, 8, {"what": ["the", "writer", "knows"]})
+    mine = Ring.create(3, 8, {"what": ["the", "writer", "knows"]}, sensed=2)
     theirs = Ring.open(mine.path)
     assert theirs.setup == {"what": ["the", "writer", "knows"]}
     put(mine, 7.0)
@@ -35,6 +34,7 @@ def test_rows_come_out_as_they_went_in() -> None:
     assert (rows["skipped"] == 4).all() and (rows["phase"] == Phase.RAMP).all() and (rows["fate"] == Fate.LATE).all()
     assert rows["commanded"].tolist() == [[7.0] * 3, [8.0] * 3] and rows["limited"][1].tolist() == [-8.0] * 3
     assert rows["reported"][0].tolist() == [7.0] * 3 and np.isnan(rows["reported"][1]).all()
+    assert rows["sensed"][0].tolist() == [[8.0] * 3, [9.0] * 3] and np.isnan(rows["sensed"][1]).all()
     for ring in (theirs, mine, mine):
         ring.close()
         ring.remove()

@@ -59,6 +59,9 @@ def test_json_datagrams_are_whole_by_themselves(listener: socket.socket) -> None
         for block in ("commanded", "limited", "sent", "reported"):
             back = [np.nan if v is None else v for v in row[block]]
             assert np.allclose(back, wanted[block], atol=1e-8, equal_nan=True)
+        assert list(row["sensed"]) == ["temperature [degC]", "current [A]"]
+        back = [[np.nan if v is None else v for v in values] for values in row["sensed"].values()]
+        assert np.allclose(back, wanted["sensed"], atol=1e-8, equal_nan=True)
         assert (row["play"] is None) == bool(np.isnan(wanted["play"]))
     assert {row["fate"] for row in rest} == {"sent", "dropped"} and {row["phase"] for row in rest} == {"live", "ramp"}
 
@@ -69,9 +72,9 @@ def test_binary_datagrams_hold_a_row_as_files_do(listener: socket.socket) -> Non
     header, *rest = heard(listener)
     tee.give_up()
     assert header_of(json.loads(header), "x") == HEADER and len(rest) == 20
-    start = b"DRMT\x01\x00" + struct.pack("<H", 2) + bytes.fromhex(HEADER.log)
+    start = b"DRMT\x02\x00" + struct.pack("<HH", 2, 2) + bytes.fromhex(HEADER.log)
     assert all(data.startswith(start) for data in rest)
-    found = np.concatenate([np.frombuffer(data[len(start) :], file_rows(2)) for data in rest])
+    found = np.concatenate([np.frombuffer(data[len(start) :], file_rows(2, 2)) for data in rest])
     assert found.tobytes() == rows(20).tobytes()
 
 
@@ -109,7 +112,7 @@ def test_a_row_that_no_datagram_holds_ends_the_tee_in_words(listener: socket.soc
     tee = UdpTee(Tee.of(address(listener)), many)
     tee._names = ["a" * 400] * 200
     with pytest.raises(OSError, match="too long"):
-        tee.take(np.zeros(1, file_rows(200)), 0.0)
+        tee.take(np.zeros(1, file_rows(200, 2)), 0.0)
     tee.give_up()
 
 

@@ -1,4 +1,4 @@
-"""The skin round bones: triangles of the meshes that an armature deforms or carries, as they are at this frame."""
+"""BoundSkin: the triangles round each bone, from the meshes that an armature deforms or carries, at this frame."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .._core import Array
 
-_LEAST = 0.05  # weight below which a vertex does not follow a bone
+_LEAST = 0.05  # least vertex weight with which a vertex belongs to a bone
 
 
 @dataclass(frozen=True)
@@ -21,24 +21,28 @@ class BoundSkin:
     """Meshes bound to an armature.
 
     Attributes:
-        triangles: of each bone that moves vertices more than any other bone does, in scene units, shape (t, 3, 3).
+        triangles: for each bone's name, the triangles whose vertices have their largest weight there, with corners in
+            world space in Blender units, shape (t, 3, 3).
     """
 
     triangles: Mapping[str, Array]
 
     @property
     def bones(self) -> set[str]:
-        """Names of bones that vertices follow."""
+        """Names of the bones that have triangles."""
         return set(self.triangles)
 
     def round(self, *bones: str) -> Array | None:
-        """Return the triangles round some bones, None without any."""
+        """Return the triangles round some bones, shape (t, 3, 3); None if there are none."""
         found = [self.triangles[bone] for bone in bones if bone in self.triangles]
         return np.concatenate(found) if found else None
 
 
 def bound_skin(armature: bpy.types.Object, context: bpy.types.Context) -> BoundSkin:
-    """Return the skin of an armature: all meshes that show in the view."""
+    """Return the skin of an armature, from all meshes that are visible in the view layer.
+
+    Meshes of Dermis' own fingers are left out.
+    """
     depsgraph = context.evaluated_depsgraph_get()
     deforming = {bone.name for bone in armature.data.bones if bone.use_deform}
     found: dict[str, list[Array]] = defaultdict(list)
@@ -64,7 +68,10 @@ def bound_skin(armature: bpy.types.Object, context: bpy.types.Context) -> BoundS
 
 
 def own_skin(parts: Sequence[bpy.types.Object], context: bpy.types.Context) -> BoundSkin:
-    """Return the meshes of parts without an armature, by their names."""
+    """Return the skin of a hand without an armature, which consists of separate parts.
+
+    Each part's name stands for a bone's. Parts that are hidden or are not meshes are left out.
+    """
     depsgraph = context.evaluated_depsgraph_get()
     found = {}
     for part in parts:
@@ -81,7 +88,7 @@ def _deformed(obj: bpy.types.Object, armature: bpy.types.Object) -> bool:
 
 
 def _read(evaluated: bpy.types.Object) -> tuple[NDArray[np.int32], Array]:
-    """Return triangles (t, 3) and vertices in the scene's space (n, 3)."""
+    """Return the vertex indices of the triangles, shape (t, 3), and the vertices in world space, shape (n, 3)."""
     mesh: Any = evaluated.data
     mesh.calc_loop_triangles()
     corners = np.empty(3 * len(mesh.loop_triangles), np.int32)
@@ -93,10 +100,12 @@ def _read(evaluated: bpy.types.Object) -> tuple[NDArray[np.int32], Array]:
 
 
 def _owners(mesh: Any, count: int, bones: Collection[int]) -> NDArray[np.int32]:
-    """Return the bone's group that each vertex follows most, -1 for none, shape (n,).
+    """Return for each vertex the group of the bone with the largest weight, shape (n,); -1 for none.
 
     Args:
-        bones: indices of the groups that move vertices. All others only mark parts of the mesh.
+        mesh: the evaluated mesh.
+        count: number n of vertices.
+        bones: indices of the vertex groups that belong to deforming bones. Other groups only mark parts of the mesh.
     """
     owner = np.full(count, -1, np.int32)
     for vertex in mesh.vertices:
@@ -108,7 +117,7 @@ def _owners(mesh: Any, count: int, bones: Collection[int]) -> NDArray[np.int32]:
 
 
 def _by_owner(corners: NDArray[np.int32], owner: NDArray[np.int32]) -> Iterator[tuple[int, NDArray[np.int32]]]:
-    """Yield each group and the triangles of which at least two corners follow it."""
+    """Yield each group with its triangles: those with at least two corners in the group."""
     a, b, c = owner[corners].T
     group = np.where((a == b) | (a == c), a, np.where(b == c, b, -1))
     for each in np.unique(group[group >= 0]):

@@ -1,6 +1,6 @@
 """Thimble 3-RRS: a disc under the finger pad, pitched, rolled and pressed by three servos above the nail.
 
-The linkage with what makes it a device: servos with a range and a speed, a disc, and its place on the finger.
+It adds to the linkage the servos with their range and speed, the disc, and the mount on the finger.
 
 Source: [S0] 3.1 with the kinematics of the project's corrections (closed form of the 3-RRS).
 """
@@ -24,21 +24,27 @@ from .servo_limits import SERVOS, servo_bounds, servo_speed
 from .singularity import singularity_margin
 from .spec import DeviceSpec
 
-MIN_MARGIN = 0.03  # of singularity: there a servo's error turns the platform 15 times as far, beyond it gives way
-QUARTER = math.pi / 2  # [rad] of pitch or roll: past both, they name a pose once more, its margin with the other sign
+# Least singularity margin allowed. At this margin an error of a servo turns the platform 15 times as far; at a margin
+# of zero the platform gives way.
+MIN_MARGIN = 0.03
+# Limit of pitch and roll [rad]. If both exceed it, they describe the pose of another (pitch, roll), but with the
+# opposite sign of the singularity margin.
+QUARTER = math.pi / 2
 
 
 @dataclass(frozen=True)
 class Thimble(Linkage):
-    """The mechanism: its linkage, and beside it
+    """The mechanism of the thimble: a 3-RRS linkage with its servos, disc and mount.
 
     Attributes:
-        servo_range: allowed to either side of neutral [rad]. servo_speed: [rad/s].
-        disc_radius: of the surface that touches the skin [m].
-        mount: base frame in the finger's frame, shape (4, 4).
-        pulse_neutral, pulse_gain: pulse width at neutral [s] and its change [s/rad].
-        bounds: lowest and highest angle from neutral of every servo [rad], shape (2, 3), where its channel is narrower
-            than the range; None where none is.
+        servo_range: largest angle of a servo to either side of neutral [rad].
+        servo_speed: largest speed of a servo [rad/s].
+        disc_radius: radius of the surface that touches the skin [m].
+        mount: pose of the base frame in the finger's frame, shape (4, 4), lengths in m.
+        pulse_neutral: pulse width of a servo at neutral [s].
+        pulse_gain: change of the pulse width per angle [s/rad].
+        bounds: lowest and highest angle of each servo from neutral [rad], shape (2, 3). None if no channel of a servo
+            is narrower than `servo_range`.
     """
 
     servo_range: float
@@ -51,21 +57,28 @@ class Thimble(Linkage):
 
     @property
     def freedoms(self) -> int:
-        """Number of values in a configuration, and of servos."""
+        """Number of values in a configuration; equal to the number of servos."""
         return 3
 
     @property
     def servo_limits(self) -> tuple[Array, Array]:
-        """Lowest and highest angle of every servo from neutral [rad], shape (3,) each."""
+        """Lowest and highest angle of each servo from neutral [rad], shape (3,) each."""
         if self.bounds is None:
             return np.full(3, -self.servo_range), np.full(3, self.servo_range)
         return self.bounds[0], self.bounds[1]
 
     def constraints(self, x: ArrayLike, low: Array, high: Array) -> tuple[Array, Array]:
-        """Return c(x) >= 0, shape (7,), and dc/dx, shape (7, 3), within limits of the servos [rad], shape (3,) each.
+        """Return the constraints c(x) >= 0 of a configuration, and their derivative.
 
-        The first six are the room left of each servo to either side [rad], the last how far the platform is from the
-        least singularity margin.
+        The first three values are the distances of the servos' angles from their highest [rad], the next three those
+        from their lowest [rad]. The last is the singularity margin minus `MIN_MARGIN`.
+
+        Args:
+            x: pitch, roll [rad] and distance [m], shape (3,).
+            low, high: limits of the servos' angles from neutral [rad], shape (3,) each.
+
+        Returns:
+            c, shape (7,), and dc/dx, shape (7, 3).
 
         Raises:
             DermisError: a leg cannot reach.
@@ -78,6 +91,9 @@ class Thimble(Linkage):
     def joints(self, x: ArrayLike) -> tuple[Array, Array]:
         """Return the servos' angles from neutral [rad], shape (3,), and their derivative by x, shape (3, 3).
 
+        Args:
+            x: pitch, roll [rad] and distance [m], shape (3,).
+
         Raises:
             DermisError: a leg cannot reach.
         """
@@ -85,24 +101,33 @@ class Thimble(Linkage):
         return angles - self.servo_zero, slopes
 
     def feasible(self, x: ArrayLike) -> bool:
-        """Return whether the legs reach, the servos stay within their range, and hold the platform firmly."""
+        """Return whether a configuration is allowed by the device's own servo limits.
+
+        It is allowed if all legs reach, all servos stay within their limits, and the singularity margin is at least
+        `MIN_MARGIN`.
+        """
         low, high = self.servo_limits
         pitch, roll, distance = np.asarray(x, dtype=np.float64).tolist()
         return self.within(pitch, roll, distance, low.tolist(), high.tolist())
 
     def holds(self, x: Array, low: Array, high: Array) -> bool:
-        """Return the same for limits of the servos' angles from neutral [rad], shape (3,) each."""
+        """Return whether a configuration is allowed by other servo limits.
+
+        Args:
+            x: pitch, roll [rad] and distance [m], shape (3,).
+            low, high: limits of the servos' angles from neutral [rad], shape (3,) each.
+        """
         pitch, roll, distance = x.tolist()
         return self.within(pitch, roll, distance, low.tolist(), high.tolist())
 
     def within(self, pitch: float, roll: float, distance: float, low: list[float], high: list[float]) -> bool:
-        """Return the same for limits of the servos' angles from neutral [rad]."""
+        """Return the result of `holds`, for plain numbers: angles and limits [rad], distance [m]."""
         return self.room(pitch, roll, distance, low, high) is not None
 
     def room(
         self, pitch: float, roll: float, distance: float, low: list[float], high: list[float]
     ) -> list[float] | None:
-        """Return c(x) as `constraints` does, as plain numbers; None where a leg cannot reach or any is below zero."""
+        """Return c(x) of `constraints` as plain numbers; None if a leg cannot reach or any value is negative."""
         if not (abs(pitch) < QUARTER and abs(roll) < QUARTER):
             return None
         try:
@@ -113,7 +138,14 @@ class Thimble(Linkage):
         return room if min(room) >= 0.0 else None
 
     def forward(self, angles: ArrayLike, start: ArrayLike) -> Array:
-        """Return the configuration that servo angles from neutral [rad] hold the platform in; see `configuration`.
+        """Return the configuration at given servo angles (forward kinematics); see `configuration`.
+
+        Args:
+            angles: servo angles from neutral [rad], shape (3,).
+            start: configuration from which the search starts: pitch, roll [rad] and distance [m], shape (3,).
+
+        Returns:
+            Pitch, roll [rad] and distance [m], shape (3,).
 
         Raises:
             DermisError: no such configuration was found.
@@ -121,37 +153,43 @@ class Thimble(Linkage):
         return configuration(self, np.asarray(angles, dtype=np.float64) + self.servo_zero, start)
 
     def pulse_width(self, angles: ArrayLike) -> Array:
-        """Return the servos' pulse widths [s] for angles [rad]."""
+        """Return the servos' pulse widths [s] for the linkage's servo angles [rad], which are not from neutral."""
         return self.pulse_neutral + self.pulse_gain * (np.asarray(angles, dtype=np.float64) - self.servo_zero)
 
     def in_finger(self, pose: PlatformPose) -> Array:
-        """Return the platform's pose in the finger's frame, shape (4, 4)."""
+        """Return the platform's pose in the finger's frame, shape (4, 4), lengths in m."""
         local = np.eye(4)
         local[:3, :3], local[:3, 3] = pose.rotation, pose.centre
         return self.mount @ local
 
 
 def channel_values(angles: Array, x: Array) -> dict[str, Array]:
-    """Return what each channel of a thimble holds, by name.
+    """Return the values of each channel of a thimble, by the channel's name.
 
     Args:
-        angles: of the servos from neutral [rad], shape (..., 3). x: pitch, roll [rad] and distance [m], shape (..., 3).
+        angles: servo angles from neutral [rad], shape (n, 3).
+        x: pitch, roll [rad] and distance [m], shape (n, 3).
+
+    Returns:
+        Values of shape (n,) for each name: three servos, 'pitch', 'roll' and 'distance'.
     """
     return dict(zip((*SERVOS, "pitch", "roll", "distance"), (*angles.T, *x.T), strict=True))
 
 
 def mechanism(spec: DeviceSpec) -> Thimble:
-    """Build the mechanism of a preset; the servos' zero is where the platform is level at `reference_distance`.
+    """Build the mechanism of a preset.
+
+    The servos are at neutral if the platform is level at the preset's `reference_distance`.
 
     Raises:
-        DermisError: a length or limit that is not above zero, links that cannot close at the reference or do not hold
-            the platform there, or a channel that leaves its servo no range.
+        DermisError: a length or limit is not positive, the links cannot close at the reference distance or do not hold
+            the platform there, or a channel leaves its servo no range.
     """
     where = f"device preset '{spec.key}'"
     names = ("platform_radius", "base_radius", "crank", "rod", "servo_range", "servo_speed", "disc_radius")
     sizes: dict[str, Any] = {name: spec.value(name) for name in names}
     reference = spec.value("reference_distance")
-    # the base sits above the nail and looks down: its +Z is the finger's -Z, its +Y stays the finger's
+    # the base is above the nail and faces the finger: its +Z is the finger's -Z, and its +Y is the finger's +Y
     mount = np.diag([-1.0, 1.0, -1.0, 1.0])
     mount[:3, 3] = spec.value("mount_position") or (0.0, 0.0, reference)
     bend = -1.0 if spec.value("knee") == "inwards" else 1.0
@@ -182,5 +220,5 @@ def mechanism(spec: DeviceSpec) -> Thimble:
 
 
 def reference_distance(spec: DeviceSpec, device: Thimble) -> float:
-    """Return the platform's distance from the base with all servos in their middle [m], as a start for poses."""
+    """Return the platform's distance from the base with all servos at neutral [m], a start for forward kinematics."""
     return float(spec.parameters.get("reference_distance", device.mount[2, 3]))

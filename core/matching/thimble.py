@@ -1,10 +1,11 @@
-"""Thimble: from the target stimulus of a skin to a disc's joints, by any of the methods, over a whole sequence.
+"""Thimble: find the joint values whose touch on the skin matches a target, over a whole sequence, by any method.
 
-The device is a thimble with its servos, or a platform on six legs that is matched as one.
+The device is a thimble with three servos, or a platform on six legs that is matched like a thimble.
 
-Target and device are compared by one operator, from forces on the nodes of the finger's mesh to descriptors of stress:
-its error is then the same on both sides. Both are solved alike: a touch on points of the smooth skin is followed by a
-disc on such points, and the forces of either come as forces on nodes with the same sum and moment.
+One operator maps forces on the mesh's nodes to stress descriptors. It is applied to the target and to the device, so
+its discretisation error is the same on both sides. The contact is discretised in the same way on both sides, too: if
+the virtual touch is solved on points of the smooth skin, so is the contact of the disc. Both are converted to forces on
+the nodes with the same sum and moment.
 """
 
 from __future__ import annotations
@@ -46,10 +47,11 @@ if TYPE_CHECKING:
     from ..contact.skin_contact import SkinContact
 
 
-LATE = 0.05  # of the touched samples: if the disc is not there yet in more, a person should know
-MAX_STEEP = 0.05  # of the touched samples: the same for touches that are too steep for the mechanism
-DOUBTFUL = 0.1  # of the touched samples: a surrogate that is replaced more often is not worth its name
-UNFINISHED = 0.05  # a KKT residual above it is worth a finding
+# Shares of the touched samples above which a finding is a warning instead of information:
+LATE = 0.05  # samples in which the disc does not reach the skin in time
+MAX_STEEP = 0.05  # samples in which the target is too steep for the mechanism
+DOUBTFUL = 0.1  # samples in which the direct search replaced a surrogate
+UNFINISHED = 0.05  # KKT residual above which a sample counts in the finding 'at-a-kink'
 
 _tables: Recent[str, WarmStartTable] = Recent(8)
 
@@ -69,15 +71,19 @@ def matcher(
     """Return a matcher that follows targets by a method.
 
     Args:
-        observation_matrix: stress components of forces, or another observation; that of `observation_of` where None.
-            Not used by 'force'.
-        model: learned model for 'network' and 'ridge'.
-        change: largest change of a joint from frame to frame [rad, or m of legs].
-        hover: distance kept while nothing is touched [m].
-        noise_floor: strength of a target that cannot be told from noise.
+        device: the mechanism.
+        skin: model of the skin under the disc.
+        method: one of `METHODS`.
+        friction: friction coefficient between disc and skin.
+        observation_matrix: maps forces on the pad nodes to the quantity compared, shape (k, 3 m), or an `Observation`.
+            None uses `observation_of`. The method 'force' does not use it.
+        model: learned model of the methods 'network' and 'ridge'.
+        change: largest change of a joint from frame to frame [rad for servos, m for legs]; None for no limit.
+        hover: distance of the disc from the skin while nothing is touched [m].
+        noise_floor: largest norm of a target that counts as noise, in the unit of the quantity compared.
 
     Raises:
-        DermisError: an unknown method, a learned method without its model, or servo limits that exclude contact.
+        DermisError: the method is unknown, a learned method has no model, or the servo limits exclude contact.
     """
     if method not in METHODS:
         raise DermisError("unknown method", where="thimble", value=method, limit=", ".join(METHODS))
@@ -95,7 +101,7 @@ def matcher(
         observation_matrix = observation_of(device, skin, friction)
     observer = Observer(skin, observation_matrix)
     table, learned = None, model if method in LEARNED else None
-    if learned is None:  # five fingers of one hand start from the same table
+    if learned is None:  # the table is kept in memory, so fingers with the same skin and device share it
         what = (skin.key, pressed_on(skin), repr(skin.material), device_key(device), repr(friction))
         key = cache_key(version(), *what, observer.matrix.tobytes(), "warm start")
         made = partial(DirectModel, device, contact, observer)
@@ -106,24 +112,27 @@ def matcher(
 
 
 class Follower:
-    """Follows a virtual touch with a thimble, one instant after the other.
+    """Follows a virtual touch with a thimble, one frame after the other.
 
     Args:
-        matching: the matcher. method: see `METHODS`.
+        matching: the matcher, see `matcher`.
+        skin: model of the skin, the same as the matcher's.
+        method: the matcher's method, one of `METHODS`.
     """
 
     def __init__(self, matching: StressMatcher, skin: SkinModel, method: str) -> None:
         self.matching, self.skin, self.method = matching, skin, method
 
     def step(self, force: Array, amounts: Array | None = None) -> ThimbleFrame:
-        """Find the device's frame for the touch's forces on the pad nodes [N], shape (m, 3) or (3 m,).
+        """Return the device's next frame.
 
         Args:
-            amounts: by how much less than linear skin the pad gives way [m], see `Stimulus.given`, shape (3 m,); from
-                the forces where None.
+            force: forces of the virtual touch on the pad nodes [N], shape (m, 3) or (3 m,).
+            amounts: displacement of the pad in linear skin minus its displacement in nonlinear skin [m], see
+                `Stimulus.given`, shape (3 m,). None computes it from the forces.
 
         Raises:
-            DermisError: forces that are not finite.
+            DermisError: a force is not finite.
         """
         felt, observer = touch_of(self.skin, force, amounts), self.matching.direct.observer
         assert observer is not None
@@ -135,19 +144,20 @@ class Follower:
         return self._told(felt, frame)
 
     def _told(self, target: Stimulus, frame: ThimbleFrame) -> ThimbleFrame:
-        """Return a frame with the error of the whole stress, where there was a touch to match."""
+        """Return a frame with the error of the whole stress; without a touch, return it unchanged."""
         if frame.minimum is None or frame.felt is None:
             return frame
         return replace(frame, stress_error=stress_error(target, frame.felt))
 
     def follow(self, forces: Array, amounts: Array | None = None) -> ThimbleSequence:
-        """Follow a sequence of touches; forces on the pad nodes [N], shape (n, m, 3) or (n, 3 m).
+        """Follow a sequence of touches.
 
         Args:
-            amounts: as in `step`, shape (n, 3 m).
+            forces: forces on the pad nodes [N], shape (n, m, 3) or (n, 3 m).
+            amounts: as in `step` [m], shape (n, 3 m).
 
         Raises:
-            DermisError: forces that do not fit the skin or are not finite.
+            DermisError: the forces do not fit the skin or are not finite.
         """
         forces = np.asarray(forces, np.float64).reshape(len(forces), -1)
         nodes = self.skin.pad_count
@@ -164,10 +174,14 @@ class Follower:
 
 
 def follower(use: ThimbleUse, change: float | None = None) -> Follower:
-    """Return the follower of a virtual touch as a thimble is used; `change` as in `matcher`.
+    """Return a follower for the use of a thimble on one finger.
+
+    Args:
+        use: device, skin and method, see `prepare`.
+        change: largest change of a joint from frame to frame, see `matcher`.
 
     Raises:
-        DermisError: servo limits that exclude contact.
+        DermisError: the servo limits exclude contact.
     """
     matching = matcher(
         use.device,
@@ -185,27 +199,39 @@ def follower(use: ThimbleUse, change: float | None = None) -> Follower:
 def match_touch(
     use: ThimbleUse, forces: Array, change: float | None = None, amounts: Array | None = None
 ) -> ThimbleSequence:
-    """Match a sequence of virtual touches as a thimble is used; forces and amounts as in `Follower.follow`."""
+    """Match a sequence of virtual touches; arguments as in `follower` and `Follower.follow`."""
     return follower(use, change).follow(forces, amounts)
 
 
 def match_stimuli(matching: StressMatcher, stimuli: Array) -> ThimbleSequence:
-    """Match a recorded sequence of stimuli in the matcher's own channels, shape (n, k); a row of zeros is no touch."""
+    """Match a recorded sequence of stimuli.
+
+    Args:
+        matching: the matcher.
+        stimuli: the quantity that the matcher compares, one row for each frame, shape (n, k). A row of zeros is a frame
+            without touch.
+    """
     return collect(list(matching.follow(np.asarray(stimuli, np.float64))), matching.contact, "stress")
 
 
 def render(
     pad_contact: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinContact
 ) -> Rendered:
-    """Render one finger's thimble, or platform that is matched as one.
+    """Render the thimble of one finger, or six legs that are matched like a thimble.
 
-    Parameters of the use: see `prepare`.
-    Signals: 'contact' (0 or 1), 'mismatch' (in the method's observation), 'stress_error' (of the whole stress,
-    relative; on skin that follows a law both are by the law), 'normal_force' and 'target_force' [N]; of a learned
-    method also 'rescued' (1 where the direct search took its place).
+    The parameters of the use are described in `prepare`. The result has these signals, each of shape (n,):
+
+    * 'contact': 1 if the target is a touch, else 0.
+    * 'mismatch': relative error in the method's own observation.
+    * 'stress_error': error of the whole stress, relative to the target's.
+    * 'normal_force': sum of the device's forces along the finger's Z axis [N].
+    * 'target_force': the same of the virtual touch [N].
+    * 'rescued', for learned methods only: 1 if the direct search replaced the learned model.
+
+    For skin with a nonlinear law, both errors are computed with that law.
 
     Raises:
-        DermisError: an unknown method, or a device that cannot touch this finger.
+        DermisError: the method is unknown, or the device cannot touch this finger.
 
     Source: [S0] 5
     """
@@ -229,12 +255,18 @@ def render(
 
 
 def forces_at(skin: SkinContact, times: Array) -> Array:
-    """Forces of the virtual touch at the device's times, linear between samples [N], shape (n, m, 3)."""
+    """Return the virtual touch's forces on the pad nodes at the device's times [N], shape (n, m, 3).
+
+    Values between samples are interpolated linearly.
+    """
     return _between(skin, times, skin.force_at, (skin.model.pad_count, 3))
 
 
 def amounts_at(skin: SkinContact, times: Array) -> Array | None:
-    """Return `Stimulus.given` at the device's times, linear between samples, shape (n, 3 m); None of linear skin."""
+    """Return `Stimulus.given` at the device's times [m], shape (n, 3 m); None for linear skin.
+
+    Values between samples are interpolated linearly.
+    """
     if skin.amounts is None:
         return None
 
@@ -247,7 +279,7 @@ def amounts_at(skin: SkinContact, times: Array) -> Array | None:
 
 
 def _between(skin: SkinContact, times: Array, at: Callable[[int], Array], shape: tuple[int, ...]) -> Array:
-    """Return values of samples in contact, linear between samples and zero without contact."""
+    """Return values at some times, interpolated linearly; samples without contact count as zero."""
     out = np.zeros((len(times), *shape))
     place = np.interp(times, skin.times, np.arange(len(skin.times)))
     before = np.minimum(place.astype(int), len(skin.times) - 1)
@@ -262,7 +294,7 @@ def _between(skin: SkinContact, times: Array, at: Callable[[int], Array], shape:
 
 
 def findings_of(found: ThimbleSequence, where: str) -> list[Finding]:
-    """Return the findings about a sequence."""
+    """Return the findings about a matched sequence; `where` names the finger and the device."""
     out, touched = [], int(found.touched.sum())
     limited, steep, rescued = int(found.held_back.sum()), int(found.steep.sum()), int(found.rescued.sum())
     if limited:
@@ -322,7 +354,7 @@ def findings_of(found: ThimbleSequence, where: str) -> list[Finding]:
         )
     lost = int((found.touched & ~found.pressing).sum())
     if lost:
-        # any device with a speed needs a frame or two at first touch
+        # a device of limited speed always needs a frame or two at the start of a touch
         severity: Severity = "warning" if lost > LATE * touched else "info"
         out.append(Finding(severity, "out-of-reach", "the device does not reach the skin in time", where, count=lost))
     return out

@@ -1,4 +1,4 @@
-"""Making the tables that a thimble is followed by, in a child process: it leaves them in the skins' cache."""
+"""Job of a child process: compute the tables that matching with a thimble needs, and store them in the skins' cache."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ STAGES = 3
 
 
 def tables_key(spec: DeviceSpec, skin: SkinModel, use: Mapping[str, Any]) -> str:
-    """Return the key of a mark in the cache: the tables of a device on a skin are there."""
+    """Return the key of the cache entry which marks that the tables for a device on a skin are complete."""
     settings = json.dumps(dict(use), sort_keys=True)
     what = (spec.hash, skin.key, skin.tissue, pressed_on(skin), repr(skin.material), settings)
     return cache_key(version(), "dermis-thimble-tables 1", *what)
@@ -34,15 +34,21 @@ def tables_key(spec: DeviceSpec, skin: SkinModel, use: Mapping[str, Any]) -> str
 def make(
     arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Callable[[int, int], None]
 ) -> dict[str, NDArray[Any]]:
-    """Put the inputs of a device's follower on a skin into the cache: points, description, where searches start.
+    """Compute the tables for a device on a skin, and store them in the cache.
+
+    They are the contact points, the device's description, and the poses from which searches start.
 
     Args:
         arrays: not used.
-        parameters: 'device' (preset as read), 'device_key', 'skin' (parameters in SI), 'level', 'tissue', 'contact',
-            'use' (as in `prepare`), 'folder' and 'limit' [bytes] of the cache of skins.
+        parameters: 'device' (the preset as read), 'device_key', 'skin' (parameters in SI), 'level', 'tissue',
+            'contact', 'use' (as in `prepare`), and 'folder' and 'limit' [bytes] of the skins' cache.
+        report: called with the number of finished stages and the number of all stages.
+
+    Returns:
+        'pad': number of pad nodes.
 
     Raises:
-        DermisError: a preset, skin or settings that cannot be used, or a folder that cannot be written.
+        DermisError: the preset, the skin or the settings cannot be used, or the folder cannot be written.
     """
     report(0, STAGES)
     spec = from_preset(str(parameters["device_key"]), parameters["device"])

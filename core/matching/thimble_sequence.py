@@ -21,22 +21,25 @@ class ThimbleSequence:
     """Commands of the device over a sequence, and how well they match.
 
     Attributes:
-        x: pitch, roll [rad], distance [m], and of six legs shifts [m] and yaw [rad], shape (n, freedoms).
-        angles: of the servos from neutral [rad], or lengths of the legs [m], shape (n, freedoms).
-        force: of the device on the skin [N], float32, shape (n, m, 3).
-        mismatch: |rendered - target| / |target| in the method's own descriptor, 0 without touch, shape (n,).
-        kkt: optimality of the search, shape (n,). iterations: of it, shape (n,).
-        pressing: the disc touches, shape (n,). touched: the target is a touch, shape (n,).
-        held_back: a servo limit was active, shape (n,).
-        steep: in a better pose the platform would give way, shape (n,).
-        rescued: the direct search took a learned model's place, shape (n,).
-        method: which one.
-        predicted: stimulus that the search expected, in its model's components, shape (n, k); zeros without touch. None
-            for 'force' and 'geometry', which look for something else.
-        amounts: of skin with a law by how much less than linear skin the pad gives way [m], see `Stimulus.given`, shape
-            (n, 3 m); None of linear skin.
-        stress_error: error of the whole stress, relative to the target's; 0 without touch, shape (n,).
-        looks, unsettled: see `ThimbleFrame`, shape (n,).
+        x: configurations, shape (n, freedoms): pitch, roll [rad] and distance [m]; for six legs followed by two shifts
+            [m] and yaw [rad].
+        angles: servo angles from neutral [rad], or lengths of the six legs [m], shape (n, freedoms).
+        force: force of the device on each pad node [N], float32, shape (n, m, 3).
+        mismatch: |rendered - target| / |target| in the method's own descriptor, shape (n,); 0 without touch.
+        kkt: KKT residual of the search, see `Minimum`, shape (n,).
+        iterations: number of steps of the search, shape (n,).
+        pressing: whether the disc presses on the skin, shape (n,).
+        touched: whether the target is a touch, shape (n,).
+        held_back: whether a servo's range or speed limited the search, shape (n,).
+        steep: whether a better pose was excluded because the platform would give way there, shape (n,).
+        rescued: whether the direct search replaced a learned model, shape (n,).
+        method: name of the method, one of `thimble_use.METHODS`.
+        predicted: stimulus predicted by the search's model, shape (n, k); zeros without touch. None for 'force' and
+            'geometry', which do not predict a stimulus.
+        amounts: displacement of the pad in linear skin minus its displacement in nonlinear skin [m], see
+            `Stimulus.given`, shape (n, 3 m); None for linear skin.
+        stress_error: error of the whole stress, relative to the target's, shape (n,); 0 without touch.
+        looks, unsettled: evaluations of the nonlinear law and their final error, see `ThimbleFrame`, shape (n,).
     """
 
     x: Array
@@ -58,12 +61,12 @@ class ThimbleSequence:
     unsettled: Array = field(default_factory=lambda: np.zeros(0))
 
     def commands(self, spec: DeviceSpec) -> Array:
-        """Return the values of a preset's channels, shape (n, channels).
+        """Return the values of a preset's channels in SI, shape (n, channels).
 
         Raises:
-            DermisError: a channel that no thimble has.
+            DermisError: the preset has a channel that a thimble does not have.
         """
-        if self.x.shape[1] > 3:  # legs are told in the order in which they stand
+        if self.x.shape[1] > 3:  # for six legs, the channels are the legs in the order of the preset
             columns = {c.name: column for c, column in zip(spec.channels, self.angles.T, strict=True)}
         else:
             columns = channel_values(self.angles, self.x)
@@ -79,7 +82,7 @@ class ThimbleSequence:
 
 
 def collect(frames: list[ThimbleFrame], contact: DiscContact, method: str) -> ThimbleSequence:
-    """Collect frames of a disc's contact with the skin."""
+    """Return the sequence made of some frames."""
     found = [f.minimum for f in frames]
     predicted = None
     if method not in ("force", "geometry"):
@@ -106,7 +109,7 @@ def collect(frames: list[ThimbleFrame], contact: DiscContact, method: str) -> Th
 
 
 def amounts_of(frames: list[ThimbleFrame], contact: DiscContact) -> Array | None:
-    """Return the amounts of each frame on skin with a law, shape (n, 3 m)."""
+    """Return `ThimbleSequence.amounts` of some frames [m], shape (n, 3 m); None for linear skin."""
     if contact.law is None:
         return None
     none = np.zeros(3 * contact.points.node_count)

@@ -1,7 +1,6 @@
-"""How a thimble is used on one finger: the mechanism as it sits on the person, the method, and its learned model.
+"""Use of a thimble on one finger: the mechanism as mounted on the person, the method, and the learned model.
 
-Every user of a finger's thimble (bake, preview, plot, adaptation) asks here, so that all of them speak of the same
-device.
+Bake, preview, plot and adaptation all call `prepare`, so all of them use the same device.
 """
 
 from __future__ import annotations
@@ -35,23 +34,27 @@ from ..surrogate.soundness import try_out
 from ..surrogate.store import contact_of, load, place_of
 
 METHODS = DEVICE["thimble_method"].keys
-LOOKUP = "lookup"  # of platforms: no search for a pose, but a table
+LOOKUP = "lookup"  # the method of platforms that takes commands from a table instead of a search for a pose
 LEARNED = ("network", "ridge")
 HOVER = DEVICE["thimble_hover"].default
-TRIED_TILT, TRIED_DEPTH = 0.2, 0.5e-3  # [rad], [m]: where a surrogate must be able to answer
+# A surrogate is tried out at this tilt [rad] and at this depth below first contact [m].
+TRIED_TILT, TRIED_DEPTH = 0.2, 0.5e-3
 
 
 @dataclass(frozen=True, eq=False)
 class ThimbleUse:
-    """A thimble on one finger, or a platform on six legs that is matched as one.
+    """A thimble on one finger, or a platform on six legs that is matched like a thimble.
 
     Attributes:
-        device: the mechanism, mounted as it sits on this person.
-        skin: under the device. friction: between both. hover: distance kept while nothing is touched [m].
-        method: one of `METHODS`, after a learned one that cannot be used was replaced.
-        observation_matrix: stress components that the learned model speaks of; None where the device's own are meant.
-        learned: the model of 'network' and 'ridge'; None for the others.
-        findings: replacements, and their reasons.
+        device: the mechanism, mounted as on this person.
+        skin: model of the skin under the device.
+        friction: friction coefficient between disc and skin.
+        hover: distance of the disc from the skin while nothing is touched [m].
+        method: one of `METHODS`. A learned method that cannot be used has been replaced by 'stress'.
+        observation_matrix: maps forces on the pad nodes to the learned model's stress components, shape (k, 3 m). None
+            for the components of the device's own description.
+        learned: model of the methods 'network' and 'ridge'; None for the others.
+        findings: problems found, among them the reason for a replaced method.
     """
 
     device: DiscDevice
@@ -65,13 +68,17 @@ class ThimbleUse:
 
 
 def calibrated_mechanism(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any]) -> tuple[Thimble, float]:
-    """Return a preset's mechanism as it sits on a person, and the friction of its disc.
+    """Return a preset's mechanism as mounted on a person, and the friction coefficient of its disc.
 
-    Parameters of the use: 'thimble_calibrated' (bool) and 'thimble_felt_1' to '_3', the servo angles from neutral at
-    which the person first feels the disc [rad].
+    Args:
+        spec: the device's preset.
+        skin: model of the finger's skin.
+        parameters: 'thimble_calibrated' (bool), and 'thimble_felt_1' to 'thimble_felt_3', the servo angles from neutral
+            at which the person first feels the disc [rad]. All other entries are ignored.
 
     Raises:
-        DermisError: a preset that cannot be built, or angles that no configuration of the platform has.
+        DermisError: the mechanism cannot be built, an angle is outside the servos' range, or no configuration of the
+            platform has these angles.
     """
     device, friction = mechanism(spec), float(spec.value("skin_friction"))
     if not DEVICE["thimble_calibrated"].of(parameters, spec.key):
@@ -89,15 +96,17 @@ def calibrated_mechanism(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[
 
 
 def method_name(spec: DeviceSpec) -> str:
-    """Return the parameter that says how a device's disc is matched."""
+    """Return the name of the parameter that selects a device's method."""
     return "platform_method" if spec.kind == "hexapod" else "thimble_method"
 
 
 def by_stress(spec: DeviceSpec, parameters: Mapping[str, Any]) -> bool:
-    """Return whether a device is matched pose by pose: every thimble, and six legs that are not looked up.
+    """Return whether a device is matched by a search for its pose, and not by a look-up table.
+
+    This is so for each thimble, and for six legs unless their method is 'lookup'.
 
     Raises:
-        DermisError: a method that there is not, or one of six legs for another platform.
+        DermisError: the method is unknown, or the platform does not have six legs with a motor each.
     """
     if spec.kind == "thimble":
         return True
@@ -116,7 +125,10 @@ def by_stress(spec: DeviceSpec, parameters: Mapping[str, Any]) -> bool:
 
 
 def disc_device(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any]) -> tuple[DiscDevice, float]:
-    """Return a preset's mechanism as it sits on a person, and the friction of its disc; see `calibrated_mechanism`."""
+    """Return a thimble's or six legs' mechanism as mounted on a person, and the friction coefficient of its disc.
+
+    Arguments and errors are those of `calibrated_mechanism`. Six legs have no calibration.
+    """
     if spec.kind != "hexapod":
         return calibrated_mechanism(spec, skin, parameters)
     by_stress(spec, {"platform_method": "stress"})
@@ -124,18 +136,21 @@ def disc_device(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any]
 
 
 def prepare(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any], where: str = "thimble") -> ThimbleUse:
-    """Return how a thimble is used.
+    """Return the use of a thimble on one finger.
 
-    Parameters of the use, besides those of `calibrated_mechanism`: 'thimble_method' (see `METHODS`, default
-    'stress'); 'thimble_surrogate', for 'network' and 'ridge', the path of its files or of the folder that adaptations
-    are kept in; 'thimble_hover' [m].
+    If a surrogate cannot be used, the method 'stress' replaces it, and a finding gives the reason.
 
-    A platform on six legs has 'platform_method' instead, which must not be 'lookup'.
-
-    Where a surrogate cannot be used, a finding says why and the direct method takes its place.
+    Args:
+        spec: the device's preset.
+        skin: model of the finger's skin.
+        parameters: those of `calibrated_mechanism`, and 'thimble_method' (one of `METHODS`, default 'stress'),
+            'thimble_surrogate' (for 'network' and 'ridge': path of the surrogate's file, or of the folder in which
+            adaptations are stored) and 'thimble_hover' [m]. Six legs have 'platform_method' instead of
+            'thimble_method'; it must not be 'lookup'.
+        where: the finger and device that findings and errors name.
 
     Raises:
-        DermisError: an unknown method, a hover out of range, or an error of `calibrated_mechanism`.
+        DermisError: the method is unknown, the hover is out of range, or `calibrated_mechanism` fails.
     """
     device, friction = disc_device(spec, skin, parameters)
     method, hover = (DEVICE[name].of(parameters, where) for name in (method_name(spec), "thimble_hover"))
@@ -159,11 +174,14 @@ def prepare(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any], wh
 
 
 def _near(spec: DeviceSpec, device: DiscDevice, contact: DiscContact) -> tuple[Finding, ...]:
-    """Find a safe pose that is not clear of this finger, as it was felt: it may be thicker than the preset allows."""
+    """Report a safe pose in which the disc is too near to this finger.
+
+    The preset's own check cannot find this, since a calibrated finger may be thicker than the preset assumes.
+    """
     values = safe_state(spec).values
     joints = SERVOS if isinstance(device, Thimble) else tuple(c.name for c in spec.channels)
     if not set(joints) <= set(values):
-        return ()  # said of the preset itself
+        return ()  # the check of the preset reports this
     x = device.forward([values[j] for j in joints], middle_of(spec, device))
     room = float(contact.gap(placed(device, device.pose(x))).min())
     if room >= CLEAR:
@@ -182,7 +200,7 @@ def _near(spec: DeviceSpec, device: DiscDevice, contact: DiscContact) -> tuple[F
 
 
 def middle_of(spec: DeviceSpec, device: DiscDevice) -> Array:
-    """Return a level configuration that the device holds, as a start for poses, shape (n,)."""
+    """Return a level configuration within the device's range, a start for forward kinematics, shape (freedoms,)."""
     distance = reference_distance(spec, device) if isinstance(device, Thimble) else float(spec.value("rest_distance"))
     return seated(device, 0.0, 0.0, distance)
 
@@ -194,10 +212,12 @@ def _pressing(device: DiscDevice, contact: DiscContact) -> list[Array]:
 
 
 def surrogate_path(parameters: Mapping[str, Any], skin: SkinModel, device: DiscDevice, friction: float) -> Path:
-    """Return where a use's surrogate should be: the file that is named, or this skin's own in the folder named.
+    """Return the path of a surrogate.
+
+    If 'thimble_surrogate' is a folder, the path is that of this skin's own surrogate in it.
 
     Raises:
-        DermisError: none is named.
+        DermisError: 'thimble_surrogate' is empty.
     """
     given = DEVICE["thimble_surrogate"].of(parameters)
     if not given:

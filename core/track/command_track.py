@@ -15,7 +15,7 @@ from ..errors import DermisError, Finding, Severity
 from ..interpolate import MAX_SAMPLES, Method, grid, interpolate
 from .limiter import DIGITS, SLEW_SLACK, Limiter
 
-# Kinds of limiting: severity and text.
+# Kinds of limiting: severity and text of their findings.
 LIMITED: dict[str, tuple[Severity, str]] = {
     "not_finite": ("error", "samples that were no finite number were held at the last good value"),
     "range": ("warning", "samples were limited to the channel's range"),
@@ -24,22 +24,23 @@ LIMITED: dict[str, tuple[Severity, str]] = {
     "slew_of_pair": ("warning", "samples were slowed down with the other channel of the round range"),
     "ramp": ("info", "samples were blended with rest at the start or the end"),
 }
-RECORDED = "recorded"  # the prefix of a track's sensor where that was a real one
-RATE_SLACK = 0.01  # how far a stated rate may be from that of the samples, as a part of it
+RECORDED = "recorded"  # prefix of the entry 'sensor' in a track's `meta` if a real sensor recorded the touch
+RATE_SLACK = 0.01  # largest relative difference between the stated rate and the rate of the samples
 
 
 @dataclass(frozen=True)
 class CommandTrack:
-    """Command values of one device at rising times, in SI.
+    """Command values of one device at increasing times, in SI.
 
     Attributes:
-        spec: the device.
-        times: [s] from the start of the range, strictly rising, shape (n,).
-        values: in the units of `spec.channels`, shape (n, channels).
-        meta: information for readers of the file: finger, scene, frame range, fps, content hash ...
-        limited: per 'channel.kind' ('tactor_x.range', 'tactor_x.slew' ...), how many samples a limiter changed.
+        spec: the device's preset, with its channels and rate.
+        times: time of each sample from the start of the frame range [s], strictly increasing, shape (n,).
+        values: one column for each of `spec.channels`, in the channel's unit, shape (n, channels).
+        meta: information for readers of the file, such as finger, scene, frame range, fps and content hash.
+        limited: number of samples that a limiter changed, by channel and kind of limit ('tactor_x.range',
+            'tactor_x.slew' ...).
 
-    A cap that shall jump by 1 mm and back within 2 ms, and does what 150 mm/s allow:
+    Commands that jump by 1 mm and back within 2 ms are limited to the largest speed of the channel, 150 mm/s:
 
     >>> import numpy as np
     >>> from dermis import CommandTrack, Library
@@ -78,7 +79,11 @@ class CommandTrack:
         return self.spec.channels
 
     def column(self, name: str) -> Array:
-        """Return the values of one channel, shape (n,)."""
+        """Return the values of one channel, shape (n,).
+
+        Raises:
+            DermisError: the device has no channel of this name.
+        """
         for i, channel in enumerate(self.spec.channels):
             if channel.name == name:
                 return self.values[:, i]
@@ -92,15 +97,17 @@ class CommandTrack:
         return float(self.times[-1] - self.times[0]) if len(self.times) else 0.0
 
     def resampled(self, rate: float, method: Method = "linear") -> CommandTrack:
-        """Return the track at another rate, from its first time to at or just before its last.
+        """Return the track at another rate.
+
+        The first sample stays at the same time. The last is at the track's last time or just before it.
 
         Args:
-            rate: [Hz]; the new track's spec has it too.
-            method: 'linear', or 'pchip' (C1, monotone wherever the samples are); neither overshoots.
+            rate: samples per second [Hz], also set in the new track's `spec`.
+            method: 'linear', or 'pchip' (piecewise cubic, C1, monotone between samples). Neither overshoots.
 
         Raises:
-            DermisError: the rate is not positive or asks for too many samples, the method unknown, the track empty, or
-                its times not finite or not rising.
+            DermisError: the rate is not positive or needs too many samples, the method is unknown, the track is empty,
+                or its times are not finite or not increasing.
         """
         if len(self.times) == 0:
             raise DermisError("the track is empty", where=self._place())
@@ -129,17 +136,19 @@ class CommandTrack:
     def within_limits(
         self, *, start_at_rest: bool = False, ramp_in: float = 0.0, ramp_out: float = 0.0
     ) -> CommandTrack:
-        """Return the track as the device can follow it; nothing is dropped, and every changed sample is counted.
+        """Return the track as the device can follow it.
 
-        In turn: values that are not finite are held, ramps, range, round range, largest speed. The counts in `limited`
-        add up.
+        All samples are kept. The limits are applied in this order: values that are not finite are replaced by the last
+        finite value, then ramps, range, round range and largest speed. The number of samples changed by each is added
+        to the counts in `limited`.
 
         Args:
-            start_at_rest: the device is at rest at the first sample and moves to the track from there.
-            ramp_in, ramp_out: blend with rest over this long at the start and the end [s].
+            start_at_rest: True if the device is at rest at the first sample and moves to the track from there.
+            ramp_in: time over which the start is blended with rest [s].
+            ramp_out: time over which the end is blended with rest [s].
 
         Raises:
-            DermisError: a ramp is negative, or the times do not rise.
+            DermisError: a ramp is negative, or the times are not finite or not increasing.
         """
         for name, seconds in (("ramp_in", ramp_in), ("ramp_out", ramp_out)):
             if not (np.isfinite(seconds) and seconds >= 0):
@@ -161,10 +170,10 @@ class CommandTrack:
         return replace(self, values=limiter.values, limited=counts)
 
     def check(self) -> tuple[Finding, ...]:
-        """Return problems for the device or a reader of the track, and the counts of limited samples.
+        """Return findings about the track: problems for the device or for a reader, and counts of limited samples.
 
-        Codes: 'empty', 'times-not-rising', 'not-finite', 'rate', 'out-of-range', 'too-fast', 'duplicate-actuator'
-        (errors), 'wire-budget' (warning), 'limited-KIND' for every kind in `limited`.
+        Errors have the codes 'empty', 'times-not-rising', 'not-finite', 'rate', 'out-of-range', 'too-fast' and
+        'duplicate-actuator'. 'wire-budget' is a warning. Each kind in `limited` has a finding 'limited-KIND'.
         """
         return (
             *self._check_times(),
@@ -205,7 +214,10 @@ class CommandTrack:
             yield from self._check_rate()
 
     def _check_rate(self) -> Iterator[Finding]:
-        """Compare the stated rate with the samples' own; a gap, or some samples too many, are no contradiction."""
+        """Compare the stated rate with that of the samples: with the median and with the mean of their intervals.
+
+        It is enough that one of them agrees. A track with a gap, or with a few extra samples, therefore passes.
+        """
         found = 1.0 / float(np.median(np.diff(self.times)))
         mean = (len(self.times) - 1) / self.duration
         if min(abs(found - self.spec.rate), abs(mean - self.spec.rate)) > RATE_SLACK * self.spec.rate:
@@ -307,7 +319,7 @@ class CommandTrack:
                 )
 
     def _finding(self, code: str, what: str, place: str, bad: NDArray[np.bool_], values: Array, limit: str) -> Finding:
-        """Report samples of one kind as one finding: the first one's frame, and the worst value."""
+        """Return one finding for all bad samples, with the frame of the first and the largest absolute value."""
         rows = np.flatnonzero(bad)
         sizes = np.abs(values[rows])
         worst = float(values[rows[int(np.argmax(np.where(np.isnan(sizes), np.inf, sizes)))]])
@@ -331,7 +343,7 @@ class CommandTrack:
         return f"{owner}, {channel}" if channel else owner
 
     def _frame(self, time: float) -> float | None:
-        """Return the scene frame at a time, where the track knows its scene's frames."""
+        """Return the scene frame at a time [s]; None if `meta` has no valid frame range and fps."""
         try:
             first, fps = float(self.meta["frame_range"].split()[0]), Fraction(self.meta["fps"])
         except (KeyError, ValueError, IndexError, ZeroDivisionError):

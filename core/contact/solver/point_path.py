@@ -1,7 +1,8 @@
-"""Contact along a path on free points of the smooth skin, as fine as the objects that press into it are bent.
+"""Contact along a path, on points of the smooth skin that are refined where the objects are curved.
 
-As `PathSolver`, with points that come and go: a tree of cells is asked wherever something has moved, the compliance of
-those cells that may touch is kept up, and friction's history goes from cells to the ones that take their place.
+`PointSolver` works like `PathSolver`, but its set of points changes from frame to frame. If a body has moved, a
+quadtree finds the cells that may touch (see `PointTree`). Their centres are the points, and the compliance matrix
+between them is updated. If a cell is split or merged, its friction history passes to the cells that replace it.
 """
 
 from __future__ import annotations
@@ -35,11 +36,13 @@ from .point_tree import MANY, OFTEN, PointTree
 from .posed_records import in_reach
 from .rims import over_rims
 
-# Skin is looked for this far out [m].
+# Largest distance at which a body is found from the skin [m].
 REACH = 2.5e-3
-# While bodies stand, the last forces serve up to this residual: gaps follow the skin, which lies ever more exactly.
+# While no body moves, the last forces are kept if their residual is below this. The gaps still change a little, because
+# they are measured from the displaced skin, whose position converges over a few frames.
 STANDS = 3e-3
-# The points are changed before a frame is looked at where it moves less than this [m]; else on its way.
+# If bodies move less than this in a frame [m], the points are changed before its gaps are measured. If they move
+# farther, the frame is solved in parts, and the points are changed at each part.
 SLOW = 0.15e-3
 
 
@@ -48,12 +51,13 @@ class PointSolver(PathSolver):
 
     Args:
         surface: the compliance between cells of the pad.
-        nodes: brings forces on cells to the nodes of a mesh; without it they stay on the cells, and skin is linear.
+        nodes: converts forces on cells to forces on the nodes of a mesh. If it is None, forces stay on the cells, and
+            the skin must be linear.
 
-    For the others see `PathSolver`.
+    All other arguments are those of `PathSolver`.
 
     Attributes:
-        cells: of the chart, that the frame's points are the centres of, shape (n,).
+        cells: indices of the chart's cells whose centres are the points of this frame, shape (n,).
     """
 
     def __init__(
@@ -76,11 +80,11 @@ class PointSolver(PathSolver):
         self.operator = Linear(np.zeros((0, 0)))
         self.history = ContactHistory(0)
         self._asked: tuple[ContactBody, ...] | None = None
-        self._calm: NodeGaps | None = None  # the last that were measured, where the tree asked for no other points
+        self._calm: NodeGaps | None = None  # the last measured gaps; None if the tree was due for a survey then
         starts = surface.chart.starts
         self._pad = surface.cells.positions[starts[1] : starts[2]]
         ends = np.stack([self._pad.min(axis=0), self._pad.max(axis=0)])
-        self._corners = np.stack([c.ravel() for c in np.meshgrid(*ends.T)], axis=1)  # of the pad's box
+        self._corners = np.stack([c.ravel() for c in np.meshgrid(*ends.T)], axis=1)  # corners of the pad's bounding box
         self._sample = self._pad[:: max(len(self._pad) // 32, 1)]
         self._reach = PointReach(self._points)
         self._number()
@@ -93,14 +97,14 @@ class PointSolver(PathSolver):
 
     @property
     def pad(self) -> Array:
-        """Points of the undeformed skin that tell where anything first touches [m], shape (n, 3)."""
+        """Points of the undeformed skin at which first contact is detected [m], shape (n, 3)."""
         return self._pad
 
     def outside(self, bodies: Sequence[ContactBody], reach: float = np.inf) -> float:
-        """Return the smallest gap of the undeformed skin [m], inf where there is none within reach."""
+        """Return the smallest gap of the undeformed skin [m]; inf if no body is within reach."""
         if not all(body.away or isinstance(body.surface, Plane) or body.surface.closed for body in bodies):
             return super().outside(bodies, reach)
-        # no gap changes by more than the way to another point, so skin far from the closest point need not be asked
+        # the gaps of two points differ by at most their distance, so skin far from the closest point can be left out
         sizes = self._reach.sizes
         gap = node_gaps(self.places, bodies, reach + float(sizes.max()), self.bone).gap
         closest = float((gap + sizes).min())
@@ -116,7 +120,7 @@ class PointSolver(PathSolver):
 
     @property
     def reach(self) -> Array:
-        """How far from each of `places` skin of its cell may be in the next frame [m], shape (p,)."""
+        """Radius around each of `places` that contains the skin of its cell in the next frame [m], shape (p,)."""
         sizes = self._reach.sizes
         return sizes + self._bulge(self._reach.moved(self._force, self._image)) if self.loaded.any() else sizes
 
@@ -134,7 +138,7 @@ class PointSolver(PathSolver):
         return {**super().save(), **own, "asked": self._asked, "new": self._new}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go back to a saved state, its points and all."""
+        """Go back to a saved state, with its points."""
         self._points.restore(state["points"])
         self._number()
         self._tree.restore(state["tree"])
@@ -142,9 +146,10 @@ class PointSolver(PathSolver):
         super().restore(state)
 
     def pressing(self, start: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices) -> float:
-        """Return how far matter moves along its own normal at points [m].
+        """Return the largest movement of the bodies' material along its own normal at some points [m].
 
-        Gaps tell it only of bodies whose triangles are others: where a surface turns they jump.
+        It is measured on the triangles. A difference of gaps would jump where a surface has an edge, so it is used only
+        for bodies whose triangles have changed since the last frame.
         """
         far, which = 0.0, gaps.body[nodes]
         for i in np.unique(which).tolist():
@@ -165,7 +170,7 @@ class PointSolver(PathSolver):
         return self.nodes.gather(self.cells, self.law.beyond)
 
     def look(self, bodies: Sequence[ContactBody]) -> NodeGaps:
-        """Measure the next frame's gaps, without taking it."""
+        """Measure the next frame's gaps, without solving the frame."""
         slow = all(travel(a, b, self._sample) <= SLOW for a, b in paired(self._bodies, bodies))
         return self._looked(tuple(bodies), slow)
 
@@ -178,14 +183,14 @@ class PointSolver(PathSolver):
         part: bool = False,
     ) -> PathStep:
         """Solve the next frame, as `PathSolver.step` does."""
-        # gaps of a frame that moves far were measured at the points of the last one
+        # if a frame moves far, its gaps were measured at the points of the frame before
         late = gaps is None or not (part or gaps is self._calm) and self._asks(bodies)
         if late and (part or not self.unmoved(bodies)):
             gaps = self._looked(tuple(bodies), True)
         return super().step(bodies, scene_frame=scene_frame, gaps=gaps, part=part)
 
     def _looked(self, bodies: tuple[ContactBody, ...], slow: bool) -> NodeGaps:
-        """Measure gaps, at other points where the tree asks for them and bodies move slowly."""
+        """Measure gaps; if a survey is due and bodies move slowly, change the points first."""
         asks = self._asks(bodies)
         if asks and (slow or self.fresh):
             self._survey(bodies)
@@ -204,7 +209,7 @@ class PointSolver(PathSolver):
         return gaps
 
     def _freed(self, bodies: tuple[ContactBody, ...], places: Array) -> Freed:
-        """Return the points that slide beside an edge, and where they would be without their own force."""
+        """Return the points that slide beside an edge, and their positions without their own force."""
         if all(body.away or body.friction >= HELD for body in bodies):
             return NOTHING
         some, beside = self._cell_gaps.beside_edges(self.loaded & ~self.history.sticking)
@@ -224,7 +229,7 @@ class PointSolver(PathSolver):
     # -- the points ----------------------------------------------------------------------------------------------
 
     def _asks(self, bodies: Sequence[ContactBody]) -> bool:
-        """Whether anything near has moved since the tree was asked, so that other cells may have to be points."""
+        """Whether any body near the pad has moved since the last survey, so that the points may have to change."""
         if self._asked is None:
             return True
         for a, b in paired(self._asked, bodies):
@@ -235,7 +240,7 @@ class PointSolver(PathSolver):
         return False
 
     def _survey(self, bodies: tuple[ContactBody, ...]) -> None:
-        """Ask the tree which cells may touch, and go over to them."""
+        """Find the cells that may touch with a survey of the tree, and make them the points."""
         found = self._tree.survey(bodies, self._skin(), REACH, self.bone, self.cells[self.loaded])
         self._asked = bodies
         leaving, entering = self._points.difference(found)
@@ -244,7 +249,7 @@ class PointSolver(PathSolver):
             self._inherit(passed, self._change(leaving, entering))
 
     def _change(self, leaving: Indices, entering: Indices) -> Indices:
-        """Go over to other cells; return where each point that stays was."""
+        """Remove and add points; return the former index of each point that stays."""
         count = len(self.cells)
         order = self._points.change(leaving, entering)
         self._number()
@@ -252,13 +257,13 @@ class PointSolver(PathSolver):
         return order
 
     def _number(self) -> None:
-        """Set the data of the points."""
+        """Update all data that depend on the set of points."""
         self.points, self.areas = self._points.positions, self._points.areas
         self._own = own_compliance(self._points.matrix.matrix)
         self._zero, self._status = np.zeros((len(self.cells), 3)), np.zeros(len(self.cells), dtype=np.int8)
 
     def _inherit(self, passed: Succession, order: Indices) -> None:
-        """Give the points the state of the cells that they are, or come in the place of."""
+        """Give each point its own state from before, or the state of the cells that it replaces."""
         n, count, force, history = len(self.cells), len(order), self._force, self.history
 
         def kept(values: Array) -> Array:
@@ -289,13 +294,13 @@ class PointSolver(PathSolver):
     # -- the compliance ------------------------------------------------------------------------------------------
 
     def _allowed(self, bodies: tuple[ContactBody, ...]) -> float:
-        # standing bodies are measured ever more exactly where skin lies by now: that is no reason to solve again
+        # between bodies that do not move, gaps change only because the skin's position converges: no new solve is due
         stands = self._step is not None and same_places(bodies, self._bodies)
         return STANDS if stands else super()._allowed(bodies)
 
     def _extrapolated(self, force: Array) -> Array:
         start = super()._extrapolated(force)
-        if self._last is not None:  # points that have come since have no past
+        if self._last is not None:  # new points have no force in the frame before the last
             new, self._new = slice(self._new, None), len(force)
             start[new] = force[new]
         return start

@@ -1,9 +1,15 @@
-"""PointTree: an adaptive quadtree of a smooth pad: cells as fine as objects that press into it are bent, and no finer.
+"""PointTree: an adaptive quadtree of the pad's surface, refined where the objects that press into it are curved.
 
-A cell is cut along the finger, around it or both ways, where surfaces seen from its corners turn that way, or where
-their gap is not linear: across an edge cells are fine, along it they are long. It is whole again only well below those
-limits, so that nothing flickers. Corners reach beyond their cell: an edge between two cells is in both. Which cells
-there are follows from where things are at a survey, and from which cells there were; `core/kernels/survey.c` has it.
+A cell is split along the finger, around the finger, or both ways. It is split in a direction if the object's surface
+normals, found from the cell's corners, turn in that direction, or if the gap is not linear over the cell. Cells are
+therefore short across an edge of an object and long beside it.
+
+A cell is merged only if normals and gap stay well below the limits for splitting. This hysteresis keeps cells from
+changing back and forth between frames. The corners lie a little outside their cell, so both of two neighbours detect an
+edge that lies between them.
+
+A survey computes the cells from the positions of the bodies and from the cells of the survey before. The compiled code
+is in `core/kernels/survey.c`.
 """
 
 from __future__ import annotations
@@ -23,28 +29,35 @@ from .bodies import ContactBody
 from .moved_skin import MovedSkin
 from .posed_records import posed_records
 
-# A cell is cut where normals at its corners differ by more than this, or a gap is off linear by more than this [m].
+# TURNED: a cell is split if two unit normals at its corners differ by more than this (length of the difference).
+# BENT: a cell is split if its gap differs from a linear one by more than this [m].
 TURNED, BENT = 0.3, 0.04e-3
-# Sides are halved less often, by one, while there would be more points than this, but so often at least: bodies in the
-# skin pass between coarser points. Of more than the last only those count that carry force or are nearest to a body.
+# MANY: while more cells than this would be points, the finest level is lowered by one.
+# COARSEST: the finest level is never lowered below this many halvings, or small bodies would pass between the points.
+# MOST: largest number of points. Cells that carry force come first, then those nearest to a body.
 MANY, COARSEST, MOST = 450, 1, 1000
-# A way is no matter where normals lean apart that way by less than this share of their lean the other way; normals
-# that lean by less than the second tell no way.
+# The lean along a side is the range of the normals' components along it; a larger lean means a surface that turns more.
+# ODD: a side is not halved if the lean along it, plus LEVEL, is below this share of the lean along the other side.
+# LEVEL: a lean below this has no reliable direction.
 ODD, LEVEL = 0.4, 0.1
-# A cell stays cut down to this share of the limits.
+# A cell that was split stays split until normals and gap fall below this share of the limits.
 MERGE = 0.6
-# Sides that were halved so often are halved again only where normals differ by more than this: at edges sharper than a
-# right angle.
+# OFTEN: number of halvings of a side after which SHARP is the limit instead of TURNED.
+# SHARP: difference of unit normals; only edges sharper than a right angle exceed it.
 OFTEN, SHARP = 2, 1.5
-# A cell that seems to lie deeper than this [m] is lifted; across its normal by no more than the inverse of this.
+# DEEP: if a cell's centre lies deeper than this in a body [m], it is moved out along the cell's normal to the surface.
+# STEEP: least cosine between the two normals that is used for that. It limits the way to 1 / STEEP times the depth.
 DEEP, STEEP = 0.06e-3, 0.3
-CORNERS = 0.75  # of a cell's sides, from its centre
-# ... and where an edge comes so near to the cell [m], whose faces' normals differ by more than the second: so cells are
-# fine before skin slides onto it.
+CORNERS = 0.75  # distance of the corners from the cell's centre, as a share of each side; 0.5 is the cell's own corner
+# An edge of a body beside the cell splits the cell as well, so cells are fine before the skin slides onto the edge.
+# BEYOND: distance from the cell within which such an edge counts [m].
+# EDGE: difference of the unit normals of its two faces above which it counts.
 BEYOND, EDGE = 0.4e-3, 0.9
-# Points may touch below this share of their cell's side, and a margin for movement until the next look [m].
+# A cell becomes a point if its gap is below NEAR times its size plus MARGIN.
+# NEAR: share of the side of a square of the cell's area. MARGIN: allowance for movement until the next survey [m].
 NEAR, MARGIN = 0.4, 0.1e-3
-BESIDE = 0.35  # times its longer side that a cell's corners may be nearer than its centre
+# A cell's corners may be nearer to a body than its centre, by at most this share of the cell's longer side.
+BESIDE = 0.35
 
 _NONE: Indices = np.zeros(0, dtype=np.int64)
 _NOT_FINITE = DermisError("contact is asked about numbers that are not finite", where="the skin's cells")
@@ -54,23 +67,28 @@ class PointTree:
     """The cells of a pad, split where contact needs it.
 
     Args:
-        pad: with the chart that the cells are of.
+        pad: the compliance of the pad, with the chart that contains the cells.
+
+    Attributes:
+        finest: largest number of times that a side is halved, at present.
+        edges: whether any edge of a body was near the pad at the last survey.
     """
 
     def __init__(self, pad: SurfaceCompliance) -> None:
         self.pad, self.chart = pad, pad.chart
         self._tiles = self.chart.tiles
         _, self._long, self._sides = pad.cells.extent
-        self.finest = self._tiles.levels - 1  # how often sides are halved at most
+        self.finest = self._tiles.levels - 1
         self._roots = pad.cells.positions[: self.chart.starts[1]]
         self._largest = float(self._long[: self.chart.starts[1]].max())
-        self.edges = False  # whether any were near at the last survey
-        self._cut: Indices = _NONE  # cells that are cut, and their ways
+        self.edges = False
+        # `_cut` lists the cells that are split. `_ways` has their directions: bit 0 is the first side, bit 1 the second.
+        self._cut: Indices = _NONE
         self._ways = np.zeros(len(self._sides), dtype=np.int64)
         self._record = self._fixed()
 
     def _fixed(self) -> records.SurveyRecord:
-        """Return a record for the kernels, filled with the constants; arrays are kept as long as it."""
+        """Return the kernel's record with all constants filled in; `_kept` keeps its arrays alive."""
         tiles, cells = self._tiles, self.pad.cells
         record = records.SurveyRecord(roots=self.chart.starts[1], levels=tiles.levels, squares=4 ** (tiles.levels - 1))
         named = {"first": tiles.first, "ways": tiles.ways, "root": tiles.root, "halved": tiles.halved}
@@ -88,20 +106,21 @@ class PointTree:
 
     @property
     def patience(self) -> float:
-        """How far bodies may move before the tree has to be asked again [m].
+        """Distance that bodies may move before a new survey is due [m].
 
-        Beside an edge it is asked wherever they move: which cells there are then hangs on where things are alone. Else
-        points come before they touch, and half of their margin is for cutting and merging cells.
+        Near an edge it is 0: a survey follows every movement, so that the cells depend on positions alone. Elsewhere
+        points are created `MARGIN` before they touch. If any cell is split, half of this margin is reserved for
+        splitting and merging.
         """
         return 0.0 if self.edges else MARGIN if not len(self._cut) else 0.5 * MARGIN
 
     def forget(self) -> None:
-        """Begin again: nothing is cut."""
+        """Merge all cells and start again."""
         self._set(_NONE, _NONE)
         self.finest, self.edges = self._tiles.levels - 1, False
 
     def save(self) -> tuple[Indices, Indices, int, bool]:
-        """Return the state that a survey changes."""
+        """Return the state that a survey changes, for `restore`: split cells, their directions, `finest`, `edges`."""
         return self._cut, self._ways[self._cut], self.finest, self.edges
 
     def restore(self, state: tuple[Indices, Indices, int, bool]) -> None:
@@ -116,14 +135,20 @@ class PointTree:
     def survey(
         self, bodies: Sequence[ContactBody], skin: MovedSkin, reach: float, bone: Array, loaded: Indices
     ) -> Indices:
-        """Cut and merge cells, and return those that may touch.
+        """Split and merge cells; return the cells that may touch, at most `MOST`.
 
         Args:
-            bodies: to be seen. skin: that sees them. reach: beyond which nothing is seen [m].
-            bone: a point inside the finger [m], shape (3,). loaded: cells that carry force.
+            bodies: objects that may touch the pad.
+            skin: the pad, displaced by the contact forces of the last frame.
+            reach: largest distance at which a body is found [m].
+            bone: a point inside the finger [m], shape (3,).
+            loaded: indices of the cells that carry force, shape (k,).
+
+        Returns:
+            Indices of the cells, shape (n,).
 
         Raises:
-            DermisError: a number that is not finite.
+            DermisError: a position or force is not finite.
         """
         most = float(np.sqrt(np.einsum("ij,ij->i", skin.raised, skin.raised).max(initial=0.0)))
         if not np.isfinite(most):

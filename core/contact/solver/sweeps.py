@@ -1,4 +1,8 @@
-"""Block Gauss-Seidel for frictional contact, compiled: one node's own contact after the other, until the law holds."""
+"""Compiled block Gauss-Seidel for frictional contact.
+
+Each sweep solves the contact of one node after the other, with the forces on all other nodes fixed. Sweeps are repeated
+until Coulomb's law holds within a tolerance.
+"""
 
 from __future__ import annotations
 
@@ -16,12 +20,14 @@ from ...kernels.records import address
 
 
 class Swept(NamedTuple):
-    """What sweeping came to.
+    """Result of the sweeps.
 
     Attributes:
-        force: [N], shape (n, 3). image: C f [m], shape (n, 3).
-        residual: |f - P(f - w / own)| / |f|, own the mean compliance of a node to its own force, see `cone.assess`.
-        sweeps: how many there were.
+        force: contact force on each node [N], shape (n, 3).
+        image: displacement C f of each node [m], shape (n, 3).
+        residual: |f - P(f - w / own)| / |f|. P projects on the friction cone, and own is the mean compliance of a node
+            to its own force [m/N]; see `cone.assess`.
+        sweeps: number of sweeps.
     """
 
     force: Array
@@ -41,19 +47,23 @@ def sweep(
     most: int,
     likely: NDArray[np.bool_] | None = None,
 ) -> Swept:
-    """Solve for the forces of contact, w = C f + softness f + offset and f obeying Coulomb's law.
+    """Solve frictional contact: find f with w = C f + softness f + offset, where f and w obey Coulomb's law.
 
     Args:
-        compliance: C, symmetric positive definite [m/N], float32 or float64, shape (3 n, 3 n); rows may be apart.
-        offset: [m], shape (n, 3). normals: unit, or zero where nothing is near, shape (n, 3).
-        friction: coefficients, shape (n,). softness: of what lies below each node [m/N], shape (n,).
-        start: forces to start from [N], shape (n, 3).
-        tolerance: of the residual. most: sweeps.
-        likely: nodes that may come to carry force, shape (n,), all where None. It changes the time alone: nodes that
-            turn out to touch are swept, too.
+        compliance: the matrix C [m/N], symmetric positive definite, float32 or float64, shape (3 n, 3 n). It may be a
+            view whose rows are not adjacent in memory.
+        offset: relative displacement w without any force [m], shape (n, 3).
+        normals: unit contact normals, shape (n, 3); zero for nodes with nothing near.
+        friction: friction coefficients, shape (n,).
+        softness: compliance of the object below each node [m/N], shape (n,).
+        start: initial guess of the forces [N], shape (n, 3).
+        tolerance: largest residual at which the sweeps stop, see `Swept`.
+        most: largest number of sweeps.
+        likely: nodes that may carry force, shape (n,); None for all. It affects only the run time: other nodes are
+            added as soon as they penetrate.
 
     Raises:
-        DermisError: a number that is not finite.
+        DermisError: the arrays do not fit each other, or a number is not finite.
     """
     n = len(start)
     step = compliance.itemsize

@@ -82,7 +82,8 @@ class PointTree:
         self._roots = pad.cells.positions[: self.chart.starts[1]]
         self._largest = float(self._long[: self.chart.starts[1]].max())
         self.edges = False
-        # `_cut` lists the cells that are split. `_ways` has their directions: bit 0 for the first side, bit 1 for the second
+        # `_cut` lists the cells that are split. `_ways` has their directions: bit 0 for the first side, bit 1 for the
+        # second.
         self._cut: Indices = _NONE
         self._ways = np.zeros(len(self._sides), dtype=np.int64)
         self._record = self._fixed()

@@ -45,7 +45,7 @@ class Afferents:
     Attributes:
         skin: the model. slow, fast: which of its probes each kind reads, shapes (s,), (f,).
         slow_count, fast_count: how many afferents stand for each of those, shapes (s,), (f,).
-        noise: of one afferent in one frame [Pa].
+        noise: standard deviation of the strain that one afferent reads in one frame [Pa].
     """
 
     skin: SkinModel
@@ -88,7 +88,7 @@ class Afferents:
         The distance between two readings over `noise` is how far an ideal observer tells them apart, d'.
 
         Args:
-            strain: of the probes [Pa] at the ends and middles of the frames, shape (2 frames + 1, probes).
+            strain: strain at the probes [Pa] at the ends and middles of the frames, shape (2 frames + 1, probes).
 
         Raises:
             DermisError: an even number of moments.

@@ -30,9 +30,10 @@ class Row:
 
     Attributes:
         device, title, kind: the preset's key, its name for people, its kind.
-        judged: target against rendered. method: of its matching, '' where it has but one.
+        judged: comparison of the target with the rendered touch.
+        method: name of the matching method; '' if the device has only one.
         clipped: share of the samples that a limit of the device changed, of the channel that it changed most.
-        findings: what its rendering and its track's check say.
+        findings: findings of the rendering and of the track's check.
         floor: how good any pose of the device could be, where that was asked for.
     """
 

@@ -38,7 +38,8 @@ def told(first: Array, second: Array, noise: float, real: tuple[Array, Array] | 
     """Return how well two touches are told apart from the responses to them.
 
     Args:
-        first, second: of each repetition, shapes (r, ...): repetitions differ a little, as people's do.
+        first, second: responses to the two touches, one for each repetition, shape (r, ...). Repetitions differ a
+            little, as people's do.
         noise: standard deviation of each number read.
         real: the same of the real touches; the two themselves where None.
     """

@@ -73,7 +73,8 @@ def judge(output: Output, skin: SkinContact | None, parameters: Mapping[str, Any
     """Judge one device; None where the touch does not use it.
 
     Args:
-        skin: states of the finger's skin, for a device that presses on it. parameters: of its use.
+        skin: states of the finger's skin, for a device that presses on it.
+        parameters: parameters of the device's use.
 
     Raises:
         DermisError: a track that the device cannot play, or a kind without a measure.

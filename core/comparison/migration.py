@@ -37,7 +37,8 @@ class Migration:
 
     Attributes:
         file: that the stored track was read from. finger, device: whose it is.
-        before: the stored track. now: of this engine, at the times of the stored one.
+        before: the stored track.
+        now: the track of the present engine, at the times of the stored one.
         fps: scene frames a second. first: the scene frame at time 0.
         other_preset: the device's preset is another by now, so that more than the engine may have changed.
     """

@@ -35,7 +35,8 @@ def rendered_touches(
     A thimble is replayed from the beginning, since friction remembers; a platform is pressed from rest at each sample.
 
     Args:
-        samples: of the touch, rising, shape (k,). parameters: of the device's use.
+        samples: indices of the touch's samples, rising, shape (k,).
+        parameters: parameters of the device's use.
 
     Raises:
         DermisError: a track that the device cannot play.

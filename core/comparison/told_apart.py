@@ -213,7 +213,7 @@ class LookedAt:
 
     Attributes:
         first: the sample before each moment, -1 where its touch is over, shape (touches, moments).
-        share: of the way to the sample after it, shape (touches, moments).
+        share: position of the moment between that sample (0) and the next (1), shape (touches, moments).
     """
 
     first: NDArray[np.intp]

@@ -46,10 +46,13 @@ class Band:
 
     Attributes:
         finger: its name. device: key of the preset, 'skin' for the forces on it.
-        name: of its files. channels: with their units. times: [s], shape (n,).
-        values: of the scene itself, shape (n, c). spread: the largest change by any variant, shape (n, c).
+        name: name of the files that the band is written to.
+        channels: names of the channels, with their units.
+        times: time of each sample [s], shape (n,).
+        values: values of the unchanged scene, shape (n, c).
+        spread: largest change caused by any variant, shape (n, c).
         worst: the variant of the largest change, by channel.
-        track: of the device; None of a skin.
+        track: the device's track; None if the band is that of a skin.
     """
 
     finger: str

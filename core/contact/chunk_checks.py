@@ -71,7 +71,8 @@ def check_device(pad_contact: PadContact, finger: Finger, index: int, use: Devic
     """Refuse animated parameters of a finger's device that are out of range.
 
     Args:
-        pad_contact: of the whole range. index: of the finger in the scene.
+        pad_contact: contact of the pads over the whole range.
+        index: index of the finger in the scene.
 
     Raises:
         DermisError: with the frame.

@@ -40,7 +40,8 @@ class CoarseTouches:
     """Watches one finger's contact at the nodes of its mesh, sample after sample.
 
     Args:
-        mesh: of the skin. name: of the finger, for the finding.
+        mesh: mesh of the skin.
+        name: name of the finger, for the finding.
     """
 
     def __init__(self, mesh: TetraMesh, name: str) -> None:

@@ -49,11 +49,12 @@ class CompliantBone:
     """The path solver of a finger, behind its touch depth.
 
     Args:
-        solver: of the finger; its compliance has the spring in it.
-        stiffness: of the spring [N/m], 0 for a bone that follows the animation exactly.
+        solver: contact solver of the finger. Its compliance includes the spring.
+        stiffness: stiffness of the spring [N/m]; 0 for a bone that follows the animation exactly.
         force_limit: largest force on the bone along Z [N], inf without a limit.
         name: for findings.
-        tissue: of the finger, 'linear' or 'neo_hookean'. modulus: of its skin [Pa].
+        tissue: tissue model of the finger, 'linear' or 'neo_hookean'.
+        modulus: Young's modulus of the skin [Pa].
 
     Attributes:
         sub_steps: walks the solver from frame to frame.

@@ -25,7 +25,8 @@ class DeformingSurfaces:
     """Follows deforming surfaces over the chunks of a scene.
 
     Args:
-        bodies: of the scene's header. repairs: is told of surfaces that are not finite.
+        bodies: bodies of the scene's header.
+        repairs: records surfaces with vertices that are not finite.
 
     Attributes:
         noted: doubts, by body.

@@ -32,7 +32,7 @@ class Encounter:
     """When a pad touches a body, where, and how it moves over it.
 
     Args:
-        pad_contact: of the whole range.
+        pad_contact: contact of the pads over the whole range.
         finger, body: indices of a pair that came within reach.
         times: the device's times [s], shape (m,).
         distance: the pad touches at or below this gap [m], one number or shape (m,).

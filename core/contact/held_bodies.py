@@ -22,10 +22,11 @@ class HeldBodies:
     """The bodies of a scene that may be held.
 
     Args:
-        pad_contact: of the whole range: it knows when a body is held, and how it is accelerated.
+        pad_contact: contact of the pads over the whole range. It has the frames in which a body is held, and the body's
+            acceleration.
         candidates: their indices.
         posed: the scene, at the chunk of each window.
-        steppers: of the fingers that are solved.
+        steppers: steppers of the fingers whose skin is simulated.
     """
 
     def __init__(

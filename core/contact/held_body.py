@@ -50,7 +50,7 @@ class HeldBody:
     """One body that is held at some sample.
 
     Args:
-        pad_contact: of the whole range.
+        pad_contact: contact of the pads over the whole range.
         b: the body's index.
         skins: finger index -> record of its skin, for the fingers that are simulated.
     """
@@ -138,7 +138,7 @@ class HeldBody:
 
         Args:
             surface: its own, carried by rotation `turn` and translation `origin` [m] to the world.
-            contexts: of the fingers in `order`.
+            contexts: contexts of the fingers, in the order of `order`.
         """
         held_object = self._at(surface, turn.T @ (self._centre[sample] - origin))
         held_object.mass = float(self._mass[sample])

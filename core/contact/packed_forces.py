@@ -117,7 +117,8 @@ class SpreadForces:
     """Forces on the nodes of a mesh, brought there from those on points; `np.asarray` gives them, shape (k, nodes, 3).
 
     Args:
-        points: the forces on cells of a smooth pad. nodes: what brings them to the nodes.
+        points: the forces on cells of a smooth pad.
+        nodes: converts them to forces on the nodes.
     """
 
     def __init__(self, points: PackedForces, nodes: NodalForces) -> None:

@@ -29,7 +29,8 @@ class PairContact:
         gap: signed distance of the pad's centre [m], inf beyond reach, shape (n,).
         normal: outward normal of the body in world axes, zero beyond reach, shape (n, 3).
         point: closest point in the body's carried space (scaled, not rotated) [m], zero beyond reach, shape (n, 3).
-        surface_velocity: of the closest point of a deforming body in its carried space [m/s], or None if rigid.
+        surface_velocity: velocity of the closest point of a deforming body in its carried space [m/s]; None if the body
+            is rigid.
         smooth_normal: that of the curved surface for which the faces stand, in world axes, zero beyond reach, shape
             (n, 3); None where no device of the finger asks for it.
     """
@@ -57,7 +58,7 @@ class PadContact:
         skipped: how much work the scene did not need, by name.
         findings: repairs and refusals.
         kept: results derived from all this once, so that several devices share them.
-        memory: of the time before, where all this is the end of something longer; None where it begins at rest.
+        memory: state before the first sample if this is the end of a longer range; None if it begins at rest.
     """
 
     frames: Array
@@ -143,7 +144,9 @@ class PadContact:
         A switch holds each sample's value until the next; numbers are interpolated linearly.
 
         Args:
-            owner: such as 'body/3'. row: of the parameter. constants: the parameters of the owner.
+            owner: owner of the parameter, such as 'body/3'.
+            row: the parameter.
+            constants: the owner's parameters that are not animated.
             times: [s], shape (m,).
         """
         values = self.animated.get(f"{owner}/{row.name}")

@@ -54,7 +54,9 @@ class PadProxy:
         """Take in consecutive samples; where the centre is held on a side, `found` is changed to that side.
 
         Args:
-            found: of all samples. which: of them are this pad's. points: its centres [m], of `found`, shape (n, 3).
+            found: gap queries of all samples.
+            which: indices of this pad's samples among them.
+            points: the pad's centre at all samples in `found` [m], shape (n, 3).
             nails: directions of the finger's Z, of `which`, shape (len(which), 3).
         """
         normals = found.normal[which]

@@ -21,8 +21,8 @@ class PairRecord:
         start: samples at which the gap is known, rising.
         gap, normal, point, surface_velocity, smooth_normal: there, as in `PairContact`; the last where a device asks.
         last: the last such sample. seen: the last that `proxy` took in.
-        side: of an open surface, on which the finger is, +1 or -1.
-        proxy: of a closed surface: which of its sides the finger came from.
+        side: side of an open surface on which the finger is, +1 or -1.
+        proxy: for a closed surface, tracks the side from which the finger came.
     """
 
     start: list[NDArray[np.intp]] = field(default_factory=list)

@@ -49,7 +49,7 @@ class Proximity:
     """The known distances of one finger to bodies.
 
     Args:
-        points: of the finger's undeformed skin [m], shape (m, 3).
+        points: points of the finger's undeformed skin [m], shape (m, 3).
         bone: a point inside the finger [m], shape (3,).
     """
 
@@ -78,7 +78,8 @@ class Proximity:
         """Return the bodies whose boxes are within reach of a group at a sample, [m], shape (g,).
 
         Args:
-            poses: of the bodies that are near in the chunk. boxes: see `_boxes_apart`, of the same bodies.
+            poses: poses of the bodies that are near in the chunk.
+            boxes: bounding boxes of the same bodies, see `_boxes_apart`.
         """
         if self._apart is None or self._apart[0] is not poses:
             self._apart = poses, self._boxes_apart([*poses.values()], [boxes[b] for b in poses])
@@ -109,7 +110,8 @@ class Proximity:
         """Return lower bounds of the groups' gaps to body `b` at sample `i` [m], shape (g,).
 
         Args:
-            poses: of the bodies that are near in the chunk. mesh: that the body has at the sample.
+            poses: poses of the bodies that are near in the chunk.
+            mesh: mesh of body `b` at the sample.
 
         Returns:
             -inf where nothing is known.

@@ -22,9 +22,10 @@ class Approach:
 
     Attributes:
         near: body -> in which samples it is near the finger, shape (n,); only bodies that ever are.
-        turn: rotation to the world, shape (n, 3, 3). place: of the pad's centre in the world [m], shape (n, 3).
-        poses: of those bodies, seen from the finger.
-        boxes: of those bodies, each in its own space [m], shape (n, 2, 3) or (1, 2, 3).
+        turn: rotation from the finger to the world, shape (n, 3, 3).
+        place: position of the pad's centre in the world [m], shape (n, 3).
+        poses: poses of those bodies in the finger's frame.
+        boxes: bounding boxes of those bodies, each in the body's own space [m], shape (n, 2, 3) or (1, 2, 3).
     """
 
     near: Mapping[int, NDArray[np.bool_]]

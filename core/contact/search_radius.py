@@ -19,7 +19,7 @@ class SearchRadius:
         scene: its header; animated distances come with the chunks.
 
     Attributes:
-        longest: of all fingers so far [m].
+        longest: largest search radius of all fingers so far [m].
     """
 
     def __init__(self, scene: TactileScene) -> None:

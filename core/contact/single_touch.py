@@ -28,11 +28,15 @@ class SingleTouch:
     """A body that touches a finger's undeformed skin from below, and is moved from there.
 
     Args:
-        skin: of the finger. body: in the finger's axes; where it stands along Z does not matter. name: for findings.
+        skin: model of the finger's skin.
+        body: the body in the finger's axes; its position along Z does not matter.
+        name: name for findings.
         contact: at the 'nodes' of the skin's mesh, or on 'points' of the smooth skin, where it has one.
 
     Attributes:
-        place: of the body now [m], shape (3,). step: the contact there. pad: the smooth pad; None at nodes.
+        place: present position of the body [m], shape (3,).
+        step: the contact at this position.
+        pad: the smooth pad; None if contact is solved at nodes.
 
     Raises:
         DermisError: an unknown contact, or a body that does not meet the pad.

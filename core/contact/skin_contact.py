@@ -28,9 +28,11 @@ class SkinStep:
         depth: how deep the undeformed skin is in an object, 0 without contact [m].
         lift: how far the bone gave way (compliant touch depth) [m].
         sticking, slipping: number of nodes.
-        work: of the solver, see `PathStep`, 'between' or 'baked'. converged: whether the sample passed its check.
+        work: kind of work that the solver did, see `PathStep`, or 'between' or 'baked'.
+        converged: whether the sample passed its check.
         points: the same forces where they act, on points of the smooth skin; None where contact is solved on nodes.
-        amounts: of tissue that stiffens, see `Stimulus.given`; None of linear skin.
+        amounts: displacement of the pad in linear skin minus that in nonlinear skin [m], see `Stimulus.given`; None for
+            linear skin.
         slide: how far friction has drawn the loaded skin along itself, see `PathStep.slide` [m].
     """
 
@@ -55,7 +57,8 @@ class PointRecord:
     Attributes:
         surface: the smooth pad.
         starts: where each sample in contact begins in the others, and their length, shape (k + 1,).
-        cells: of the pad's tree, shape (n,), int32. force: on them [N], shape (n, 3), float32.
+        cells: indices of the pad's cells, shape (n,), int32.
+        force: force on each of them [N], shape (n, 3), float32.
     """
 
     surface: SurfaceCompliance
@@ -75,7 +78,8 @@ class SkinContact:
 
     Attributes:
         model: the skin.
-        times, frames: of the samples, shape (n,).
+        times: time of each sample [s], shape (n,).
+        frames: scene frame of each sample, shape (n,).
         contact: samples in which the skin touches, rising, shape (k,).
         held: the forces on the pad nodes in the finger's frame in those samples [N], shape (k, m, 3), float32; of a
             finished bake packed. `force` is the array.

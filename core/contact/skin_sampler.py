@@ -43,7 +43,7 @@ class SkinSampler:
     Args:
         scene: its header; the chunks are handed to `add`.
         skins: finger index -> its skin. Other fingers are left alone.
-        tolerance: of the contact solver.
+        tolerance: largest residual that the contact solver accepts, see `Solution.residual`.
 
     Raises:
         DermisError: a touch depth that is unknown, or a spring or force limit that is not above zero.
@@ -109,7 +109,8 @@ class SkinSampler:
         """Solve the samples that were kept because something may be held in them; yield their number now and then.
 
         Args:
-            pad_contact: of the whole range: it knows when a body is held, and how it is accelerated.
+            pad_contact: contact of the pads over the whole range. It has the frames in which a body is held, and the
+                body's acceleration.
         """
         self._end()
         done = sum(len(t) for t in self._times) - sum(len(s.chunk.times) for s in self._kept)

@@ -42,11 +42,11 @@ class SkinStepper:
     """One finger's contact with the bodies of a scene.
 
     Args:
-        skin: of the finger.
-        index: of the finger in the chunks.
+        skin: model of the finger's skin.
+        index: index of the finger in the chunks.
         finger: its header: name and touch depth.
         scene: whose chunk is the one that is stepped through.
-        tolerance: of the contact solver.
+        tolerance: largest residual that the contact solver accepts, see `Solution.residual`.
 
     Attributes:
         far: pairs of a body and a sample that the broad phase skipped.
@@ -184,7 +184,8 @@ class SkinStepper:
         """Take over a sample that was solved together with other fingers.
 
         Args:
-            held: the answer, in which this finger is number `k`. retraction: of its bone [m].
+            held: the result, in which this finger has the number `k`.
+            retraction: retraction of the finger's bone [m].
         """
         bone = self.bone.adopt(held.forces[k], held.slips[k], held.gaps[k], held.residual, retraction, scene_frame)
         return self._taken(bone, scene_frame)

@@ -36,7 +36,8 @@ class StretchRates:
         its scale.
 
         Args:
-            times: of the chunk's samples [s], shape (n,). poses: object-to-world, shape (n, 4, 4).
+            times: time of each sample of the chunk [s], shape (n,).
+            poses: object-to-world matrices, shape (n, 4, 4).
             samples: those it is needed at, rising, shape (k,). stretch: there, shape (k, 3, 3).
             before: time [s] and pose of the last sample before the chunk.
         """

@@ -44,7 +44,9 @@ class Stride(NamedTuple):
     """A way that may be gone at once.
 
     Attributes:
-        shares: of the way, at each of its samples. travel: its length [m]. pressed: along the finger's Z [m].
+        shares: share of the way that is done at each of its samples.
+        travel: length of the way [m].
+        pressed: its length along the finger's Z [m].
         bent: how far it leaves a line [m]. friction: the least of the near objects.
     """
 
@@ -65,8 +67,8 @@ class _Ways(NamedTuple):
 
     Attributes:
         bodies: which, shape (b,). near: whether they are, shape (b, n + 1).
-        corners: of the pad's box in their axes, shape (b, n + 1, 8, 3). linear: of these, seen from the finger, shape
-            (b, n + 1, 3, 3).
+        corners: corners of the pad's bounding box in the bodies' axes, shape (b, n + 1, 8, 3).
+        linear: linear part of the map from the bodies to the finger, shape (b, n + 1, 3, 3).
         settings: friction and stiffness, shape (b, n + 1, 2), nan where they deform.
     """
 
@@ -96,7 +98,8 @@ class Strides:
     """Leads one finger's stepper through the chunks of a sweep.
 
     Args:
-        stepper: of the finger. count: how many samples a stride has at most, a power of two.
+        stepper: stepper of the finger.
+        count: largest number of samples in a stride, a power of two.
 
     Attributes:
         count: the same. between: how many samples were not solved.
@@ -194,7 +197,7 @@ def _straight(ways: _Ways, rows: NDArray[np.intp]) -> list[Stride]:
     """Return some ways as strides; their travel is inf where something comes or goes, deforms or changes its settings.
 
     Args:
-        rows: of the ways, one after the other, shape (k, n + 1).
+        rows: the samples of each way, shape (k, n + 1).
     """
     near, settings, first = ways.near[:, rows], ways.settings[:, rows], rows[:, :1]
     there = np.asarray(near.any(axis=2))

@@ -89,7 +89,8 @@ def bounds_in_world(poses: Array, boxes: Array) -> tuple[Array, Array]:
     """Return corners that bodies are between at all samples [m], shape (k, 3) each; a body may come less far.
 
     Args:
-        poses: of the objects, shape (k, n, 4, 4). boxes: lower and upper corners in their spaces, shape (k, 2, 3).
+        poses: poses of the objects, shape (k, n, 4, 4).
+        boxes: lower and upper corners in the objects' spaces [m], shape (k, 2, 3).
     """
     most = np.abs(poses[:, :, :3, :3]).max(axis=1, initial=0.0)
     reach = (most @ np.abs(boxes).max(axis=1)[..., None])[..., 0]
@@ -103,7 +104,8 @@ def boxes_in_world(poses: Array, boxes: Array) -> tuple[Array, Array]:
     """Return middle and half size of upright boxes about boxes in their objects' spaces [m], shape (..., 3) each.
 
     Args:
-        poses: of the objects, shape (..., 4, 4). boxes: lower and upper corners, shape (..., 2, 3).
+        poses: poses of the objects, shape (..., 4, 4).
+        boxes: lower and upper corners in the objects' spaces [m], shape (..., 2, 3).
     """
     linear, low, high = poses[..., :3, :3], boxes[..., 0, :], boxes[..., 1, :]
     middle, half = (low + high) / 2, (high - low) / 2

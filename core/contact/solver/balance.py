@@ -29,13 +29,15 @@ class Balance(NamedTuple):
     """Forces that hold, or all that friction can do.
 
     Attributes:
-        forces: of each grip's near nodes [N], one (k, 3) a grip. scaled: -w / rho there [N], likewise.
+        forces: contact force on the near nodes of each grip [N], one (k, 3) a grip.
+        scaled: -w / rho at these nodes [N], one (k, 3) a grip.
         shifts: change of b there by the object's displacement [m], likewise.
         move: the object's displacement: translation of its middle [m], rotation vector [rad], shape (6,).
-        size: of the displacement where the skin holds the object [m].
-        centre: of the grip, from the object's middle [m], shape (3,).
+        size: norm of the object's displacement, with rotations scaled to lengths [m].
+        centre: centre of the grip, from the object's middle [m], shape (3,).
         holds: the forces supply the required wrench.
-        residual: of the contact laws. iterations: of the method.
+        residual: residual of the contact laws.
+        iterations: number of iterations of the method.
     """
 
     forces: list[Array]
@@ -58,7 +60,7 @@ def balance(
     the required wrench on the object.
 
     Args:
-        forces, scaled: where to start from: of each grip's near nodes [N], shape (k, 3).
+        forces, scaled: start values for the near nodes of each grip [N], shape (k, 3).
         required: force and torque on the object [N, N m], shape (6,).
         rho: compliance that the steps are weighed with [m/N].
     """
@@ -113,7 +115,7 @@ class _Give:
     """How far an object gives way to a wrench: by its grip's compliance, but no farther than `REACH`.
 
     Args:
-        stiffness: of the grip with the weight of the steps, in its lever [N/m], shape (6, 6).
+        stiffness: stiffness of the grip, with the weight of the steps added, in scaled coordinates [N/m], shape (6, 6).
     """
 
     def __init__(self, stiffness: Array) -> None:

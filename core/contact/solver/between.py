@@ -18,7 +18,8 @@ def between(a: ContactBody, b: ContactBody, share: float, near: NearTriangles | 
     """Return a body on its way from one pose and shape to another, with the second's friction.
 
     Args:
-        share: of the way. near: the triangles that are wanted of a shape between; all where None.
+        share: share of the way from `a` (0) to `b` (1).
+        near: the triangles of the intermediate shape that are needed; None for all.
     """
     if a.away or b.away or share == 1.0:
         return b
@@ -60,7 +61,8 @@ def matter_moved(a: ContactBody, b: ContactBody, points: Array, triangle: Indice
     """Return how the matter that points lie on moves from one state of a body to another [m], shape (n, 3).
 
     Args:
-        points: [m], shape (n, 3). triangle: of the second state that each is closest to, shape (n,).
+        points: the points [m], shape (n, 3).
+        triangle: index of the triangle of `b` that is closest to each, shape (n,).
 
     Returns:
         None where the surface is of other faces.

@@ -114,7 +114,8 @@ class CellGaps:
         """Return gaps with those of cells that a surface turns beside taken over the whole cell.
 
         Args:
-            gaps: of the centres. places: where they were looked for [m], shape (n, 3).
+            gaps: gaps at the cells' centres.
+            places: displaced positions at which they were measured [m], shape (n, 3).
         """
         near, touching = _turned(gaps, points.sides, points.beside)
         last, found = self.last, self._found

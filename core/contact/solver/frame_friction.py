@@ -39,7 +39,10 @@ class Rubbing:
         """Return a function from the anchors' displacement to the expected displacement of slipping skin.
 
         Args:
-            bodies: of the next frame. history, force, loaded: of the last one; [N], shapes (m, 3) and (m,).
+            bodies: bodies in the next frame.
+            history: friction history of the last frame.
+            force: forces of the last frame [N], shape (m, 3).
+            loaded: nodes that carried force in the last frame, shape (m,).
         """
         at, drift, owner = loaded.nonzero()[0], self.drift, history.body
         owners = owner.take(at)
@@ -60,7 +63,8 @@ class FrameFriction:
     Args:
         gaps: at its end. history: at its begin; `keep` brings it to the end.
         loaded: which nodes carried force at its begin, shape (m,).
-        matrix: compliance of the nodes [m/N], shape (3 m, 3 m). own: of each to its own force, shape (m,).
+        matrix: compliance of the nodes [m/N], shape (3 m, 3 m).
+        own: compliance of each node to its own force [m/N], shape (m,).
         soft: compliance of the body below each [m/N], shape (m,).
     """
 
@@ -82,8 +86,10 @@ class FrameFriction:
         """Shift slip where it is expected to turn.
 
         Args:
-            force, image: of the last frame [N, m], shape (m, 3). b: offset of this one, which is shifted, (m, 3).
-            share: of the shifts, `Rubbing.changing`.
+            force: forces of the last frame [N], shape (m, 3).
+            image: displacements of the last frame [m], shape (m, 3).
+            b: offset of this frame [m], shape (m, 3); it is changed in place.
+            share: share of the shifts that is applied, see `Rubbing.changing`.
         """
         if share > 0.0 and self.gaps.friction.any():
             self._way = way = WithinFrame(self.gaps, self._history, force, self._loaded, b + image)

@@ -19,7 +19,8 @@ class HoldingFinger:
     """A finger that may hold.
 
     Attributes:
-        compliance: of its skin [m/N], shape (3 m, 3 m). points: its pad nodes [m], shape (m, 3).
+        compliance: compliance matrix of the finger's skin [m/N], shape (3 m, 3 m).
+        points: pad nodes of the finger [m], shape (m, 3).
         name: for findings.
         areas: skin of each node [m^2], shape (m,); needed where an object is soft.
         bone: a point inside the finger [m]: open surfaces are touched on the side where it lies.
@@ -62,9 +63,11 @@ class GripStep:
             [N, N m], shape (6,).
             Forces act where the deformed skin is.
         required: the wrench of gravity and inertia, m (a - g) and the rate of angular momentum, shape (6,).
-        displacement: of the object from its animated pose: translation [m], rotation vector [rad], shape (6,).
+        displacement: displacement of the object from its animated pose: translation [m] and rotation vector [rad],
+            shape (6,).
         holds: contacts supply the required wrench; else the nearest that friction can carry.
-        residual: of the contact laws, see `cone.natural_residual`; iterations: of the solver.
+        residual: residual of the contact laws, see `cone.natural_residual`.
+        iterations: number of iterations of the solver.
         gaps: that each finger was solved for.
         slips: relative displacement w of each finger's nodes [m], one (m, 3) a finger.
     """
@@ -86,14 +89,16 @@ class Grip:
     """One finger's part of a frame: its nodes near the object, and their data.
 
     Attributes:
-        gaps: of its nodes. near: the nodes within reach of anything, shape (k,).
-        matrix: their compliance [m/N]; inverse: of it and the weight of the steps [N/m], shape (3 k, 3 k).
+        gaps: gaps of the finger's nodes.
+        near: indices of the nodes within reach of anything, shape (k,).
+        matrix: compliance of the near nodes [m/N], shape (3 k, 3 k).
+        inverse: inverse of the matrix plus the weight of the steps [N/m], shape (3 k, 3 k).
         offset: b at them [m], shape (k, 3); less by `bent`.
         bent: by how much less skin with a law gives way than linear skin [m], shape (k, 3).
-        pose: of the finger in the world, shape (4, 4).
+        pose: pose of the finger in the world, shape (4, 4).
         history: where they stick. own: index of the held object among the frame's bodies.
         wrench: from their forces to force and torque on the skin by the object, shape (6, 3 k).
-        arms: of those that touch the object, from its middle, in world axes [m], shape (n, 3).
+        arms: vectors from the object's middle to the nodes that touch it, in world axes [m], shape (n, 3).
     """
 
     gaps: NodeGaps

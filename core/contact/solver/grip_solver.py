@@ -44,12 +44,13 @@ class GripSolver:
     """Solves the grip on one object, frame after frame.
 
     Args:
-        surface: of the object, in its own space [m].
+        surface: surface of the object, in its own space [m].
         mass: [kg]; may be set anew for every frame. 0 is an object without weight and inertia.
         fingers: that may touch it.
         friction: Coulomb coefficient against skin.
-        centre: of mass, in its own space [m].
-        inertia: of a kilogram about the centre, in its own space [m^2], shape (3, 3).
+        centre: centre of mass, in the object's own space [m], shape (3,).
+        inertia: inertia tensor for a mass of 1 kg about the centre of mass, in the object's own space [m^2], shape (3,
+            3).
         gravity: in world space [m/s^2].
         name: for findings.
 
@@ -112,10 +113,10 @@ class GripSolver:
 
         Args:
             pose: animated object-to-world matrix, rigid, shape (4, 4).
-            contexts: of each finger; None for one that is nowhere near.
-            acceleration: of the centre of mass, in world space [m/s^2].
+            contexts: context of each finger; None for a finger that is not near any body.
+            acceleration: acceleration of the centre of mass, in world space [m/s^2], shape (3,).
             angular_velocity, angular_acceleration: in world space [rad/s], [rad/s^2].
-            scene_frame: of the scene, for findings.
+            scene_frame: frame number in the scene, for findings.
             only_if_pressed: return None, and change nothing, where no finger presses the object.
         """
         rotation, middle = began = self.placed(pose)

@@ -28,7 +28,8 @@ class ContactHistory:
     Attributes:
         body: index of the body that each anchor belongs to, -1 without, shape (m,).
         gap: above it in the last frame [m], shape (m,). sticking: which nodes stuck there, shape (m,).
-        slip: of the last frame, and `swept`: the slip if the skin had stood still [m], shape (m, 3).
+        slip: slip of each node in the last frame [m], shape (m, 3).
+        swept: slip that the nodes would have had if the skin had not moved [m], shape (m, 3).
     """
 
     def __init__(self, count: int) -> None:
@@ -73,8 +74,10 @@ class ContactHistory:
         """Give points the history of others in whose place they come, anchored where they are now.
 
         Args:
-            source: of the others. sources: which of them, for each of the points.
-            bodies: where they were in the last frame. positions: of the points there [m], shape (n, 3).
+            source: history of the former points.
+            sources: index of the former point that each new point replaces, shape (n,).
+            bodies: the bodies as they were in the last frame.
+            positions: positions of the new points in that frame [m], shape (n, 3).
         """
         for name in _ARRAYS:
             getattr(self, name)[nodes] = getattr(source, name)[sources]
@@ -138,7 +141,7 @@ class ContactHistory:
         """Return b of the contact problem: the gap along the normal, the slip since the anchor across it.
 
         Args:
-            gaps: of the nodes now.
+            gaps: present gaps of the nodes.
             points: undeformed nodes [m], shape (m, 3).
 
         Returns:
@@ -166,7 +169,8 @@ class ContactHistory:
         """Move the anchors of all nodes that do not stick to where they are now.
 
         Args:
-            positions: of the nodes on the bodies' surfaces [m], shape (m, 3). gap: above them [m], shape (m,).
+            positions: positions of the nodes, projected on the bodies' surfaces [m], shape (m, 3).
+            gap: gap between node and surface [m], shape (m,).
             moved: nodes whose anchors are moved though they stick, shape (k,) each.
         """
         near = gaps.body >= 0

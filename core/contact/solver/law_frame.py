@@ -81,7 +81,8 @@ def _settled(solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft
     """Take turns until contact and the law agree, from the last frame or, where that leads nowhere, from rest.
 
     Args:
-        solver: of linear skin. law: of the same, at the last frame.
+        solver: contact solver for linear skin.
+        law: nonlinear law of the same skin, in its state at the last frame.
         b, gaps, soft: as in `PathSolver.iterated`. start: forces to start from [N], shape (n, 3).
     """
     if not (gaps.gap < 0.0).any():  # skin at rest is in balance; a fold that pressing left would press on air

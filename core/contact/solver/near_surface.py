@@ -20,7 +20,7 @@ class NearTriangles:
     Attributes:
         start, end: the surface's shapes, of the same triangles.
         chosen: which triangles are near, shape (n,).
-        topology: of all; an own copy, since groups of triangles to search in are kept with it.
+        topology: topology of all triangles, a copy of its own since search groups are stored in it.
     """
 
     start: Surface
@@ -47,7 +47,8 @@ class NearSurface(Surface):
     """A shape between two, with the numbers of all its triangles and the places of those that are near.
 
     Args:
-        near: which those are. share: of the way from one shape to the other, 0 to 1.
+        near: the triangles that are near.
+        share: share of the way from the first shape (0) to the second (1).
     """
 
     def __init__(self, near: NearTriangles, share: float) -> None:

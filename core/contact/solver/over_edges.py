@@ -43,7 +43,8 @@ class Freed(NamedTuple):
         nodes: which, shape (k,). beside: the points before and behind each of them, across the edge, itself where there
             is none, shape (2, k).
         places: where each would be, had it no force of its own [m], shape (k, 3).
-        ways: of the face that it lies on, since the last frame [m], shape (k, 3). widths: of its cell [m], shape (k,).
+        ways: movement of the face below each of them since the last frame [m], shape (k, 3).
+        widths: width of the cell of each [m], shape (k,).
         gaps: at those places; None until measured.
     """
 
@@ -63,7 +64,9 @@ def over_edges(gaps: NodeGaps, freed: Freed, loaded: NDArray[np.bool_], points: 
     """Return gaps with those of points that go over an edge taken to the face beyond it.
 
     Args:
-        gaps: of points. freed: some of them. loaded: which points carry force, shape (n,).
+        gaps: gaps of all points.
+        freed: the points that slide beside an edge.
+        loaded: whether each point carries force, shape (n,).
         points: at rest [m], shape (n, 3). places: where they were looked for [m], shape (n, 3).
     """
     if freed.gaps is None or not len(freed.nodes):

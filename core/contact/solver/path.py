@@ -55,10 +55,11 @@ class PathSolver:
     """Contact of one finger, frame after frame.
 
     Args:
-        compliance: of the pad nodes [m/N], shape (3 m, 3 m), or a `Compliance` with a state-dependent offset.
+        compliance: compliance matrix of the pad nodes [m/N], shape (3 m, 3 m), or a `Compliance` with a state-dependent
+            offset.
         points: undeformed pad nodes in the finger's frame [m], shape (m, 3).
         areas: skin of each node [m^2], shape (m,); needed where a body is soft.
-        tolerance: of the residual, see `Solution.residual`.
+        tolerance: largest residual accepted, see `Solution.residual`.
         bone: a point inside the finger [m]: open surfaces are touched on the side where it lies.
         name: for findings.
         depth_limit: depth of the undeformed skin beyond which a frame is a finding [m].
@@ -236,7 +237,7 @@ class PathSolver:
 
         Args:
             bodies: those near, posed in the finger's frame; the same order every frame.
-            scene_frame: of the scene, for findings.
+            scene_frame: frame number in the scene, for findings.
             gaps: as `look` returned them.
             part: it is a part of the way to a frame: nothing is noted and no frame is counted.
         """
@@ -303,8 +304,10 @@ class PathSolver:
         """Take over a frame that was solved together with other fingers, whose history is already kept.
 
         Args:
-            force: on the nodes [N], shape (m, 3). displacement: relative, w [m], shape (m, 3).
-            gaps: that it was solved for. residual: of the contact laws.
+            force: forces on the nodes [N], shape (m, 3).
+            displacement: relative displacement w of the nodes [m], shape (m, 3).
+            gaps: the gaps that the frame was solved for.
+            residual: residual of the contact laws.
         """
         from_rest = self._step is None or self._step.work == "idle"
         status = status_of(force, displacement, gaps.normal, gaps.friction)

@@ -24,7 +24,7 @@ class PathStep:
 
     Attributes:
         solution: forces and residuals of all nodes.
-        displacement: of the nodes [m], shape (m, 3).
+        displacement: displacement of the nodes [m], shape (m, 3).
         gaps: the ones it was solved for, or None where nothing was near.
         work: 'solved', 'unchanged' (forces still obey the laws), 'same' (same pose, same history) or 'idle'
             (nothing near).

@@ -22,7 +22,9 @@ def laid_on(
     """Return gaps of which some nodes, shape (k,), are to planes of the same bodies.
 
     Args:
-        feet: points of the planes [m], shape (k, 3). normal, triangle: of the planes.
+        feet: a point on the plane of each node [m], shape (k, 3).
+        normal: unit normals of the planes, shape (k, 3).
+        triangle: triangles in which the planes lie, shape (k,).
         points: at rest [m], shape (n, 3). places: where they were looked for [m], shape (n, 3).
     """
     out = replace(gaps, **{name: getattr(gaps, name).copy() for name in ("gap", "clearance", "normal", "triangle")})

@@ -19,8 +19,9 @@ class Succession:
     """Points that come in others' place.
 
     Attributes:
-        heirs: by their place in the new cells, one for each pair of an old cell and a new one, shape (n,).
-        sources: by their place in the old cells, shape (n,). shares: of the source's force, shape (n,).
+        heirs: indices of the new cells, one for each pair of an old cell and a new one, shape (n,).
+        sources: indices of the old cells, shape (n,).
+        shares: share of the old cell's force that the new cell inherits, shape (n,).
     """
 
     heirs: Indices

@@ -19,7 +19,7 @@ class PointReach:
     """Tells of all coarsest cells of a pad.
 
     Args:
-        points: of the pad, which come and go.
+        points: present points of the pad.
 
     Attributes:
         places: the centres of those cells at rest [m], shape (p, 3).

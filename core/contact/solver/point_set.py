@@ -28,9 +28,12 @@ class PointSet:
         matrix: the compliance between them.
         owner: the point over each finest square of each root, `NONE` without, shape (roots + 1, squares).
         in_root: the last point in each root, `NONE` without, shape (roots,).
-        number: of each cell of the pad: the point that it is, `NONE` for none, shape (cells,).
-        positions, normals, areas: of the points, shapes (n, 3), (n, 3) and (n,).
-        sides: of their cells [m], shape (n, 2, 3).
+        number: index of the point at the centre of each cell of the pad, shape (cells,); `NONE` if the cell is no
+            point.
+        positions: positions of the points [m], shape (n, 3).
+        normals: unit normals of the skin at the points, shape (n, 3).
+        areas: areas of the points' cells [m^2], shape (n,).
+        sides: side vectors of the points' cells [m], shape (n, 2, 3).
         beside: the points before and behind cells, along the finger, then around it, `NONE` without, shape (n, 4).
     """
 

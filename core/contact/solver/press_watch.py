@@ -38,7 +38,7 @@ class PressWatch:
     """Follows the force on a finger from frame to frame.
 
     Args:
-        modulus: of its skin [Pa].
+        modulus: Young's modulus of the finger's skin [Pa].
 
     Attributes:
         most: the largest since everything that touches began to press deeper [N].
@@ -66,7 +66,7 @@ class PressWatch:
 
         Args:
             came: the bodies where the frame begins, of a first touch where they meet.
-            points: of the skin, undeformed [m], shape (m, 3).
+            points: points of the undeformed skin [m], shape (m, 3).
         """
         pushed, loaded, before = float(step.solution.force[:, 2].sum()), step.solution.force.any(axis=1), self._held
         if loaded.any():
@@ -98,7 +98,8 @@ def _deeper(
     """Return whether all that touches came nearer to the nail, and moved less to the side.
 
     Args:
-        points: that it touches, shape (m, 3). which: of the bodies does, shape (m,).
+        points: points of the skin that are touched [m], shape (m, 3).
+        which: index of the body that touches each, shape (m,).
         push: of the bodies straight into the points [N], shape (m, 3): a flank that pushes up and to one side comes off
             where it moves to the other.
     """

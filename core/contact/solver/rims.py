@@ -29,7 +29,9 @@ def over_rims(
     """Return gaps with those of points that slip over a rim taken to the face behind it.
 
     Args:
-        gaps: of points. points: at rest [m], shape (n, 3). places: where they were looked for [m], shape (n, 3).
+        gaps: gaps of the points.
+        points: positions at rest [m], shape (n, 3).
+        places: displaced positions at which the gaps were measured [m], shape (n, 3).
         inward: directions into the finger, shape (n, 3). search_radius, bone: as for `node_gaps`.
     """
     normal, way = gaps.normal, places - points

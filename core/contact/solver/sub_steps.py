@@ -46,9 +46,9 @@ class SubStepper:
     """Steps a solver from frame to frame.
 
     Args:
-        solver: of one finger.
+        solver: contact solver of one finger.
         deepest: depth at which an object that the bone has left again went through the finger [m].
-        modulus: of its skin [Pa].
+        modulus: Young's modulus of the finger's skin [Pa].
 
     Attributes:
         coarse: walk frames in few parts. cut: whether that was fewer than it takes, since this was set to False.

@@ -50,7 +50,8 @@ class Shifts:
     """By how much slip is to be shifted.
 
     Attributes:
-        nodes: which nodes', shape (k,). shift: of them [m], shape (k, 3).
+        nodes: indices of the nodes, shape (k,).
+        shift: shift of the slip of each [m], shape (k, 3).
     """
 
     nodes: Indices
@@ -75,7 +76,7 @@ class WithinFrame:
     Args:
         gaps: at its end.
         history: at its begin. force: then [N], shape (m, 3). loaded: where that is any, shape (m,).
-        way: of the nodes over the bodies below them, had the skin stood still [m], shape (m, 3).
+        way: movement of the nodes relative to the bodies below them if the skin had not moved [m], shape (m, 3).
 
     Attributes:
         nodes: which slipped, shape (k,). swept: ways across the normals [m], shape (m, 3).
@@ -108,7 +109,8 @@ class WithinFrame:
         of that is held back along the first direction, the rest along the last.
 
         Args:
-            compliance: of each of the nodes to its own force [m/N], shape (k,). share: of the shifts.
+            compliance: compliance of each node to its own force [m/N], shape (k,).
+            share: share of the shifts that is applied.
         """
         before, size = self._before, along(self._slip, self._slip)
         grown = along(self._way, before) / np.maximum(along(before, before) + OWN**2 * size, TINY)
@@ -129,7 +131,7 @@ def crossed(nodes: Indices, solution: Solution, before: Array, compliance: Array
 
     Args:
         nodes: which, shape (k,). before: their gaps in the last frame [m], shape (k,).
-        compliance: of each of them to its own force [m/N], shape (k, 3, 3).
+        compliance: compliance of each node to its own force [m/N], shape (k, 3, 3).
     """
     normal = solution.normals[nodes]
     # where they would be, had they met nothing

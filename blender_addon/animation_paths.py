@@ -22,7 +22,7 @@ def element_removed(owner: bpy.types.ID, collection: str, index: int) -> list[st
 
     Args:
         collection: path of the collection, such as 'dermis.finger.devices'.
-        index: of the element that was removed.
+        index: index of the removed element.
     """
     pattern = re.compile(rf"{re.escape(collection)}\[(\d+)\]")
     animation = owner.animation_data

@@ -40,9 +40,10 @@ class Touch(Stimulus):
     It is a `Stimulus`, with the press that led to it.
 
     Attributes:
-        depth: of the undeformed pad in the surface [m].
-        place: of the surface's origin in the finger's axes at the end [m], shape (3,).
-        residual: of the contact's laws, relative to the forces. iterations: of its last pose.
+        depth: depth of the undeformed pad in the surface [m].
+        place: final position of the surface's origin in the finger's axes [m], shape (3,).
+        residual: residual of the contact laws, relative to the forces.
+        iterations: number of iterations at the last pose.
         findings: warnings: a depth beyond the validity of linear skin, a contact that did not converge.
     """
 
@@ -73,7 +74,8 @@ class Match:
 
     Attributes:
         device: the preset. method: that matched.
-        values: of every channel of the device, in its unit, shape (channels,); a thimble's pose among them.
+        values: values of all channels of the device, in each channel's unit, shape (channels,). A thimble's include its
+            pose.
         error: of the compared quantity: root mean square displacement [m] for DM, force [N] for FM, relative
             descriptor mismatch [1] for the thimble. optimality: KKT residual of the solution.
         rendered: state of the skin under the device.
@@ -125,7 +127,8 @@ def fingertip(
     """Return a fingertip's skin.
 
     Args:
-        preset: of `presets/skins`. level: 'draft', 'standard', 'fine' or 'reference': how fine its mesh is.
+        preset: key of a preset of `presets/skins`.
+        level: fineness of the mesh, 'draft', 'standard', 'fine' or 'reference'.
         young: modulus [Pa]. poisson: ratio. alpha: a person's stiffness relative to it.
         tissue: 'linear', or 'neo_hookean', which stiffens.
         cache: where tables of other lengths than the presets' lie, and skins are kept.

@@ -31,7 +31,10 @@ class ArrayFile:
     """An open .npz: a zip of .npy arrays and texts.
 
     Args:
-        file: open for reading. where: its name in errors. size: of the file [bytes]. kind: expected kind.
+        file: the file, open for reading.
+        where: name of the file in errors.
+        size: size of the file [bytes].
+        kind: expected kind.
         trusted: made by this product and known by its check sum, so it may unpack to many times its size.
     """
 

@@ -48,7 +48,8 @@ class Rows:
     """Numbers in columns.
 
     Attributes:
-        where: the file. names: of the columns; none where the file has no line of names.
+        where: name of the file.
+        names: names of the columns; empty if the file has no line of names.
         values: NaN where a cell holds no number, shape (n, c). lines: the number of each row's line in the file.
         spaced: white space parts the cells.
     """

@@ -41,7 +41,7 @@ class PresetEntry:
         error: why it cannot be used, or None.
         user: it lies in the person's own folder.
         overrides: it replaces a built-in preset of the same key.
-        kind: of a device, such as 'shear_tactor'; '' for others, and where the file cannot be used.
+        kind: kind of a device, such as 'shear_tactor'; '' for other presets and for files that cannot be used.
         description: the preset's own description; '' without one.
     """
 

@@ -26,7 +26,8 @@ class Compared:
 
     Attributes:
         table: of the panel, see the engine's `comparison.report.as_dict`. csv, html: the files.
-        edits: of `changes` when it was made. place: of the finger, which may be called otherwise by now.
+        edits: number of `changes` when the comparison was made.
+        place: place of the finger, which may have another name by now.
     """
 
     table: Mapping[str, Any]

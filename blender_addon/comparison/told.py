@@ -23,7 +23,8 @@ class Told:
     """What could be told apart: `table` for the panel, see the engine's `told_report.as_dict`; `csv`, the file.
 
     Attributes:
-        edits: of `changes` when it was made. place: of the finger, which may be called otherwise by now.
+        edits: number of `changes` when it was computed.
+        place: place of the finger, which may have another name by now.
     """
 
     table: Mapping[str, Any]

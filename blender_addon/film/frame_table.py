@@ -24,7 +24,7 @@ class FrameTable(NamedTuple):
 
     Attributes:
         first, step: the evaluated frame of the first row, and from one row to the next.
-        positions: of its vertices in the object's space, shape (f, d, 3).
+        positions: positions of its vertices in the object's space, shape (f, d, 3).
         values: by the name of the attribute, shape (f, d) each.
     """
 

@@ -22,7 +22,7 @@ def draw(scene: bpy.types.Scene, attribute: str, quantity: str, top: float, tabl
 
     Args:
         attribute, quantity: of the colours, and its key in `skin_field.QUANTITIES`. top: their end [SI].
-        table: of the colours.
+        table: name of the colour table.
     """
     camera = scene.camera
     if camera is None:

@@ -43,7 +43,7 @@ class Tip:
 
     Attributes:
         bone: that carries it. flip: its nail is to be on the other side than was found.
-        width: of the finger [m]; 0 for the hand's.
+        width: width of the finger [m]; 0 for the hand's.
     """
 
     finger: str

@@ -23,7 +23,8 @@ class Fit:
     Attributes:
         origin: the pad's centre, in scene units, shape (3,).
         axes: columns X, Y to the tip and Z to the nail, shape (3, 3).
-        preset: key of the nearest preset. scale: of its lengths.
+        preset: key of the nearest preset.
+        scale: factor of its lengths.
         on_skin: the pad was placed by a surface; else where a finger round the bone has it.
         width: of the finger [m]. miss: from the pad's centre to the nearest skin [m]; None where there is none.
     """
@@ -50,9 +51,9 @@ def fit(
     Args:
         line: joints from the knuckle to the tip, in scene units, shape (n, 3).
         nail: direction of the nail, square to the last phalanx.
-        triangles: of the skin round it, in scene units, shape (t, 3, 3); None where there is none.
+        triangles: triangles of the skin around it, in scene units, shape (t, 3, 3); None if there are none.
         presets: their lengths [m]. unit: metres in a scene unit.
-        width: of the finger, where somebody has said it [m]; 0 where the hand says it.
+        width: width of the finger if a person has given it [m]; 0 for the width found from the hand.
     """
     joint, ahead = line[-2], line[-1] - line[-2]
     length = float(np.linalg.norm(ahead))

@@ -20,7 +20,8 @@ class Gesture:
 
     Attributes:
         height: above the surface, from which it comes and to which it lifts. approach: speed there [m/s].
-        depth: of the press; the bone is this far below where it first touches. hold: before it slides [s].
+        depth: depth of the press; the bone is this far below its position at first touch.
+        hold: time before it slides [s].
         slide: way along the surface. speed: on it [m/s]. direction: angle about the normal, 0 to the tip [rad].
     """
 

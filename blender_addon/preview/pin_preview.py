@@ -28,7 +28,9 @@ class Pins(NamedTuple):
 
     Attributes:
         points: [m], shape (pins, 3), NaN where a pin misses. directions: of their motion, shape (pins, 3).
-        radius: of a pin [m]. force_limit: of each pin [N], shape (pins,). rows, columns: of the array.
+        radius: radius of a pin [m].
+        force_limit: largest force of each pin [N], shape (pins,).
+        rows, columns: number of rows and columns of the array.
     """
 
     points: Array

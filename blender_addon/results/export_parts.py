@@ -123,7 +123,7 @@ def write_parts(
     """Write parts, each on its own: one that is refused leads to a finding, and the others are written all the same.
 
     Args:
-        settings: of the format, see `settings_of`.
+        settings: settings of the format, see `settings_of`.
 
     Raises:
         DermisError: every one is refused; the first one's reason.

@@ -98,7 +98,7 @@ class Geometry:
     """A surface as Blender evaluated it, in scene units; the same object while nothing of it changes.
 
     Attributes:
-        positions: of the vertices, shape (V, 3).
+        positions: positions of the vertices, shape (V, 3).
         topology: the triangles.
         normals: that Blender shades the triangles' corners with, shape (T, 3, 3); None where nobody asked.
         smooth: some of it shades smooth; False where nobody asked.

@@ -23,7 +23,7 @@ class DisplaySurface(NamedTuple):
     """A skin's surface for drawing.
 
     Attributes:
-        nodes: of the tissue's mesh that lie on it, shape (s,).
+        nodes: nodes of the tissue's mesh that lie on the surface, shape (s,).
         refine: from values at those nodes to values at the drawn vertices, sparse (d, s).
         rest: drawn vertices without deformation [m], shape (d, 3).
         triangles: counter-clockwise from outside, shape (t, 3).
@@ -31,7 +31,8 @@ class DisplaySurface(NamedTuple):
         coarse: the triangles between `nodes`, shape (c, 3).
         scatter: from those to the nodes, sparse (s, c), for normals.
         at_rest: normals of the drawn vertices without deformation, shape (d, 3).
-        middle: of the box around `rest` in X and Y [m], shape (2,). length: of that box along Y [m].
+        middle: middle of the box around `rest` in X and Y [m], shape (2,).
+        length: length of that box along Y [m].
     """
 
     nodes: Indices32

@@ -28,9 +28,10 @@ class State(NamedTuple):
 
     Attributes:
         base, joints: ends of cables or legs in the finger's frame [m], shape (n, 3).
-        pose: of the disc, its face towards +Z, shape (4, 4). radius: of the disc [m].
-        share: of the limit that each cable or leg uses, 0 to 1, shape (n,).
-        tension: of the cables [N], shape (n,); None for legs.
+        pose: pose of the disc, its face towards +Z, shape (4, 4).
+        radius: radius of the disc [m].
+        share: share of its limit that each cable or leg uses, 0 to 1, shape (n,).
+        tension: tension of each cable [N], shape (n,); None for legs.
     """
 
     base: Array

@@ -28,8 +28,8 @@ class Joints(NamedTuple):
     """Where a thimble's joints are, in the finger's frame [m].
 
     Attributes:
-        servo, knee, platform: of the three legs, shape (3, 3).
-        pose: of the platform, finger's frame, shape (4, 4); the disc touches with its -Z side.
+        servo, knee, platform: joints of the three legs, shape (3, 3).
+        pose: pose of the platform in the finger's frame, shape (4, 4); the disc touches with its -Z side.
         x: pitch, roll [rad], distance [m], shape (3,).
     """
 

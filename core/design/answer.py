@@ -33,9 +33,12 @@ class Design:
     """How many motors a set of touches needs on a device.
 
     Attributes:
-        spec: the original device. names: of the interactions. samples: of each.
-        sensors: what sensed each of them, in words. unit: of readings, for people.
-        step: of readings, in their unit: errors and touches are counted in it.
+        spec: the original device.
+        names: names of the interactions.
+        samples: number of samples of each interaction.
+        sensors: the sensor of each interaction, in words.
+        unit: unit of the readings, for display.
+        step: smallest step of the readings, in their unit. Errors and touches are counted in such steps.
         repetitions: how often each is repeated, and how far repetitions are from their mean [steps]; 1 and nan where
             it is not.
         poor: interactions of which all motors together leave so much that no number of motors is given.

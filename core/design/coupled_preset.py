@@ -119,7 +119,7 @@ def coupled_safe(made: DeviceSpec, original: DeviceSpec, commands: Array) -> dic
     """Return `safe` of a preset with coupled motors, as JSON values; None where they cannot let a finger go.
 
     Args:
-        commands: of the new motors, nearest to the original device's safe pose, shape (motors,).
+        commands: commands of the new motors, nearest to the original device's safe pose, shape (motors,).
     """
     room = clearance(made, commands)
     if not room >= CLEAR:

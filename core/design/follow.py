@@ -38,14 +38,15 @@ class Followed:
     """A track that follows a recording.
 
     Attributes:
-        track: of the device, within its limits, from the recording's first sample on.
-        times: of the recording, from its first sample [s], shape (n,).
-        commands: of the device's channels at these times, before the track's limits of speed, shape (n, channels).
+        track: the device's track, within its limits, from the recording's first sample on.
+        times: time of each sample from the recording's first [s], shape (n,).
+        commands: values of the device's channels at these times, before the track's limits of speed, shape (n,
+            channels).
         target: readings that were followed, in the table's unit, shape (n, channels).
         expected: readings that the table expects of the commands, before the track's limits, shape (n, channels).
         touched: samples that can be told from rest, shape (n,).
-        error: root mean square of the expected difference from the target, in the table's unit. touch: of the target
-            off rest.
+        error: root mean square of the expected difference from the target, in the table's unit.
+        touch: root mean square of the target's difference from rest.
         noise: standard deviation of one channel, in the table's unit.
         findings: reasons to doubt the track.
     """
@@ -76,7 +77,7 @@ def follow(
     """Return the track with which a device makes a sensor repeat a recording.
 
     Args:
-        table: of the device and the sensor; of a thimble see `thimble_table`.
+        table: look-up table of the device and the sensor. For a thimble see `thimble_table`.
         noise: standard deviation of one channel, in the recording's unit; measured on it where None.
         motors: move along so many principal components of the looked-up commands alone. A preset with couplings has
             its own.
@@ -129,7 +130,9 @@ class Follower:
     """Follows readings one after the other, as they come from a sensor.
 
     Args:
-        spec: the device. table: of the device and the sensor. noise: standard deviation of one channel.
+        spec: the device.
+        table: look-up table of the device and the sensor.
+        noise: standard deviation of one channel.
 
     Attributes:
         beyond: readings with a channel that is farther out than the table holds by more than a tenth of the channel's

@@ -40,7 +40,8 @@ class Wobble:
 
     Attributes:
         tilt: [rad] about each axis. depth: [m]. shift: [m] along the surface.
-        amplitude: of each repetition's tilt and depth, as a fraction. bandwidth: of the movement [Hz].
+        amplitude: relative deviation of each repetition's tilt and depth.
+        bandwidth: bandwidth of the movement [Hz].
     """
 
     tilt: float = np.radians(0.5)
@@ -79,7 +80,7 @@ def interaction(
     Args:
         name: 'flat', 'back', 'tip', 'left', 'right' or 'complex'.
         skin: points of the undeformed pad in the finger's frame [m], shape (m, 3): depth is measured from them.
-        seed: of the hand's wobble; every interaction and seed wobbles differently.
+        seed: seed of the hand's random movement, which differs for each interaction and seed.
         wobble: how much; `Wobble(0, 0, 0, 0)` for a machine.
 
     Raises:

@@ -38,7 +38,8 @@ class Difference:
     Attributes:
         name: such as 'target, measured'.
         relative: root mean square of the difference over that of the first about rest.
-        mean, deviation: of the difference, by channel, in the readings' unit, shape (channels,).
+        mean, deviation: mean and standard deviation of the difference, by channel, in the readings' unit, shape
+            (channels,).
         by_component: relative RMS, mean and deviation of the difference in the target's components, (components, 3).
     """
 
@@ -60,14 +61,16 @@ class Playback:
     """Result of a playback.
 
     Attributes:
-        times: of the track, at which all are compared [s], shape (n,).
+        times: times of the track, at which all readings are compared [s], shape (n,).
         target: the followed readings; None where they were not given. estimated, measured: shape (n, channels).
-        channels: their names. rest: of the table, shape (channels,).
+        channels: names of the channels.
+        rest: the table's readings at rest, shape (channels,).
         directions: the components in which they are drawn, shape (channels, components).
-        delay: of the device behind the track [s]; None where it was not measured. unsure: half the time between the
-            two samples that the pulse's edge lies between [s].
-        gain: of the measurement over the estimate. correlation: between the two.
-        differences: of each pair.
+        delay: delay of the device after the track [s]; None if it was not measured.
+        unsure: half the time between the two samples that the pulse's edge lies between [s].
+        gain: gain of the measurement over the estimate.
+        correlation: correlation between the two.
+        differences: difference between each pair of series.
         findings: reasons to doubt the comparison.
     """
 
@@ -102,7 +105,9 @@ def playback(
     """Compare a sensor's readings while a track was played with their target.
 
     Args:
-        table: of the device and the sensor. recording: the readings. target: the recording that the track follows.
+        table: look-up table of the device and the sensor.
+        recording: the measured readings.
+        target: the recording that the track follows.
         sync: the pulse as it was recorded, shape (samples,), and the track's time at its first rising edge [s].
 
     Raises:

@@ -36,7 +36,9 @@ class Recording:
     """Sensor channels over time.
 
     Attributes:
-        name: of the file. times: [s], rising, shape (n,). readings: in the sensor's own unit, shape (n, channels).
+        name: name of the file.
+        times: time of each sample [s], rising, shape (n,).
+        readings: readings in the sensor's own unit, shape (n, channels).
         channels: the readings' names, in their order.
         rest: the part in which nothing is touched, from and to [s], counted from the first sample; None where nobody
             says it.

@@ -18,7 +18,8 @@ def scatter(readings: Array, touching: NDArray[np.bool_]) -> tuple[int, float]:
     Repetitions are stretches of contact between rests. They are brought to one length, and compared moment by moment.
 
     Args:
-        readings: of the touch, shape (n, channels). touching: where they differ from rest, shape (n,).
+        readings: readings of the touch, shape (n, channels).
+        touching: whether they differ from rest, shape (n,).
 
     Returns:
         Count, and root mean square over time of the norm of the difference from the mean, for a sample of so many; (1,

@@ -24,7 +24,7 @@ class SharedPulleys:
     """Original motors that may share a pulley.
 
     Attributes:
-        groups: of two motors or more, by index, rising; empty where none may.
+        groups: indices of two or more motors that may share a pulley, rising; empty if none may.
         percent: additional error of the touch where they share, mean over the interactions [%].
     """
 

@@ -35,9 +35,10 @@ class Components:
     """Directions of joint movement, the most important first.
 
     Attributes:
-        mean: of the commands, SI, shape (n,). scale: range of each motor, shape (n,).
+        mean: mean of the commands, in SI, shape (n,).
+        scale: range of each motor, shape (n,).
         directions: columns E, of scaled commands, orthonormal, shape (n, n).
-        variance: of the scaled commands along each component, shape (n,).
+        variance: variance of the scaled commands along each component, shape (n,).
     """
 
     mean: Array
@@ -65,11 +66,11 @@ class Reduction:
     """What fewer motors cost.
 
     Attributes:
-        components: of all interactions together.
+        components: principal components of all interactions together.
         error: root mean square of the sensed difference for k = 1..n, in the table's unit, a row a touch, (i, n).
         touch: root mean square of how far each interaction is from rest, over the same samples and unit, shape (i,).
-        resolution: what reading in whole steps leaves, in the same unit; 0 where readings have no step.
-        limit: of the rules, a share.
+        resolution: error caused by readings in whole steps, in the same unit; 0 if the readings have no step.
+        limit: limit of the rules, a share such as 0.1.
     """
 
     components: Components
@@ -151,7 +152,7 @@ def reduce(
     Args:
         table: effect of the device on the skin.
         sensed: the target readings of each interaction, in the table's unit, each (q_i, channels).
-        limit: of the rules, a share such as 0.1.
+        limit: limit of the rules, a share such as 0.1.
         commands: looked up already; else by the table.
 
     Raises:

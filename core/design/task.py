@@ -88,7 +88,7 @@ def load_table(spec: DeviceSpec, file: Path, rest_rows: Sequence[int] = ()) -> S
     """Return a device's table from a file: .npz collected, .csv recorded.
 
     Args:
-        rest_rows: of a recorded table, the rows in which nothing is touched, counted from 1 below the line of names.
+        rest_rows: rows of a recorded table in which nothing is touched, counted from 1 below the line of names.
 
     Raises:
         DermisError: a file that cannot be read, a table of another device, or rows of rest for a collected table.
@@ -152,7 +152,7 @@ def answer(
     Args:
         noise: standard deviation of one channel of the virtual sensor [counts].
         recorded_noise: the same of recordings, in their own unit; measured on each where None.
-        skin: of the interactions, where they are simulated: tells a table of another skin.
+        skin: skin of the interactions, if they are simulated. A table made with another skin is then reported.
         spread: tell the spread of the reversed sweep on that skin too; a second.
 
     Raises:

@@ -27,7 +27,7 @@ class Verdict:
 
     Attributes:
         name, seed: which. expected: motors. found: motors, by rule.
-        percent: what k = 1..n motors leave beyond all of them, by rule.
+        percent: additional error of k = 1..n motors over that of all motors [%], by rule.
         error: with all motors [counts]. touch: from rest [counts].
     """
 

@@ -32,12 +32,14 @@ class CablePlatform:
     """The mechanism.
 
     Attributes:
-        disc_radius: of the face that touches [m].
+        disc_radius: radius of the face that touches the skin [m].
         joints: where the cables hold the platform, in its frame [m], shape (3, 3).
         base: where they leave the base, in the finger's frame [m], shape (3, 3).
-        height: of the platform's face in the reference configuration [m], below the pad and so negative.
+        height: Z of the platform's face in the reference configuration [m], negative since it is below the pad.
         pulley: radius [m].
-        spring: axial stiffness [N/m]. bending: sideways stiffness of a spring [N/m]. free_length: of a spring [m].
+        spring: axial stiffness of a spring [N/m].
+        bending: sideways stiffness of a spring [N/m].
+        free_length: free length of a spring [m].
         cable: stiffness of a cable [N/m].
         tension_limit: largest pull of a servo [N].
     """

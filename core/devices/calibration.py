@@ -59,10 +59,11 @@ class Calibration:
     """All actuators of one device.
 
     Attributes:
-        device: the preset's key. spec_hash: of the preset that it was made with.
+        device: the preset's key.
+        spec_hash: hash of the preset that the calibration was made with.
         entries: by channel name; a channel that has none is driven as commanded.
-        name: of the built device, as a person gave it. serial: from its answer, or the number of its USB port;
-            '' where it has none.
+        name: name of the built device, chosen by a person.
+        serial: serial number from its answer, or the number of its USB port; '' where it has none.
     """
 
     device: str

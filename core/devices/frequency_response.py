@@ -158,7 +158,7 @@ def of_text(text: str, **more: Any) -> FrequencyResponse:
     """Read a response as a person types it: '20 1.0 -5; 50 1.1 -20; ...', frequency [Hz], gain and phase [degrees].
 
     Args:
-        more: of `FrequencyResponse`: measured_on, valid_days.
+        more: the other attributes of `FrequencyResponse`: measured_on and valid_days.
 
     Raises:
         DermisError: no triples of numbers, or no response of an actuator.

@@ -25,8 +25,8 @@ class FrictionLaw:
     """log f = slope * log V + intercept, with friction f on the paper's scale of 0 to 100.
 
     Attributes:
-        slope, intercept: of the straight line.
-        base: of both logarithms. The paper names none: base 10 gives 7, 165 and 288 V for friction 1, 50 and 100;
+        slope, intercept: parameters of the straight line.
+        base: base of both logarithms. The paper names none: base 10 gives 7, 165 and 288 V for friction 1, 50 and 100;
             base e 2.3, 55 and 96 V.
 
     Source: [S4] eq. 1

@@ -99,7 +99,9 @@ def filter_taps(gain: Callable[[Array], Array], band: tuple[float, float], rate:
     value gives nothing.
 
     Args:
-        gain: of frequencies inside the band [Hz], above zero. band: least and largest frequency [Hz]. rate: [Hz].
+        gain: gain at frequencies inside the band [Hz], positive.
+        band: lowest and highest frequency [Hz].
+        rate: samples per second [Hz].
 
     Returns:
         Weights of the newest sample and those before it, shape (taps,).

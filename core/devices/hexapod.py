@@ -31,10 +31,10 @@ class Hexapod:
     """The mechanism.
 
     Attributes:
-        disc_radius: of the face that touches [m].
-        joints: of the legs on the platform, in its frame [m], shape (6, 3).
-        base: of the legs on the base, in the finger's frame [m], shape (6, 3).
-        height: of the platform's face in the reference configuration [m], below the pad and so negative.
+        disc_radius: radius of the face that touches the skin [m].
+        joints: joints of the legs on the platform, in its frame [m], shape (6, 3).
+        base: joints of the legs on the base, in the finger's frame [m], shape (6, 3).
+        height: Z of the platform's face in the reference configuration [m], negative since it is below the pad.
     """
 
     disc_radius: float

@@ -42,8 +42,8 @@ class Pressed:
 
     Attributes:
         force: on the skin at the pad nodes [N], shape (n, m, 3), float32.
-        displacement: of the points that are pressed [m], shape (n, points, 3), float32.
-        poses: of the platform, in balance.
+        displacement: displacement of the pressed points [m], shape (n, points, 3), float32.
+        poses: poses of the platform, in balance with its carrier.
         touching: shape (n,).
         residual: |f - P(f - w / rho)| / |f| of the contact, shape (n,).
         imbalance: force on the platform left over [N], shape (n,).
@@ -80,7 +80,7 @@ class Press:
     """Presses one skin with one platform.
 
     Args:
-        points: of the skin that are pressed.
+        points: points of the skin that are pressed.
         carrier: carries the platform.
         friction: Coulomb's coefficient.
         steps: parts of the path in contact.
@@ -203,7 +203,8 @@ def _alike(rows: Indices, where: Array) -> list[Indices]:
     """Return batches of rows that are near each other: halves of halves across the axis along which they differ most.
 
     Args:
-        rows: shape (k,). where: of all rows, shape (n, 3).
+        rows: indices of the rows, shape (k,).
+        where: coordinates of all rows, shape (n, 3).
     """
     if len(rows) <= BATCH:
         return [rows] if len(rows) else []

@@ -26,7 +26,8 @@ def of_readings(driven: ArrayLike, reached: ArrayLike, **more: Any) -> Response:
     are left out. Passes are averaged; how far they are apart is the scatter.
 
     Args:
-        driven, reached: [unit of the channel]. more: of `Response`: latency, measured_on, valid_days.
+        driven, reached: commanded and reached values, in the channel's unit.
+        more: the other attributes of `Response`: latency, measured_on and valid_days.
 
     Raises:
         DermisError: too few readings, or they are no curve of an actuator.
@@ -68,7 +69,7 @@ def read_csv(path: Path, unit: str = "", **more: Any) -> Response:
     Units stand in the names, such as 'driven [deg]', 'reached [deg]'; SI where there are none.
 
     Args:
-        unit: of the channel, 'm' or 'rad': the names may have no unit of something else; '' takes any.
+        unit: unit of the channel, 'm' or 'rad'. Names with a unit of another quantity are an error; '' accepts any.
 
     Raises:
         DermisError: the file cannot be read, has no such columns, or its readings are no curve of an actuator.

@@ -30,7 +30,8 @@ def clearance(spec: DeviceSpec, commands: Array) -> float:
     """Return how far the platform stays below the thickest finger [m]; inf for devices that have none.
 
     Args:
-        commands: of every channel with an actuator, shape (channels,), [SI]; of the new motors where they are coupled.
+        commands: commands of every channel with an actuator [SI], shape (channels,); those of the new motors if motors
+            are coupled.
 
     Raises:
         DermisError: no pose of the platform has these commands.

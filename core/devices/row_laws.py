@@ -15,7 +15,8 @@ class RowLaws:
     """The law of rows, and by how much less than linear skin each gives way.
 
     Args:
-        points: of the skin, which follows a law. columns: of their components, in the order in which rows have them.
+        points: points of the skin, which follows a nonlinear law.
+        columns: indices of their components, in the order of the rows.
         count: number of rows, all at rest.
 
     Attributes:

@@ -25,7 +25,7 @@ class ShearTactor:
 
     Attributes:
         link: length of every link, l [m].
-        radius: of the round workspace, A [m].
+        radius: radius A of the round workspace [m].
         speed: top speed of the cap [m/s].
         torque: limit of each motor, at its pulley [N m].
         heading: direction from the pulleys' axis to the workspace's centre, from the pad's +X [rad].

@@ -34,7 +34,7 @@ class SixLegs:
     Attributes:
         hexapod: its joints and disc.
         low, high: leg lengths [m], shape (6,) each.
-        servo_speed: of the slowest leg [m/s].
+        servo_speed: speed of the slowest leg [m/s].
         hold: conditioning that a pose must have, see `Hexapod.conditioning`.
     """
 

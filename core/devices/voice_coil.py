@@ -28,7 +28,7 @@ class VoiceCoil:
     Attributes:
         radius: the displacement that a rendered 1 stands for, A [m].
         response: acceleration [m/s^2] for each V.
-        rate: of its commands [Hz].
+        rate: samples per second of its commands [Hz].
     """
 
     radius: float

@@ -19,8 +19,8 @@ class Workspace:
     """The reach of a platform, tilted from level at several distances.
 
     Attributes:
-        distance: of the platform from the base [m], rising, shape (d,).
-        direction: of tilt about the base's Z, 0 is pitch, 90 degrees roll [rad], shape (a,).
+        distance: distance of the platform from the base [m], rising, shape (d,).
+        direction: direction of tilt about the base's Z [rad], shape (a,); 0 is pitch, 90 degrees is roll.
         tilt: the largest in each direction at each distance [rad], shape (d, a).
     """
 

@@ -43,7 +43,7 @@ def pendulum(
 
     Args:
         times: equally spaced [s], shape (n,).
-        acceleration: of the pivot [m/s^2], shape (n, 3).
+        acceleration: acceleration of the pivot [m/s^2], shape (n, 3).
         gravity: [m/s^2], shape (3,); must not be 0.
         length: [m]. damping: ratio to the critical damping of a small swing.
         carry: how it goes on from a window of times before, and into the next; None: from rest.
@@ -108,8 +108,11 @@ def slosh(
 
     Args:
         times: equally spaced [s], shape (n,).
-        acceleration: of the container [m/s^2], shape (n, 3). gravity: [m/s^2], shape (3,); must not be 0.
-        length: of the pendulum of the same frequency [m]. damping: ratio. size: half size of the room [m].
+        acceleration: acceleration of the container [m/s^2], shape (n, 3).
+        gravity: gravity [m/s^2], shape (3,); not zero.
+        length: length of the pendulum with the same frequency [m].
+        damping: damping ratio.
+        size: half the size of the room [m].
         carry: how it goes on from a window of times before, and into the next; None: from rest.
 
     Raises:
@@ -193,8 +196,10 @@ def loose(
 
     Args:
         times: equally spaced [s], shape (n,).
-        rotation: of the room, shape (n, 3, 3). angular_velocity: in world axes [rad/s], shape (n, 3).
-        acceleration: of the room's centre [m/s^2], shape (n, 3). gravity: [m/s^2], shape (3,).
+        rotation: rotation of the room, shape (n, 3, 3).
+        angular_velocity: angular velocity in world axes [rad/s], shape (n, 3).
+        acceleration: acceleration of the room's centre [m/s^2], shape (n, 3).
+        gravity: gravity [m/s^2], shape (3,).
         damping: 1 - restitution, 0 to 1. size: half size of the room [m].
         carry: how it goes on from a window of times before, and into the next; None: from rest.
 

@@ -56,7 +56,7 @@ def read(
             as (65535, 0); or 'none', where every number is a height, and (65535, 'none'), where every other one is.
             Without 'none', another number that looks so is told. Pixels that the file itself declares (alpha 0, a
             TIFF's tag 42113, the page of its mask), and values that are not finite, are no heights in any case.
-        steps: what to do with the staircases of 8-bit images; finer formats are exact and stay as they are.
+        steps: treatment of the staircases of 8-bit images. Finer formats are exact and are not changed.
         unit: metres that one stored number stands for, 1e-12 to 1e3: 1e-3 of a depth camera's millimetres. It gives
             `height_unit`.
 

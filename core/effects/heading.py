@@ -23,7 +23,7 @@ class Heading:
 
     Args:
         window: length of the moving average [s]; 0 is eq. 4 itself.
-        radius: of the jitter to bear [m]; 0 for positions that are exact.
+        radius: radius of the position noise to ignore [m]; 0 for exact positions.
 
     Source: [S4] eq. 4; the hold is ours, 0/0 is left open there.
     """

@@ -38,7 +38,7 @@ def directions(
         rate: samples a second [Hz].
         window: length of the moving average [s]; 0 is eq. 4 itself.
         resting: where the finger is known to be at rest at the end of a step, whatever x and y say, shape (n,).
-        radius: of the jitter to bear [m], as a live panel does; 0 for positions that are exact.
+        radius: radius of the position noise to ignore [m], as a live panel does; 0 for exact positions.
         carry: how it goes on from a window of times before, and into the next; None: there was no touch.
 
     Source: [S4] eq. 4

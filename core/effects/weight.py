@@ -19,7 +19,7 @@ def displacement(
     """Return d = alpha_a a + alpha_g g, as a fraction of the device's range, shape (n, 3).
 
     Args:
-        acceleration: of the object's centre of gravity [m/s^2], shape (n, 3).
+        acceleration: acceleration of the object's centre of gravity [m/s^2], shape (n, 3).
         gravity: [m/s^2], shape (3,).
         alpha_a, alpha_g: [1/(m/s^2)], one number or shape (n,).
         sign: 'paper' as printed; 'inertia' drags by -alpha_a a, as a real mass would.

@@ -53,7 +53,7 @@ class ActiveBounds:
         sign: +1 at the lower bound, -1 at the upper, 0 free. fixed: x at the bounds, 0 where free.
         low, high: bounds of the free variables. uses: solves from `base`, H @ fixed, of all and
             of the free variables, which a second frame asks for.
-        inverse: of H[free, free], where it is used again and again and well conditioned.
+        inverse: inverse of H[free, free], if it is used repeatedly and well conditioned.
         offset: -inverse @ base of the free variables.
     """
 

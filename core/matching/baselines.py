@@ -36,7 +36,7 @@ class ContactPatch:
 
     Attributes:
         points: deformed, on the touched surface, in the finger's frame [m], shape (k, 3).
-        areas: of skin around them [m^2], shape (k,).
+        areas: area of skin around each point [m^2], shape (k,).
     """
 
     points: Array

@@ -18,7 +18,8 @@ def content_offset(
     """Return oc of body b, from its centre of gravity to its content's, in world axes [m], shape (n, 3), and findings.
 
     Args:
-        times: [s], shape (n,). acceleration: of the body's centre of gravity [m/s^2], shape (n, 3).
+        times: time of each sample [s], shape (n,).
+        acceleration: acceleration of the body's centre of gravity [m/s^2], shape (n, 3).
 
     Raises:
         DermisError: an unknown kind of content, or one that cannot move with the values given.

@@ -172,8 +172,9 @@ class Matcher:
         """Return u_err [m] of frames by the law of skin that follows one, on linear skin as `displacement_error`.
 
         Args:
-            force: of the target [N], shape (k, 3m). x: of the active pins [N], shape (k, pins).
-            amounts: of the target, see `Stimulus.given`, shape (k, 3m); from the forces where None.
+            force: forces of the target [N], shape (k, 3m).
+            x: forces of the active pins [N], shape (k, pins).
+            amounts: `Stimulus.given` of the target [m], shape (k, 3m); None computes it from the forces.
         """
         law = self.law
         if law is None:
@@ -258,7 +259,8 @@ class PinSolver:
         """Match target pad forces [N], shape (3m,), and nothing else, at the cost of a live frame.
 
         Args:
-            amounts: of skin that follows a law, see `Stimulus.given`, shape (3m,); from the forces where None.
+            amounts: `Stimulus.given` of the target on skin with a nonlinear law [m], shape (3m,); None computes it from
+                the forces.
 
         Raises:
             DermisError: forces of another size, or not finite.

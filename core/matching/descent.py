@@ -55,7 +55,7 @@ def descend(
     """Return the configuration whose stimulus is nearest to the target; see `minimise` and `descend_in_box`.
 
     Args:
-        reach: of a search nearby, as its `Minimum` tells it.
+        reach: reach of an earlier search for a similar target, see `Minimum`.
         foreseen: a thimble's step that promises no more than this share of the cost is taken without looking where it
             leads: the search ends there with the prediction of the linearised model.
         follows: a search like it is made in the next frame. A thimble's steps after the first then have to promise

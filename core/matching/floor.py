@@ -117,7 +117,8 @@ def floor_of(use: ThimbleUse, forces: Array, amounts: Array | None = None) -> Ge
     It is kept for the same touch, in memory and in the skin's cache.
 
     Args:
-        use: the device on its finger. forces: of the touch on the pad nodes [N], shape (n, m, 3).
+        use: the device on its finger.
+        forces: forces of the touch on the pad nodes [N], shape (n, m, 3).
         amounts: see `Stimulus.given`, of skin that follows a law, shape (n, 3 m).
 
     Raises:

@@ -54,10 +54,11 @@ class Minimum:
         kkt: |S (J'r - A'multipliers)| / (|J S| |r|), with the multipliers of the step that would come next: 0 at
             an exact minimum. S scales distance to tilt. Of an 'exact' one r is rounding, and this is |r| / |target|; of
             a 'foreseen' one it is that of the last point that was looked at.
-        active: limits that hold it back, indices into the seven constraints; `GIVES_WAY` is the singularity margin.
-        multipliers: of them, >= 0.
+        active: indices of the active ones of the seven constraints; `GIVES_WAY` is the singularity margin.
+        multipliers: Lagrange multipliers of the active constraints, >= 0.
         room: c(x) of the seven constraints, >= 0.
-        iterations, evaluations: steps, and calls of the forward model.
+        iterations: number of steps.
+        evaluations: number of evaluations of the forward model.
         why: 'optimal', 'exact', 'step' (no longer moving), 'gain' (no longer better), 'foreseen' (by a last step that
             was not looked at: stimulus and cost are the linearised model's), 'stalled' (no descent at a kink),
             'limit', 'underway' (the servos cannot reach a better minimum within one frame; start_cost is cost
@@ -128,7 +129,7 @@ def minimise(
     Args:
         evaluate: stimulus (k,) and derivative (k, 3) of a configuration.
         target: shape (k,).
-        limits: of the servos; their whole range where None.
+        limits: limits of the servos; None for their whole range.
 
     Raises:
         DermisError: a start outside the limits.

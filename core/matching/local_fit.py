@@ -23,7 +23,7 @@ def fitted_mean(points: Array, query: Array, squared: Array, values: Array) -> A
     Args:
         points: neighbours in the space of the search, nearest first, shape (q, k, d). query: shape (q, d).
         squared: distances, shape (q, k); where the first is 0 its value is returned.
-        values: of the neighbours, shape (q, k, m).
+        values: values of the neighbours, shape (q, k, m).
     """
     hit = squared[:, 0] == 0.0
     scale = np.where(hit, 1.0, squared[:, -1])  # lengths in which the farthest neighbour is 1 away

@@ -294,7 +294,7 @@ def commands_now(
 
     Args:
         force: on the pad nodes [N], shape (1, m, 3); (0, m, 3) where nothing touches.
-        amounts: of each pattern that skin which stiffens is displaced by, shape (k,); from the force where None.
+        amounts: `Stimulus.given` on skin with a nonlinear law [m], shape (3 m,); None computes it from the force.
     """
     coupling = coupling_of(spec)
     original = table.commands[table.rest]

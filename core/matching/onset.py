@@ -34,8 +34,8 @@ def best_side(
 
     Args:
         starts: configurations, those that promise most first.
-        search: from one of them.
-        scale: of a configuration, see `disc_device.scale_of`.
+        search: function that returns the minimum found from a configuration.
+        scale: scale of a configuration's values, see `disc_device.scale_of`.
         left_of: residual of a strong touch, if the disc began on this side; None where the touch is strong.
     """
     found = [search(start) for start in starts]

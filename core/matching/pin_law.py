@@ -30,7 +30,9 @@ class PinLook:
 
     Attributes:
         moved: displacement of the free nodes [m], shape (3 free,). amounts: see `Stimulus.given`, shape (3 m,).
-        looks: at the law. left: of it, over the forces' own energy. settled: whether that is little.
+        looks: number of evaluations of the law.
+        left: remaining error of the law, relative to the energy of the forces.
+        settled: whether this error is small.
         usable: whether it is near enough to the law to describe the tissue; else linear skin does.
     """
 
@@ -51,7 +53,8 @@ class PinLaw:
     """The law of one skin and the pins that press it.
 
     Attributes:
-        tables: of the law. modulus: E alpha [Pa].
+        tables: tables of the law.
+        modulus: E alpha [Pa].
         pins: forces on the pad for unit forces of the active pins, A, shape (3 m, pins).
         chosen: which components of the free nodes are compared, shape (3 free,).
         rendered: L, displacement of these for unit forces of the pins, weighted, shape (3 n, pins).

@@ -88,7 +88,7 @@ def compare(
     """Return one report per method for the touch of a finger's skin.
 
     Args:
-        skin: of the matching mesh.
+        skin: skin with the mesh used for matching.
         finer: the same scene felt by a finer mesh of the same finger.
         where: whose skin it is, for errors.
 

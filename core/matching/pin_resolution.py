@@ -29,7 +29,8 @@ def weakest_gain(points: Array, directions: Array, spread: float) -> float:
     which two at a distance d overlap by exp(-d^2 / 4 spread^2).
 
     Args:
-        points: of action [m], shape (n, 3), n > 0. directions: unit vectors, shape (n, 3).
+        points: points of action of the pins [m], shape (n, 3), n > 0.
+        directions: unit vectors, shape (n, 3).
         spread: standard deviation of the Gaussians [m].
     """
     squared = ((points[:, None] - points[None]) ** 2).sum(axis=2)
@@ -48,7 +49,8 @@ def doubts(matcher: Matcher, distribution: Array, methods: Iterable[Method], whe
     """Return a warning where a method inverts the effect of pins on a mesh that is coarser than they are.
 
     Args:
-        matcher: of the skin and the pins. distribution: A, shape (3 m, pins).
+        matcher: matcher for the skin and the pins.
+        distribution: the matrix A, shape (3 m, pins).
         methods: those in use; DM2 and FM2 invert nothing.
     """
     inverting = [m for m in methods if not m.endswith("2")]

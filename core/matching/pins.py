@@ -189,7 +189,7 @@ def make_solver(
     """Return a solver with the limits of a device: of force unless `bounded` is off, and of speed where it has one.
 
     Args:
-        times: of the frames [s]; None for a single frame, which has no speed.
+        times: time of each frame [s]; None for a single frame, which has no speed.
     """
     step = float(np.median(np.diff(times))) if times is not None and len(times) > 1 else 1.0 / spec.rate
     slew = None if times is None else min((c.slew for c in spec.channels if c.slew is not None), default=None)

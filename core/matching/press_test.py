@@ -31,7 +31,7 @@ class Calibration:
 
     Attributes:
         alpha: least-squares factor, measured load = alpha * model load.
-        standard_error: of alpha, from the scatter of the readings; NaN with fewer than three of them.
+        standard_error: standard error of alpha, from the scatter of the readings; NaN with fewer than three of them.
         residual: RMS of measured minus fitted load [N].
     """
 

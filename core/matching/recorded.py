@@ -125,7 +125,8 @@ class Recording:
     """Model learned from a recording, with its error.
 
     Attributes:
-        model: of all its rows. table: the rows, with components of depth as memory, shape (n, components).
+        model: model of all rows.
+        table: the rows, with components of depth as memory, shape (n, components).
         error: RMS over that of the channels about their mean, on runs that the model of the others has not seen; nan
             where no channel changes.
         runs: how many there are. still: channels that never change.
@@ -193,7 +194,7 @@ def held_out_error(table: SampleTable, fold: Indices) -> float:
     """Return the error of polynomials on rows that they were not fitted to, one fold after the other; nan for none.
 
     Args:
-        fold: of each row, shape (n,).
+        fold: number of the fold of each row, shape (n,).
     """
     missed = 0.0
     spread = float(((table.channels - table.channels.mean(axis=0)) ** 2).sum())

@@ -73,7 +73,8 @@ class ScreenMap:
         offset: friction of the lowest point, for 'height'.
         threshold: fraction of the height range from which 'rectangle' is on.
         lowest, highest: range of heights over the whole bake [units of the map].
-        maps_per_second, start: of a sequence; when its first map is shown [s]. Between two maps the heights blend.
+        maps_per_second: rate of a sequence of maps [1/s].
+        start: time at which its first map is shown [s]. Heights between two maps are interpolated.
         direction_window: length of the moving average of the direction [s], for who follows a real finger.
     """
 
@@ -161,7 +162,8 @@ class ScreenMap:
         """Return the command for one touch, within the device's limits.
 
         Args:
-            x, y: [m] from the screen's centre. direction: of the motion, of any length; (0, 0) before it moved.
+            x, y: position from the screen's centre [m].
+            direction: direction of the motion, of any length; (0, 0) before the first.
             time: [s], for a sequence of maps.
 
         Raises:

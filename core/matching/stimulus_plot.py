@@ -32,9 +32,11 @@ class StimulusPlot:
     """Stimuli in their first three components.
 
     Attributes:
-        cloud: of the device on linear skin, from rest and along random movements, shape (n, 3).
-        configuration: of each dot: pitch and roll over the largest, depth over the largest, -1 to 1, shape (n, 3).
-        target: of the touch, shape (k, 3). rendered: stimuli of the device for it, shape (k, 3).
+        cloud: stimuli of the device on linear skin, from rest and along random movements, shape (n, 3).
+        configuration: configuration of each of these: pitch, roll and depth, each over its largest, -1 to 1, shape (n,
+            3).
+        target: stimuli of the touch, shape (k, 3).
+        rendered: stimuli of the device for it, shape (k, 3).
         predicted: as the search expected, shape (k, 3); None for methods that look for something else.
         left: relative RMS that three components leave of the cloud about its mean.
     """
@@ -53,8 +55,9 @@ def stimulus_plot(
     """Return the plot of a touch and a thimble's rendering of it.
 
     Args:
-        forces: of the virtual touch on the pad nodes [N], shape (k, m, 3). found: the thimble's commands.
-        amounts: of that touch, as in `Follower.follow`, shape (k, 3 m).
+        forces: forces of the virtual touch on the pad nodes [N], shape (k, m, 3).
+        found: the thimble's commands.
+        amounts: `Stimulus.given` of the touch [m], see `Follower.follow`, shape (k, 3 m).
 
     Raises:
         DermisError: servo limits that exclude contact.

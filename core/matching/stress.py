@@ -54,7 +54,8 @@ class ThimbleFrame:
     """Command of the device at one instant, and how well it matches.
 
     Attributes:
-        x: configuration, see `disc_device`, shape (n,). angles: of the joints from neutral, shape (n,).
+        x: configuration, see `disc_device`, shape (n,).
+        angles: angles of the joints from neutral, or lengths of legs, shape (n,).
         stimulus: rendered, after the friction update, shape (k,).
         mismatch: |stimulus - target| / |target|, 0 without a target.
         solution: contact of the disc with the skin.

@@ -57,7 +57,7 @@ def commands_swept(spec: DeviceSpec, points: Array, rows: int | None = None) -> 
     undeformed skin.
 
     Args:
-        points: of undeformed skin that are pressed [m], shape (m, 3).
+        points: points of the undeformed skin that are pressed [m], shape (m, 3).
         rows: about how many; as the preset says where None. A grid takes the next smaller cube.
 
     Raises:
@@ -96,9 +96,9 @@ def commands_at(spec: DeviceSpec, points: Array, share: Array) -> Array:
     """Return the commands of poses within a preset's sweep, within the motors' reach or not, shape (n, motors).
 
     Args:
-        points: of undeformed skin that are pressed [m], shape (m, 3).
-        share: of the way from the least to the greatest depth, pitch and roll, and with six motors of both shifts and
-            yaw, 0 to 1, shape (n, freedoms).
+        points: points of the undeformed skin that are pressed [m], shape (m, 3).
+        share: position between the least and the greatest depth, pitch and roll, 0 to 1, shape (n, freedoms); for six
+            motors also between those of both shifts and yaw.
     """
     p = spec.parameters
     low, high = (float(v) for v in p["sweep_press"])
@@ -124,7 +124,8 @@ def platform_poses(points: Array, depth: Array, pitch: Array, roll: Array, shift
     Args:
         points: undeformed pad nodes [m], shape (m, 3).
         depth: beyond the first touch, along the platform's normal [m], shape (n,).
-        pitch, roll, yaw: about X, then the turned Y, then the turned Z [rad]. shift: of the centre, x and y [m].
+        pitch, roll, yaw: angles about X, then the turned Y, then the turned Z [rad].
+        shift: x and y of the centre [m].
     """
     zero = np.zeros_like(pitch)
     turn = rotation(np.column_stack([pitch, zero, zero])) @ rotation(np.column_stack([zero, roll, zero]))

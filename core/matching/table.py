@@ -42,7 +42,8 @@ class SkinTable:
     """A look-up table.
 
     Attributes:
-        commands: of each row, SI, shape (n, motors). readings: of the sensor, in its unit, shape (n, channels).
+        commands: commands of each row, in SI, shape (n, motors).
+        readings: readings of the sensor, in its unit, shape (n, channels).
         rest: the row in which nothing touches.
         scale: range of each motor, by which commands are compared, shape (motors,).
         noise_floor: readings nearer to those of rest than this cannot be told from rest: such rows count as the

@@ -51,7 +51,7 @@ class Trajectory:
     """Result of a search for a trajectory.
 
     Attributes:
-        frames: of the way that leaves least in all.
+        frames: frames of the trajectory with the least total residual.
         best: for each target the frame that leaves least of it, whichever way it is on: the least residual of a pose.
     """
 

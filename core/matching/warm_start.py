@@ -27,7 +27,8 @@ class WarmStartTable:
 
     Attributes:
         x: configurations, shape (t, n). depth: each beyond first contact [m], shape (t,).
-        direction: of the stimulus, of length 1, shape (t, k). strength: its length, shape (t,).
+        direction: unit vector along the stimulus, shape (t, k).
+        strength: norm of the stimulus, shape (t,).
     """
 
     x: Array
@@ -119,7 +120,7 @@ def kept_table(
     """Return the table of a forward model, from a cache where it is there; raises as `warm_start_table` does.
 
     Args:
-        key: of all that it depends on.
+        key: key of the cache entry, made from all inputs.
     """
 
     def made() -> dict[str, Array]:

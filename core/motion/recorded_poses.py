@@ -69,7 +69,7 @@ def read(path: Path, *, columns: str = "", rate: float = 100.0, unit: float | No
     Args:
         columns: names with commas between, for a file that has none, or instead of its own.
         rate: rows or frames a second, of a file that counts frames or has no times.
-        unit: of places whose names have none [m]; left out, they are metres.
+        unit: unit of positions whose names have none [m]; metres if left out.
 
     Raises:
         DermisError: the code is 'columns-not-said' where the file does not name its columns, and where nobody says a
@@ -167,7 +167,8 @@ def names_of(time: str, turn: str, unit: str = "m") -> str:
     """Return the names of columns in the usual order: the time, the place, the rotation.
 
     Args:
-        time, turn: keys of `TIMES` and `TURNS`. unit: of the places.
+        time, turn: keys of `TIMES` and `TURNS`.
+        unit: unit of the positions.
     """
     return ", ".join((*TIMES[time], *(f"{axis}_{unit}" for axis in PLACE), *TURNS[turn]))
 

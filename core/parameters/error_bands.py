@@ -35,7 +35,8 @@ class ErrorBand(NamedTuple):
     """Error of a model of tissue at a depth and a slide.
 
     Attributes:
-        stress: of all tissue, by volume, relative to the neo-Hookean one. force: the sum on the finger, as a vector.
+        stress: error of the stress in all tissue, weighted by volume, relative to the neo-Hookean model.
+        force: error of the total force on the finger, as a vector.
     """
 
     stress: Spread
@@ -74,7 +75,8 @@ def error_band(tissue: str, depth: float, slide: float = 0.0) -> ErrorBand:
     What counts of a slide is how far friction draws skin along itself: where it slips, skin is drawn no farther.
 
     Args:
-        tissue: 'linear' or 'neo_hookean'. depth: of the undeformed skin inside the object [m].
+        tissue: 'linear' or 'neo_hookean'.
+        depth: depth of the undeformed skin inside the object [m].
         slide: that loaded skin is drawn along itself, on average by its load, `PathStep.slide` [m].
 
     Raises:

@@ -22,17 +22,19 @@ class Parameter:
     Attributes:
         name: in scenes, presets and the engine.
         unit: SI, '1' for a plain number, '' for one whose unit others give; or `SWITCH`, `TEXT`, `NAMES`.
-        text: description. source: of its meaning or of its default; 'chosen' where none is published.
+        text: description.
+        source: source of its meaning or of its default; 'chosen' if none is published.
         default: value of a new item in Blender's window; None where a preset need not state it.
         absent: value where a scene or preset does not state it; the default unless given.
         above, low, high: every number is above, at least, at most this; in the window, in presets and in scenes alike.
         whole: no fractions.
-        choices: of a text: stored value, label and description.
-        besides: what scripts may say that the window does not offer.
+        choices: possible values of a text: stored value, label and description of each.
+        besides: values that scripts may use although the window does not offer them.
         size: how many numbers: None for one alone, n for a list of n, 0 for a list of any length, -1 for a table.
         required: a preset must have it.
         note: where the window, presets or the engine differ, and why.
-        label: what people read in the window. saved: the property's name in a .blend, which never changes.
+        label: label in the window.
+        saved: the property's name in a .blend, which never changes.
         window_unit: the unit of the property's value; that of the parameter unless stated.
         soft: where sliders end; the range where None. digits: behind the point.
         keyed: it may change over a scene. file: the text is the path of a file.

@@ -31,7 +31,7 @@ class Output:
         finger, device: the finger's name and the preset's key.
         track: commands of the device, limited to its abilities.
         signals: diagnostic series at the track's times, such as 'contact'.
-        findings: of the method and of the track's own check.
+        findings: findings of the method and of the track's own check.
     """
 
     finger: str
@@ -51,7 +51,7 @@ class Bake:
 
     Attributes:
         outputs: one per finger and device, in the scene's order.
-        findings: of the scene as a whole; `all_findings` has those of the outputs too.
+        findings: findings about the scene as a whole; `all_findings` also has those of the outputs.
         skipped: counts of work that the scene did not need, by name.
         content_hash: hash of scene, device presets and version.
         stage_seconds: run time of each stage [s].

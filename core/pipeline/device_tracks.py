@@ -32,7 +32,8 @@ class Driven:
 
     Attributes:
         output: its track; None where it could not be rendered, and then a finding of the scene says why.
-        findings: of the scene. skipped: counts of work that the scene did not need, by name.
+        findings: findings about the scene.
+        skipped: amounts of work that the scene did not need, by name.
     """
 
     output: Output | None

@@ -42,7 +42,7 @@ class KeptShares:
     """Shares of bakes by their inputs, so many at most; those not used for longest make room.
 
     Args:
-        limit_bytes: of all of them; one that is larger is not kept.
+        limit_bytes: largest size of all shares together. A larger one is not stored.
 
     Attributes:
         found: how many shares were taken from here. made: how many were rendered and put here.
@@ -104,7 +104,8 @@ def keys_of(
     """Return the key of each lot of fingers, see `lots_of`.
 
     Args:
-        chunks: of the whole scene, as they were taken in. models: of the fingers whose skin is simulated.
+        chunks: chunks of the whole scene.
+        models: skin models of the fingers whose skin is simulated.
     """
     whole = header(scene)
     near = _near(scene, chunks, pad_contact, models)

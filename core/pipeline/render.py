@@ -53,7 +53,8 @@ def render(
     Args:
         library: the presets.
         cache: where condensed skins are kept; without one they are made anew.
-        executor: of child processes, which render fingers side by side where that is worth it. Bytes stay the same.
+        executor: executor with child processes, which render fingers in parallel if that saves time. The results are
+            the same to the byte.
         before: results of earlier bakes: fingers whose inputs are unchanged are taken from there, and rendered ones
             are put there. Bytes stay the same.
 

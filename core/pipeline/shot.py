@@ -51,9 +51,11 @@ class Shot:
     """Results of a scene.
 
     Attributes:
-        names: of its files, in the order in which they were written. refused: tracks that were not written, in words.
-        findings: of the bake and of the files. skipped: counts of skipped work, by name.
-        content_hash: of the bake, see `Bake`.
+        names: names of the written files, in the order of writing.
+        refused: tracks that were not written, with the reason.
+        findings: findings of the bake and of the files.
+        skipped: amounts of skipped work, by name.
+        content_hash: hash of the bake's content, see `Bake`.
     """
 
     names: tuple[str, ...]

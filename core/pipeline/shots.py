@@ -94,7 +94,8 @@ class Skins:
     """Skins of scenes, condensed once for all who render them.
 
     Args:
-        stack: what closes it. They are in a folder where files are shared, else in memory, by their files' keys.
+        stack: exit stack that closes the skins. They are in a folder if files are shared, else in memory, by the key of
+            their file.
     """
 
     def __init__(self, executor: JobExecutor, stack: ExitStack) -> None:

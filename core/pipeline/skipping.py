@@ -16,7 +16,9 @@ class Skip(NamedTuple):
     """One thing that may be left out.
 
     Attributes:
-        part: of the pipeline. needs: inputs of the part. when: the condition under which it is skipped and counted.
+        part: part of the pipeline.
+        needs: inputs of the part.
+        when: condition under which it is skipped and counted.
         counted: unit of the count, in words that follow a number.
     """
 

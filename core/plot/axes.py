@@ -61,7 +61,9 @@ class Axes:
         """Draw lines and numbers at round values, the frame, and the names of the axes.
 
         Args:
-            most: steps of numbers at most across and up. factor: what y is divided by to be shown. colour: of `up`.
+            most: largest number of labelled steps across and up.
+            factor: divisor of y for its labels.
+            colour: colour of the label `up`.
         """
         draw = self.canvas
         marks = ticks(*self.xlim, most[0])

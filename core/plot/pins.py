@@ -63,7 +63,7 @@ def pin_map(
     """Draw one map into a rectangle [points].
 
     Args:
-        forces: of the pins, row by row along the finger [N], shape (pins,).
+        forces: forces of the pins [N], row by row along the finger, shape (pins,).
         high: the force of a full disc [N].
     """
     rows, columns = (int(spec.parameters.get(name, 0)) for name in ("rows", "columns"))

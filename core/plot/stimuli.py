@@ -28,7 +28,7 @@ def draw(
 
     Args:
         cloud: dots in three components, shape (n, 3).
-        configuration: of each dot, -1 to 1, decides its colour, shape (n, 3).
+        configuration: configuration of each dot, -1 to 1, which sets its colour, shape (n, 3).
         lines: by name, such as 'target', 'predicted' or 'measured', in three components, shape (k, 3) each.
     """
     canvas.rectangle(0, 0, WIDTH, HEIGHT, PAPER)

@@ -29,7 +29,7 @@ def scene_from_poses(
     with a pose or poses, object to world, shape (4, 4) or (n, 4, 4).
 
     Args:
-        rate: of the samples [Hz].
+        rate: samples per second [Hz].
 
     >>> from dermis import Body, Finger, Surface, scene_from_poses
     >>> plate = Body("Plate", Surface.block().mesh, {"friction": 0.5})

@@ -53,10 +53,10 @@ def sliding_plane(
     Args:
         depth: how deep the undeformed pad is in the plane [m].
         friction: Coulomb coefficient.
-        direction: of the movement in the pad's plane, from +X (the finger's right) to +Y (the tip) [rad].
-        devices: of the finger.
+        direction: direction of the movement in the pad's plane, from +X (the finger's right) to +Y (the tip) [rad].
+        devices: devices on the finger.
         slide: length of the movement [s]; the scene begins `SETTLE` before it.
-        rate: of the samples [Hz].
+        rate: samples per second [Hz].
     """
     last = 1 + int(np.ceil((SETTLE + slide) * FPS))
     frames, times = sample_frames(FPS, (1, last), rate)

@@ -158,7 +158,8 @@ class TactileScene:
     """A sampled scene: the header, and the chunks in order of time.
 
     Attributes:
-        name: for messages and files. fingers, bodies, screens: what takes part; chunks refer to them by their index.
+        name: name for messages and files.
+        fingers, bodies, screens: the objects that take part; chunks refer to them by their index.
         fps: frames a second as an exact fraction (29.97 is 30000/1001).
         frame_range: first and last frame, both included.
         rate: samples a second of the sweep.

@@ -76,7 +76,9 @@ class CollectSession(SensorStream):
         """Arm, and read every row that has not been read; return all.
 
         Args:
-            commands: of the rows, shape (n, channels). home: of the device at rest. rest: the reading there.
+            commands: commands of the rows, shape (n, channels).
+            home: commands of the device at rest.
+            rest: the reading there.
             done: rows of an earlier run. keep: writes rows; called now and then, and at the end, whatever that is.
 
         Raises:

@@ -28,7 +28,9 @@ class DeviceOutput:
         source: the previous source, so that a playback goes on where it was.
 
     Attributes:
-        wire: the device. rate: of commands [Hz]. sample_clock: which samples are due, and how late they were.
+        wire: the device.
+        rate: rate of the commands [Hz].
+        sample_clock: decides which samples are due, and measures their lateness.
         limiter: the last thing before the wire. source: None where none could be made.
         wanted: the values asked for last [units], before calibration and limits.
 

@@ -19,7 +19,7 @@ class Signals:
     it is.
 
     Attributes:
-        number: of the signal that came, 0 before.
+        number: number of the signal that was received; 0 before.
     """
 
     NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP")

@@ -40,8 +40,9 @@ class Streamer:
 
     Attributes:
         request: the latest. counters: sent, dropped, skipped ... on this link and its next attempts.
-        output: to the device, None before the first connection. drive: of the open link, None without one.
-        recorder: of the log that a person asked for.
+        output: output to the device; None before the first connection.
+        drive: drive of the open link; None without a link.
+        recorder: recorder of the log that a person asked for.
     """
 
     def __init__(

@@ -40,7 +40,7 @@ class PanelSession(LocalStream):
         """Open the link, and announce the session.
 
         Args:
-            limit: of the screen map [V].
+            limit: voltage limit of the screen map [V].
 
         Raises:
             DermisError: it cannot be, or the device is none that a touch panel can drive.

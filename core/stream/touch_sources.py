@@ -19,7 +19,7 @@ def touch_of_line(line: bytes, unit: float) -> Finger:
     """Read a line `x y [down]`: whether the finger is down, x and y [m].
 
     Args:
-        unit: of the line's x and y [m].
+        unit: unit of x and y in the line [m].
 
     Raises:
         ValueError: two or three finite numbers are not all there is, or down is neither 0 nor 1.
@@ -47,7 +47,8 @@ def touch_input(text: str, unit: str, size: tuple[float, float]) -> TouchInput |
     """Open the input that `--touch` names; None: the device's own panel.
 
     Args:
-        unit: of x and y in lines, 'm' or 'mm'. size: of the screen [m], for a window.
+        unit: unit of x and y in lines, 'm' or 'mm'.
+        size: size of the screen [m], for a window.
 
     Raises:
         DermisError: no such kind, or it cannot be opened.

@@ -129,8 +129,9 @@ def equalised(wire: Wire, track: str, values: Array, rate: float) -> Array:
     """Return a track's values as they are driven so that the actuators reach them, by their frequency responses.
 
     Args:
-        track: its name, for people. values: of the wire's channels, shape (n, channels).
-        rate: of the track [Hz], 0 where its samples are not evenly spaced.
+        track: name of the track, for messages.
+        values: values of the wire's channels, shape (n, channels).
+        rate: rate of the track [Hz]; 0 if its samples are not evenly spaced.
 
     Raises:
         DermisError: a channel moves faster than was measured, or the samples are not evenly spaced.

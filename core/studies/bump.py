@@ -55,8 +55,10 @@ def bump_curve(
     """Return friction and volts of every profile for a finger that goes over a bump.
 
     Args:
-        device: preset of a friction screen. height: of the bump [m]. width: its standard deviation [m].
-        speed: of the finger [m/s].
+        device: preset of a friction screen.
+        height: height of the bump [m].
+        width: standard deviation of its profile [m].
+        speed: speed of the finger [m/s].
 
     Raises:
         DermisError: another kind of device, or a value out of range.

@@ -24,7 +24,8 @@ class CapForce:
         reference: its force in any direction in the reference pose, each motor's torque limited by itself.
         anywhere: the same anywhere in the workspace.
         reference_shared, anywhere_shared: where the root of the sum of squares of both torques is limited.
-        place: of the cap where `anywhere_shared` is least [m]. direction: of that force, from the pad's +X [rad].
+        place: position of the cap with the least `anywhere_shared` [m].
+        direction: direction of that force, from the pad's +X [rad].
     """
 
     reference: float

@@ -60,7 +60,10 @@ def sweep_methods(
     """Match every combination of stimuli by every method; yield progress, return one `Swept` a stimulus.
 
     Args:
-        spec: a pin array. depths: [m]. frictions: coefficients. directions: of the movement, from +X to +Y [rad].
+        spec: a pin array.
+        depths: depths [m].
+        frictions: friction coefficients.
+        directions: directions of the movement, from +X to +Y [rad].
         slide: length of the movement [s].
 
     Raises:

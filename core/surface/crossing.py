@@ -20,7 +20,7 @@ def first_crossing(table: TriangleTable, start: Array, end: Array, side: int = 1
     """Return the first triangle that each way enters through its front, and where.
 
     Args:
-        start, end: of the ways [m], shape (n, 3) each.
+        start, end: first and last point of each way [m], shape (n, 3) each.
         side: 1 where the front is on the side of the normals, -1 where it is behind them.
 
     Returns:
@@ -66,7 +66,8 @@ def _close(start: Array, way: Array, middle: Array, radius: Array, front: Array)
     """Return the pairs of a way and a ball that come together, and whose way leads through the ball's plane, (k,) each.
 
     Args:
-        start, way: shape (n, 3). middle, radius: of the balls, shapes (3, m) and (m,).
+        start, way: first point and vector of each way [m], shape (n, 3).
+        middle, radius: centres and radii of the balls [m], shapes (3, m) and (m,).
         front: unit normals of the planes through their middles, towards where ways come from, shape (3, m).
     """
     far = np.sqrt(np.einsum("ni,ni->n", way, way))

@@ -73,7 +73,7 @@ class CurvedMesh:
         """Return how far the curved surface is from the flat one, and whether its triangles follow it.
 
         Args:
-            scale: of the object that carries it.
+            scale: scale of the object that carries the surface.
         """
         found = []
         if len(self._patch):

@@ -18,7 +18,8 @@ def curved_scene(scene: TactileScene, names: Sequence[str] = (), sharp: float = 
     """Return a scene in which bodies have the curved surfaces that their faces stand for; its chunks come once.
 
     Args:
-        names: of the bodies; all where empty. sharp: angle between faces from which on they meet in an edge [rad].
+        names: names of the bodies; all bodies if empty.
+        sharp: least angle between two faces that meet in an edge [rad].
 
     Raises:
         DermisError: no such body.

@@ -26,7 +26,9 @@ class PlainTriangles:
     """The usable triangles of one surface; there must be one at least.
 
     Args:
-        table: the triangles. topology: how they hang together. corners: of the triangles [m], shape (T, 3, 3).
+        table: the triangles.
+        topology: topology of the triangles.
+        corners: corners of the triangles [m], shape (T, 3, 3).
     """
 
     def __init__(self, table: TriangleTable, topology: Topology, corners: Array) -> None:

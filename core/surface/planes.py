@@ -21,9 +21,9 @@ class Planes(NamedTuple):
     """The planes of a surface.
 
     Attributes:
-        plane: of each triangle, shape (T,).
+        plane: index of the plane of each triangle, shape (T,).
         first: where the rim of each plane begins among all edges of rims, and where the last ends, shape (P + 1,).
-        start, way: of each edge of a rim [m], shape (E, 3).
+        start, way: first point and vector of each edge of a rim [m], shape (E, 3).
     """
 
     plane: Indices

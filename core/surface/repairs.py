@@ -27,7 +27,8 @@ class Repairs:
         """Hold the last good pose where one is not finite, and remember where that was.
 
         Args:
-            kind: 'finger', 'object' or 'screen'. names: of each, for findings.
+            kind: 'finger', 'object' or 'screen'.
+            names: name of each, for findings.
             poses: shape (k, n, 4, 4). frames: shape (n,).
         """
         good: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(poses), axis=(2, 3))

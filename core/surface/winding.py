@@ -11,7 +11,7 @@ def winding(corner: Array, points: Array) -> Array:
     """Return how often a surface encloses each point (1 inside a closed one), by solid angles, shape (n,).
 
     Args:
-        corner: of the triangles [m], shape (T, 3, 3).
+        corner: corners of the triangles [m], shape (T, 3, 3).
         points: [m], shape (n, 3).
     """
     out = np.empty(points.shape[0])

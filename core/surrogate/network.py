@@ -28,7 +28,7 @@ class Network:
     """y = mean + size * (V softplus(A s + a) + b) with s the standardised inputs.
 
     Attributes:
-        centre, scale: of the inputs, shape (p,).
+        centre, scale: mean and scale of the inputs, shape (p,).
         weights, bias: A (h, p) and a (h,), of the hidden layer.
         output_weights, offset: V (c, h) and b (c,), in the channels' own units.
     """
@@ -97,7 +97,8 @@ def train(
     many steps of a search for both.
 
     Args:
-        hidden: neurons. iterations: of L-BFGS.
+        hidden: number of neurons of the hidden layer.
+        iterations: number of iterations of L-BFGS.
         penalty: on the squared output weights. decay: on the squared weights of the hidden layer.
         report: called with iterations done and in all.
 

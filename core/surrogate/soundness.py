@@ -18,7 +18,8 @@ def check_parts(made: Surrogate, size: int, freedoms: int, where: str) -> None:
     """Refuse a surrogate whose parts do not fit together.
 
     Args:
-        size: number of components of the forces on the skin's pad nodes. freedoms: of the device.
+        size: number of components of the forces on the skin's pad nodes.
+        freedoms: number of degrees of freedom of the device.
 
     Raises:
         DermisError: a part of another shape, with values that are not finite, or sizes that differ between parts.

@@ -21,7 +21,7 @@ class Surrogate:
     """A learned model.
 
     Attributes:
-        descriptors: of stress, trial forces and friction state.
+        descriptors: descriptors of stress, trial forces and friction state.
         ridge, network: fits; `network` is either the trained one or the ONNX file's.
         meta: skin, device, friction and modulus it was made for, sample counts, test errors.
     """
@@ -35,7 +35,7 @@ class Surrogate:
         """Return the forward model of a device against a skin of this shape, of any stiffness.
 
         Args:
-            contact: of the device's disc with that skin.
+            contact: contact of the device's disc with that skin.
 
         Raises:
             DermisError: neither 'network' nor 'ridge', or another skin.

@@ -24,8 +24,12 @@ class Swept:
     """Results of a sweep.
 
     Attributes:
-        rows: how many there are. done: by this run. kept: of earlier runs. refused: rows that say why they have no
-            figures. lost: rows whose workers died of them, which another run does once more. paths: of the table.
+        rows: number of rows.
+        done: number of rows computed by this run.
+        kept: number of rows of earlier runs.
+        refused: number of rows with a reason instead of figures.
+        lost: names of the rows whose worker died; the next run repeats them.
+        paths: paths of the table's files.
     """
 
     rows: int
@@ -43,7 +47,7 @@ def run_sweep(spec: Spec, library: Library, folder: Path, executor: JobExecutor)
     finished ones are, since it would be refused again. Leaving early writes the table of finished rows.
 
     Args:
-        folder: of this sweep; rows of another variant, scene, preset or version of Dermis have other names.
+        folder: folder of this sweep. Rows of another variant, scene, preset or version of Dermis have other names.
 
     Raises:
         DermisError: a sweep that cannot be, see `rows` of its study; a folder that cannot be written.

@@ -26,9 +26,11 @@ class Spec:
 
     Attributes:
         study: 'devices' (scenes through devices) or 'motors' (the six interactions of [S2] through platforms).
-        vary: the values of what varies, in the file's order; a parameter with one value is fixed.
-        scenes: files of sampled scenes. finger: name or number. level: of the skin, for 'motors'.
-        rows: of a platform's table, for 'motors'; as its preset says where None.
+        vary: the values of each varied parameter, in the file's order; a parameter with one value is fixed.
+        scenes: files of sampled scenes.
+        finger: name or number of the finger.
+        level: level of the skin's mesh, for 'motors'.
+        rows: number of rows of a platform's table, for 'motors'; None for that of its preset.
         where: the file, for errors.
     """
 

@@ -49,7 +49,7 @@ def preset_findings(track: CommandTrack, library: Library, key: str = "") -> tup
     (warnings), 'other-channels' (error).
 
     Args:
-        key: of the preset, if not the track's own.
+        key: key of the preset, if not the track's own.
     """
     where = f"device preset '{key or track.spec.key}'"
     preset = _preset(track, library, key)

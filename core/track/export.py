@@ -38,7 +38,7 @@ def write(
     A track with errors is refused. Forced, it is written as it is, with the codes under `forced` in its header.
 
     Args:
-        settings: of the format, in SI, by the names of its rows; the defaults where left out.
+        settings: settings of the format, in SI, by name; defaults for those left out.
 
     Raises:
         DermisError: an unknown format or setting; errors and no force; content that the format cannot hold; the file
@@ -106,7 +106,7 @@ def cut(track: CommandTrack, first: float, last: float, *, name: str = "") -> Co
     """Return the part of a track between two times [s], both included, as a track that starts at 0 s.
 
     Args:
-        name: of the range, noted as `range` in the meta data.
+        name: name of the range, stored as `range` in the meta data.
 
     Raises:
         EmptyRange: the range has no duration, or no sample lies in it.

@@ -87,7 +87,8 @@ def check_limited(key: str, names: Collection[str], where: str) -> None:
     """Refuse a count of limited samples of no channel, or of no kind that a limiter has.
 
     Args:
-        key: 'CHANNEL.KIND'. names: of the channels, as a set or the keys of a dict.
+        key: 'CHANNEL.KIND'.
+        names: names of the channels, as a set or the keys of a dict.
 
     Raises:
         DermisError: as said.

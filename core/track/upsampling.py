@@ -34,7 +34,9 @@ def ratio(rate: float, wanted: int, duration: float, where: str) -> Fraction:
     """Return how many new samples there are for each one, as a ratio of whole numbers.
 
     Args:
-        rate: of the series [Hz]. wanted: of the new one [Hz], larger. duration: of the series [s].
+        rate: rate of the series [Hz].
+        wanted: rate of the new series [Hz], larger.
+        duration: duration of the series [s].
 
     Raises:
         DermisError: no such ratio keeps time within 1 us.

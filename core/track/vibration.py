@@ -35,7 +35,9 @@ class Vibration:
 
     Attributes:
         amplitude: curve of the acceleration's amplitude, 0 to 1 of `full_scale`. frequency: curve [Hz], inside `band`.
-        full_scale: [m/s^2]. band: of the coil [Hz]. duration: of the track [s].
+        full_scale: acceleration of full scale [m/s^2].
+        band: frequency band of the coil [Hz].
+        duration: duration of the track [s].
     """
 
     amplitude: Curve

@@ -49,7 +49,8 @@ class Wave:
     Attributes:
         rate: [Hz]. volts: at the device [V], not yet clipped, shape (n,).
         limit: voltage at the device of the largest sample [V].
-        header: description in the file. findings: of the conversion.
+        header: description in the file.
+        findings: findings of the conversion.
     """
 
     rate: int

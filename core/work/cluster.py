@@ -93,7 +93,9 @@ class ClusterExecutor(JobExecutor):
 
     Args:
         address: of the scheduler, such as 'tcp://127.0.0.1:8786', or 'tls://...' with keys.
-        keys: of a TLS connection. table: the jobs' names. entry: what workers run; it is sent by its name.
+        keys: keys of a TLS connection.
+        table: names of the jobs.
+        entry: entry point of the workers, sent by its name.
 
     Raises:
         DermisError: code 'no-dask' where dask is not installed; 'no-scheduler' where nobody answers; 'other-version'

@@ -56,7 +56,7 @@ class MappedRecord:
     Nobody ever waits, and a reader never sees half a record.
 
     Args:
-        offset, size: of the first of the two slots [bytes].
+        offset, size: offset and size of the first of the two slots [bytes].
     """
 
     def __init__(self, memory: mmap.mmap, offset: int, size: int) -> None:

@@ -58,7 +58,8 @@ class Heard:
     """A board's first answer after a silence.
 
     Attributes:
-        state: of the board. least, most: bounds of the silence that the board has heard [s].
+        state: state of the board.
+        least, most: lower and upper bound of the silence before this answer [s].
     """
 
     state: DeviceState
@@ -71,7 +72,7 @@ class Bench:
 
     Args:
         request: link, device and calibration. heed: called all the time; raises to end the walk.
-        clock, sleep: of this computer.
+        clock, sleep: clock and sleep function of this computer.
 
     Attributes:
         wire: the device. streamer: its mind. host: how busy this computer is.

@@ -20,7 +20,8 @@ class Host:
     Lateness is the part of an interval in which the program neither slept as it meant to nor used the processor.
 
     Args:
-        clock, sleep: of this computer. used: processor's time of this thread [s].
+        clock, sleep: clock and sleep function of this computer.
+        used: processor time used by this thread [s].
     """
 
     def __init__(

@@ -22,7 +22,9 @@ class Check:
     """One thing that was tried.
 
     Attributes:
-        name: of the check. what: that was done. outcome: of it; 'not judged' where this computer was too busy to tell.
+        name: name of the check.
+        what: the action that was tested.
+        outcome: result of the check; 'not judged' if this computer was too busy to decide.
         judge: 'measured' by this program, 'seen' by the person at the bench, or both.
         figure: the measurement or the answer, with its unit. limit: the bound it was compared with.
     """

@@ -26,7 +26,9 @@ class ForceSensor:
     """A sensor with a calibration matrix.
 
     Attributes:
-        name: of the sensor. channels, units: of the results, as 'Fx' in 'N'. range: of the inputs, either way [V].
+        name: name of the sensor.
+        channels, units: names and units of the results, such as 'Fx' in 'N'.
+        range: range of the inputs to either side of zero [V].
         matrix: results a volt, shape (results, inputs), as rows.
     """
 

@@ -70,7 +70,8 @@ def open_link(url: Url, virtual: Callable[[Url], Transport], baud: int = BAUD) -
     """Open a link; the URL loses the options that the link takes.
 
     Args:
-        virtual: opens the simulated device. baud: of a serial port whose URL names none.
+        virtual: opens the simulated device.
+        baud: baud rate of a serial port whose URL states none.
 
     Raises:
         DermisError: it cannot be opened; says why, and who has it where that can be known.

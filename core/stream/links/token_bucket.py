@@ -11,8 +11,9 @@ class TokenBucket:
     """Holds the right to send, in bytes; without a pace there is always enough.
 
     Args:
-        pace: at which it fills [bytes/s]. most: the same, while nothing waits on the way. burst: of the pace that may
-            leave at once [s].
+        pace: rate at which the bucket fills [bytes/s].
+        most: the rate while nothing is queued [bytes/s].
+        burst: time of filling whose bytes may leave at once [s].
     """
 
     def __init__(self, pace: float = math.inf, most: float = math.inf, burst: float = BURST) -> None:

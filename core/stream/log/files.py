@@ -34,7 +34,9 @@ class LogFiles:
     A file appears under its name with its header in it, and grows by whole rows. No file that is there is written to.
 
     Args:
-        path: of the first file. size: of one file [bytes]. total: of all of them; the oldest go before it is exceeded.
+        path: path of the first file.
+        size: size of one file [bytes].
+        total: size of all files [bytes]; the oldest are deleted before it is exceeded.
 
     Attributes:
         path: of the file that grows. written: bytes of all files so far. rows: in them. removed: paths of the files

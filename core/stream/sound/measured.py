@@ -20,7 +20,10 @@ class MeasuredCard:
     """A card with a cable from out to in.
 
     Attributes:
-        name, rate: of the card [Hz]. gain: from output to input, at 1 kHz. latency: from out to in [s].
+        name: name of the card.
+        rate: sampling rate of the card [Hz].
+        gain: gain from output to input at 1 kHz.
+        latency: latency from output to input [s].
         jitter: range of the latency of single clicks [s]. corner: frequency below which the card blocks [Hz]; that of
             output and input together, so never too low. loudest: largest sample whose gain is within 0.5 %.
     """

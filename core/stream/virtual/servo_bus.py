@@ -19,7 +19,10 @@ class SimulatedServo:
     """A servo: its registers, and a shaft that is where its goal is while the torque is on.
 
     Attributes:
-        memory: registers. position: of the shaft [counts]. error: byte of its answers. heard: last instruction [s].
+        memory: registers.
+        position: position of the shaft [counts].
+        error: error byte of its answers.
+        heard: time of the last instruction [s].
         held: the shaft is held, so it does not follow.
     """
 
@@ -210,7 +213,7 @@ class FeetechDevice(ServoBusDevice):
     """Feetech STS3215, or a servo of the SCS family: no watchdog, and its torque comes on with the last goal.
 
     Args:
-        scs: of the SCS family, which has 1024 counts, its words the other way round, and no Sync Read.
+        scs: whether it is of the SCS family, which has 1024 counts, the opposite byte order, and no Sync Read.
     """
 
     GOAL, POSITION, TORQUE = fts.GOAL, fts.POSITION, fts.TORQUE

@@ -13,7 +13,9 @@ class TorqueDevice:
     """Motors with inertia, friction and the skin's spring, driven by torques over UDP; lets go after 20 ms of silence.
 
     Args:
-        inertia: of each motor at its pulley [kg m2]. damping: [N m s]. stiffness: of the skin [N m/rad].
+        inertia: inertia of each motor at its pulley [kg m2].
+        damping: damping [N m s].
+        stiffness: stiffness of the skin [N m/rad].
         encoder: step of the reported angles [rad].
     """
 

@@ -30,7 +30,7 @@ from core.skin import store as skin_store
 from core.skin.remainder import Remainder
 from core.stream.daq.force_sensor import ForceSensor
 from core.stream.log import binary as stream_log
-from core.stream.log.csv import CsvForm
+from core.stream.log.csv_form import CsvForm
 from core.stream.output_limiter import OutputLimiter
 from core.stream.protocols import adapters, packets, pairs
 from core.stream.protocols.bus import dynamixel, feetech
@@ -42,7 +42,7 @@ from core.stream.protocols.sealed import KEY, BoardSeals, HostSeals
 from core.stream.protocols.torque import Torque
 from core.stream.protocols.wire import Wire
 from core.stream.request import request_of
-from core.stream.sound.measured import MeasuredCard
+from core.stream.sound.measured_card import MeasuredCard
 from core.stream.virtual.device import make
 from core.surrogate import onnx, table
 from core.surrogate import store as surrogate_store
@@ -377,7 +377,7 @@ READERS = (
     ),
     _reader(
         "measured sound card",
-        "core.stream.sound.measured:MeasuredCard.load",
+        "core.stream.sound.measured_card:MeasuredCard.load",
         ".json",
         lambda: [MeasuredCard("USB Audio: #1 (hw:1,0), ALSA", 48_000, 0.8, 0.012, 1e-5, 2.0, 1.0).dumps().encode()],
         lambda path: MeasuredCard.load(path).dumps(),

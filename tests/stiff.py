@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.law_skin import LawSkin
-from core.contact.solver.path import PathSolver
+from core.contact.solver.path_solver import PathSolver
 from core.skin.model import SkinModel, fingertip_skin
 from core.surface.gap import Surface
 from tests.touches import Solid, Touch, flat

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.law_skin import LawSkin
-from core.contact.solver.path import PathSolver
-from core.contact.solver.point_path import PointSolver
+from core.contact.solver.path_solver import PathSolver
+from core.contact.solver.point_solver import PointSolver
 from core.skin.model import SkinModel
 from core.skin.nodal_forces import NodalForces
 from core.skin.surface_store import smooth_pad

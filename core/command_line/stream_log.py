@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import DermisError
 from ..files import atomic
 from ..stream.log.binary import LogFile, read
-from ..stream.log.csv import CsvForm
+from ..stream.log.csv_form import CsvForm
 from ..stream.log.row import Fate, Rows
 
 _AT_ONCE = 4096  # rows

@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from ..contact.skin_contact import SkinContact
+from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
-from ..matching.floor import Floor
+from ..matching.floor import Floor, floor_of, looked_at
+from ..matching.thimble import amounts_at, forces_at
+from ..matching.thimble_use import by_stress, method_name, prepare
 from ..pipeline.bake import Bake, Output, Progress
 from ..pipeline.render import render
 from ..presets import Library
 from ..scene.tactile_scene import TactileScene
 from ..steps import in_words
-from .floors import floor_in
 from .measures import Judged, judge
 from .wearing import Skipped, finger_index, wearing_all
 
 if TYPE_CHECKING:
     from ..cache import Cache
 
-PARTS = 1000  # of a device's judging, as progress tells it
+PARTS = 1000  # steps of progress for each device
+SEARCHED = ("thimble", "hexapod")  # kinds of devices with a floor
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +121,30 @@ def compare_devices(
     told = (*touch, *(f for f in bake.findings if f.where == f"finger '{name}'" and f not in touch))
     warnings = tuple(f for f in told if f.severity != "info")
     return Comparison(scene.name, name, scene.duration, bake.content_hash, tuple(rows), tuple(skipped), warnings)
+
+
+def floor_in(
+    spec: DeviceSpec, skin: SkinContact | None, parameters: Mapping[str, Any]
+) -> Generator[Progress, None, Floor | None]:
+    """Find the floor of a device for a touch, see `matching.floor`; yield progress.
+
+    Return None for a device that is not matched by a search for its pose. Six legs with a look-up table have the same
+    floor as six legs that are searched, so it is computed for these as well.
+
+    Raises:
+        DermisError: a device that cannot touch this finger.
+    """
+    if skin is None or spec.kind not in SEARCHED or not len(skin.contact):
+        return None
+    given = dict(parameters)
+    if not by_stress(spec, given):
+        given[method_name(spec)] = "stress"
+    times = skin.times[looked_at(len(skin.times))]
+    forces = forces_at(skin, times)
+    if not forces.any():
+        return None
+    steps = floor_of(prepare(spec, skin.pressed, given), forces, amounts_at(skin, times))
+    return (yield from in_words(steps, lambda step: Progress(f"{spec.key}, {step.stage}", step.done, step.total)))
 
 
 def _share(step: int, steps: int, now: Progress) -> Progress:

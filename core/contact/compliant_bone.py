@@ -22,9 +22,9 @@ from ..skin.surface_compliance import SurfaceCompliance
 from .solver.bodies import ContactBody, NodeGaps
 from .solver.law_skin import LawSkin
 from .solver.notes import Notes
-from .solver.path import TOLERANCE, PathSolver, PathStep
-from .solver.point_path import PointSolver
-from .solver.sub_steps import SubStepper
+from .solver.path_solver import TOLERANCE, PathSolver, PathStep
+from .solver.point_solver import PointSolver
+from .solver.sub_stepper import SubStepper
 from .trusted import WORDS, trusted
 
 LIMIT_TOLERANCE = 1e-3  # of the force limit

@@ -18,8 +18,8 @@ from .compliant_bone import CompliantBone
 from .first_touch import CLOSE, first_touch
 from .solver.between import lowered
 from .solver.bodies import ContactBody
-from .solver.path import PathStep
-from .solver.point_path import PointSolver
+from .solver.path_solver import PathStep
+from .solver.point_solver import PointSolver
 
 STEP = 0.1e-3  # from pose to pose: friction remembers the way, and a bake of 24 mm/s at 240 Hz takes the same steps [m]
 

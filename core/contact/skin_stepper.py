@@ -31,7 +31,7 @@ from .skin_contact import SkinStep
 from .solver.bodies import AWAY, ContactBody, NodeGaps
 from .solver.cone import SLIP, STICK
 from .solver.grip import GripStep
-from .solver.point_path import REACH, PointSolver
+from .solver.point_solver import REACH, PointSolver
 
 # On a flat or gently curved object, normals where skin is this near [m] differ from their mean by less than this cosine
 # says; so many places must say so.

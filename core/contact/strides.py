@@ -22,7 +22,7 @@ from .between import between
 from .sample_window import Approach
 from .skin_contact import SkinStep
 from .skin_stepper import SkinStepper
-from .solver.sub_steps import PRESSING
+from .solver.sub_stepper import PRESSING
 
 # A stride takes no longer than this [s], and leads no farther [m]: a quarter of the spacing that skin is solved at.
 LONGEST, FARTHEST = 1 / 60, 0.2e-3

@@ -11,7 +11,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from ..parameters.error_bands import DEPTHS, LINEAR, NEO_HOOKEAN, SLID_AT, SLIDES, error_band
-from .solver.path import DEPTH_LIMIT
+from .solver.path_solver import DEPTH_LIMIT
 
 # Of the stress, in half of the touches: what linear skin reaches at its depth limit.
 WORST = error_band(LINEAR, DEPTH_LIMIT).stress.median

@@ -5,8 +5,8 @@ something: rigid legs, or cables and springs that give way. Giving way enters th
 rank six, w = (C + J P J') f + b, so that platform and skin are in balance together.
 
 Each row is a path of its own: from rest to the first touch without contact, then in `steps` equal parts into the skin,
-with friction's memory from part to part as in `contact.solver.path`. The rows of a batch go through the alternating
-method side by side: one matrix product for all of them.
+with friction's memory from part to part as in `contact.solver.path_solver`. The rows of a batch go through the
+alternating method side by side: one matrix product for all of them.
 
 Source: [S2] III.A (data collection); method as in `contact.solver.admm`
 """

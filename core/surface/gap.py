@@ -32,11 +32,11 @@ from . import shapes
 from .gap_query import GapQuery
 from .kernel_body import KernelBody
 from .nearest import PlainTriangles
-from .normals import SurfaceNormals
 from .pieces import pieces
 from .planes import Planes
+from .surface_normals import SurfaceNormals
 from .topology import Topology, topology_of
-from .tree import TriangleTree
+from .triangle_tree import TriangleTree
 from .triangles import TriangleTable
 from .winding import winding
 

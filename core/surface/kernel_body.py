@@ -16,7 +16,7 @@ from ..kernels.library import kernels
 from ..kernels.records import address
 from .gap_query import GapQuery
 from .topology import Topology
-from .tree import TriangleTree
+from .triangle_tree import TriangleTree
 
 
 class KernelBody:

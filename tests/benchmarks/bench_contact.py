@@ -189,7 +189,7 @@ def _poses(path: str, lowest: float) -> Iterator[tuple[Any, Any]]:
 @functools.cache
 def _run(level: str, path: str, tolerance: float | None = None) -> Run:
     from core.contact.solver.bodies import ContactBody
-    from core.contact.solver.path import TOLERANCE, PathSolver
+    from core.contact.solver.path_solver import TOLERANCE, PathSolver
     from core.surface.plane import Plane
 
     skin = _skin(level)

@@ -64,8 +64,8 @@ def contact_edge_slid() -> Result:
 def _slid_errors(angle: float) -> list[float]:
     """Return how far the force is off at places along a stroke there and back in steps of 0.1 mm, over its size."""
     from core.contact.solver.bodies import ContactBody
-    from core.contact.solver.point_path import PointSolver
-    from core.contact.solver.sub_steps import SubStepper
+    from core.contact.solver.point_solver import PointSolver
+    from core.contact.solver.sub_stepper import SubStepper
     from core.presets import Library
     from core.skin.surface_store import surface_compliance
     from core.surface.gap import Surface

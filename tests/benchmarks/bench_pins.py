@@ -58,7 +58,7 @@ def dm2_frame() -> Result:
 @benchmark("pin_frame_ms", limit=0.45, quick=True)
 def pin_frame() -> Result:
     """Solve the contact on the standard skin and DM2, frame after frame of the paper's slide."""
-    from core.contact.solver.path import PathSolver
+    from core.contact.solver.path_solver import PathSolver
 
     skin = _skin()
     bodies = [_plane(offset) for offset in _offsets("slide")]
@@ -247,7 +247,7 @@ def _plane(offset: Any) -> Any:
 @functools.cache
 def _forces(path: str) -> Any:
     """Return the contact forces of the measured frames, shape (480, 3 m)."""
-    from core.contact.solver.path import PathSolver
+    from core.contact.solver.path_solver import PathSolver
 
     skin = _skin()
     contact = PathSolver(skin.compliance, skin.positions, areas=skin.areas)

@@ -12,7 +12,7 @@ from core.devices.voice_coil import VoiceCoil
 from core.presets import Library
 from core.stream.signals import Signals
 from core.stream.sound.loopback import measure
-from core.stream.sound.measured import MeasuredCard
+from core.stream.sound.measured_card import MeasuredCard
 from core.stream.sound.play import play, samples_of
 from core.stream.virtual.sound_loop import SoundLoop
 from core.track.command_track import CommandTrack

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from core.comparison.afferents import FRAME, JND, REFERENCE_FORCE, Afferents
 from core.comparison.ideal_observer import told
-from core.contact.solver.path import PathSolver
+from core.contact.solver.path_solver import PathSolver
 from core.devices.thimble import mechanism
 from core.presets import Library
 from core.skin.model import SkinModel, fingertip_skin

@@ -14,7 +14,7 @@ from blender_addon import doubts
 from blender_addon.demos import demo_thimble, touches
 from blender_addon.placing import presses
 from blender_addon.properties import skin_properties
-from core.contact.solver import path
+from core.contact.solver import path_solver
 
 from .build import cube, keys, mesh_object
 from .hand_rigs import hand, unreal
@@ -188,7 +188,7 @@ def test_a_press_deeper_than_skin_is_trusted_gets_a_compliant_bone_where_skin_is
     finger.keyframe_insert("location", frame=30)
     bpy.context.scene.frame_set(1)
     assert found() == {"deep": "Finger"}  # at a key that is not shown now
-    assert doubts._DEEPEST == path.DEPTH_LIMIT
+    assert doubts._DEEPEST == path_solver.DEPTH_LIMIT
     finger.dermis.finger.skin.tissue = "neo_hookean"
     assert found() == {}  # which is trusted deeper
     finger.dermis.finger.skin.tissue = "linear"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from core.contact.skin_stepper import SkinStepper
 from core.contact.solver.path_step import PathStep
-from core.contact.solver.point_path import PointSolver
+from core.contact.solver.point_solver import PointSolver
 from core.surface.gap import Surface
 
 Array = NDArray[np.float64]

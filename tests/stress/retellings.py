@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from core.cache import Cache
 from core.contact.skin_stepper import SkinStepper
-from core.contact.solver.path import PathSolver
-from core.contact.solver.point_path import PointSolver
+from core.contact.solver.path_solver import PathSolver
+from core.contact.solver.point_solver import PointSolver
 from core.pipeline import shares
 from core.pipeline.kept_shares import KeptShares
 from core.scene.tactile_scene import Body, Mesh

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.contact.solver.path import PathSolver
+from core.contact.solver.path_solver import PathSolver
 from core.devices import thimble
 from core.errors import DermisError
 from core.experiment import Touch, fingertip, match, press

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.contact.solver.point_path import PointSolver
+from core.contact.solver.point_solver import PointSolver
 from core.pipeline import shares
 from core.scene.tactile_scene import Mesh
 from core.surface.gap import Surface

@@ -7,8 +7,8 @@ solve            the same with checks and a proof, for whoever has no path
 compliance, halfspace        of a skin, and of an endless block
 history          the anchors of friction
 notes            findings, each kind once
-path, path_step  frame after frame along a path
-point_path       the same on free points of a smooth pad, with
+path_solver      frame after frame along a path; path_step: one of them
+point_solver     the same on free points of a smooth pad, with
 point_tree       where they are, by a compiled survey (posed_records: its bodies; moved_skin: its skin)
 point_matrix     their compliance, and point_history, which come in whose place
 grip             the fingers that hold an object, and their grips

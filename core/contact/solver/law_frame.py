@@ -20,7 +20,7 @@ from ...arrays import Array, Indices
 from .between import matter_moved
 from .bodies import ContactBody, NodeGaps, owned
 from .law_skin import LawSkin
-from .solved_frame import SolvedFrame
+from .path_step import SolvedFrame
 
 ROUNDS = 80  # of both
 USABLE = 0.1  # residual of the law: a solution with less than that is better than linear skin

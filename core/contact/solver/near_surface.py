@@ -9,7 +9,7 @@ import numpy as np
 from ...arrays import Array, Indices
 from ...surface.gap import Surface
 from ...surface.topology import Topology
-from ...surface.tree import TriangleTree
+from ...surface.triangle_tree import TriangleTree
 from ...surface.triangles import TriangleTable
 
 

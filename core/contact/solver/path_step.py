@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,20 @@ from .solve import Solution
 STEEP = 0.5
 # The bone reaches this far along the finger towards the tip [m].
 BONE_END = 4e-3
+
+
+class SolvedFrame(NamedTuple):
+    """A frame that was solved.
+
+    Attributes:
+        solution: forces and residuals of all nodes.
+        image: displacement of the nodes under the forces [m], shape (m, 3).
+        work: as in `PathStep`.
+    """
+
+    solution: Solution
+    image: Array
+    work: str
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from ...work.child import follow_parent
 from ..protocols import adapters
 from ..protocols.wire import Wire
 from .binary import BinaryForm
-from .csv import CsvForm
+from .csv_form import CsvForm
 from .files import LogFiles
 from .lsl_tee import LslTee
 from .ring import MOST_AT_ONCE, Ring

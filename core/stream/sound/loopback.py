@@ -15,7 +15,7 @@ import numpy as np
 from ...arrays import Array
 from ...errors import DermisError
 from .card import Card, open_card
-from .measured import MeasuredCard
+from .measured_card import MeasuredCard
 
 QUIET = 0.25  # [s] before the first click and behind the last tone: longer than any card is late
 CLICKS, LEVEL = 24, 0.25  # and the samples' size, -12 dB

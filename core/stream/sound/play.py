@@ -22,7 +22,7 @@ from ...track.wav import Wave, wave_of
 from ..signals import Interrupted, Signals
 from .card import Card, open_card
 from .loopback import lowest
-from .measured import MeasuredCard
+from .measured_card import MeasuredCard
 
 FADE = 0.005  # [s] from the last sample to silence, when a signal ends it
 SILENCE = 0.2  # [s] that are played behind the last sample: more than a card keeps in its buffers

@@ -9,7 +9,7 @@ import numpy as np
 
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.law_skin import LawSkin
-from core.contact.solver.point_path import PointSolver
+from core.contact.solver.point_solver import PointSolver
 from core.skin.model import SkinModel
 from core.skin.nodal_forces import NodalForces
 from core.skin.point_forces import PointForces

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.cone import OPEN, STICK
 from core.contact.solver.law_skin import LawSkin
-from core.contact.solver.path import PathSolver
+from core.contact.solver.path_solver import PathSolver
 from core.skin.model import SkinModel
 from core.skin.nodal_forces import NodalForces
 from core.skin.surface_compliance import SurfaceCompliance

@@ -61,7 +61,7 @@ class Setting(NamedTuple):
 
 def settings() -> list[Setting]:
     """Return all ways that are compared; those that people get are marked."""
-    from core.contact.solver.path import TOLERANCE
+    from core.contact.solver.path_solver import TOLERANCE
 
     levels = [Setting("nodes, by mesh", level, "nodes", level) for level in ("draft", "standard", "fine")]
     nodes = [

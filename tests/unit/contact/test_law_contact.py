@@ -14,7 +14,7 @@ from core.contact.solver.bodies import ContactBody
 from core.contact.solver.cone import natural_residual
 from core.contact.solver.grip import HoldingFinger
 from core.contact.solver.law_skin import TOLERANCE, LawSkin, LawState
-from core.contact.solver.path import PathSolver
+from core.contact.solver.path_solver import PathSolver
 from core.contact.solver.path_step import PathStep
 from core.skin.law_tables import LawTables
 from core.skin.model import SkinModel, fingertip_skin

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from core.contact.solver.law_frame import FOLD, LEFT
 from core.contact.solver.law_skin import LawSkin
-from core.contact.solver.path import PathSolver
+from core.contact.solver.path_solver import PathSolver
 from core.contact.solver.path_step import PathStep
-from core.contact.solver.point_path import PointSolver
+from core.contact.solver.point_solver import PointSolver
 from core.skin.model import SkinModel, fingertip_skin
 from core.skin.nodal_forces import NodalForces
 from core.skin.stimulus import Stimulus

@@ -18,7 +18,7 @@ from core.contact.proximity import Proximity
 from core.contact.skin_contact import SkinContact, SkinStep
 from core.contact.skin_sampler import SkinSampler
 from core.contact.skin_stepper import SkinStepper
-from core.contact.solver.point_path import PointSolver
+from core.contact.solver.point_solver import PointSolver
 from core.errors import DermisError, Finding
 from core.parameters.skin import SKIN_CONTACT
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene

@@ -11,7 +11,7 @@ pytest.importorskip("scipy")
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.cone import natural_residual
 from core.contact.solver.path_step import PathStep
-from core.contact.solver.point_path import PointSolver
+from core.contact.solver.point_solver import PointSolver
 from core.skin.assembly import degrees
 from core.skin.model import SkinModel
 from core.skin.stimulus import Stimulus

@@ -10,7 +10,7 @@ import pytest
 from core.arrays import Array
 from core.contact.compliant_bone import CompliantBone
 from core.contact.solver.bodies import ContactBody
-from core.contact.solver.path import DEPTH_LIMIT
+from core.contact.solver.path_solver import DEPTH_LIMIT
 from core.contact.trusted import WORST, trusted
 from core.errors import DermisError, Finding
 from core.parameters.error_bands import error_band

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.contact.solver.path import PathSolver
+from core.contact.solver.path_solver import PathSolver
 from core.devices import disc as module
 from core.devices.disc import DiscContact
 from core.devices.disc_pose import Disc, FrictionState, placed

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from core.contact.solver.bodies import ContactBody
-from core.contact.solver.path import PathSolver
+from core.contact.solver.path_solver import PathSolver
 from core.devices import hexapod
 from core.devices.disc_pose import Disc
 from core.devices.poses import Poses, rotation

@@ -7,7 +7,7 @@ import pytest
 
 from core.cache import Cache
 from core.contact.solver.bodies import ContactBody
-from core.contact.solver.point_path import PointSolver
+from core.contact.solver.point_solver import PointSolver
 from core.devices.disc_pose import Disc
 from core.devices.press import BATCH, Press, _alike
 from core.devices.press_problem import PressPoints

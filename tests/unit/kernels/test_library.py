@@ -205,7 +205,7 @@ def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path) -> None:
 
 
 def test_skins_refuse_without_it(nobody: None) -> None:
-    from core.contact.solver.path import PathSolver
+    from core.contact.solver.path_solver import PathSolver
 
     with pytest.raises(DermisError, match="kernels are missing") as told:
         PathSolver(np.eye(9), np.eye(3))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.contact.solver.point_path import PointSolver
+from core.contact.solver.point_solver import PointSolver
 from core.devices.disc import DiscContact
 from core.devices.disc_pose import Disc, FrictionState, placed
 from core.devices.press_problem import PressPoints

@@ -8,7 +8,7 @@ import pytest
 import core
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.law_skin import LawSkin
-from core.contact.solver.path import PathSolver
+from core.contact.solver.path_solver import PathSolver
 from core.devices.disc_pose import FrictionState, placed
 from core.devices.first_contact import first_contact
 from core.devices.thimble import Thimble, mechanism

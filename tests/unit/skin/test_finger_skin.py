@@ -10,7 +10,7 @@ import pytest
 from core.cache import Cache
 from core.contact.solver.cone import STICK
 from core.contact.solver.law_skin import LawSkin
-from core.contact.solver.path import PathSolver
+from core.contact.solver.path_solver import PathSolver
 from core.errors import DermisError
 from core.experiment import fingertip
 from core.parameters.error_bands import NEO_HOOKEAN

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.unit.contact.solver.test_path import MU, block, laws, plane, press_and_slide, turn
 
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.cone import along
-from core.contact.solver.path import PathSolver
+from core.contact.solver.path_solver import PathSolver
 from core.errors import DermisError
 from core.skin.material import Elastic
 from core.skin.model import fingertip_skin
 from core.surface.gap import Surface
 from tests.contact_laws import cone_residual
-from tests.unit.contact.solver.test_path import MU, block, laws, plane, press_and_slide, turn
 
 
 def solver_of(skin, **more):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from core.contact.solver.frame_friction import UNMOVED, FrameFriction
-from core.contact.solver.path import PathSolver
+from core.contact.solver.path_solver import PathSolver
 
 from .test_halfspace import frame
 

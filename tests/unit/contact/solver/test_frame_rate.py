@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.contact.solver.path import PathSolver
+from core.contact.solver.path_solver import PathSolver
 from tests.problems import half_space_compliance, square_grid
 
 from .test_halfspace import POISSON, RADIUS, YOUNG, frame, sphere_gap

@@ -7,7 +7,7 @@ import pytest
 
 from core.contact.solver.bodies import ContactBody, NodeGaps
 from core.contact.solver.cone import OPEN, STICK
-from core.contact.solver.path import PathSolver
+from core.contact.solver.path_solver import PathSolver
 from core.contact.solver.solve import solve
 from core.surface.plane import Plane
 from tests.contact_laws import with_tangents

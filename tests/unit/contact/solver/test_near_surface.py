@@ -8,8 +8,8 @@ import pytest
 from core.contact.solver.between import between
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.near_surface import NearTriangles
-from core.contact.solver.path import PathSolver
-from core.contact.solver.sub_steps import SubStepper
+from core.contact.solver.path_solver import PathSolver
+from core.contact.solver.sub_stepper import SubStepper
 from core.surface.gap import Surface
 
 REACH = 2.5e-3
@@ -61,7 +61,7 @@ def test_a_finger_pressed_by_it_feels_what_the_whole_surface_gives(skin, monkeyp
         return step.solution.force
 
     some = pressed()
-    whole = "core.contact.solver.sub_steps.between"
+    whole = "core.contact.solver.sub_stepper.between"
     monkeypatch.setattr(whole, lambda a, b, share, near=None: between(a, b, share))
     everything = pressed()
     assert everything[:, 2].sum() > 0.1

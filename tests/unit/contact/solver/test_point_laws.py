@@ -12,8 +12,8 @@ pytest.importorskip("scipy")
 from scipy.spatial import ConvexHull
 
 from core.contact.solver.bodies import ContactBody
-from core.contact.solver.point_path import PointSolver
-from core.contact.solver.sub_steps import SubStepper
+from core.contact.solver.point_solver import PointSolver
+from core.contact.solver.sub_stepper import SubStepper
 from core.presets import BUILT_IN, Library
 from core.skin.surface_store import surface_compliance
 from core.surface.gap import Surface

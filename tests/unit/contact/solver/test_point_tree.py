@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from core.contact.solver.bodies import ContactBody
-from core.contact.solver.point_path import PointSolver
+from core.contact.solver.point_solver import PointSolver
 from core.contact.solver.point_tree import BEYOND, COARSEST, MANY, PointTree
-from core.contact.solver.sub_steps import SubStepper
+from core.contact.solver.sub_stepper import SubStepper
 from core.errors import DermisError
 from core.kernels.library import kernels
 from core.presets import Library

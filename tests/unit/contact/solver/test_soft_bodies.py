@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from core.contact.solver.bodies import ContactBody
-from core.contact.solver.path import PathSolver
-from core.contact.solver.point_path import PointSolver
+from core.contact.solver.path_solver import PathSolver
+from core.contact.solver.point_solver import PointSolver
 from core.skin.model import fingertip_skin
 from core.skin.nodal_forces import NodalForces
 from core.skin.surface_store import smooth_pad

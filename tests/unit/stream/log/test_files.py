@@ -19,7 +19,7 @@ import pytest
 from core.errors import DermisError
 from core.stream.log import binary
 from core.stream.log.binary import BinaryForm
-from core.stream.log.csv import CsvForm
+from core.stream.log.csv_form import CsvForm
 from core.stream.log.files import SYNC, LogFiles
 from core.stream.log.row import Channel, Fate, LogHeader, Phase, Rows, file_rows, header_of
 

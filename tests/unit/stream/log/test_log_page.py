@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 from core.stream.log import binary, settings, udp_tee
-from core.stream.log.csv import CsvForm
+from core.stream.log.csv_form import CsvForm
 from core.stream.log.row import BLOCKS, FIRST_SCHEMA, HEAD, SCHEMA, Fate, Phase, file_rows
 from core.stream.protocols.bus.servo_bus import ServoBus
 from tests.unit.stream.log.test_files import HEADER

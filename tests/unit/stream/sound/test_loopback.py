@@ -11,7 +11,7 @@ from core.__main__ import main
 from core.errors import DermisError
 from core.stream.sound.card import open_card
 from core.stream.sound.loopback import lowest, measure
-from core.stream.sound.measured import MeasuredCard
+from core.stream.sound.measured_card import MeasuredCard
 
 
 def found(options: str = "", rate: int = 48_000) -> MeasuredCard:

@@ -20,7 +20,7 @@ from core.errors import DermisError
 from core.presets import Library
 from core.stream.signals import Signals
 from core.stream.sound import play as sound_play
-from core.stream.sound.measured import MeasuredCard
+from core.stream.sound.measured_card import MeasuredCard
 from core.stream.sound.play import FADE, SILENCE, play, samples_of
 from core.stream.virtual.sound_loop import SoundLoop
 from core.track import export

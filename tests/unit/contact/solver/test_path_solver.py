@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import core.contact.solver.path as path_module
+import core.contact.solver.path_solver as path_module
 from core.contact.posed_body import PosedBody
 from core.contact.solver.between import matter_moved
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.cone import SLIP, STICK
-from core.contact.solver.path import PathSolver
+from core.contact.solver.path_solver import PathSolver
 from core.contact.solver.solve import solve
 from core.scene.tactile_scene import Body, Chunk, Mesh
 from core.surface.gap import Surface

@@ -19,7 +19,7 @@ from ...surface.gap import Surface
 from .between import between, lowered, matter_moved, reshaped, vertices_moved
 from .bodies import AWAY, ContactBody, NodeGaps, same_places, travel
 from .near_surface import NearTriangles
-from .path import PathSolver
+from .path_solver import PathSolver
 from .path_step import PathStep
 from .press_watch import MODULUS, PressWatch
 

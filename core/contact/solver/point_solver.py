@@ -27,7 +27,7 @@ from .history import ContactHistory
 from .law_skin import LawSkin
 from .moved_skin import MovedSkin
 from .over_edges import HELD, NOTHING, Freed, over_edges
-from .path import BONE, DEPTH_LIMIT, TOLERANCE, PathSolver, PathStep
+from .path_solver import BONE, DEPTH_LIMIT, TOLERANCE, PathSolver, PathStep
 from .point_gaps import passed_on
 from .point_history import Succession, succession
 from .point_reach import PointReach

@@ -26,9 +26,8 @@ from .history import ContactHistory
 from .law_frame import solved_by_law
 from .law_skin import LawSkin
 from .notes import Notes
-from .path_step import PathStep
+from .path_step import PathStep, SolvedFrame
 from .solve import MOST_SWEEPS, Solution, status_of
-from .solved_frame import SolvedFrame
 from .sweeps import sweep
 
 __all__ = ["DEPTH_LIMIT", "TOLERANCE", "Compliance", "Linear", "PathSolver", "PathStep"]

@@ -9,8 +9,8 @@ import pytest
 
 from core.contact.solver.between import between
 from core.contact.solver.bodies import ContactBody, travel
-from core.contact.solver.path import PathSolver
-from core.contact.solver.sub_steps import DEEP_PARTS, PRESSING, SubStepper
+from core.contact.solver.path_solver import PathSolver
+from core.contact.solver.sub_stepper import DEEP_PARTS, PRESSING, SubStepper
 from core.surface.gap import Surface
 
 FRICTION = 0.6

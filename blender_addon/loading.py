@@ -226,6 +226,8 @@ def _load(names: Sequence[str], modules: Sequence[Any]) -> None:
             module = getattr(module, part)
     if names:
         import scipy.sparse.csgraph  # noqa: F401  (by which the engine tells the parts of a surface)
+
+        core.kernels.library.have_kernels()  # loads them
     if "skin.blas" in names:
         core.skin.blas.pools()
     for module in modules:

@@ -79,9 +79,7 @@ def computed(scene: bpy.types.Scene) -> Preview | None:
 
 def on_frame(scene: bpy.types.Scene) -> None:
     """Take the new frame into the trail; called after every frame change in the window."""
-    if scene != bpy.context.scene or not scene.dermis.live_preview:
-        return
-    if not skin_preview.any_finger(scene):
+    if not _follows(scene):
         return
     if store.state(scene) == "fresh":
         _live.trail = None
@@ -122,10 +120,29 @@ def step(context: bpy.types.Context) -> Preview:
     return _live.preview
 
 
+def read(scene: bpy.types.Scene) -> bool:
+    """Read what a change left unknown of the scene, as a piece of work before `refresh`; return whether it was."""
+    if _is_done(scene) or not _follows(scene) or store.state(scene) == "fresh":
+        return False
+    try:
+        return scene_sweep.read_now(scene, bpy.context.evaluated_depsgraph_get())
+    except Exception:  # `refresh` meets it again, and shows it
+        return False
+
+
 def refresh(scene: bpy.types.Scene) -> None:
     """Compute the current frame where it is another than the last, or something has changed."""
-    if not (_live.edits == changes.edits() and _trail_ends_at(scene, moment.frame_of(scene))):
+    if not _is_done(scene):
         on_frame(scene)
+
+
+def _is_done(scene: bpy.types.Scene) -> bool:
+    return _live.edits == changes.edits() and _trail_ends_at(scene, moment.frame_of(scene))
+
+
+def _follows(scene: bpy.types.Scene) -> bool:
+    """Return whether the preview follows the frames of a scene."""
+    return scene == bpy.context.scene and scene.dermis.live_preview and skin_preview.any_finger(scene)
 
 
 def _note(scene: bpy.types.Scene, text: str) -> Preview:

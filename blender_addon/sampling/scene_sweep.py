@@ -207,30 +207,17 @@ def sample_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> core.s
     Raises:
         DermisError: a value that is not a finite number.
     """
-    global _live, _forms
-    if _forms != changes.forms():
-        forget()
-        _forms = changes.forms()
+    global _live
     span = frame_range_now(scene)
     clock = scene_time.clock(scene, span[0])
-    key = (
-        scene.session_uid,
-        depsgraph.view_layer.name,
-        changes.ticks(),
-        changes.edits(),
-        len(bpy.data.objects),
-        metres_per_unit(scene),
-    )
+    live = _live_now(scene, depsgraph, span)
     with _live_shown.at_once():
-        if _live is None or _live.key != key:
-            _live = _read_live(scene, depsgraph, span, key)
-        live = _live
         readers = _Readers(_live_reader, _live_shown, ChangesSeen(), {}, {})
         recorder = readers.recorder(live.header.participants, 1)
         recorder.record(0, depsgraph)
     frames = np.array([scene_time.shown(scene)])
     chunk = recorder.chunk(frames, clock.seconds(frames), 1, [])
-    if not live.lasting:
+    if live.frame is not None:
         _live = None
     return core.scene.tactile_scene.TactileScene(
         scene.name_full,
@@ -246,17 +233,47 @@ def sample_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> core.s
     )
 
 
+def read_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> bool:
+    """Read who takes part and their surfaces for the next `sample_now`; return False where they were known.
+
+    Raises:
+        DermisError: a value that is not a finite number.
+    """
+    known = _live
+    return _live_now(scene, depsgraph, frame_range_now(scene)) is not known
+
+
 class _Live(NamedTuple):
     """Who takes part in the live preview, and for which state of the scene that was found out."""
 
     key: tuple[Any, ...]
     header: Any
     findings: tuple[Any, ...]
-    lasting: bool  # it holds for other frames too
+    frame: float | None  # that it holds for alone; None for all
 
 
 _live: _Live | None = None
 _forms = -1  # of `changes`, when surfaces and reliefs were forgotten last
+
+
+def _live_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, span: tuple[int, int]) -> _Live:
+    """Return who takes part; read anew where anything has changed."""
+    global _live, _forms
+    if _forms != changes.forms():
+        forget()
+        _forms = changes.forms()
+    key = (
+        scene.session_uid,
+        depsgraph.view_layer.name,
+        changes.ticks(),
+        changes.edits(),
+        len(bpy.data.objects),
+        metres_per_unit(scene),
+    )
+    if _live is None or _live.key != key or _live.frame not in (None, scene_time.shown(scene)):
+        with _live_shown.at_once():
+            _live = _read_live(scene, depsgraph, span, key)
+    return _live
 
 
 def _read_live(
@@ -276,7 +293,7 @@ def _read_live(
     varies |= any(map(curved_surfaces.grows, participants.look_up(curved).values()))
     varies |= any(f.code == "mesh-unusable" for f in header.participants.findings)  # it may get its faces later
     lasting = not has and not varies and not script_changes.run_here()
-    return _Live(key, header, tuple(findings), lasting)
+    return _Live(key, header, tuple(findings), None if lasting else scene_time.shown(scene))
 
 
 def forget() -> None:

@@ -140,6 +140,8 @@ def _steps() -> slices.Steps:
     scene = yield
     while not loading.at_rest():  # work that was left
         scene = yield
+    if device_preview.read(scene):
+        scene = yield
     device_preview.refresh(scene)
     scene = yield
     for _ in skin_preview.on_frame(scene, device_preview.take_sample()):

@@ -1,9 +1,10 @@
 """The first frames of every demo: no handler, timer or draw callback holds the window, whatever is read or made.
 
-Judged is the processor's time of the window's thread, which a loaded machine changes little; `first_frame_block_ms` is
-the time on the wall, each demo in a profile of its own. Here they share one: what a first demo lets child processes
-make is read by others. Other processes still cost time: they empty the processor's caches. So a run above the limit is
-repeated at most twice, each time in a new profile, and the least of the runs is judged.
+Judged is the processor's time of the window's thread against a peer in the same process: how long Blender takes to
+enable its own add-on node_wrangler. `first_frame_block_ms` is the time on the wall, each demo in a profile of its own.
+Here they share one: what a first demo lets child processes make is read by others. Other processes still cost time:
+they empty the processor's caches. So a run above the limit is repeated at most twice, each time in a new profile, and
+the least of the runs is judged.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ import pytest
 
 from tests.benchmarks.bench_first_frame import DEMOS, run
 
-MOST = 50.0  # [ms] that one call may take
+# Times the peer that one call may take: 50 ms where `register_ms` was measured, whose peer node_wrangler took 16.9 ms.
+MOST = 50.0 / 16.9
 TRIES = 3  # runs of a demo, where the first ones are above the limit
 
 
@@ -31,8 +33,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("demo", DEMOS)
 def test_no_piece_of_work_holds_the_window(folder: Path, demo: str) -> None:
     tried: list[dict[str, Any]] = []
-    while len(tried) < TRIES and not (tried and tried[-1]["cpu"] <= MOST):
+    while len(tried) < TRIES and not (tried and ratio(tried[-1]) <= MOST):
         tried.append(run(folder, "cold" if not tried else f"cold {len(tried)}", demo))
         assert tried[-1]["shown"], "something was shown in the end"
-    told = ", ".join(f"{found['busiest']}: {found['cpu']:.0f} ms" for found in tried)
-    assert min(found["cpu"] for found in tried) <= MOST, told
+    told = ", ".join(f"{found['busiest']}: {found['cpu']:.0f} ms, peer {found['peer']:.0f} ms" for found in tried)
+    assert min(map(ratio, tried)) <= MOST, told
+
+
+def ratio(found: dict[str, Any]) -> float:
+    """Return the processor time of the longest call over that of the peer."""
+    return found["cpu"] / found["peer"]

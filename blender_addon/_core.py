@@ -107,6 +107,7 @@ if TYPE_CHECKING:
     import core.stream.client
     import core.stream.links.serial_port
     import core.stream.links.url
+    import core.stream.pair_command
     import core.stream.protocols.adapters
     import core.stream.protocols.wire
     import core.stream.state

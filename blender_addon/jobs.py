@@ -68,6 +68,7 @@ class Job:
     """
 
     job_title = "Dermis"
+    after_cancel = "nothing was changed"  # behind 'was cancelled;'
     if TYPE_CHECKING:
         report: Callable[[set[str], str], None]  # Blender's, of the operator that this is mixed into
         _steps: Steps | None
@@ -109,7 +110,7 @@ class Job:
             if event.shift:  # the key that stops a device, which this operator takes before anybody else hears it
                 session.stop()
             self._end(context)
-            self.report({"INFO"}, f"{self.job_title} was cancelled; nothing was changed")
+            self.report({"INFO"}, f"{self.job_title} was cancelled; {self.after_cancel}")
             return {"CANCELLED"}
         if event.type != "TIMER":
             return {"RUNNING_MODAL"}

@@ -46,6 +46,8 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
         row.menu("DERMIS_MT_ports", text="", icon="DOWNARROW_HLT")
         row.operator("dermis.stream_rescan", text="", icon="FILE_REFRESH")
         column.prop(settings, "protocol", text="")
+        if settings.protocol == "native-wifi":
+            column.operator("dermis.stream_pair", icon="NETWORK_DRIVE")
         built = board_identity.shown(context.scene) if built_devices.at_hand() else board_identity.UNREAD
         row = layout.row(align=True)
         row.alert = built.wrong

@@ -7,10 +7,12 @@ import getpass
 import os
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from typing import NamedTuple
 
 from ..errors import DermisError
-from .links.open_link import open_link
+from ..steps import drain
+from .links.serial_port import Serial
 from .links.transport import Transport
 from .links.url import Url
 from .local_stream import say
@@ -23,6 +25,22 @@ ANSWERS = 5.0  # writing into its flash takes it a moment [s]
 JOINS = 25.0  # a network may take so long to give an address [s]
 AGAIN = 0.5  # [s]
 NETWORK, PASSWORD = range(1, 33), range(8, 64)  # bytes
+NO_ADDRESS = "Check the network's name and password (2.4 GHz alone), and pair again"
+
+
+class Paired(NamedTuple):
+    """A paired board: its name, and its address in the network, '' while it has none."""
+
+    board: str
+    address: str
+
+
+class Wait(NamedTuple):
+    """A step of pairing: what is waited for, and tenths of a second: passed, and the most of them."""
+
+    stage: str
+    done: int
+    total: int
 
 
 def pair(options: argparse.Namespace) -> int:
@@ -32,26 +50,48 @@ def pair(options: argparse.Namespace) -> int:
         DermisError: no such port, a network's name or password of an impossible length, or a board that does not do it.
     """
     password = "" if options.open else getpass.getpass(f"Password of '{options.network}': ")
-    link = open_link(Url(f"serial:{options.url}?baud={BAUD}"), _no_virtual)
-    try:
-        board, address = pair_over(link, options.network, password, time.monotonic, time.sleep)
-    finally:
-        link.close()
-    if not address:
-        raise DermisError(
-            "the board is paired, and has no address in the network",
-            where=options.network,
-            remedy="Check name and password (2.4 GHz alone), and pair again",
-        )
+    board, address = drain(pair_at(options.url, options.network, password))
     say(f"'{board}' is paired with this computer alone; the key is in {pairs.path()}.")
     print(address)
     return 0
 
 
+def pair_at(port: str, network: str, password: str) -> Generator[Wait, None, Paired]:
+    """Open a serial port, and pair the board at its other end; the port is closed at the end, and by closing the work.
+
+    Args:
+        port: its name. network, password: of the Wi-Fi; an empty password means none.
+
+    Raises:
+        DermisError: no such port, a network's name or password of an impossible length, a board that does not do it, or
+            one that has not joined the network.
+    """
+    _check(network.encode(), password.encode())
+    if not port.strip():
+        raise DermisError("no port is given", remedy="Plug the board in by USB, and name its serial port")
+    url = Url(port)
+    if url.scheme != "serial":
+        raise DermisError(
+            "a board is paired over USB", where="port", value=port, limit="a serial port, as /dev/ttyUSB0 or COM3"
+        )
+    link = Serial(url.place, BAUD)
+    try:
+        paired = yield from pair_over(link, network, password, time.monotonic, time.sleep)
+    finally:
+        link.close()
+    if not paired.address:
+        raise DermisError(
+            f"the board '{paired.board}' is paired, and has not joined the network within {JOINS:g} s",
+            where=network,
+            remedy=NO_ADDRESS,
+        )
+    return paired
+
+
 def pair_over(
     link: Transport, network: str, password: str, clock: Callable[[], float], wait: Callable[[float], None]
-) -> tuple[str, str]:
-    """Pair the board at the other end of a serial port; return its name and its address, '' while it has none.
+) -> Generator[Wait, None, Paired]:
+    """Pair the board at the other end of a serial port.
 
     Args:
         network, password: of the Wi-Fi; an empty password means none. clock, wait: [s].
@@ -60,16 +100,13 @@ def pair_over(
         DermisError: a name or password of an impossible length, or a board that does not do it.
     """
     name, secret = network.encode(), password.encode()
-    if len(name) not in NETWORK or (secret and len(secret) not in PASSWORD):
-        raise DermisError(
-            "no Wi-Fi has such a name or password",
-            value=f"{len(name)} and {len(secret)} bytes",
-            limit="1 to 32 bytes, and 8 to 63 or none",
-        )
+    _check(name, secret)
     talk = _Talk(link, clock, wait)
-    board = talk.ask("where", r"(?:unpaired|at) (\S{8})(?: [0-9a-f]{8} [0-9a-f]{4})?", STARTS, again=AGAIN)[1]
+    where = r"(?:unpaired|at) (\S{8})(?: [0-9a-f]{8} [0-9a-f]{4})?"
+    board = (yield from talk.ask("waiting for the board", "where", where, STARTS, again=AGAIN))[1]
     key = os.urandom(KEY)
-    said = talk.ask(
+    said = yield from talk.ask(
+        "giving it a key",
         f"pair {key.hex()} {name.hex()} {secret.hex() or '-'}",
         rf"(?:paired {re.escape(board)} ([0-9a-f]{{16}})|refused (\w+))",
         ANSWERS,
@@ -86,15 +123,27 @@ def pair_over(
             remedy=why.get(said[2] or "", "Try again with a better cable"),
         )
     pairs.keep(board, key)
-    found, until = "", clock() + JOINS
-    while not found and clock() < until:
-        at = talk.ask("where", rf"at {re.escape(board)} ([0-9a-f]{{8}}) ([0-9a-f]{{4}})", STARTS, again=AGAIN)
-        four, port = bytes.fromhex(at[1]), int(at[2], 16)
+    at = rf"at {re.escape(board)} ([0-9a-f]{{8}}) ([0-9a-f]{{4}})"
+    found, begun = "", clock()
+    while not found and (passed := clock() - begun) < JOINS:
+        answer = yield from talk.ask("waiting for the board", "where", at, STARTS, again=AGAIN)
+        four, port = bytes.fromhex(answer[1]), int(answer[2], 16)
         if any(four):
             found = f"udp://{'.'.join(map(str, four))}:{port}?board={board}"
         else:
+            yield Wait("joining the network", round(10 * passed), round(10 * JOINS))
             wait(AGAIN)
-    return board, found
+    return Paired(board, found)
+
+
+def _check(name: bytes, secret: bytes) -> None:
+    """Refuse a network's name or password of an impossible length."""
+    if len(name) not in NETWORK or (secret and len(secret) not in PASSWORD):
+        raise DermisError(
+            "no Wi-Fi has such a name or password",
+            value=f"{len(name)} and {len(secret)} bytes",
+            limit="1 to 32 bytes, and 8 to 63 or none",
+        )
 
 
 class _Talk:
@@ -103,14 +152,16 @@ class _Talk:
     def __init__(self, link: Transport, clock: Callable[[], float], wait: Callable[[float], None]) -> None:
         self._link, self._clock, self._wait, self._text = link, clock, wait, ""
 
-    def ask(self, line: str, answer: str, seconds: float, *, again: float = 1e9) -> re.Match[str]:
+    def ask(
+        self, stage: str, line: str, answer: str, seconds: float, *, again: float = 1e9
+    ) -> Generator[Wait, None, re.Match[str]]:
         """Say a line, `again` and again where that does no harm; return the line that answers it.
 
         Raises:
             DermisError: nobody answers.
         """
-        until, due = self._clock() + seconds, self._clock()
-        while self._clock() < until:
+        begun = due = self._clock()
+        while (passed := self._clock() - begun) < seconds:
             if self._clock() >= due:
                 self._link.send(f"\n{line}\n".encode())
                 due = self._clock() + again
@@ -119,13 +170,10 @@ class _Talk:
             for text in lines:
                 if found := re.fullmatch(answer, text.strip()):
                     return found
+            yield Wait(stage, round(10 * passed), round(10 * seconds))
             self._wait(0.01)
         raise DermisError(
             f"the board did not answer within {seconds:g} s",
             where=self._link.name,
             remedy="Flash dermis_servos with DERMIS_WIFI, close every serial monitor, and check port and cable",
         )
-
-
-def _no_virtual(url: Url) -> Transport:
-    raise DermisError("the simulated board needs no pairing", where=url.text)

@@ -46,7 +46,7 @@ def key_of(board: str) -> bytes:
             where="board",
             value=board,
             limit=", ".join(sorted(keys)) or "none is paired",
-            remedy="Plug it in by USB and run 'stream pair'",
+            remedy="Plug it in by USB, and press Pair over USB or run 'stream pair'",
         )
     return keys[board]
 

@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 
 from core.errors import DermisError
+from core.steps import drain
 from core.stream.links.transport import Transport
-from core.stream.pair_command import pair_over
+from core.stream.pair_command import pair_at, pair_over
 from core.stream.protocols import adapters, pairs
 from core.stream.protocols.sealed import KEY, HostSeals
 from tests.unit.stream.firmware_board import Board, servos
@@ -58,18 +59,18 @@ def port() -> Iterator[Port]:
 
 @hosted
 def test_a_board_is_paired_and_its_key_opens_a_session(port: Port, file: Path) -> None:
-    board, address = pair_over(port, "Lab", "a secret that is long", port.clock, port.wait)
+    board, address = drain(pair_over(port, "Lab", "a secret that is long", port.clock, port.wait))
     assert (board, address) == ("DERMISU1", "udp://127.0.0.1:3947?board=DERMISU1")
     key = pairs.key_of(board)
     assert len(key) == KEY and key != pairs.VIRTUAL_KEY
     assert adapters.make("native-wifi", servos(2), {"board": board}).seals.key == key  # type: ignore[attr-defined]
-    again, _ = pair_over(port, "Lab", "", port.clock, port.wait)
+    again, _ = drain(pair_over(port, "Lab", "", port.clock, port.wait))
     assert again == board and pairs.key_of(board) != key, "a key is drawn each time"
 
 
 @hosted
 def test_the_file_is_its_users_alone(port: Port, file: Path) -> None:
-    pair_over(port, "Lab", "", port.clock, port.wait)
+    drain(pair_over(port, "Lab", "", port.clock, port.wait))
     assert stat.S_IMODE(file.stat().st_mode) == 0o600 and stat.S_IMODE(file.parent.stat().st_mode) == 0o700
     assert [p.name for p in file.parent.iterdir()] == [file.name]
 
@@ -79,7 +80,9 @@ def test_the_file_is_its_users_alone(port: Port, file: Path) -> None:
 )
 def test_what_no_wi_fi_has_is_refused_before_anything_is_said(network: str, password: str) -> None:
     with pytest.raises(DermisError, match="no Wi-Fi has such"):
-        pair_over(Transport(), network, password, lambda: 0.0, lambda s: None)
+        drain(pair_over(Transport(), network, password, lambda: 0.0, lambda s: None))
+    with pytest.raises(DermisError, match="no Wi-Fi has such"):
+        drain(pair_at("/dev/null", network, password))
 
 
 @hosted
@@ -87,7 +90,7 @@ def test_a_board_that_speaks_something_else_is_told(file: Path) -> None:
     with HostBoard("-DDERMIS_CHANNELS=2", baud=500_000) as board:
         port = Port(board)
         with pytest.raises(DermisError, match="did not answer within 8 s.*DERMIS_WIFI"):
-            pair_over(port, "Lab", "", port.clock, port.wait)
+            drain(pair_over(port, "Lab", "", port.clock, port.wait))
     assert not file.exists()
 
 
@@ -99,7 +102,7 @@ def test_a_board_that_moves_is_not_paired(file: Path) -> None:
         Sender(board, servos(2)).arm()
         port = Port(board)
         with pytest.raises(DermisError, match="was not paired.*moving.*reset it"):
-            pair_over(port, "Lab", "", port.clock, port.wait)
+            drain(pair_over(port, "Lab", "", port.clock, port.wait))
         assert HostSeals(board.key) and not file.exists()
 
 

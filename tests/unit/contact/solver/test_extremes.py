@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.unit.contact.solver.test_path import MU, block, laws, plane, press_and_slide, turn
 
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.cone import along
@@ -14,6 +13,7 @@ from core.skin.material import Elastic
 from core.skin.model import fingertip_skin
 from core.surface.gap import Surface
 from tests.contact_laws import cone_residual
+from tests.unit.contact.solver.test_path_solver import MU, block, laws, plane, press_and_slide, turn
 
 
 def solver_of(skin, **more):

@@ -53,7 +53,7 @@ class Daq:
         dry: whether the device ran out of samples. channels: number of inputs.
 
     Raises:
-        DermisError: the device is not there, or does not take channels, range or rate.
+        DermisError: driver or device are not there, or it does not take channels, range or rate.
     """
 
     def __init__(self, package: Any, output: str, inputs: str, rate: float, volts: float, sensed: float = 10.0) -> None:
@@ -80,6 +80,14 @@ class Daq:
         except package.errors.DaqError as error:
             self.close()
             raise self._refused("the NI device does not take this", str(error)) from error
+        except package.errors.Error as error:
+            self.close()
+            raise DermisError(
+                "the driver of NI devices, NI-DAQmx, is not installed, or there is none for this system",
+                where=f"NI device, {output}",
+                value=str(error).splitlines()[0][:200],
+                remedy="Install NI-DAQmx from ni.com: the Python package 'nidaqmx' alone drives nothing",
+            ) from error
         except DermisError:
             self.close()
             raise

@@ -14,7 +14,11 @@ from typing import Any
 import numpy as np
 
 
-class DaqError(Exception):
+class Error(Exception):
+    """Of the package; alone: there is no driver."""
+
+
+class DaqError(Error):
     """As the package's own."""
 
 
@@ -39,7 +43,7 @@ class Device:
         self.started_at = 0
         self.package = SimpleNamespace(
             Task=lambda *_: Task(self),
-            errors=SimpleNamespace(DaqError=DaqError),
+            errors=SimpleNamespace(DaqError=DaqError, Error=Error),
             constants=SimpleNamespace(AcquisitionType=AcquisitionType, RegenerationMode=RegenerationMode),
         )
 

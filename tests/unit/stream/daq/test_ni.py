@@ -217,4 +217,12 @@ def test_the_fake_says_that_it_is_one_and_its_calls_are_the_maker_s() -> None:
     for enum in (fake_nidaqmx.AcquisitionType, fake_nidaqmx.RegenerationMode):
         for member in enum:
             assert getattr(nidaqmx.constants, enum.__name__)[member.name].value == member.value
-    assert issubclass(nidaqmx.errors.DaqError, Exception)
+    assert issubclass(nidaqmx.errors.DaqError, nidaqmx.errors.Error)
+    assert not issubclass(nidaqmx.errors.DaqNotFoundError, nidaqmx.errors.DaqError)
+
+
+def test_the_package_without_its_driver_or_device_is_told_in_words() -> None:
+    """By the maker's own package: most computers have neither."""
+    nidaqmx = pytest.importorskip("nidaqmx", reason="nidaqmx IS NOT INSTALLED: it was not asked for its driver")
+    with pytest.raises(DermisError, match="NI-DAQmx, is not installed|does not take this"):
+        ni.Daq(nidaqmx, "NoSuchDevice9/ao0", "", 1000.0, 1.0)

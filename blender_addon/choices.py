@@ -29,7 +29,7 @@ def refresh() -> None:
 
 
 def reader() -> Callable[[], None]:
-    """Return what reads the folders again, in whichever thread."""
+    """Return a function that reads the folders again; any thread may call it."""
     folder = preferences.presets_folder()
 
     def read() -> None:

@@ -92,7 +92,7 @@ def animated_paths(owner: bpy.types.ID) -> set[str]:
 
 
 def stored(obj: bpy.types.Object, name: str) -> dict[str, Any]:
-    """Return what an object stores of a registered group, as plain values; unset ones are missing."""
+    """Return the values that an object stores of a registered group; unset ones are missing."""
     holder = obj.bl_system_properties_get() if bpy.app.version >= (5, 0, 0) else obj
     group = None if holder is None else holder.get(name)
     return {} if group is None else group.to_dict()
@@ -109,7 +109,7 @@ def taken(owner: bpy.types.ID, name: str, key: str) -> Any:
 
 
 def action_holders(animation: Any) -> Iterator[Any]:
-    """Yield what refers to actions: the animation data itself, and the strips of its NLA tracks."""
+    """Yield all owners of a reference to an action: the animation data, and the strips of its NLA tracks."""
     yield animation
     for track in animation.nla_tracks:
         yield from _strips(track.strips)

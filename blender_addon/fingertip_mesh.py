@@ -37,7 +37,7 @@ class Lengths:
 
     @classmethod
     def of(cls, lengths: Mapping[str, float]) -> Lengths:
-        """Take what matters from lengths in metres by the engine's names."""
+        """Return the lengths [mm] from lengths [m] by the engine's names; other names are ignored."""
         return cls(**{name: 1e3 * lengths[name] for name in cls.__dataclass_fields__})
 
     @property

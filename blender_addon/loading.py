@@ -130,7 +130,7 @@ def aside(work: Callable[[], T]) -> Generator[None, Any, T]:
 
 
 def at_rest() -> bool:
-    """Wait a moment for what runs aside; return whether nothing does any more."""
+    """Wait a moment for background work; return whether all of it is done."""
     global _aside
     if _aside is not None:
         _aside.thread.join(LOOK)

@@ -69,7 +69,7 @@ class Cache:
         return path
 
     def put(self, key: str, writer: Callable[[Path], None]) -> Path:
-        """Store what `writer` writes to the path it is given, whole or not at all; return where it lies.
+        """Store the output of `writer`, which is given a path to write to, in one atomic step; return the stored path.
 
         Raises:
             DermisError: the folder cannot be written.

@@ -1,4 +1,4 @@
-"""Names of columns: whose number a column holds, and in what unit, as files of poses and recordings write it."""
+"""Names of columns in files of poses and recordings: the quantity of each column, its owner and its unit."""
 
 from __future__ import annotations
 

@@ -19,8 +19,8 @@ class DermisError(ValueError):
         what: the problem, as a short sentence without a full stop.
         where: the object, file, field or frame that it concerns.
         value: the value found.
-        limit: what would have been accepted.
-        remedy: what to do about it.
+        limit: the values that would be accepted.
+        remedy: a way to solve the problem.
         code: a stable word to tell refusals apart by, such as 'no-finger': programs compare codes, never messages.
 
     >>> from dermis import DermisError

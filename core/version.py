@@ -30,7 +30,7 @@ def version() -> str:
 
 
 def made_by() -> str:
-    """Return what tracks and bakes name as their maker: version and engine.
+    """Return the maker that tracks and bakes name: version and engine.
 
     >>> made_by().startswith("dermis ") and made_by().endswith(f" engine {ENGINE}")
     True

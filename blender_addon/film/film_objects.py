@@ -130,7 +130,7 @@ def _let_play(uid: int, names: list[str], *, shown: bool) -> None:
 
 
 def _remove(obj: bpy.types.Object) -> None:
-    """Remove an object with what nobody else uses of it."""
+    """Remove an object, with its data if nothing else uses them."""
     belongings: list[Any] = [m.node_group for m in obj.modifiers if m.type == "NODES" and m.node_group is not None]
     tables = [n.inputs[0].default_value for group in belongings for n in group.nodes if n.type == "OBJECT_INFO"]
     action = obj.animation_data.action if obj.animation_data is not None else None

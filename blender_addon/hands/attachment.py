@@ -140,7 +140,7 @@ def _scaled(preset: _Values, fitted: Fit) -> dict[str, Any]:
 
 
 def _judge(rig: Rig, tip: Tip, values: _Values) -> None:
-    """Refuse what no skin can be made of."""
+    """Refuse lengths that no skin can be made of."""
     lengths = [values[name] for name in _LENGTHS]
     row = _LENGTHS["length"]
     if max(lengths) > row.high or min(lengths) < row.low:

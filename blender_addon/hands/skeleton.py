@@ -53,7 +53,7 @@ class Hand:
     """A hand: its side ('L', 'R', '' unknown), the bone of its palm ('' none), and its fingers' chains.
 
     Attributes:
-        source: what proposed it: 'names' or 'branches'.
+        source: method that proposed it, 'names' or 'branches'.
         score: of how much it explains. named_fingers: number of fingers whose names agree.
         rivals: other readings of its bones, the best first.
     """

@@ -171,7 +171,7 @@ class DERMIS_OT_import_poses(File, bpy.types.Operator):
         return None if self.unit == "M" else UNITS[self.unit]
 
     def _unsaid(self) -> bool:
-        """Return whether the file leaves open what its columns are."""
+        """Return whether the file does not name its columns."""
         try:
             core.motion.recorded_poses.read(self.path(), unit=self._unit())
         except DermisError as error:

@@ -67,7 +67,7 @@ class DERMIS_PT_export(DermisPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw tracks first, which need a bake, then what needs none."""
+        """Draw tracks first, which need a bake, then the parts that need none."""
         layout, settings = self.layout, context.scene.dermis
         column = layout.column()
         column.scale_y = 1.35

@@ -46,7 +46,7 @@ class DERMIS_PT_compare(DermisPanel, bpy.types.Panel):
 
 
 def _device(column: Any, row: dict[str, Any]) -> None:
-    """Draw one device: its measures, and what of the touch it cannot do."""
+    """Draw one device: its measures, and the parts of the touch that it cannot render."""
     column.scale_y = 0.85
     column.label(text=row["title"], icon=choices.icon(row["kind"]))
     for measure in row["measures"]:

@@ -21,7 +21,7 @@ class Argument(NamedTuple):
 
 
 def argument(*names: str, **settings: Any) -> Argument:
-    """Return an argument, from what `ArgumentParser.add_argument` takes."""
+    """Return an argument; parameters are those of `ArgumentParser.add_argument`."""
     return Argument(names, settings)
 
 
@@ -34,9 +34,9 @@ def add_verb(verbs: Any, name: str, *arguments: Argument, run: Any, **more: Any)
     """Add a verb to a command line.
 
     Args:
-        verbs: what `ArgumentParser.add_subparsers` returned.
+        verbs: the object that `ArgumentParser.add_subparsers` returned.
         run: function of the verb; the options hold it.
-        more: what `add_parser` takes, such as help; and `writes`, the options that name files (False) or folders
+        more: keywords of `add_parser`, such as help; and `writes`, the options that name files (False) or folders
             (True) to write.
     """
     writes = more.pop("writes", {})

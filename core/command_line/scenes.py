@@ -1,4 +1,4 @@
-"""`python -m core render | curve | compare | trust`: what verbs make of sampled scenes."""
+"""`python -m core render | curve | compare | trust`: verbs that read sampled scenes."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def render(options: argparse.Namespace) -> int:
 
 
 def _several(options: argparse.Namespace, library: Library, wanted: shot.Wanted, executor: JobExecutor) -> int:
-    """Render scenes, each into a folder named as its file; say of each what became of it."""
+    """Render scenes, each into a folder named like its file; report the result of each."""
     status = refused = 0
     for step in shots.render_shots(options.scene, library, options.out, wanted, executor):
         if isinstance(step, Progress):

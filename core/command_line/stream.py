@@ -1,4 +1,4 @@
-"""`python -m core stream panel | send | virtual | ports`: what streams without Blender, or for it."""
+"""`python -m core stream panel | send | virtual | ports`: streaming without Blender, or started by it."""
 
 from __future__ import annotations
 

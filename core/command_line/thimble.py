@@ -71,12 +71,12 @@ def follow(options: argparse.Namespace) -> int:
 
 
 def _virtual(skin: SkinModel, device: Thimble, friction: float, change: float) -> StressMatcher:
-    """Return what follows readings of the virtual electrodes."""
+    """Return a follower of readings of the virtual electrodes."""
     return matcher(device, skin, friction=friction, observation_matrix=electrode_sensor(skin).matrix, change=change)
 
 
 def _recorded(path: Path, skin: SkinModel, device: Thimble, friction: float, change: float) -> StressMatcher:
-    """Return what follows readings of the sensor that a table was recorded with."""
+    """Return a follower of readings of the sensor that a table was recorded with."""
     table = read_table(path).without_memory()
     check_recording(table, device, str(path))
     contact = contact_of(device, skin, friction)
@@ -128,7 +128,7 @@ def plot(options: argparse.Namespace) -> int:
 
 
 def picture(made: Any, found: Any, finger: str) -> tuple[Any, ...]:
-    """Return what `stimuli.draw` takes, for a plot and the sequence that it shows."""
+    """Return the arguments of `stimuli.draw` for a plot and the sequence that it shows."""
     lines = {"target": made.target, "predicted": made.predicted, "rendered": made.rendered}
     touched = found.touched
     off, whole = (float(np.median(e[touched])) if touched.any() else 0.0 for e in (found.mismatch, found.stress_error))

@@ -1,4 +1,4 @@
-"""`python -m core export | check`: what verbs make of command tracks."""
+"""`python -m core export | check`: verbs that read command tracks."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def check(options: argparse.Namespace) -> int:
 def write(
     track: CommandTrack, path: Path, form: str, force: bool, settings: Mapping[str, Any] = formats.NO_SETTINGS
 ) -> Path:
-    """Write one track; tell what its check found."""
+    """Write one track; report the findings of its check."""
     tell(formats.write(track, path, form, force=force, settings=settings), sys.stderr)
     return path
 

@@ -42,6 +42,6 @@ def executor_of(options: argparse.Namespace) -> JobExecutor:
 
 
 def tell_unlike(executor: JobExecutor) -> None:
-    """Say where workers differ from this process in what changes last digits."""
+    """Report workers whose engine differs from this process in a way that may change the last digits of results."""
     for words in sorted(getattr(executor, "unlike", ())):
         print(f"warning: a worker has {words}: results agree with this machine's to some 1e-6", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""HeldBodies: what fingers hold together, balanced with the contacts of all of them, sample after sample."""
+"""HeldBodies: objects that several fingers hold, balanced with all contacts together, sample after sample."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""PadContact: who touches what, how near and where, at every sample of the sweep."""
+"""PadContact: which pads touch which bodies, with gaps and closest points, at every sample of the sweep."""
 
 from __future__ import annotations
 

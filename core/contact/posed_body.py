@@ -72,7 +72,7 @@ class PosedBody:
         self._boxes = None
 
     def cut(self) -> None:
-        """Forget the sample before the chunk: what follows does not come from there."""
+        """Forget the sample before the chunk; the next chunk does not continue it."""
         self._previous = None
 
     def boxes(self) -> Array:

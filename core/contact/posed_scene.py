@@ -53,7 +53,7 @@ class PosedScene:
             body.take(b, chunk, again=again)
 
     def cut(self) -> None:
-        """Forget the sample before the chunk: what follows does not come from there."""
+        """Forget the sample before the chunk; the next chunk does not continue it."""
         self._previous = None
         for body in self._bodies:
             body.cut()
@@ -145,7 +145,7 @@ class PosedScene:
         return np.stack([np.broadcast_to(values, count) for values in series], axis=1)
 
     def _series(self, b: int, name: str) -> Array | float:
-        """Return a body's parameter: animated, shape (n,), constant, or what holds where nobody says."""
+        """Return a body's parameter: its animated values, shape (n,), its constant value, or the default."""
         series = self.chunk.animated.get(f"body/{b}/{name}")
         return float(self._headers[b].parameters.get(name, BODY[name].absent)) if series is None else series
 

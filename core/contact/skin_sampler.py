@@ -141,7 +141,7 @@ class SkinSampler:
         self._waits = False
 
     def finish(self, pad_contact: PadContact | None = None) -> dict[int, SkinContact]:
-        """Return what every finger felt.
+        """Return the touch on every finger's skin.
 
         Args:
             pad_contact: needed where something may be held and `solve_held` was not drained.

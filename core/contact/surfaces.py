@@ -24,7 +24,7 @@ _SURFACES: weakref.WeakKeyDictionary[Mesh, dict[bytes, Surface]] = weakref.WeakK
 
 
 def alike(stretch: Array, reference: Array) -> NDArray[np.bool_]:
-    """Return whether linear maps (..., 3, 3) equal another within what float32 matrices resolve, shape (...)."""
+    """Return whether linear maps (..., 3, 3) equal another within the rounding of float32, shape (...)."""
     off: Array = np.abs(stretch - reference).max(axis=(-2, -1))
     return off <= SAME_STRETCH * float(np.abs(reference).max())
 

@@ -42,7 +42,7 @@ class Design:
         repetitions: how often each is repeated, and how far repetitions are from their mean [steps]; 1 and nan where
             it is not.
         poor: interactions of which all motors together leave so much that no number of motors is given.
-        joint: what fewer motors cost with components of all interactions together.
+        joint: error of fewer motors with the principal components of all interactions together.
         alone: the same for each interaction with components of its own.
         ranges: least and greatest original command in the interactions, SI, shape (2, motors).
         amounts: least and greatest amount of each joint component, shape (2, motors).
@@ -116,7 +116,7 @@ def design(
     Args:
         spec: the original device. table: its effect on the skin.
         sensed: target readings by the interaction's name, in the table's unit, each (n, channels).
-        sensors: what sensed each, in words; the virtual sensor where one is not named.
+        sensors: the sensor of each interaction, in words; the virtual sensor for those left out.
 
     Raises:
         DermisError: coupled motors, nothing given, an interaction that never touches, one shorter than two samples, or

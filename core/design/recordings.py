@@ -62,7 +62,7 @@ class Recording:
     def tared(self, rest: Array) -> Array:
         """Return the readings moved so that those at rest are, on average, those of a table's rest row, shape (c,).
 
-        A sensor's rest drifts from day to day. Where nobody says what rest is, readings are left as they are.
+        A sensor's rest drifts from day to day. If the rest is not given, the readings are not changed.
         """
         return self.readings if self.rest is None else self.readings + (rest - self._resting().mean(axis=0))
 

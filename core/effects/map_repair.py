@@ -109,7 +109,7 @@ class MapRepair:
         return heights, gaps
 
     def _look(self, heights: Array, kind: np.dtype, levels: int, largest: float, signed: bool) -> None:
-        """Count what likely stands for 'no data'."""
+        """Count pixels that likely stand for 'no data'."""
         coarse = 0 < levels <= MAX_LEVELS
         zeros = likely_holes(heights, coarse=coarse) if self._sign < 0.0 else 0
         self._zeros += zeros
@@ -239,7 +239,7 @@ def _words(number: float) -> str:
 
 
 def number_of(value: Any, name: str, where: str) -> float:
-    """Return what somebody gave for a number.
+    """Return a given value as a number.
 
     Raises:
         DermisError: it is none.

@@ -115,7 +115,7 @@ def of_rows(rows: Rows, *, columns: str = "", rate: float = 100.0, unit: float |
 
 
 def guess(rows: Rows) -> Guess:
-    """Return what rows without names most likely hold."""
+    """Return the most likely columns of rows without names."""
     values, count = rows.values, rows.values.shape[1]
     rises = bool((np.diff(values[:, 0]) > 0.0).all())
     timed = count in (4, 8) or (count == 7 and rises and not _unit_length(values[:, 3:]))

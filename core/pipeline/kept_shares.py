@@ -147,7 +147,7 @@ def _key(
 def _near(
     scene: TactileScene, chunks: Sequence[Chunk], pad_contact: PadContact, models: Mapping[int, SkinModel]
 ) -> dict[int, set[int]]:
-    """Return what ever comes near each finger, and what that contains; by boxes, so rather too much than too little.
+    """Return the bodies that ever come near each finger, with the bodies that they contain, by bounding boxes.
 
     Objects that may be held are found by the touch of pads, which looks farther.
     """

@@ -95,7 +95,7 @@ def render_shot(
 
 
 def _write_formats(bake: Bake, folder: Path, wanted: Wanted, paths: list[Path]) -> tuple[list[Finding], list[str]]:
-    """Write tracks in other formats; return what their checks found, and which were refused: the others are written."""
+    """Write tracks in other formats; return the findings of their checks, and the tracks that were refused."""
     told: list[Finding] = []
     refused, names = [], FileNames()
     for form in dict.fromkeys(wanted.formats):

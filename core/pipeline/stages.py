@@ -11,7 +11,7 @@ class Stages:
     """Adds up run time by stage.
 
     Attributes:
-        hold: what holds while a stage runs, and nobody else does.
+        hold: function that returns a context manager, entered while a stage runs.
     """
 
     def __init__(self) -> None:
@@ -29,6 +29,6 @@ class Stages:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
 
     def add(self, seconds: Mapping[str, float]) -> None:
-        """Add what other processes took."""
+        """Add the run time of other processes."""
         for name, taken in seconds.items():
             self.seconds[name] = self.seconds.get(name, 0.0) + taken

@@ -138,7 +138,7 @@ def _heading(track: CommandTrack, shaded: bool, doubted: bool, canvas: Canvas) -
 
 
 def _likeness(channel: Channel) -> tuple[str, str]:
-    """Return what channels with the same scale share: the unit, and the name before its axis or number."""
+    """Return the unit, and the common name before axis or number, of channels that share a scale."""
     return channel.unit, channel.name.rpartition("_")[0] or channel.name
 
 

@@ -1,4 +1,4 @@
-"""A sampled scene from poses, for scripts: what Blender's animation gives otherwise."""
+"""A sampled scene from poses, for scripts that run without Blender's animation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Chunks cut anew, so that what works on several samples at once does not depend on where a sweep was cut."""
+"""Chunks that end at fixed samples, so that results of work on several samples do not depend on the sweep's own chunks."""
 
 from __future__ import annotations
 

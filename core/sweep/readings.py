@@ -85,7 +85,7 @@ def _key(row: Row) -> str:
 
 
 def read_readings(path: Path) -> Counts:
-    """Return what an earlier run read, shape (n, 20).
+    """Return the readings of an earlier run, shape (n, 20).
 
     Raises:
         DermisError: it is not there, or damaged.

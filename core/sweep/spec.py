@@ -43,7 +43,7 @@ class Spec:
     where: str = field(default="sweep")
 
     def variants(self) -> Iterator[dict[str, Value]]:
-        """Yield every combination of what varies; the last varies fastest."""
+        """Yield every combination of the varied parameters; the last varies fastest."""
         for values in product(*self.vary.values()):
             yield dict(zip(self.vary, values, strict=True))
 

@@ -27,7 +27,7 @@ SOFT, SHARP = 65.0, 300.0  # [Hz] of sharpness 0 and 1
 
 
 def write(track: CommandTrack, path: Path) -> tuple[Finding, ...]:
-    """Write a voice coil's track as an AHAP file, whole or not at all; return what people should know of it.
+    """Write a voice coil's track as an AHAP file, in one atomic step; return findings about it.
 
     Raises:
         DermisError: see `vibration_of`; or the file cannot be written.

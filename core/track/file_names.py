@@ -89,7 +89,7 @@ def shortened(stem: str) -> str:
 
 
 def folded(name: str) -> str:
-    """Return what two names share that a file system may take for one: neither case nor composition counts."""
+    """Return a name's form for comparison, since file systems may ignore case and Unicode composition."""
     return unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", name).casefold())
 
 

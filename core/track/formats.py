@@ -1,4 +1,4 @@
-"""The formats of a track, by name: what menus and the command line offer, without what writes them."""
+"""The formats of a track, by name, as menus and the command line offer them; the writers are loaded later."""
 
 from __future__ import annotations
 

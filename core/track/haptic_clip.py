@@ -20,7 +20,7 @@ from .vibration import Vibration, vibration_of
 
 
 def write(track: CommandTrack, path: Path) -> tuple[Finding, ...]:
-    """Write a voice coil's track as a .haptic file, whole or not at all; return what people should know of it.
+    """Write a voice coil's track as a .haptic file, in one atomic step; return findings about it.
 
     Raises:
         DermisError: see `vibration_of`; or the file cannot be written.

@@ -169,7 +169,7 @@ def grid_of(header: Mapping[str, Any], where: str) -> tuple[int, Array | None]:
 
 
 def check_finite(track: CommandTrack) -> None:
-    """Refuse what no format holds: values or times that are not finite, times that do not rise.
+    """Refuse tracks that no format can store: values or times that are not finite, or times that do not rise.
 
     Raises:
         DermisError: as said.

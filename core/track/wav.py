@@ -61,7 +61,7 @@ class Wave:
 
 
 def write(track: CommandTrack, path: Path, settings: Mapping[str, Any]) -> tuple[Finding, ...]:
-    """Write a track as a WAV file, whole or not at all; return what people should know of it.
+    """Write a track as a WAV file, in one atomic step; return findings about it.
 
     Args:
         settings: values of the rows of `WAVE`, in SI.

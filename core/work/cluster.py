@@ -84,7 +84,7 @@ def hold(data: bytes) -> bytes:
 
 
 def tell() -> dict[str, str]:
-    """Tell what engine a worker has."""
+    """Return the engine of a worker."""
     return dict(engine())
 
 
@@ -92,7 +92,7 @@ class ClusterExecutor(JobExecutor):
     """Does jobs on the workers of a dask scheduler, as many as there are now.
 
     Args:
-        address: of the scheduler, such as 'tcp://127.0.0.1:8786', or 'tls://...' with keys.
+        address: address of the scheduler, such as 'tcp://127.0.0.1:8786', or 'tls://...' with keys.
         keys: keys of a TLS connection.
         table: names of the jobs.
         entry: entry point of the workers, sent by its name.

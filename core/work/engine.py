@@ -61,14 +61,14 @@ def check_same(theirs: Mapping[str, str], where: str) -> None:
 
 
 def unlike(theirs: Mapping[str, str]) -> str:
-    """Return in words what of another engine may change the last digits of a result, '' where nothing does."""
+    """Return the differences to another engine that may change a result's last digits, in words; '' if none."""
     ours = engine()
     other = [name for name in ALIKE if theirs.get(name) != ours[name]]
     return ", ".join(f"{name} {theirs.get(name, 'unknown')} (here {ours[name]})" for name in other)
 
 
 def _digest(folder: Path, *patterns: str) -> str:
-    """Return a hash of what files say and how they are called; line ends do not count."""
+    """Return a hash of files' contents and names; line ends do not count."""
     sha = hashlib.sha256()
     files = {path.relative_to(folder).as_posix(): path for pattern in patterns for path in folder.glob(pattern)}
     for name in sorted(files):

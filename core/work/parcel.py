@@ -39,7 +39,7 @@ def unpacked(data: bytes, where: str) -> tuple[dict[str, Any], dict[str, NDArray
     """Return the values and arrays that `packed` made bytes of.
 
     Args:
-        where: what errors call it.
+        where: name in errors.
 
     Raises:
         DermisError: it is something else, or damaged.

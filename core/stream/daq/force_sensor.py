@@ -1,4 +1,4 @@
-"""ForceSensor: what turns a force and torque sensor's voltages into newtons, and its file, JSON of version 1."""
+"""ForceSensor: calibration from a force and torque sensor's voltages to newtons, and its file, JSON of version 1."""
 
 from __future__ import annotations
 

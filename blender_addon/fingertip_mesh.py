@@ -95,7 +95,7 @@ def fit(obj: bpy.types.Object, lengths: Mapping[str, float], metres_per_unit: fl
     """Bring a fingertip of ours to a finger's lengths; an artist's own mesh is left alone.
 
     Args:
-        lengths: of the finger's skin [m], by the engine's names.
+        lengths: lengths of the finger's skin [m], by the engine's names.
         metres_per_unit: metres in a scene unit.
     """
     data = obj.data

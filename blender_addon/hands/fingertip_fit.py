@@ -26,7 +26,8 @@ class Fit:
         preset: key of the nearest preset.
         scale: factor of its lengths.
         on_skin: the pad was placed by a surface; else where a finger round the bone has it.
-        width: of the finger [m]. miss: from the pad's centre to the nearest skin [m]; None where there is none.
+        width: width of the finger [m].
+        miss: distance from the pad's centre to the nearest skin [m]; None if there is none.
     """
 
     origin: Array

@@ -51,7 +51,7 @@ def depth(body: bpy.types.Object, pose: Matrix, thickness: float, depsgraph: bpy
     """Return how far a body's surface is above the pad, within the finger and from its pad's side; 0 where it is not.
 
     Args:
-        thickness: of the finger from pad to nail, in scene units, as the returned value.
+        thickness: thickness of the finger from pad to nail, in scene units, as the returned value.
     """
     evaluated = body.evaluated_get(depsgraph)
     if abs(evaluated.matrix_world.determinant()) < 1e-30 or not evaluated.data.polygons:

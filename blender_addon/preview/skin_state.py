@@ -22,9 +22,9 @@ class SkinState:
         normal_force, tangential_force: totals [N]. depth, lift: [m], see the engine's `SkinContact`.
         sticking, slipping: number of nodes.
         source: 'bake', 'live', 'stale', 'earlier' or 'none'. note: a remark on it for the reader.
-        work: of the contact solver: 'solved', 'unchanged', 'same', 'idle' or 'baked'.
+        work: kind of work of the contact solver: 'solved', 'unchanged', 'same', 'idle' or 'baked'.
         converged: whether the frame passed the solver's own check.
-        counters: of solved and skipped work, by name.
+        counters: counts of solved and skipped work, by name.
         points: the same forces where they act, on points of the smooth skin; None where contact is solved on nodes.
         amounts: the state of stiffening tissue that a touch keeps, see the engine's `Stimulus.given`; None if linear.
         slide: how far friction has drawn the loaded skin along itself [m].

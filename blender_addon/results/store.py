@@ -42,7 +42,7 @@ class Result:
 
     Attributes:
         bake: the engine's `Bake`.
-        clock: of the tracks.
+        clock: clock of the tracks.
         edits: of `changes` when its scene was sampled; -1 for one from an earlier session.
         fingerprint: the scene settings that no change handler reports.
         skins: size, material and accuracy of every skin of the bake, from which its model is made again.

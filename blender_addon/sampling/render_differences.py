@@ -66,7 +66,7 @@ class RenderDifferences:
     Args:
         simulated: session uids of data that hangs on simulations: those are not run again to be measured.
         deforming: session uids of the objects whose shape may change; None if that of every object may.
-        frames: of the samples, shape (n,).
+        frames: frames of the samples, shape (n,).
     """
 
     def __init__(

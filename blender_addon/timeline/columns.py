@@ -46,9 +46,11 @@ class Layout:
     """Everything of the strip in one view, ready to be drawn.
 
     Attributes:
-        positions, colours, triangles: of shapes (n, 2), (n, 4) and (t, 3).
+        positions: positions [px], shape (n, 2).
+        colours: colours, shape (n, 4).
+        triangles: indices of the corners, shape (t, 3).
         labels: text with its place [px], where lanes are high enough to be read. marks: with their middles [px].
-        top: of the strip [px].
+        top: top edge of the strip [px].
     """
 
     positions: NDArray[np.float32]

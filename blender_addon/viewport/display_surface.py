@@ -80,7 +80,8 @@ class DisplaySurface(NamedTuple):
 
         Args:
             points: the nodes on the surface at rest [m], shape (s, 3).
-            displacement: of those nodes [m], shape (s, 3). nodal: values at them, shape (s,).
+            displacement: displacement of those nodes [m], shape (s, 3).
+            nodal: values at the nodes, shape (s,).
         """
         return self.deformed_alike(points, [(displacement, nodal)])[0]
 

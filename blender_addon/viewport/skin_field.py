@@ -47,7 +47,8 @@ class Drawn(NamedTuple):
         surface: the surface that it is drawn on.
         positions: deformed vertices [m], shape (d, 3). normals: unit, shape (d, 3). values: SI, shape (d,).
         low, high: least and greatest value at the skin's own nodes.
-        centre: of pressure, in X and Y [m], shape (2,). shear: force in X and Y by the normal force, shape (2,).
+        centre: centre of pressure in X and Y [m], shape (2,).
+        shear: force in X and Y divided by the normal force, shape (2,).
     """
 
     surface: DisplaySurface

@@ -134,7 +134,7 @@ def migrations(bake: Bake, stored: Mapping[str, CommandTrack]) -> tuple[tuple[Mi
     """Compare stored tracks with those of a bake of now.
 
     Args:
-        bake: of the same scene by this engine.
+        bake: bake of the same scene by this engine.
         stored: tracks of an earlier engine, by the file each was read from.
 
     Returns:

@@ -63,9 +63,9 @@ def collect(
         folder: where parts are kept until the table is whole; another folder, or none of its parts, starts anew.
         level: of the skin's mesh. rows: about how many; as the preset says where None.
         executor: who does the job 'collect'; this process where None.
-        material: of the skin: young [Pa], poisson, alpha; missing ones have their defaults.
+        material: parameters of the skin: young [Pa], poisson and alpha; missing ones have their defaults.
         points: of this very skin that are pressed, where it has some in a cache that only the caller knows.
-        tissue: of the skin, 'linear' or 'neo_hookean'.
+        tissue: tissue model of the skin, 'linear' or 'neo_hookean'.
 
     Raises:
         DermisError: a preset without a sweep, parts that cannot be written, or a table with too few rows.

@@ -1,4 +1,4 @@
-"""Chunks that end at fixed samples, so that results of work on several samples do not depend on the sweep's own chunks."""
+"""Chunks that end at fixed samples, so that work on several samples does not depend on the chunks of the sweep."""
 
 from __future__ import annotations
 

@@ -64,8 +64,9 @@ class Loss:
 
     Attributes:
         output_hz: values a second that it takes. names, units: of the channels.
-        largest, rms: of the difference between the track and the output [unit], shape (channels,).
-        span: of each channel [unit], shape (channels,).
+        largest, rms: largest value and root mean square of the difference between track and output, in the channel's
+            unit, shape (channels,).
+        span: range of each channel, in its unit, shape (channels,).
     """
 
     output_hz: float

@@ -17,7 +17,7 @@ class MouseTouch(TouchInput):
     """A window in the screen's proportions; each call of `finger` serves it. Closing it ends the touches.
 
     Args:
-        size: of the screen [m].
+        size: size of the screen [m].
 
     Raises:
         DermisError: no window can be opened here.

@@ -15,7 +15,7 @@ class SampleClock:
 
     Attributes:
         period: [s]. next: moment of the next sample [s]. skipped: samples left out.
-        lateness: of samples against their plan [s].
+        lateness: delay of the samples after their planned times [s].
     """
 
     def __init__(self, rate: float) -> None:

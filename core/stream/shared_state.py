@@ -32,7 +32,7 @@ class Heartbeat:
     Attributes:
         number: rises with every heartbeat. stops: rises with every stop. playing: playback runs.
         time: track time on the screen [s], or None. at: when it was given [s], None for just now.
-        values: of the channels on the wire to follow; may be empty.
+        values: values of the wire's channels to follow; may be empty.
     """
 
     number: int

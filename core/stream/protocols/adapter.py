@@ -34,7 +34,7 @@ class Adapter:
         timed: commands may carry their play-out time.
         bears: longest delay of answers in a port's chip that commands are not hindered by [s].
         datagrams: messages go as datagrams, never as a stream.
-        baud: of a serial port whose URL names none.
+        baud: baud rate of a serial port whose URL states none.
         unanswered: advice where nobody answers.
         OPTIONS: names of the options that a URL may set.
         SENSES: name and unit of what the actuators measure beside their pose.

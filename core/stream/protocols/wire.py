@@ -32,7 +32,7 @@ class Wire:
         slew: largest change a second, inf where there is no limit. rest: the neutral pose.
         safe: values of the safe state as they are driven, calibrated. reach: how it is reached.
         zero, gain: of the calibration. responses: its measured curves. frequency: its frequency responses, by entry.
-        lower_limit, upper_limit: of driven values: the tightest ones of preset, calibration and measured curve.
+        lower_limit, upper_limit: limits of the driven values: the narrowest of preset, calibration and measured curve.
         disc: two entries that share a round range, and its radius.
     """
 

@@ -19,14 +19,11 @@ import numpy as np
 from ...arrays import Array, Indices
 from .between import matter_moved
 from .bodies import ContactBody, NodeGaps, owned
-from .law_skin import LawSkin
+from .law_skin import Fold, LawSkin
 from .path_step import SolvedFrame
 
 ROUNDS = 80  # of both
 USABLE = 0.1  # residual of the law: a solution with less than that is better than linear skin
-# of skin that is in balance on a fold
-LEFT = "skin is in balance on a fold of itself too: it is taken as straight pressing has it"
-FOLD = "skin is in balance on a fold of itself alone, and its forces are too large"
 PARTS, STRAIGHT = (1, 4, 16), (4, 16)  # of the way since the last frame, and of the straight one
 
 
@@ -61,7 +58,7 @@ def solved_by_law(
     solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, start: Array
 ) -> SolvedFrame:
     """Solve a frame, off any fold of the skin; for the arguments see `_settled`."""
-    tried = law.several == FOLD
+    tried = law.fold is Fold.KEPT
     found = _settled(solver, law, b, gaps, soft, start)
     if not law.folded(float(np.vdot(found.solution.force, found.image))):
         return found
@@ -70,10 +67,10 @@ def solved_by_law(
         law.reset()
         other, ends = _walked(solver, law, b, gaps, soft, np.zeros_like(b), _depth(gaps), parts)
         if ends and law.settled and not law.folded(float(np.vdot(other.solution.force, other.image))):
-            law.tell_several(LEFT)
+            law.note_fold(Fold.LEFT)
             return other
     law.restore(fold)
-    law.tell_several(FOLD)
+    law.note_fold(Fold.KEPT)
     return found
 
 

@@ -8,6 +8,7 @@ more than the price of linear skin; and what looks taught of the law goes from f
 
 from __future__ import annotations
 
+from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,14 @@ FOLDED = 0.5
 FASTER = 2.0  # times as far as in the last frame what presses may go before more is not expected of c either
 
 
+class Fold(Enum):
+    """How the last frame's skin has to do with a fold of itself, pushed in on the mesh and out where forces act."""
+
+    NONE = 0
+    LEFT = 1  # it is in balance on one too; straight pressing led to another balance, which was taken
+    KEPT = 2  # no balance off it was found
+
+
 class LawState(NamedTuple):
     """What one frame leaves to the next.
 
@@ -32,7 +41,8 @@ class LawState(NamedTuple):
         felt: c that contact was solved with. now: what the law wants of it, and before: wanted in the frame before,
             shapes (3 free,). left: see `LawSkin.left`.
         went: how what presses moved [m], shape (6,), None where that is not known. taught: what looks taught.
-        several: see `LawSkin.several`. work: of the forces on the mesh [J].
+        fold: whether the skin was on a fold of itself.
+        work: work of the forces on the mesh [J].
     """
 
     felt: Floats32
@@ -41,7 +51,7 @@ class LawState(NamedTuple):
     left: float
     went: Array | None = None
     taught: tuple[Taught, ...] = ()
-    several: str = ""
+    fold: Fold = Fold.NONE
     work: float = 0.0
 
 
@@ -109,17 +119,17 @@ class LawSkin:
         return self._steps.lost
 
     @property
-    def several(self) -> str:
-        """The way out of a fold that the last frame's skin is in balance on too; empty without one."""
-        return self._state.several
+    def fold(self) -> Fold:
+        """How the last frame's skin has to do with a fold of itself."""
+        return self._state.fold
 
     def folded(self, work: float) -> bool:
         """Return whether skin lies on a fold, from the work that the last forces do at the points they act on [J]."""
         return self.settled and self._state.work != 0.0 and work < FOLDED * abs(self._state.work)
 
-    def tell_several(self, what: str) -> None:
-        """Note the way out of a fold."""
-        self._state = self._state._replace(several=what)
+    def note_fold(self, fold: Fold) -> None:
+        """Keep in the state of this frame whether its skin is on a fold."""
+        self._state = self._state._replace(fold=fold)
 
     def begin(self, went: Array | None = None, ahead: float = 1.0) -> None:
         """Begin a frame.

@@ -24,7 +24,7 @@ from .cone import assess
 from .frame_friction import UNMOVED, FrameFriction
 from .history import ContactHistory
 from .law_frame import solved_by_law
-from .law_skin import LawSkin
+from .law_skin import Fold, LawSkin
 from .notes import Notes
 from .path_step import PathStep, SolvedFrame
 from .solve import MOST_SWEEPS, Solution, status_of
@@ -46,6 +46,10 @@ EASY = 3
 DEPTH_LIMIT = 2e-3
 # In a frame skin comes out by no more than this multiple of its displacement in the last, and a margin [m].
 BULGE, MARGIN = 1.5, 0.3e-3
+FOLDS = {
+    Fold.LEFT: "skin is in balance on a fold of itself too: it is taken as straight pressing has it",
+    Fold.KEPT: "skin is in balance on a fold of itself alone, and its forces are too large",
+}
 # The state that a frame changes, besides the history; each is replaced, never written into.
 _STATE = ("_force", "_last", "_image", "_step", "_bodies", "_at_rest", "frames", "_rubbing")
 
@@ -429,10 +433,10 @@ class PathSolver:
                 limit=f"<= {solution.tolerance:g}",
                 remedy="Use smaller steps, or less friction",
             )
-        if self.law is not None and self.law.several:
+        if self.law is not None and self.law.fold is not Fold.NONE:
             self.notes.warn(
                 "several-states",
-                self.law.several,
+                FOLDS[self.law.fold],
                 where,
                 remedy="Press less deep, or turn less in a frame while pressed",
             )

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from core.contact.solver.law_frame import FOLD, LEFT
-from core.contact.solver.law_skin import LawSkin
+from core.contact.solver.law_skin import Fold, LawSkin
 from core.contact.solver.path_solver import PathSolver
 from core.contact.solver.path_step import PathStep
 from core.contact.solver.point_solver import PointSolver
@@ -114,8 +113,8 @@ def test_skin_on_a_fold_is_led_off_it_and_the_frame_says_so(monkeypatch: pytest.
         step = path.step(touch.bodies(i))
         if i >= 96 and i % 4 == 0:
             _, there = followed(skin, straight(touch, i))
-            assert off(step.nodal.sum(axis=0), there.nodal.sum(axis=0)) <= 0.15 or path.law.several == FOLD
-        told += bool(path.law.several)
+            assert off(step.nodal.sum(axis=0), there.nodal.sum(axis=0)) <= 0.15 or path.law.fold is Fold.KEPT
+        told += path.law.fold is not Fold.NONE
     assert told > 0
     (found,) = [f for f in path.findings if f.code == "several-states"]
     assert found.count == told and "fold" in found.what
@@ -125,9 +124,9 @@ def test_what_a_frame_says_of_folds_is_kept_with_its_state() -> None:
     skin = fingertip_skin(level="draft").with_law()
     law = LawSkin.of(skin)
     assert law is not None
-    law.tell_several(LEFT)
+    law.note_fold(Fold.LEFT)
     state = law.save()
     law.reset()
-    assert not law.several
+    assert law.fold is Fold.NONE
     law.restore(state)
-    assert law.several == LEFT
+    assert law.fold is Fold.LEFT

@@ -167,7 +167,10 @@ def test_the_table_of_what_follows_has_a_column_a_board_and_is_whole() -> None:
     rows = [[cell.strip() for cell in line.strip("|\n").split("|")] for line in block[1].splitlines()]
     named = {name for cell in rows[0] for name in re.findall(r"`([a-z-]+)`", cell)}
     assert named == set(adapters.NAMES)
-    assert len({len(row) for row in rows}) == 1
+    assert len({len(row) for row in rows}) == 1 and all(cell for row in rows[1:] for cell in row)
+    heads = " ".join(rows[0])
+    for board in ("Uno", "Pico", "Teensy 4", "ESP32, USB", "PCA9685", "sound card", "NI-DAQ"):
+        assert board in heads, board
     boards = (ROOT / "presets" / "boards" / "README.md").read_text("utf-8")
     for page in (ROOT / "presets" / "boards").glob("*.md"):
         assert page.name == "README.md" or f"({page.name})" in boards, page.name

@@ -109,6 +109,7 @@ if TYPE_CHECKING:
     import core.stream.links.url
     import core.stream.pair_command
     import core.stream.protocols.adapters
+    import core.stream.protocols.pairs
     import core.stream.protocols.wire
     import core.stream.state
     import core.surface.curved

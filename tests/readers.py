@@ -529,7 +529,10 @@ READERS = (
         "keys of paired boards",
         "core.stream.protocols.pairs:load",
         ".json",
-        lambda: [json.dumps({"DERMISU1": "00" * KEY}).encode()],
+        lambda: [
+            json.dumps({"DERMISU1": "00" * KEY}).encode(),
+            json.dumps({"DERMISU1": {"key": "00" * KEY, "address": "udp://h:1?board=DERMISU1"}}).encode(),
+        ],
         pairs.load,
     ),
     _reader(

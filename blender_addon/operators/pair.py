@@ -91,6 +91,7 @@ class DERMIS_OT_stream_pair(jobs.Job, bpy.types.Operator):
         settings = context.scene.dermis_stream
         settings.protocol, settings.url = "native-wifi", result.address
         self.report({"INFO"}, f"'{result.board}' answers this computer alone. Unplug USB, power it, and press Connect")
+        session.read_pairs()
         redraw.request()
         return {"FINISHED"}
 

@@ -151,18 +151,20 @@ class DERMIS_OT_stream_logs(Streaming, bpy.types.Operator):
 
 
 class DERMIS_OT_stream_rescan(Streaming, bpy.types.Operator):
-    """Look for serial ports"""
+    """Look for serial ports, and for boards that were paired with this computer"""
 
     bl_idname = "dermis.stream_rescan"
     bl_label = "Rescan Ports"
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Look, and say how many there are."""
-        return counted(session.rescan(), "serial port")
+        ports = session.rescan()
+        session.read_pairs()
+        return f"{counted(ports, 'serial port')}, {counted(len(session.paired_boards()), 'paired board')}"
 
 
 class DERMIS_OT_stream_use_port(Streaming, bpy.types.Operator):
-    """Use this port"""
+    """Use this port; for a paired board its protocol too"""
 
     bl_idname = "dermis.stream_use_port"
     bl_label = "Use Port"
@@ -171,7 +173,10 @@ class DERMIS_OT_stream_use_port(Streaming, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Write it into the field."""
-        context.scene.dermis_stream.url = self.port
+        settings = context.scene.dermis_stream
+        settings.url = self.port
+        if self.port in session.paired_boards().values():
+            settings.protocol = "native-wifi"
         return None
 
 

@@ -211,7 +211,7 @@ class DERMIS_PT_stream_log(DermisPanel, bpy.types.Panel):
 
 
 class DERMIS_MT_ports(bpy.types.Menu):
-    """The ports of the last rescan."""
+    """The ports and paired boards of the last rescan."""
 
     bl_idname = "DERMIS_MT_ports"
     bl_label = "Ports"
@@ -222,6 +222,9 @@ class DERMIS_MT_ports(bpy.types.Menu):
         box.port = "virtual:"
         for name, description in session.found_ports():
             self.layout.operator("dermis.stream_use_port", text=f"{name}  {description}").port = name
+        for board, address in session.paired_boards().items():
+            box = self.layout.operator("dermis.stream_use_port", text=f"{board} over Wi-Fi", icon="NETWORK_DRIVE")
+            box.port = address
 
 
 class DERMIS_MT_stream_devices(bpy.types.Menu):

@@ -40,6 +40,7 @@ _mode = ""  # at the last heartbeat
 _heartbeats = 0
 _restored = False  # undo or redo has brought other settings, and the sender has not heard of them
 _ports: list[tuple[str, str]] = []
+_boards: dict[str, str] = {}  # addresses of paired boards, by name
 _cautions: dict[str, str] = {}  # by protocol
 
 
@@ -93,6 +94,21 @@ def status() -> dict[str, Any]:
 def found_ports() -> list[tuple[str, str]]:
     """Return the ports of the last rescan."""
     return _ports
+
+
+def paired_boards() -> dict[str, str]:
+    """Return the addresses of the boards that were paired for Wi-Fi, by name, as they were last read."""
+    return _boards
+
+
+def read_pairs() -> None:
+    """Read which boards are paired with this computer.
+
+    Raises:
+        DermisError: the file is none of keys.
+    """
+    global _boards
+    _boards = core.stream.protocols.pairs.addresses()
 
 
 def rescan() -> int:

@@ -130,6 +130,7 @@ def pair_over(
         four, port = bytes.fromhex(answer[1]), int(answer[2], 16)
         if any(four):
             found = f"udp://{'.'.join(map(str, four))}:{port}?board={board}"
+            pairs.keep(board, key, found)
         else:
             yield Wait("joining the network", round(10 * passed), round(10 * JOINS))
             wait(AGAIN)

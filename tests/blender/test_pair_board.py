@@ -98,6 +98,13 @@ def test_a_board_is_paired_chosen_and_streamed_to(plugged: Plugged) -> None:
     assert settings.protocol == "native-wifi" and settings.url == "udp://127.0.0.1:3947?board=DERMISU1"
     assert len(pairs.key_of("DERMISU1")) == 32
     assert not session.connected(), "pairing connects nothing"
+    assert session.paired_boards() == {"DERMISU1": settings.url}
+    address, settings.url, settings.protocol = settings.url, "virtual:", "native"
+    bpy.ops.dermis.stream_rescan()
+    bpy.ops.dermis.stream_use_port(port="virtual:")
+    assert settings.protocol == "native"
+    bpy.ops.dermis.stream_use_port(port=address)
+    assert (settings.url, settings.protocol) == (address, "native-wifi"), "the menu offers it in every file"
     settings.url = settings.url.replace("3947", str(plugged.udp))  # a free port of this computer stands for the board's
     settings.mode, settings.ramp = "jog", 0.1
     assert bpy.ops.dermis.stream_connect() == {"FINISHED"}

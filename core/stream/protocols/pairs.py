@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from ...errors import DermisError
 from ...files import read_text
@@ -16,6 +17,13 @@ from .sealed import KEY
 FILE = "DERMIS_PAIRS"  # environment variable: the file, where it shall be another
 VIRTUAL = "VIRTUAL1"  # the simulated board, whose key everybody knows
 VIRTUAL_KEY = bytes(range(KEY))
+
+
+class Pair(NamedTuple):
+    """A board's key, and the address that it had in the network when it was paired, '' where it had none."""
+
+    key: bytes
+    address: str = ""
 
 
 def path() -> Path:
@@ -48,20 +56,30 @@ def key_of(board: str) -> bytes:
             limit=", ".join(sorted(keys)) or "none is paired",
             remedy="Plug it in by USB, and press Pair over USB or run 'stream pair'",
         )
-    return keys[board]
+    return keys[board].key
 
 
-def keep(board: str, key: bytes) -> Path:
-    """Keep a board's key, in place of an earlier one; return the file.
+def addresses() -> dict[str, str]:
+    """Return the addresses of the paired boards that had one, by the boards' names.
+
+    Raises:
+        DermisError: the file is none of keys.
+    """
+    return {board: pair.address for board, pair in sorted(_read().items()) if pair.address}
+
+
+def keep(board: str, key: bytes, address: str = "") -> Path:
+    """Keep a board's key and address, in place of earlier ones; return the file.
 
     Raises:
         DermisError: the name is the simulated board's, or the file cannot be written or is none of keys.
     """
     if board == VIRTUAL:
         raise DermisError("a board may not have the simulated one's name", value=board, remedy="Change DERMIS_ID")
-    keys = {**_read(), board: key}
+    keys = {**_read(), board: Pair(key, address)}
     file = path()
-    text = json.dumps({name: value.hex() for name, value in sorted(keys.items())}, indent=1)
+    plain = {name: {"key": pair.key.hex(), "address": pair.address} for name, pair in sorted(keys.items())}
+    text = json.dumps(plain, indent=1)
     fresh = file.with_name(f"{file.name}.{os.getpid()}")
     try:
         file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
@@ -73,23 +91,31 @@ def keep(board: str, key: bytes) -> Path:
     return file
 
 
-def load(file: Path) -> Mapping[str, bytes]:
-    """Return the keys in a file, by the boards' names.
+def load(file: Path) -> Mapping[str, Pair]:
+    """Return the pairs in a file, by the boards' names. Older files have keys alone.
 
     Raises:
         DermisError: it cannot be read, or holds no keys.
     """
     found = json_of(read_text(file), str(file))
     try:
-        keys = {str(name): bytes.fromhex(value) for name, value in found.items()}
-    except (ValueError, TypeError, AttributeError):
-        keys = {"": b""}
-    if any(len(key) != KEY for key in keys.values()):
+        keys = {str(name): _pair(value) for name, value in found.items()}
+    except (ValueError, TypeError, AttributeError, KeyError):
+        keys = {"": Pair(b"")}
+    if any(len(pair.key) != KEY for pair in keys.values()):
         raise DermisError(
             "the file holds no keys of boards", where=str(file), remedy="Remove it, and pair the boards again"
         )
     return keys
 
 
-def _read() -> Mapping[str, bytes]:
+def _pair(value: Any) -> Pair:
+    if isinstance(value, str):
+        return Pair(bytes.fromhex(value))
+    if set(value) != {"key", "address"} or not isinstance(value["address"], str):
+        raise ValueError
+    return Pair(bytes.fromhex(value["key"]), value["address"])
+
+
+def _read() -> Mapping[str, Pair]:
     return load(path()) if path().exists() else {}

@@ -64,6 +64,7 @@ def test_a_board_is_paired_and_its_key_opens_a_session(port: Port, file: Path) -
     key = pairs.key_of(board)
     assert len(key) == KEY and key != pairs.VIRTUAL_KEY
     assert adapters.make("native-wifi", servos(2), {"board": board}).seals.key == key  # type: ignore[attr-defined]
+    assert pairs.addresses() == {board: address}
     again, _ = drain(pair_over(port, "Lab", "", port.clock, port.wait))
     assert again == board and pairs.key_of(board) != key, "a key is drawn each time"
 
@@ -117,7 +118,21 @@ def test_a_board_that_nobody_has_paired_is_named_with_the_remedy(file: Path) -> 
 
 
 @pytest.mark.parametrize(
-    "text", ["", "[]", "3", '{"a": 3}', '{"a": "00"}', '{"a": "' + "0g" * 32 + '"}', "{", "null", "[" * 100_000]
+    "text",
+    [
+        '{"a": {"key": "' + "00" * 32 + '"}}',
+        '{"a": {"key": "' + "00" * 32 + '", "address": 3}}',
+        '{"a": {"key": "00", "address": ""}}',
+        "",
+        "[]",
+        "3",
+        '{"a": 3}',
+        '{"a": "00"}',
+        '{"a": "' + "0g" * 32 + '"}',
+        "{",
+        "null",
+        "[" * 100_000,
+    ],
 )
 def test_a_file_that_holds_no_keys_is_refused_and_not_overwritten(text: str, file: Path) -> None:
     file.parent.mkdir()
@@ -127,6 +142,14 @@ def test_a_file_that_holds_no_keys_is_refused_and_not_overwritten(text: str, fil
     with pytest.raises(DermisError, match="pairs.json"):
         pairs.keep("DERMISU1", bytes(KEY))
     assert file.read_text() == text
+
+
+def test_a_file_of_keys_alone_is_read(file: Path) -> None:
+    key = os.urandom(KEY)
+    file.parent.mkdir()
+    file.write_text(json.dumps({"BOARD001": key.hex()}))
+    pairs.keep("BOARD002", bytes(KEY), "udp://h:1?board=BOARD002")
+    assert pairs.key_of("BOARD001") == key and pairs.addresses() == {"BOARD002": "udp://h:1?board=BOARD002"}
 
 
 def test_keys_of_other_boards_stay(file: Path) -> None:

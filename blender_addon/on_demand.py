@@ -11,6 +11,7 @@ everything in there for its file, and would read them all in the middle of that.
 from collections.abc import Iterator
 from importlib import import_module
 from os import listdir
+from sys import _getframe
 from types import ModuleType
 from typing import Any
 
@@ -59,7 +60,11 @@ class _OnDemand:
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_OnDemand__"):  # of a copy that nobody has filled
             raise AttributeError(name)
-        return getattr(self.__read or self.__module(), name)
+        module = self.__read or self.__module()
+        user = _getframe(1).f_globals  # who asks has the module itself from now on: the detour costs a frame its time
+        if user.get(self.__name) is self:
+            user[self.__name] = module
+        return getattr(module, name)
 
     def __setattr__(self, name: str, value: object) -> None:
         setattr(self.__module(), name, value)

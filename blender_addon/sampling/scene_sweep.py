@@ -212,11 +212,9 @@ def sample_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> core.s
     clock = scene_time.clock(scene, span[0])
     live = _live_now(scene, depsgraph, span)
     with _live_shown.at_once():
-        readers = _Readers(_live_reader, _live_shown, ChangesSeen(), {}, {})
-        recorder = readers.recorder(live.header.participants, 1)
-        recorder.record(0, depsgraph)
+        live.recorder.record(0, depsgraph)
     frames = np.array([scene_time.shown(scene)])
-    chunk = recorder.chunk(frames, clock.seconds(frames), 1, [])
+    chunk = live.recorder.chunk(frames, clock.seconds(frames), 1, [])
     if live.frame is not None:
         _live = None
     return core.scene.tactile_scene.TactileScene(
@@ -248,6 +246,7 @@ class _Live(NamedTuple):
 
     key: tuple[Any, ...]
     header: Any
+    recorder: Recorder  # of one sample
     findings: tuple[Any, ...]
     frame: float | None  # that it holds for alone; None for all
 
@@ -270,7 +269,8 @@ def _live_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, span: tupl
         len(bpy.data.objects),
         metres_per_unit(scene),
     )
-    if _live is None or _live.key != key or _live.frame not in (None, scene_time.shown(scene)):
+    holds = _live is not None and _live.key == key and _live.frame in (None, scene_time.shown(scene))
+    if _live is None or not holds or not _live.recorder.holds():
         with _live_shown.at_once():
             _live = _read_live(scene, depsgraph, span, key)
     return _live
@@ -293,7 +293,8 @@ def _read_live(
     varies |= any(map(curved_surfaces.grows, participants.look_up(curved).values()))
     varies |= any(f.code == "mesh-unusable" for f in header.participants.findings)  # it may get its faces later
     lasting = not has and not varies and not script_changes.run_here()
-    return _Live(key, header, tuple(findings), None if lasting else scene_time.shown(scene))
+    recorder = _Readers(_live_reader, _live_shown, ChangesSeen(), {}, {}).recorder(header.participants, 1)
+    return _Live(key, header, recorder, tuple(findings), None if lasting else scene_time.shown(scene))
 
 
 def forget() -> None:

@@ -53,6 +53,15 @@ def test_each_module_can_be_read(package: str, name: str) -> None:
     assert stands_for_it.__file__ == module.__file__
 
 
+def test_who_has_asked_once_has_the_module_itself() -> None:
+    hands: Any = import_module("blender_addon.hands")
+    stands_for_it, module = hands.__getattr__("rig"), import_module("blender_addon.hands.rig")
+    user = {"rig": stands_for_it, "other": stands_for_it, "known": []}
+    exec("known.append(rig.read)\nknown.append(other.read)", user)
+    assert user["known"] == [vars(module)["read"]] * 2
+    assert user["rig"] is module and user["other"] is stands_for_it  # by another name it works as well
+
+
 def test_what_is_replaced_is_replaced_in_the_module() -> None:
     hands: Any = import_module("blender_addon.hands")
     rig, module = hands.__getattr__("rig"), import_module("blender_addon.hands.rig")

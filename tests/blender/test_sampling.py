@@ -487,3 +487,27 @@ def test_another_scene_than_the_window_shows():
 def test_units_are_decimal_not_single_precision():
     bpy.context.scene.unit_settings.scale_length = 0.001
     assert quantities.metres_per_unit(bpy.context.scene) == 0.001
+
+
+def test_a_preview_that_keeps_its_recorder_samples_as_one_that_does_not() -> None:
+    """Neither more frames nor a script that moves objects in Blender's list shows in what is sampled."""
+    scene = build.span(1, 25)
+    cube = build.cube()
+    build.keys(cube, "rotation_euler", [1, 25], [(0, 0, 0), (1, 2, 3)])
+    build.keys(build.finger(), "location", [1, 25], [(0, 0, 0), (2.4, -1.2, 0.6)])
+
+    def sampled(*, keep: bool) -> bytes:
+        if not keep:
+            scene_sweep.forget()
+        (chunk,) = scene_sweep.sample_now(scene, bpy.context.evaluated_depsgraph_get()).chunks
+        return b"".join(a.tobytes() for a in (chunk.frames, chunk.times, chunk.fingers, chunk.bodies, chunk.screens))
+
+    for frame in (3, 4, 5, 20, 4):
+        scene.frame_set(frame)
+        assert sampled(keep=True) == sampled(keep=True) == sampled(keep=False)
+        assert scene_sweep._live is not None
+    recorder = scene_sweep._live.recorder
+    with changes.muted():
+        cube.name = "zz last"  # its place in the list is another; nobody is told
+    first = sampled(keep=True)
+    assert scene_sweep._live.recorder is not recorder and first == sampled(keep=False)

@@ -147,7 +147,7 @@ class Encounter:
         times, gap = self._pad_contact.times, self._pair.gap
         if len(times) == 1:
             return np.full(len(t), gap[0])
-        index, since = self._pad_contact.finger_motion(self.finger).positions.piece(t)
+        index, since = self._pad_contact.knots.piece(t)
         start, end = gap[index], gap[index + 1]
         known = np.isfinite(start) & np.isfinite(end)
         if known.all():
@@ -196,7 +196,7 @@ class Encounter:
 
     @cached_property
     def _weights(self) -> tuple[NDArray[np.intp], Array]:
-        index, since = self._pad_contact.finger_motion(self.finger).positions.piece(self.times[self.which])
+        index, since = self._pad_contact.knots.piece(self.times[self.which])
         if len(self._pad_contact.times) == 1:
             return index, np.zeros(len(index))
         u = since / (self._pad_contact.times[index + 1] - self._pad_contact.times[index])

@@ -13,7 +13,7 @@ import numpy as np
 from ..arrays import Array
 from ..errors import Finding
 from ..memory import Carry, Memory
-from ..motion import Motion, MotionSamples, Spline
+from ..motion import Knots, Motion, MotionSamples, Spline
 from ..parameters.parameter import Parameter
 from ..scene.tactile_scene import Mesh, TactileScene, device_times
 from ..surface.centre import centre_of
@@ -75,6 +75,11 @@ class PadContact:
     memory: Memory | None = None
 
     @cached_property
+    def knots(self) -> Knots:
+        """The times of the samples, as splines through them take them."""
+        return Knots(self.times)
+
+    @cached_property
     def gap(self) -> Array:
         """Signed distance between pads and bodies [m], inf beyond reach, shape (F, B, n)."""
         dense = np.full((len(self.fingers), len(self.bodies), len(self.times)), np.inf)
@@ -110,11 +115,11 @@ class PadContact:
 
     def finger_motion(self, finger: int) -> Motion:
         """Return the smooth motion of a finger, computed once."""
-        return self.keep(("finger", finger), lambda: Motion(self.times, self.fingers[finger]))
+        return self.keep(("finger", finger), lambda: Motion(self.knots, self.fingers[finger]))
 
     def body_motion(self, body: int) -> Motion:
         """Return the smooth motion of a body, computed once."""
-        return self.keep(("body", body), lambda: Motion(self.times, self.bodies[body]))
+        return self.keep(("body", body), lambda: Motion(self.knots, self.bodies[body]))
 
     def finger_at(self, finger: int, times: Array) -> MotionSamples:
         """Return a finger's motion at times that are asked for again and again, computed once."""
@@ -134,7 +139,7 @@ class PadContact:
                 middle = np.zeros(3) if mesh is None else centre_of(mesh)
                 centre = np.broadcast_to(middle, (len(self.times), 3))
             pose = self.bodies[body]
-            return Spline(self.times, np.einsum("nij,nj->ni", pose[:, :3, :3], centre) + pose[:, :3, 3])
+            return Spline(self.knots, np.einsum("nij,nj->ni", pose[:, :3, :3], centre) + pose[:, :3, 3])
 
         return self.keep(("centre", body), path)
 

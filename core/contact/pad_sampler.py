@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Array, Indices
 from ..errors import DermisError, Finding
-from ..motion import rotations, singular
+from ..motion import turns_of
 from ..motion.vectors import dot, turn_back, turn_map_back
 from ..motion.vectors import turn as turned
 from ..parameters.material import BODY
@@ -215,17 +215,18 @@ class PadSampler:
         single = len(chunk.times) == 1
         near_samples = near[0][1] if single else np.unique(np.concatenate([index for _, index in near]))
         linear = poses[near_samples, :3, :3]
-        flat = singular(linear)
+        maps = linear[:1] if single or (linear == linear[0]).all() else linear
+        rotation, flat = turns_of(maps)
         if flat.any():
+            flat = np.broadcast_to(flat, len(linear))
             self._repairs.note("zero-scale", self._scene.bodies[b].name, chunk.frames[near_samples[flat]].tolist())
             near_samples, linear = near_samples[~flat], linear[~flat]
             near = [(f, index[np.isin(index, near_samples)]) for f, index in near]
             near = [(f, index) for f, index in near if index.size]
-        if not near:
-            return
+            if not near:
+                return
+            maps, rotation = linear, rotation[~flat]
         turn = np.zeros((len(chunk.times), 3, 3))
-        maps = linear[:1] if single or (linear == linear[0]).all() else linear
-        rotation = rotations(maps)
         turn[near_samples] = rotation
         stretch = np.broadcast_to(turn_map_back(rotation, maps), linear.shape)
         local = {f: turn_back(turn[i], fingers[f, i, :3, 3] - poses[i, :3, 3]) for f, i in near}

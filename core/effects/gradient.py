@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -80,21 +82,22 @@ def steepest(slopes: Floats32) -> float:
     return float(np.sqrt(squares.max()))
 
 
-def bilinear(planes: Floats32, size: tuple[float, float], x: Array, y: Array) -> Floats32:
+def bilinear(planes: Sequence[Floats32], size: tuple[float, float], x: Array, y: Array) -> Floats32:
     """Read planes of numbers at points by bilinear interpolation, shape (planes, n), float32.
 
     A pixel's value belongs to its centre; half a pixel from the border, and beyond, the border's value goes on.
 
     Args:
-        planes: shape (p, rows, columns).
+        planes: of one shape (rows, columns).
         size: width and height that the planes cover [m].
         x, y: points [m] from the centre, finite, shape (n,).
     """
-    count, rows, columns = planes.shape
+    count, (rows, columns) = len(planes), planes[0].shape
     # A single row or column is doubled, so that there always is a neighbour.
     if rows < 2 or columns < 2:
-        planes = planes.repeat(2 if rows < 2 else 1, axis=1).repeat(2 if columns < 2 else 1, axis=2)
-    high, wide = planes.shape[1:]
+        twice = 2 if rows < 2 else 1, 2 if columns < 2 else 1
+        planes = [plane.repeat(twice[0], axis=0).repeat(twice[1], axis=1) for plane in planes]
+    high, wide = planes[0].shape
     flats = [np.ascontiguousarray(plane).ravel() for plane in planes]
     per_x, per_y = columns / size[0], rows / size[1]
     out = np.empty((count, len(x)), np.float32)

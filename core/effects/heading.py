@@ -97,7 +97,7 @@ class Heading:
                 sx, sy = sum_x - vx * before, sum_y - vy * before
                 size = hypot(sx, sy)
                 # Half a movement's weight: below it the window holds as much of one direction as of its opposite.
-                if size > 0.5 * min(elapsed, window):
+                if size > 0.5 * (elapsed if elapsed < window else window):
                     direction = sx / size, sy / size
             out.append(direction)
         self._anchor, self._direction, self._time, self._sum_x, self._sum_y = anchor, direction, earlier, sum_x, sum_y

@@ -46,6 +46,7 @@ class EffectSum:
         sum: in the finger's frame, as fractions of the range, shape (n, 3), or (n, 1) along one axis; None while
             nothing was added.
         contact, held: whether the finger touches, and holds, something, shape (n,).
+        device: which of the finger's devices this is.
     """
 
     pad_contact: PadContact
@@ -63,7 +64,8 @@ class EffectSum:
         options = self.use.parameters
         self.axis = DEVICE["transient_axis"].of(options, self._where)
         self.sign = DEVICE["weight_sign"].of(options, self._where)
-        count = len(self.times)
+        devices, count = self.scene.fingers[self.finger].devices, len(self.times)
+        self.device = next((i for i, use in enumerate(devices) if use is self.use), 0)
         self.sum: Array | None = None
         self.contact = np.zeros(count, dtype=bool)
         self.held = np.zeros(count, dtype=bool)
@@ -303,12 +305,6 @@ class EffectSum:
             return False
         owner, row = f"device/{self.finger}/{self.device}", DEVICE[f"use_{effect}"]
         return self.pad_contact.series(owner, row, self.use.parameters, self.times) > 0.5
-
-    @property
-    def device(self) -> int:
-        """Which of the finger's devices this is."""
-        devices = self.scene.fingers[self.finger].devices
-        return next((i for i, use in enumerate(devices) if use is self.use), 0)
 
     def _at(self, value: Any, index: slice | NDArray[np.intp]) -> Any:
         return value[index] if isinstance(value, np.ndarray) else value

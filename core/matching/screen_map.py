@@ -145,8 +145,8 @@ class ScreenMap:
 
         Source: [S4] eq. 5 and Table 1
         """
-        height = (self._read(x, y, times, slopes=False)[0] - self.lowest) * self.metres
-        grad_x, grad_y = self._read(x, y, times, slopes=True)
+        height, grad_x, grad_y = self._read(x, y, times)
+        height = (height - self.lowest) * self.metres
         f0 = self.scale if scale is None else scale
         if self.profile == "slope":
             friction = without_downhill(friction_of_slope(grad_x, grad_y, direction, f0), self.downhill)
@@ -178,22 +178,22 @@ class ScreenMap:
         volts = float(self.device.law.volts(friction))
         return Answer(min(volts, self.device.limit), self.device.carrier, friction, volts > self.device.limit)
 
-    def _read(self, x: Array, y: Array, times: Array | None, *, slopes: bool) -> tuple[Array, ...]:
-        """Read heights, or both slopes, at points; of a sequence blended in time."""
+    def _read(self, x: Array, y: Array, times: Array | None) -> Array:
+        """Read heights and both slopes at points, shape (3, n); of a sequence blended in time."""
         count = len(self.heights)
         at = np.zeros(len(x)) if times is None else (times - self.start) * self.maps_per_second
         at = np.clip(at, 0.0, count - 1)
         first = np.floor(at)
         later = at - first
-        out = np.zeros((2 if slopes else 1, len(x)))
+        out = np.zeros((3, len(x)))
         for index in range(int(first.min(initial=0)), int(np.ceil(at.max(initial=0))) + 1):
             weight = np.where(first == index, 1.0 - later, np.where(first == index - 1, later, 0.0))
             used = weight > 0
             if not used.any():
                 continue
-            planes = self._slopes_of(index) if slopes else self.heights[index : index + 1]
+            planes = (self.heights[index], *self._slopes_of(index))
             out[:, used] += weight[used] * bilinear(planes, self.size, x[used], y[used])
-        return tuple(out)
+        return out
 
     def _slopes_of(self, index: int) -> Floats32:
         """Return one map's slopes; the last two stay in memory, as many as a moment of a sequence needs."""

@@ -101,7 +101,7 @@ def screen_path(
     local[:, :2] *= lengths[0, :2]
     across = cross(axes[:, :, 0], axes[:, :, 1])
     local[:, 2] *= volume / np.sqrt(dot(across, across))
-    x, y, z = Spline(pad_contact.times, local).at(settings.times).T
+    x, y, z = Spline(pad_contact.knots, local).at(settings.times).T
     reach = settings.touch_distance(index)
     inside = (np.abs(x) <= 0.5 * screen.size[0] * lengths[0, 0]) & (np.abs(y) <= 0.5 * screen.size[1] * lengths[0, 1])
     resting = _resting(pad_contact.times, local, settings.times)

@@ -7,11 +7,12 @@ acceleration and angular velocity are the exact derivatives of the interpolation
 """
 
 from .motion import Motion, MotionSamples
-from .rotation import accumulated, continuous, matrices, quaternions, rotations, singular
+from .rotation import accumulated, continuous, matrices, quaternions, rotations, singular, turns_of
 from .rounded_path import RoundedPath
-from .spline import Spline, second_derivatives, solve_tridiagonal
+from .spline import Knots, Spline, second_derivatives, solve_tridiagonal
 
 __all__ = [
+    "Knots",
     "Motion",
     "MotionSamples",
     "RoundedPath",
@@ -24,4 +25,5 @@ __all__ = [
     "second_derivatives",
     "singular",
     "solve_tridiagonal",
+    "turns_of",
 ]

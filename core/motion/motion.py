@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 
 from ..arrays import Array
-from .rotation import continuous, matrices, quaternions, rotations
-from .spline import Spline
+from .rotation import continuous, matrices, quaternions, rotations, turns_of
+from .spline import Knots, Spline
 from .vectors import cross, dot, scaled
 
 
@@ -16,7 +16,8 @@ class Motion:
     """A smooth motion through sampled poses.
 
     Args:
-        times: [s], strictly rising, shape (n,). One sample means at rest, two mean uniform speed.
+        times: [s], strictly rising, shape (n,), or those of other motions. One sample means at rest, two mean uniform
+            speed.
         poses: object-to-world matrices of any invertible scale, shape (n, 4, 4).
         positions: the spline through their origins [m], where it is known.
 
@@ -24,29 +25,41 @@ class Motion:
         DermisError: see `Spline` and `rotations`.
     """
 
-    def __init__(self, times: Array, poses: Array, positions: Spline | None = None) -> None:
-        self.times = np.asarray(times, dtype=np.float64)
-        self.positions = Spline(self.times, poses[:, :3, 3]) if positions is None else positions
+    def __init__(self, times: Array | Knots, poses: Array, positions: Spline | None = None) -> None:
+        self.positions = Spline(times, poses[:, :3, 3]) if positions is None else positions
+        self.knots = self.positions.knots
         self._linear = poses[:, :3, :3]
         self._rotations: Spline | None = None  # where they are known
 
+    @property
+    def times(self) -> Array:
+        """Of the samples [s], shape (n,)."""
+        return self.knots.times
+
     @classmethod
-    def several(cls, times: Array, poses: Array) -> list[Motion]:
+    def several(cls, times: Array | Knots, poses: Array) -> list[Motion | None]:
         """Return several motions, shape (m, n, 4, 4), that are solved together: of short ones that is much faster.
 
+        One that is without an inverse at some sample is None, so that it does not take the others with it.
+
         Raises:
-            DermisError: see the class.
+            DermisError: see `Spline`.
         """
         count, n = poses.shape[:2]
-        turns = quaternions(rotations(poses[:, :, :3, :3].reshape(-1, 3, 3))).reshape(count, n, 4)
-        columns = np.empty((n, count, 7))
-        for i, own in enumerate(turns):
-            columns[:, i, :3], columns[:, i, 3:] = poses[i, :, :3, 3], continuous(own)
-        whole, made = Spline(times, columns.reshape(n, 7 * count)), []
-        for i, own in enumerate(poses):
-            motion = cls(times, own, whole.part(slice(7 * i, 7 * i + 3)))
-            motion._rotations = whole.part(slice(7 * i + 3, 7 * i + 7))
-            made.append(motion)
+        turned, flat = turns_of(poses[:, :, :3, :3].reshape(-1, 3, 3))
+        made: list[Motion | None] = [None] * count
+        usable = np.flatnonzero(~flat.reshape(count, n).any(axis=1)).tolist()
+        if not usable:
+            return made
+        columns = np.empty((n, len(usable), 7))
+        if flat.any():
+            poses, turned = poses[usable], turned.reshape(count, n, 3, 3)[usable].reshape(-1, 3, 3)
+        columns[:, :, :3] = poses[:, :, :3, 3].swapaxes(0, 1)
+        columns[:, :, 3:] = continuous(quaternions(turned).reshape(len(usable), n, 4)).swapaxes(0, 1)
+        whole = Spline(times, columns.reshape(n, -1))
+        for k, i in enumerate(usable):
+            made[i] = motion = cls(whole.knots, poses[k], whole.part(slice(7 * k, 7 * k + 3)))
+            motion._rotations = whole.part(slice(7 * k + 3, 7 * k + 7))
         return made
 
     @cached_property
@@ -56,8 +69,8 @@ class Motion:
             return self._rotations
         if (self._linear == self._linear[0]).all():
             one = quaternions(rotations(self._linear[:1]))
-            return Spline(self.times, np.repeat(one, len(self.times), axis=0))
-        return Spline(self.times, continuous(quaternions(rotations(self._linear))))
+            return Spline(self.knots, np.repeat(one, len(self.times), axis=0))
+        return Spline(self.knots, continuous(quaternions(rotations(self._linear))))
 
     def at(self, t: Array) -> MotionSamples:
         """Return the motion at times [s], shape (m,); each quantity is computed when it is first read."""

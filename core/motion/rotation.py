@@ -25,9 +25,20 @@ def rotations(linear: Array) -> Array:
     Raises:
         DermisError: a map without an inverse, such as one of scale 0.
     """
-    unit, volume = _columns(linear)
-    if not (np.abs(volume) > SINGULAR).all():
+    out, flat = turns_of(linear)
+    if flat.any():
         raise DermisError("a pose of scale 0 has no direction", limit="a scale other than 0")
+    return out
+
+
+def turns_of(linear: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the `rotations` of linear maps (n, 3, 3), 0 for those without an inverse, and which have none, (n,)."""
+    unit, volume = _columns(linear)
+    flat = ~(np.abs(volume) > SINGULAR)
+    if flat.any():
+        out = np.zeros(linear.shape)
+        out[~flat] = turns_of(linear[~flat])[0]
+        return out, flat
     skew = np.abs(_sums(unit * unit[:, (1, 2, 0)])).max(axis=0)
     side = np.sign(volume)
     unit *= side
@@ -36,7 +47,7 @@ def rotations(linear: Array) -> Array:
     if sheared.size:
         left, _, right = np.linalg.svd(linear[sheared])
         out[sheared] = left @ right * side[sheared, None, None]
-    return out
+    return out, flat
 
 
 def singular(linear: Array) -> NDArray[np.bool_]:
@@ -80,10 +91,11 @@ def quaternions(matrix: Array) -> Array:
 
 
 def continuous(quaternion: Array) -> Array:
-    """Return the quaternions with signs such that each is nearest to the one before."""
-    turns = np.einsum("ij,ij->i", quaternion[1:], quaternion[:-1]) < 0.0
-    sign = np.cumprod(np.concatenate([[1.0], np.where(turns, -1.0, 1.0)]))
-    return quaternion * sign[:, None]
+    """Return quaternions (..., n, 4) with signs such that each is nearest to the one before."""
+    turns = np.einsum("...ij,...ij->...i", quaternion[..., 1:, :], quaternion[..., :-1, :]) < 0.0
+    sign = np.ones(quaternion.shape[:-1])
+    np.cumprod(np.where(turns, -1.0, 1.0), axis=-1, out=sign[..., 1:])
+    return quaternion * sign[..., None]
 
 
 def matrices(quaternion: Array) -> Array:

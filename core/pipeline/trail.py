@@ -21,7 +21,7 @@ from ..contact.pad_sampler import PadSampler
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError, Finding
 from ..memory import Memory
-from ..motion import Motion, singular
+from ..motion import Motion
 from ..presets import Library
 from ..scene.tactile_scene import Chunk, DeviceUse, TactileScene
 from .bake import Output
@@ -163,10 +163,7 @@ class Trail:
 def _solve_motions(contact: PadContact) -> None:
     """Solve the motions of all that meet together, where each by itself would be solved when it is asked for."""
     fingers, bodies = sorted({f for f, _ in contact.pairs}), sorted({b for _, b in contact.pairs})
-    poses = np.concatenate([contact.fingers[fingers], contact.bodies[bodies]])
-    flat = singular(poses[:, :, :3, :3].reshape(-1, 3, 3)).reshape(poses.shape[:2]).any(axis=1)
     keys = [*(("finger", f) for f in fingers), *(("body", b) for b in bodies)]
-    usable = np.flatnonzero(~flat).tolist()  # a body of scale 0 for a moment would take the others with it
-    if usable:
-        made = Motion.several(contact.times, poses[usable])
-        contact.kept.update(zip((keys[i] for i in usable), made, strict=True))
+    if keys:
+        made = Motion.several(contact.knots, np.concatenate([contact.fingers[fingers], contact.bodies[bodies]]))
+        contact.kept.update((key, motion) for key, motion in zip(keys, made, strict=True) if motion is not None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -151,11 +152,12 @@ class CommandTrack:
             DermisError: a ramp is negative, or the times are not finite or not increasing.
         """
         for name, seconds in (("ramp_in", ramp_in), ("ramp_out", ramp_out)):
-            if not (np.isfinite(seconds) and seconds >= 0):
+            if not (math.isfinite(seconds) and seconds >= 0):
                 raise DermisError(f"{name} must not be negative", where=self._place(), value=seconds, limit=">= 0 s")
         if len(self.times) == 0:
             return self
-        if len(self._not_rising()) or not np.isfinite(self.times).all():
+        ends = math.isfinite(self.times[0]) and math.isfinite(self.times[-1])
+        if not ends or not (self.times[1:] > self.times[:-1]).all():
             raise DermisError("times do not rise, so no speed can be limited", where=self._place())
         limiter = Limiter(self.spec, self.times, self.values)
         limiter.hold_finite()
@@ -167,7 +169,7 @@ class CommandTrack:
         counts = dict(self.limited)
         for key, count in limiter.counts.items():
             counts[key] = counts.get(key, 0) + count
-        return replace(self, values=limiter.values, limited=counts)
+        return CommandTrack(self.spec, self.times, limiter.values, self.meta, counts)
 
     def check(self) -> tuple[Finding, ...]:
         """Return findings about the track: problems for the device or for a reader, and counts of limited samples.

@@ -6,7 +6,18 @@ import numpy as np
 import pytest
 
 from core.errors import DermisError
-from core.motion import Motion, Spline, matrices, quaternions, rotations, second_derivatives, solve_tridiagonal
+from core.motion import (
+    Knots,
+    Motion,
+    Spline,
+    matrices,
+    quaternions,
+    rotations,
+    second_derivatives,
+    singular,
+    solve_tridiagonal,
+    turns_of,
+)
 
 
 def poses(positions: np.ndarray, rotation: np.ndarray | None = None) -> np.ndarray:
@@ -185,3 +196,39 @@ def test_motions_that_are_solved_together_are_the_same_to_the_bit(count: int) ->
         assert one.turns == other.turns
         for name in ("position", "velocity", "acceleration", "rotation", "angular_velocity"):
             assert getattr(one, name).tobytes() == getattr(other, name).tobytes(), name
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 9, 60])
+def test_splines_of_the_same_knots_are_those_by_themselves_to_the_bit(count: int) -> None:
+    """Whatever was read before: neither shared equations nor a piece that is known changes a value."""
+    rng = np.random.default_rng(count)
+    times, values = np.cumsum(rng.uniform(0.02, 0.2, count)), rng.normal(size=(2, count, 3))
+    knots, several = Knots(times), [np.sort(rng.uniform(-0.5, times[-1] + 0.5, 40)) for _ in range(5)]
+    for at in (*several, several[0], several[4], several[4].copy()):
+        for own in values:
+            for order in range(3):
+                shared, alone = Spline(knots, own).at(at, order), Spline(times.copy(), own).at(at.copy(), order)
+                assert shared.tobytes() == alone.tobytes()
+
+
+def test_motions_that_are_solved_together_leave_out_those_without_a_direction() -> None:
+    rng = np.random.default_rng(5)
+    t = np.arange(9) / 24.0
+    drawn = np.stack([poses(rng.normal(size=(9, 3)), about_z(rng.normal(size=9))) for _ in range(4)])
+    drawn[2, 3, :3, :3] = 0.0
+    made, without = Motion.several(t, drawn), Motion.several(t, drawn[[0, 1, 3]])
+    assert [motion is None for motion in made] == [False, False, True, False]
+    for motion, same in zip([made[0], made[1], made[3]], without, strict=True):
+        assert motion is not None and same is not None
+        assert motion.at(t + 0.01).rotation.tobytes() == same.at(t + 0.01).rotation.tobytes()
+        assert motion.at(t + 0.01).position.tobytes() == same.at(t + 0.01).position.tobytes()
+    assert Motion.several(t, drawn[2:3]) == [None]
+
+
+def test_maps_without_an_inverse_do_not_change_the_others() -> None:
+    maps = np.random.default_rng(6).normal(size=(20, 3, 3))
+    expected = rotations(maps)
+    maps[[3, 7]], maps[7, 0, 0] = 0.0, 2.0
+    turns, flat = turns_of(maps)
+    assert np.flatnonzero(flat).tolist() == [3, 7] and np.array_equal(flat, singular(maps))
+    assert turns[~flat].tobytes() == expected[~flat].tobytes() and not turns[flat].any()

@@ -36,6 +36,7 @@ class PosedScene:
         self._bodies = [PosedBody(body, d) for body, d in zip(bodies, told, strict=True)]
         self._turns: Array | None = None
         self._bounds: tuple[Array, Array] | None = None  # of the bodies over the chunk
+        self._asked: dict[bytes, tuple[Array, Array, NDArray[np.bool_]]] = {}  # by bodies: fingers ask for the same
         self._previous: Array | None = None  # the fingers' poses at the sample before the chunk
 
     def take(self, chunk: Chunk, bodies: Sequence[Body] | None = None, *, again: bool = False) -> None:
@@ -47,7 +48,7 @@ class PosedScene:
         """
         if not again and hasattr(self, "chunk"):
             self._previous = self.chunk.fingers[:, -1]
-        self.chunk, self._turns, self._bounds = chunk, None, None
+        self.chunk, self._turns, self._bounds, self._asked = chunk, None, None, {}
         self._headers = self._headers if bodies is None else tuple(bodies)
         for b, body in enumerate(self._bodies):
             body.take(b, chunk, again=again)
@@ -87,17 +88,20 @@ class PosedScene:
             self._bounds = bounds_in_world(self.chunk.bodies, boxes)
         return np.flatnonzero(((self._bounds[0] <= high) & (self._bounds[1] >= low)).all(axis=1))
 
-    def boxes(self, bodies: Indices) -> tuple[Array, Array]:
-        """Return middle and half size of bodies' boxes in the world at every sample [m], shape (k, n, 3) each."""
-        boxes = np.zeros((len(bodies), len(self.chunk.times), 2, 3))
-        for k, b in enumerate(bodies.tolist()):
-            boxes[k] = self._bodies[b].boxes()
-        return boxes_in_world(self.chunk.bodies[bodies], boxes)
+    def boxes(self, bodies: Indices) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Return middle and half size of bodies' boxes in the world at every sample [m], shape (k, n, 3) each.
 
-    def flat(self, bodies: Indices) -> NDArray[np.bool_]:
-        """Return when bodies are scaled to 0 or flat, and cannot be touched, shape (k, n)."""
-        linear = self.chunk.bodies[bodies, :, :3, :3]
-        return singular(linear.reshape(-1, 3, 3)).reshape(linear.shape[:2])
+        The third, (k, n), tells when bodies are scaled to 0 or flat, and cannot be touched.
+        """
+        key = bodies.tobytes()
+        if key not in self._asked:
+            boxes, poses = np.zeros((len(bodies), len(self.chunk.times), 2, 3)), self.chunk.bodies[bodies]
+            for k, b in enumerate(bodies.tolist()):
+                boxes[k] = self._bodies[b].boxes()
+            linear = poses[:, :, :3, :3]
+            flat = singular(linear.reshape(-1, 3, 3)).reshape(linear.shape[:2])
+            self._asked[key] = *boxes_in_world(poses, boxes), flat
+        return self._asked[key]
 
     def at(self, b: int, i: int) -> Posed:
         """Return a body at a sample, at which it is not flat, in the world."""

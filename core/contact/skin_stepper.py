@@ -104,8 +104,8 @@ class SkinStepper:
         middle = place + turn @ ((self._low + self._high) / 2)
         half = np.abs(turn) @ ((self._high - self._low) / 2) + self._radius
         within = self._scene.within((middle - half).min(axis=0), (middle + half).max(axis=0))
-        box_middle, box_half = self._scene.boxes(within)
-        inside = (np.abs(middle - box_middle) <= half + box_half).all(axis=2) & ~self._scene.flat(within)
+        box_middle, box_half, flat = self._scene.boxes(within)
+        inside = (np.abs(middle - box_middle) <= half + box_half).all(axis=2) & ~flat
         self.far += self._scene.chunk.bodies.shape[0] * len(place) - int(inside.sum())
         ever = inside.any(axis=1)
         near = within[ever].tolist()

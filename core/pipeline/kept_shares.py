@@ -164,7 +164,7 @@ def _near(
             reach = REACH * float(np.sqrt((model.positions**2).sum(axis=1).max())) + MARGIN
             place = chunk.fingers[f, :, :3, 3]
             close = posed.within(place.min(axis=0) - reach, place.max(axis=0) + reach)
-            middle, half = posed.boxes(close)
+            middle, half, _ = posed.boxes(close)
             within = (np.abs(place - middle) <= half + reach).all(axis=2)
             near[f] |= set(close[np.any(within, axis=1)].tolist())
     index = {body.name: b for b, body in enumerate(scene.bodies)}

@@ -54,10 +54,10 @@ class ContactHistory:
 
     def copy(self) -> ContactHistory:
         """Return a copy that shares nothing with this one."""
-        other = ContactHistory(len(self.body))
+        other = ContactHistory.__new__(ContactHistory)
         for name in _ARRAYS:
             setattr(other, name, getattr(self, name).copy())
-        other._faces = dict(self._faces)
+        other._faces, other._seen = dict(self._faces), None
         return other
 
     def rearranged(self, order: Indices, count: int) -> ContactHistory:

@@ -262,6 +262,7 @@ class PathSolver:
 
     def look(self, bodies: Sequence[ContactBody]) -> NodeGaps:
         """Measure the next frame's gaps, without taking it."""
+        bodies = tuple(bodies)  # by which the history knows again that it was asked for these
         return node_gaps(self.points, bodies, self.search_radius, self.bone, self._expected(bodies))
 
     def _expected(self, bodies: Sequence[ContactBody]) -> Expected:

@@ -14,6 +14,7 @@ from core.contact.skin_sampler import SkinSampler
 from core.contact.skin_stepper import SkinStepper
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
 from core.skin.model import fingertip_skin
+from core.surface.gap import Surface
 from core.surface.shapes import block
 
 COUNT, RATE = 40, 240.0
@@ -191,3 +192,20 @@ def test_a_touch_that_begins_between_samples_comes_along_the_way(skin):
         posed.take(taken(every[k : k + 1]))
         one = sampler.step(sampler.approach(), 0)
     np.testing.assert_array_equal(one.force.astype(np.float32), fast.force_at(3))
+
+
+def test_boxes_that_fingers_share_are_those_of_each_asked_anew() -> None:
+    poses = np.tile(np.eye(4), (3, 2, 1, 1))
+    poses[:, :, :3, 3] = np.random.default_rng(2).normal(size=(3, 2, 3))
+    poses[1, 1, :3, :3] = 0.0
+    posed = PosedScene([Body(f"body {i}", Surface.block(0.01 + i, 0.02, 0.03).mesh) for i in range(3)])
+    fingers, none = np.tile(np.eye(4), (1, 2, 1, 1)), np.zeros((0, 2, 4, 4))
+    for shift in (0.0, 0.5):
+        poses[:, :, 0, 3] += shift
+        posed.take(Chunk(np.arange(2.0), np.arange(2.0) / 24, fingers, poses.copy(), none))
+        for asked in ([0, 1, 2], [1], [0, 1, 2], [2, 1]):
+            kept = posed.boxes(np.array(asked))
+            posed._asked.clear()
+            for one, anew in zip(kept, posed.boxes(np.array(asked)), strict=True):
+                assert one.tobytes() == anew.tobytes()
+        assert posed.boxes(np.array([1]))[2].tolist() == [[False, True]]

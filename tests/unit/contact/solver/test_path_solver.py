@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import core.contact.solver.history as history_module
 import core.contact.solver.path_solver as path_module
 from core.contact.posed_body import PosedBody
 from core.contact.solver.between import matter_moved
@@ -458,3 +459,25 @@ def test_state_dependent_offset_is_honoured(skin):
     a = PathSolver(Swollen(), skin.positions, tolerance=1e-9).step([plane(skin, 1e-3)]).solution
     b = PathSolver(skin.compliance, skin.positions, tolerance=1e-9).step([plane(skin, 1.2e-3)]).solution
     np.testing.assert_allclose(a.force, b.force, atol=1e-7)
+
+
+def test_anchors_that_are_told_once_a_frame_are_told_as_when_asked_twice(skin, monkeypatch):
+    """Bodies come as a list, and the same ones are meant by the tuple that the gaps hold."""
+    told = []
+    real = history_module.from_material
+    monkeypatch.setattr(history_module, "from_material", lambda *args: told.append(1) or real(*args))
+
+    def forces(forget):
+        path, found = PathSolver(skin.compliance, skin.positions), []
+        for depth, shift in press_and_slide(6):
+            bodies = [plane(skin, depth, (0.3 * shift, shift))]
+            gaps = path.look(bodies)
+            if forget:
+                path.history._seen = None
+            found.append(path.step(bodies, gaps=gaps).solution.force)
+        return np.concatenate(found).tobytes(), len(found)
+
+    kept, frames = forces(forget=False)
+    once, before = len(told), len(told)
+    anew, _ = forces(forget=True)
+    assert kept == anew and once <= frames < len(told) - before

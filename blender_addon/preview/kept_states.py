@@ -22,7 +22,7 @@ class KeptStates(Generic[S]):
 
     def keep(self, frame: float, state: Callable[[], S], most: int = STATES) -> None:
         """Keep the state at a frame, unless one is kept that was reached just before; the oldest makes room."""
-        if any(0.0 < frame - other < SPACING for other in self._states):
+        if [other for other in self._states if 0.0 < frame - other < SPACING]:
             return
         self._states.pop(frame, None)
         self._states[frame] = state()

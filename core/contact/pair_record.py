@@ -46,16 +46,19 @@ class PairRecord:
         """Spread the pieces over `count` samples from the first on."""
         index = np.concatenate(self.start) - first
 
-        def spread(parts: list[Array], beyond: Array) -> Array:
+        def spread(parts: list[Array], beyond: float = 0.0) -> Array:
             known = np.concatenate(parts)
             if index.size == count:  # it is known at all of them
                 return known
-            beyond[index] = known
-            return beyond
+            out = np.full((count, *known.shape[1:]), beyond)
+            out[index] = known
+            return out
 
-        normal, point, velocity = (
-            spread(parts, np.zeros((count, 3))) for parts in (self.normal, self.point, self.surface_velocity)
+        velocity = spread(self.surface_velocity)
+        return PairContact(
+            spread(self.gap, np.inf),
+            spread(self.normal),
+            spread(self.point),
+            velocity if velocity.any() else None,
+            spread(self.smooth_normal) if self.smooth_normal else None,
         )
-        smooth = spread(self.smooth_normal, np.zeros((count, 3))) if self.smooth_normal else None
-        gap = spread(self.gap, np.full(count, np.inf))
-        return PairContact(gap, normal, point, velocity if velocity.any() else None, smooth)

@@ -57,7 +57,7 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
         largest = float(scale[np.argmax(np.abs(scale))])
         use = replace(use, parameters={**use.parameters, "scale": largest})
     maps = settings.lasting("maps", lambda: screen_maps(scene, pad_contact.screens, use, spec))
-    for index in maps:
+    for index in maps if settings.told else ():
         findings += scale_findings(pad_contact.screens[index], scene.screens[index].name)
 
     paths = [screen_path(pad_contact, scene, finger, index, settings) for index in relevant]
@@ -92,7 +92,8 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
             scale=None if scale is None else scale[touching],
             threshold=None if threshold is None else threshold[touching],
         )
-        findings += _hole_findings(path.x, path.y, touching, settings.times, maps[index], scene, index)
+        if settings.told:
+            findings += _hole_findings(path.x, path.y, touching, settings.times, maps[index], scene, index)
         for name, values in (
             ("direction_x", direction[:, 0]),
             ("direction_y", direction[:, 1]),
@@ -121,9 +122,10 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
                 remedy="Bring the pad to the screen, or raise its touch distance",
             )
         )
-    findings += _flat_findings(maps, scene)
-    findings += _unit_findings(maps, scene, absolute=scale is not None or len(maps) > 1)
-    findings += _short_findings(maps, scene, settings.times)
+    if settings.told:
+        findings += _flat_findings(maps, scene)
+        findings += _unit_findings(maps, scene, absolute=scale is not None or len(maps) > 1)
+        findings += _short_findings(maps, scene, settings.times)
     findings += driven
     track = CommandTrack(spec, settings.times, values, _meta(maps, scene, device))
     return Rendered(track, signals, tuple(findings), {"slopes_untouched": int((~contact).sum())})

@@ -77,7 +77,8 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
             mine = nearest == place
             signals["x"][mine], signals["y"][mine], resting[mine] = path.x[mine], path.y[mine], path.resting[mine]
             screen[mine & contact] = s
-            findings += scale_findings(pad_contact.screens[s], scene.screens[s].name)
+            if settings.told:
+                findings += scale_findings(pad_contact.screens[s], scene.screens[s].name)
             linear = pad_contact.screens[s][:, :3, :3]
             axes = linear / np.linalg.norm(linear, axis=1)[:, None, :]
             for k, (b, m) in enumerate(met):

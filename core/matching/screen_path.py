@@ -122,13 +122,18 @@ def _resting(sampled: Array, local: Array, times: Array) -> NDArray[np.bool_]:
 
 
 class Settings:
-    """The settings of one use: animated where a channel says so, else constant."""
+    """The settings of one use: animated where a channel says so, else constant.
+
+    Attributes:
+        told: whether anybody is told what was found; of a moment in a preview nobody is, so it is not looked for.
+    """
 
     def __init__(
         self, pad_contact: PadContact, scene: TactileScene, finger: int, use: DeviceUse, rate: float, where: str
     ) -> None:
         # Those of every other device: the sweep's last sample may lie before the end of the range.
         self.times = pad_contact.device_times(scene, rate)
+        self.told = pad_contact.memory is None
         self._pad_contact, self._scene, self._finger, self._where = pad_contact, scene, finger, where
         self._given: Mapping[str, Any] = use.parameters
         devices = scene.fingers[finger].devices
@@ -187,7 +192,7 @@ def driven_values(
     for column, channel in enumerate(spec.channels):
         known = {AMPLITUDE: volts, CARRIER: carrier}.get(channel.name)
         values[:, column] = channel.rest if known is None else known
-    return values, device.check(volts, carrier, where)
+    return values, device.check(volts, carrier, where) if settings.told else ()
 
 
 def scale_findings(matrices: Array, name: str) -> list[Finding]:

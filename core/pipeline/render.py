@@ -23,7 +23,7 @@ from ..devices.spec import DeviceSpec
 from ..parameters.skin import SKIN_CONTACT
 from ..presets import Library
 from ..scene.content_hash import ContentHash
-from ..scene.tactile_scene import TactileScene
+from ..scene.tactile_scene import TactileScene, unknown_settings
 from ..steps import drain
 from ..version import made_by
 from .bake import Bake, Progress
@@ -63,7 +63,7 @@ def render(
     """
     scene.validate()
     clock = Stages()
-    findings = [*scene.findings, *(f for screen in scene.screens for f in screen.findings)]
+    findings = [*scene.findings, *unknown_settings(scene), *(f for screen in scene.screens for f in screen.findings)]
     uses = list(usable(scene, library, findings))
     content = ContentHash(scene)
 

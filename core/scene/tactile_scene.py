@@ -7,8 +7,9 @@ objects are referred to by their index in the header, so a chunk is nothing but 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from fractions import Fraction
 from typing import Any
 
@@ -23,6 +24,7 @@ from ..parameters.finger import FINGER
 from ..parameters.material import BODY
 from ..parameters.parameter import Table
 from ..parameters.screen import SCREEN, SEQUENCE
+from ..parameters.skin import SKIN, SKIN_CONTACT
 
 SCENE_VERSION = 1
 
@@ -268,6 +270,34 @@ def constant(scene: TactileScene, key: str) -> float:
             where=key,
             remedy="Give it in every chunk, or among the parameters of its owner",
         ) from error
+
+
+def unknown_settings(scene: TactileScene) -> Iterator[Finding]:
+    """Yield a warning for each name among parameters that no setting has: a misspelt one would do nothing."""
+    finger = {**FINGER, **SKIN_CONTACT, "skin": None}
+    groups: list[tuple[str, Mapping[str, Any], Iterable[str]]] = []
+    for one in scene.fingers:
+        groups.append((f"finger '{one.name}'", one.parameters, finger))
+        if isinstance(skin := one.parameters.get("skin"), Mapping):
+            groups.append((f"skin of finger '{one.name}'", skin, SKIN))
+        groups += [(f"device '{use.preset}' of finger '{one.name}'", use.parameters, DEVICE) for use in one.devices]
+    groups += [(f"object '{body.name}'", body.parameters, BODY) for body in scene.bodies]
+    groups += [(f"screen '{screen.name}'", screen.parameters, {**SCREEN, **SEQUENCE}) for screen in scene.screens]
+    judged: set[int] = set()  # instances share their parameters
+    for where, given, known in groups:
+        names = () if id(given) in judged else given
+        judged.add(id(given))
+        for name in names:
+            if name not in known:
+                yield Finding(
+                    "warning",
+                    "unknown-setting",
+                    "no setting has this name, so its value does nothing",
+                    where=where,
+                    value=name,
+                    limit=" or ".join(get_close_matches(name, known)),
+                    remedy="Correct the name, see core/PARAMETERS.md, or remove it",
+                )
 
 
 def validate(scene: TactileScene) -> None:

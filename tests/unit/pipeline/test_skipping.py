@@ -115,7 +115,7 @@ def test_a_skin_is_made_once_for_all_fingers_alike(plain: Bake) -> None:
 @pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 def test_effects_that_are_off(plain: Bake) -> None:
     """One whose amplitude is zero is not computed, and one whose switch is off: the same bytes."""
-    given = {"friction": 0.4, "texture_amplitude": 0.0, "transient_amplitude": 0.0}
+    given = {"friction": 0.4, "texture_amplitude_x": 0.0, "transient_amplitude": 0.0}
     silent = replace(three(), bodies=tuple(replace(body, parameters=given) for body in three().bodies))
     off = {"use_transient": False, "use_texture": False}
     fingers = [

@@ -22,6 +22,7 @@ from core.scene.tactile_scene import (
     TactileScene,
     sample_count,
     sample_frames,
+    unknown_settings,
 )
 
 TRIANGLE = Mesh(np.eye(3), np.array([[0, 1, 2]], dtype=np.int32))
@@ -146,6 +147,27 @@ def test_the_hash_changes_with_everything_and_with_nothing_else() -> None:
         animated=dict(CHUNK.animated),
     )
     assert digest(scene(chunks=(copy,))) == digest(scene())
+
+
+def test_a_name_that_no_setting_has_is_a_warning_with_names_like_it() -> None:
+    given = {"friction": 0.4, "fricton": 0.3}
+    finger = Finger(
+        "F", (DeviceUse("haptip", {"use_textures": True}),), {"skin_levl": "draft", "skin": {"widht": 0.01}}
+    )
+    still = np.eye(4)
+    two = replace(
+        CHUNK, times=np.arange(2.0), fingers=np.tile(still, (1, 2, 1, 1)), bodies=np.tile(still, (2, 2, 1, 1))
+    )
+    wrong = scene(fingers=(finger,), bodies=(Body("B", TRIANGLE, given), Body("C", TRIANGLE, given)), chunks=(two,))
+    told = {f.where: f for f in unknown_settings(wrong)}
+    assert {where: (f.value, f.limit.split(" or ")[0]) for where, f in told.items()} == {
+        "finger 'F'": ("skin_levl", "skin_level"),
+        "skin of finger 'F'": ("widht", "width"),
+        "device 'haptip' of finger 'F'": ("use_textures", "use_texture"),
+        "object 'B'": ("fricton", "friction"),
+    }, "bodies that share their settings are told once"
+    assert list(told.values()) == [f for f in run(wrong).findings if f.code == "unknown-setting"]
+    assert not list(unknown_settings(scene()))
 
 
 def test_worst_finding() -> None:

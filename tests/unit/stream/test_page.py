@@ -179,3 +179,16 @@ def test_the_table_of_what_follows_has_a_column_a_board_and_is_whole() -> None:
 def test_every_declaration_of_silence_has_its_row() -> None:
     rows = dict(re.findall(r"^\| `([a-z-]+)` \| [^|]* \| [^|]* \| (not known|the safe one)", PAGE, re.M))
     assert rows == {d.value: "the safe one" if Silence(d).holds else "not known" for d in Does}
+
+
+def test_the_gains_of_hobby_servos_are_the_presets_ranges_over_pulses_of_1_ms() -> None:
+    text = (ROOT / "presets" / "boards" / "README.md").read_text(encoding="utf-8")
+    gains, ends = (
+        re.findall(r"(0\.\d+)\s+for (?:the thimble|HapTip)", text),
+        re.findall(r"(\d{4}) and (\d{4}) for", text),
+    )
+    for device, gain, (low, high) in zip(("thimble_3rrs", "haptip"), gains, ends, strict=True):
+        wire = Wire.of(Library().device(device))
+        span = np.degrees(wire.range_high[0] - wire.range_low[0])
+        assert float(gain) == pytest.approx(span / 90.0, abs=5e-4)
+        assert [float(low), float(high)] == pytest.approx([1500.0 - span / 0.18, 1500.0 + span / 0.18], abs=0.5)

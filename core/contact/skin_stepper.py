@@ -1,9 +1,9 @@
 """SkinStepper: one finger's skin contact, advanced by one sample at a time, for a bake and for a preview alike.
 
-It is the broad phase about the whole fingertip, the bodies posed in the finger's frame, one step of the path solver
-behind the touch depth, and what that comes to. A sweep steps it through its chunks; a preview steps it through the
-frames that somebody visits, and takes a step back where a frame is solved anew. The solver is built once something is
-near: a finger that touches nothing is boxes and a count.
+It finds the bodies near the fingertip, poses them in the finger's frame, solves one sample with the animated or
+compliant bone, and sums up the result. A sweep steps it through the samples of its chunks. A preview steps it through
+the frames that are visited, and goes back to a saved state to solve a frame again. The solver is built when something
+first comes near; until then only bounding boxes are compared and idle samples counted.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from .solver.cone import SLIP, STICK
 from .solver.grip import GripStep
 from .solver.point_solver import REACH, PointSolver
 
-# On a flat or gently curved object, normals where skin is this near [m] differ from their mean by less than this cosine
-# says; so many places must say so.
+# An object counts as flat or gently curved if at least SEVERAL points of the skin are nearer to it than NEARBY [m], and
+# its normals at all these points have a cosine above GENTLE with their mean.
 NEARBY, GENTLE, SEVERAL = 0.3e-3, 0.9, 12
 
 
@@ -45,16 +45,16 @@ class SkinStepper:
         skin: model of the finger's skin.
         index: index of the finger in the chunks.
         finger: its header: name and touch depth.
-        scene: whose chunk is the one that is stepped through.
+        scene: the posed scene; `step` solves the samples of its current chunk.
         tolerance: largest residual that the contact solver accepts, see `Solution.residual`.
 
     Attributes:
         far: pairs of a body and a sample that the broad phase skipped.
-        surface: the smooth pad whose points contact is solved on; None where it is solved at nodes.
-        strides: whether samples may lie on a line between two that are solved, see `Strides`.
+        surface: the smooth pad on whose points contact is solved; None if contact is solved at nodes.
+        strides: whether a sweep may solve only some samples and interpolate the forces between them, see `Strides`.
 
     Raises:
-        DermisError: a touch depth that is unknown, or a spring or force limit that is not above zero.
+        DermisError: an unknown mode of the touch depth, or a spring or force limit that is not above zero.
     """
 
     def __init__(
@@ -64,7 +64,8 @@ class SkinStepper:
         self._finger, self._tolerance = finger, tolerance
         wanted = SKIN_CONTACT["contact"].of(finger.parameters, self.name) == "points"
         self.surface = smooth_pad(skin) if wanted else None
-        # few nodes carry a touch, and others from sample to sample; at a force limit the bone gives way all at once
+        # strides need contact on points, because at nodes other nodes carry the touch in each sample; and an animated
+        # depth, because at a force limit the bone gives way suddenly
         solved_at, mode = (SKIN_CONTACT[name].of(finger.parameters, self.name) for name in ("solved_at", "depth_mode"))
         self.strides = self.surface is not None and solved_at == "way" and mode == "animated"
         self._told: tuple[Finding, ...] = ()
@@ -77,13 +78,13 @@ class SkinStepper:
         self.far = 0
         self._scene = scene
         self._low, self._high = skin.positions.min(axis=0), skin.positions.max(axis=0)
-        self._order: list[int] = []  # bodies it has ever been near; only ever grows
+        self._order: list[int] = []  # every body that has come near so far
         self._gaps: NodeGaps | None = None  # of the sample that was solved last
         self._radius = REACH if self.on_points else self.bone.solver.search_radius
 
     @property
     def bone(self) -> CompliantBone:
-        """The path solver behind the touch depth; made when it is first asked for."""
+        """The path solver and the finger's bone, animated or compliant; made when it is first asked for."""
         if self._bone is None:
             self._bone = CompliantBone.of(self.skin, self._finger.parameters, self.name, self._tolerance, self.surface)
             self._at_first = self._bone.save()
@@ -93,9 +94,9 @@ class SkinStepper:
         return self._bone
 
     def approach(self) -> Approach:
-        """Find the bodies whose boxes come within reach of the fingertip's in the chunk, and in which samples.
+        """Find the bodies whose bounding boxes come within the search radius of the fingertip's box, sample by sample.
 
-        One that is scaled to 0 is not there; `PadSampler` tells of it.
+        The samples are those of the chunk. A body of scale 0 is left out; `PadSampler` reports it.
 
         Raises:
             DermisError: a deforming object has no surface.
@@ -114,7 +115,7 @@ class SkinStepper:
         return Approach(dict(zip(near, inside[ever], strict=True)), turn, place, poses, boxes)
 
     def step(self, approach: Approach, i: int, *, coarse: bool = False) -> SkinStep:
-        """Solve sample `i` of the chunk; `coarse`: walk there in few steps, see `cut`."""
+        """Solve sample `i` of the chunk; `coarse` limits the number of sub-steps, see `cut`."""
         if self._bone is None and not approach.close(i):
             return self.idle()
         self.bone.sub_steps.coarse, self.bone.sub_steps.cut = coarse, False
@@ -125,7 +126,7 @@ class SkinStepper:
         return self._taken(self.bone.step(bodies, frame, lambda: self._before(i)), frame)
 
     def idle(self, count: int = 1) -> SkinStep:
-        """Take samples in which nothing is near; history ends there."""
+        """Take samples in which nothing is near, and forget the friction history."""
         if self._bone is None:
             self._idle += count
         else:
@@ -135,15 +136,15 @@ class SkinStepper:
         return SkinStep(np.zeros((self.skin.pad_count, 3)))
 
     def around(self, approach: Approach, i: int, *, untouched: bool = False) -> list[ContactBody]:
-        """Return the bodies that the finger has ever been near at a sample, in an order that never changes.
+        """Return every body that has come near so far, as it is at sample `i`, always in the same order.
 
-        Those that it cannot touch are away: farther from it everywhere than skin may bulge out there.
+        A body that is out of reach, even of bulging skin, is returned as `AWAY`.
 
         Args:
-            untouched: return these too.
+            untouched: give the near bodies their pose even if they are out of reach.
         """
         close, loaded = approach.close(i), self.bone.solver.loaded_bodies
-        # so that a body comes, and keeps its index in the solver's memory, wherever chunks end
+        # appended as soon as it is near, so a body's index in the solver never changes, wherever chunks end
         self._order += sorted(close.difference(self._order))
         known = close if untouched else {self._order[k] for k in loaded if k >= 0} & close
         reach = within = None
@@ -156,7 +157,11 @@ class SkinStepper:
         ]
 
     def _body(self, approach: Approach, i: int, b: int, reach: Array | None) -> ContactBody:
-        """Return a body at a sample; away where no group of places has it within reach [m], shape (g,)."""
+        """Return a body at a sample, or `AWAY` if it is beyond the reach of every group of places.
+
+        Args:
+            reach: of each group [m], shape (g,); None: not tested.
+        """
         if reach is None:
             return self._scene.seen_from(approach.turn[i], approach.place[i], b, i)
         mesh = self._scene.mesh_at(b, i)
@@ -166,7 +171,7 @@ class SkinStepper:
         return AWAY if (self._proximity.measure(b, i, approach.poses, mesh, body) > reach).all() else body
 
     def _before(self, i: int) -> list[ContactBody] | None:
-        """Return the same bodies at the sample before, wherever they were; None where that is not known."""
+        """Return the same bodies at the sample before, however far away; None if their poses there are not known."""
         pose = self._scene.finger_before(self.index, i)
         seen = [] if pose is None else [self._scene.seen_before(*pose, b, i) for b in self._order]
         known = [body for body in seen if body is not None]
@@ -177,7 +182,7 @@ class SkinStepper:
         return self._scene.settings(b)
 
     def place_of(self, b: int) -> int:
-        """Return which of the bodies `around` the finger is body `b`."""
+        """Return the index of body `b` in the list that `around` returns."""
         return self._order.index(b)
 
     def adopt(self, held: GripStep, k: int, retraction: float, scene_frame: float) -> SkinStep:
@@ -192,7 +197,7 @@ class SkinStepper:
 
     @property
     def cut(self) -> bool:
-        """Whether the last sample was walked to in fewer steps than its friction takes."""
+        """Whether the last sample was solved in fewer sub-steps than its friction requires."""
         return self._bone is not None and self._bone.sub_steps.cut
 
     @property
@@ -202,7 +207,7 @@ class SkinStepper:
 
     @property
     def gentle(self) -> bool:
-        """Whether the object touched last is flat or gently curved: one piece that faces the same way all about."""
+        """Whether the skin near the object touched last meets one smooth piece of it, with nearly equal normals."""
         gaps = self._gaps
         if gaps is None:
             return False
@@ -243,7 +248,7 @@ class SkinStepper:
         """Go back to a saved state."""
         if state["bone"] is not None:
             self.bone.restore(state["bone"])
-        elif self._bone is not None:  # it was made since
+        elif self._bone is not None:  # the bone was made after the state was saved
             self._bone.restore(self._at_first)
             self._bone.idle(state["idle"])
         self._idle, self.far = state["idle"], state["far"]
@@ -252,7 +257,7 @@ class SkinStepper:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What did not converge or went too deep, where a force limit was not kept, and how fine contact is solved."""
+        """Samples that did not converge, went too deep or exceeded a force limit, and doubts about the resolution."""
         coarse = () if self._coarse is None else self._coarse.findings
         own = () if self._bone is None else self._bone.solver.findings + self._bone.findings
         return self._told + own + coarse

@@ -24,11 +24,11 @@ from ..track.command_track import CommandTrack
 from .recorded_table import rest_finding
 from .recordings import Recording, same_channels
 
-COMPONENTS = 3  # of the target, that comparisons are drawn in. Source: [S0] 6.1
-LATEST = 0.5  # [s] the device's delay is sought up to here; a platform that is later follows nothing
-COARSE, FINE, NEAR = 0.02, 1e-3, 5e-3  # [s] steps of the search, and how far about its best a parabola is laid
-ALIKE = 0.5  # least correlation of estimate and measurement: below, they are of different touches
-LEAST = 10  # samples that must be common
+COMPONENTS = 3  # number of the target's components in which comparisons are drawn. Source: [S0] 6.1
+LATEST = 0.5  # longest delay of the device that is searched for [s]; a slower platform does not follow its track
+COARSE, FINE, NEAR = 0.02, 1e-3, 5e-3  # steps of the search, and distance from its best for the parabola [s]
+ALIKE = 0.5  # least correlation of estimate and measurement; below it they belong to different touches
+LEAST = 10  # least number of common samples
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class Difference:
 
     Attributes:
         name: such as 'target, measured'.
-        relative: root mean square of the difference over that of the first about rest.
+        relative: root mean square of the difference, divided by that of the first series' distance from rest.
         mean, deviation: mean and standard deviation of the difference, by channel, in the readings' unit, shape
             (channels,).
         by_component: relative RMS, mean and deviation of the difference in the target's components, (components, 3).
@@ -62,14 +62,16 @@ class Playback:
 
     Attributes:
         times: times of the track, at which all readings are compared [s], shape (n,).
-        target: the followed readings; None where they were not given. estimated, measured: shape (n, channels).
+        target: the readings that the track follows, shape (n, channels); None if they were not given.
+        estimated: the table's readings for the commands, shape (n, channels).
+        measured: the sensor's readings, shape (n, channels).
         channels: names of the channels.
         rest: the table's readings at rest, shape (channels,).
-        directions: the components in which they are drawn, shape (channels, components).
+        directions: the components in which readings are drawn, shape (channels, components).
         delay: delay of the device after the track [s]; None if it was not measured.
         unsure: half the time between the two samples that the pulse's edge lies between [s].
         gain: gain of the measurement over the estimate.
-        correlation: correlation between the two.
+        correlation: correlation of measurement and estimate.
         differences: difference between each pair of series.
         findings: reasons to doubt the comparison.
     """
@@ -89,7 +91,7 @@ class Playback:
     findings: tuple[Finding, ...]
 
     def series(self) -> dict[str, Array]:
-        """Return the series in components from rest, by their names in the text; [S0] fig. 7 draws the same three."""
+        """Return the components of each series' difference from rest, by its name; [S0] fig. 7 draws the same three."""
         given = {"target": self.target, "estimated": self.estimated, "measured": self.measured}
         return {name: (own - self.rest) @ self.directions for name, own in given.items() if own is not None}
 
@@ -102,17 +104,17 @@ def playback(
     *,
     sync: tuple[Array, float] | None = None,
 ) -> Playback:
-    """Compare a sensor's readings while a track was played with their target.
+    """Compare target, estimate and the readings that a sensor took while a track was played.
 
     Args:
         table: look-up table of the device and the sensor.
         recording: the measured readings.
         target: the recording that the track follows.
-        sync: the pulse as it was recorded, shape (samples,), and the track's time at its first rising edge [s].
+        sync: the recorded pulse, shape (samples,), and the track's time at the pulse's first rising edge [s].
 
     Raises:
-        DermisError: channels or motors that are not the table's, a pulse without an edge, readings that have nothing of
-            the track, a delay that no device has, a target that ends before the track, or too few common samples.
+        DermisError: channels or motors that are not the table's, a pulse without an edge, readings that do not
+            correlate with the track, a delay below 0 or above `LATEST`, or a target that ends before the track.
     """
     same_channels(recording, table)
     findings = [*_belonging(table, track), *rest_finding(table)]
@@ -149,7 +151,7 @@ def playback(
     common = (times + shift >= clock[0]) & (times + shift <= clock[-1])
     share = float(common.mean())
     if share < 0.99:
-        what = "the recording does not hold the whole track: only its part is compared"
+        what = "the recording does not hold the whole track: only the recorded part is compared"
         findings.append(
             Finding("warning", "partly-recorded", what, f"recording '{recording.name}'", f"{100 * share:.0f} %")
         )
@@ -185,7 +187,7 @@ def rising_edge(times: Array, pulse: Array) -> tuple[float, float]:
     """Return when a pulse first rises through the middle of its range, and half the time between its two samples [s].
 
     Raises:
-        DermisError: it never does, or it has risen before the first sample.
+        DermisError: the pulse never rises, or it is high from the first sample on.
     """
     middle = 0.5 * (float(pulse.min()) + float(pulse.max()))
     if pulse[0] >= middle > pulse.min():
@@ -269,7 +271,7 @@ def _lasting(target: Recording, times: Array, rate: float) -> list[Finding]:
 def _shift(
     times: Array, estimated: Array, clock: Array, measured: Array, span: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return by how much the measurement is later than the estimate [s], and their correlation there."""
+    """Return the delay of the measurement after the estimate [s], and their correlation at this delay."""
     axes = _directions(estimated - estimated.mean(axis=0))
     few = times[:: max(int(COARSE * (len(times) - 1) / max(float(times[-1]), 1e-9)), 1)]
     coarse, read = interpolate(times, estimated @ axes, few), measured @ axes
@@ -280,16 +282,17 @@ def _shift(
         lags = best + np.arange(-reach, reach + 0.5 * step, step)
         scores = [_score(times, estimated, clock, measured, float(lag))[0] for lag in lags]
         best = float(lags[int(np.argmax(scores))])
-    # Noise and samples between samples make the peak uneven: the parabola through all that is near has one top.
+    # Noise and interpolation make the peak uneven; a parabola fitted to all scores near it has one top.
     bend, slope, _ = np.polyfit(lags - best, scores, 2)
     lag = best - 0.5 * slope / bend if bend < 0.0 and abs(slope) < 2.0 * NEAR * abs(bend) else best
     return lag, _score(times, estimated, clock, measured, lag)[1]
 
 
 def _score(times: Array, one: Array, clock: Array, other: Array, lag: float) -> tuple[float, float]:
-    """Return how well two series fit at a lag, and their correlation about their means where both are there.
+    """Return how well two series fit at a lag, and the correlation of their deviations from the mean.
 
-    The fit is the correlation times the share of the first one's movement that is there: a still stretch says nothing.
+    Both are taken in the time that the series have in common. The fit is the correlation times the share of the first
+    series' movement that lies in this time: an overlap in which nothing moves says nothing.
     """
     common = (times + lag >= clock[0]) & (times + lag <= clock[-1])
     if common.sum() < max(LEAST, 0.1 * min(len(times), len(clock))):

@@ -2,7 +2,7 @@
 
 It adds to the linkage the servos with their range and speed, the disc, and the mount on the finger.
 
-Source: [S0] 3.1 with the kinematics of the project's corrections (closed form of the 3-RRS).
+Source: [S0] 3.1; its kinematics are replaced by a closed form of the 3-RRS, see `core/THEORY.md`.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from .spec import DeviceSpec
 # Least singularity margin allowed. At this margin an error of a servo turns the platform 15 times as far; at a margin
 # of zero the platform gives way.
 MIN_MARGIN = 0.03
-# Limit of pitch and roll [rad]. If both exceed it, they describe the pose of another (pitch, roll), but with the
-# opposite sign of the singularity margin.
+# Limit of pitch and roll [rad]. A pair (pitch, roll) with both values beyond it describes the same pose as a pair
+# within it, but gives the singularity margin the opposite sign. So no value beyond it is allowed.
 QUARTER = math.pi / 2
 
 

@@ -47,7 +47,7 @@ class PinSetup:
     """All that does not change from frame to frame.
 
     Attributes:
-        pins: the layout. met: where its pins meet the skin. matcher: the matrices.
+        pins: the layout. met: the places at which its pins meet the skin. matcher: the matrices.
         distribution: A, forces on the pad's nodes for unit pin forces, shape (3 m, pins).
     """
 
@@ -122,9 +122,10 @@ def render(
     limits; False: the paper's form), pin_lead (True: the track leads by the device's delay), pin_fade_in and
     pin_fade_out [s].
 
-    Signals, at the times of the touch whatever the lead: 'contact', 'displacement_error' u_err [m], 'stress_error' (of
-    the whole stress, relative; on skin that follows a law both are by the law), 'force_error' f_err [N], 'target_force'
-    and 'rendered_force' along the pad's normal, 'target_shear' and 'rendered_shear' across it [N], 'at_limit' (pins).
+    The signals are given at the times of the touch, even if the track leads: 'contact', 'displacement_error' u_err [m],
+    'stress_error' (of the whole stress, relative), 'force_error' f_err [N], 'target_force' and 'rendered_force' along
+    the pad's normal, 'target_shear' and 'rendered_shear' across it [N], 'at_limit' (number of pins). On neo-Hookean
+    skin 'displacement_error' and 'stress_error' are computed with the neo-Hookean law.
 
     Raises:
         DermisError: an unknown method or weighting, a negative fade, or a bad layout.
@@ -168,8 +169,8 @@ class Matched:
         at_limit: pins at their upper bound, shape (n,).
         worst: largest KKT residual. unsolved: frames that did not converge.
         stress_error: error of the whole stress, relative to the target's, 0 without contact, shape (n,).
-        looks: at the law of skin that follows one, 0 on linear skin, shape (n,).
-        unsettled: residual of the law under the pins' forces where it did not settle, else 0, shape (n,).
+        looks: number of evaluations of the nonlinear law, 0 on linear skin, shape (n,).
+        unsettled: residual of the law under the pins' forces if it did not converge, else 0, shape (n,).
     """
 
     forces: Array
@@ -186,7 +187,7 @@ class Matched:
 def make_solver(
     ready: PinSetup, spec: DeviceSpec, method: Method, times: Array | None, *, bounded: bool = True
 ) -> PinSolver:
-    """Return a solver with the limits of a device: of force unless `bounded` is off, and of speed where it has one.
+    """Return a solver with a device's limits: of force if `bounded`, and of speed if the device has such a limit.
 
     Args:
         times: time of each frame [s]; None for a single frame, which has no speed.
@@ -312,10 +313,10 @@ def _findings(series: dict[str, Array], ready: PinSetup, matched: Matched, frame
             Finding(
                 "warning",
                 "law-unsettled",
-                "the tissue's law did not settle under the pins; where it is far off, errors are linear skin's",
+                "the neo-Hookean law did not converge under the pins; far from it, errors are those of linear tissue",
                 "pin array",
-                f"{100 * min(float(matched.unsettled.max()), 1.0):.0f} % of the forces left",
-                f"{MOST_LOOKS} looks at the law",
+                f"a remaining error of {100 * min(float(matched.unsettled.max()), 1.0):.0f} % of the forces",
+                f"convergence within {MOST_LOOKS} evaluations of the law",
                 "Use DM2 or FM2, which keep within what pins can do, or touch less deeply",
                 frame=float(frames[astray[0]]),
                 count=len(astray),

@@ -3,8 +3,8 @@
 On each frame the friction state is fixed, the pose is searched for, and then the friction state is renewed with the
 pose fixed (staggering). The search starts from a predicted pose: the Jacobian of the last search gives the step that
 compensates for the change of the target. At a new contact it starts from the most promising entries of a small table of
-poses, and keeps the result with the smallest residual for the same touch at full strength. Later it starts from an
-entry of the table as well, whenever that predicts a better match.
+poses. If the touch is still faint, it keeps the result that would leave the smallest residual if the same touch were
+stronger. Later it starts from an entry of the table as well, whenever that predicts a better match.
 
 Source: [S0] 5.1 and eq. 1, whose norm is minimised through its square.
 """
@@ -38,15 +38,16 @@ NOTHING = 1e-12  # targets below this share of the table's strongest stimulus ar
 PROMISE = 0.9  # a table entry is tried if its predicted mismatch is below this share of the present one
 MISTRUST = 0.5  # of the target: a learned model with a larger error at the pose that it chose is rejected
 WORTHWHILE = 0.05  # of the cost: the device moves to a distant minimum only for a larger gain
-# On nonlinear skin the search stops when the error of the predicted stimulus is below CLOSE times the target, the
-# accuracy to which the law is solved, or below LEFT times the residual. An offset error of a share e of the residual
-# raises the final residual by at most 2 e, and near the best pose by e^2: 0.25 %.
+# On nonlinear skin the search stops when the error of the predicted stimulus is below CLOSE times the target or LEFT
+# times the residual. CLOSE is the accuracy to which the law is solved. If the correction by the law is wrong by a share
+# e of the residual, the final residual rises by at most a share 2 e, and near the best pose by e^2, which is 0.25 % for
+# e = LEFT.
 CLOSE, LEFT = 5e-3, 0.05
 MOST_LOOKS = 6  # largest number of evaluations of the nonlinear law in a frame
 # Share of the cost: if the predicted gain of a step is smaller, a learned model's linear prediction is accepted without
 # another evaluation. 2 % of the cost is 1 % of the mismatch, which is less than the model's error.
 FORESEEN = 0.02
-LONGEST_WAIT = 32  # largest number of frames between two attempts from the table after failed ones
+LONGEST_WAIT = 32  # largest number of frames without an attempt from the table after failed attempts
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +66,7 @@ class ThimbleFrame:
         unsettled: error of the predicted stimulus at the last evaluation of the law, relative to the target; 0 if the
             iteration converged, and on linear skin.
         felt: stimulus of the disc on the skin; None if the matcher has no observer of the skin.
-        stress_error: error of the whole stress, relative to the target's, if the matcher is given the whole stress.
+        stress_error: error of the whole stress, relative to the target's. The matcher leaves it 0; `Follower` sets it.
     """
 
     x: Array
@@ -158,7 +159,8 @@ class StressMatcher:
         self.rest_x = self._start_at(0.0, 0.0, -hover)
         self.table = warm_start_table(device, contact, self.model) if table is None else table
         self._foreseen = FORESEEN
-        # only a device of three freedoms looks ahead: a disc that shifts can change sides later, and force has no sides
+        # looking ahead needs a device of three freedoms, because a disc that can shift can change sides later; and a
+        # stimulus of more than three components, because three, such as the total force, do not tell sides apart
         sided = device.freedoms == 3 < self.model.size
         self._usual = AHEAD * float(np.median(self.table.strength)) if sided else 0.0
         self.reset()
@@ -273,7 +275,7 @@ class StressMatcher:
         self._goal = None
         if other.cost < (1.0 - WORTHWHILE) * best.cost:
             best, self._patience = self._toward(other, target, limits), 1
-        else:  # a promise that was not kept: wait longer and longer before the next is believed
+        else:  # the predicted gain did not come: wait twice as long before the next attempt
             self._patience = min(2 * self._patience, LONGEST_WAIT)
             self._wait = self._patience
         return best
@@ -296,7 +298,7 @@ class StressMatcher:
         return best
 
     def _left_of(self, target: Array, side: Minimum) -> float:
-        """Return the cost of the next frame's target if the disc begins contact at the pose of a side."""
+        """Return the cost that a target would leave in the next frame if the disc began contact at a minimum."""
         self.model.hold(self.state)
         self.model.hold(self.contact.settle(self._contact_at(side.x)))
         return descend(self.model.evaluate, target, side.x, self.device, self.limits).cost
@@ -341,7 +343,7 @@ class StressMatcher:
     def _ahead(self, target: Array, limits: ServoLimits) -> Array:
         """Return a predicted start: the Jacobian of the last search compensates for the change of the target.
 
-        The residual stays the same, and the correct nodes slip at the first evaluation.
+        To first order the residual stays as it was, so the right nodes slip at the first evaluation.
         """
         if self._told is None:
             return self.x
@@ -356,11 +358,11 @@ class StressMatcher:
         return 2.0 * self._beyond[0] - self._beyond[1]
 
     def _looked(self, target: Array, limits: ServoLimits, minimum: Minimum, expected: Array) -> _Looked:
-        """Evaluate the law at the pose found, and search again while it differs from the prediction.
+        """Evaluate the law at the pose found, and search again while the result differs from the prediction.
 
-        If the residual by the law is larger than the best so far, the step is halved. If that does not converge, the
-        pose of the smallest residual is kept; if no pose converges, the one before. The error of a learned model
-        exceeds the gain of another search, so the law is then evaluated only once.
+        If the residual by the law is not below the best so far, the step is halved. If that does not converge, the
+        pose of the smallest residual is kept; if the law converges at no pose, the pose of the last frame is. The error
+        of a learned model exceeds the gain of another search, so with such a model the law is evaluated only once.
         """
         if self.contact.law is None or not self.follows_law:
             solution = self._contact_at(minimum.x)
@@ -368,7 +370,8 @@ class StressMatcher:
         size = float(np.linalg.norm(target))
         if self.model is not self.direct:
             self.direct.hold(self.state)
-        before, start, share = self.state.law, self.x, 1.0  # where the law was right last
+        # law and pose of the last accepted evaluation, at first of the last frame; and the share of the step
+        before, start, share = self.state.law, self.x, 1.0
         best: _Looked | None = None
         least, off = np.inf, 0.0
         for looks in range(1, MOST_LOOKS + 1):
@@ -387,7 +390,7 @@ class StressMatcher:
                     before, start, expected = solution.law, minimum.x, found.beyond
                     minimum = descend(self.model.evaluate, target - expected, start, self.device, limits)
                     continue
-            # the law leaves more than the search foresaw: go a part of the way only
+            # the residual by the law is not below the best so far, or the law did not converge: take a part of the step
             way = minimum.x - start
             share *= 0.0 if not best.solution.settled and looks == MOST_LOOKS - 1 else 0.5
             if best.solution.settled and share * float(np.abs(way / scale_of(self.device)).max()) < SMALL_STEP:

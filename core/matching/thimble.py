@@ -305,7 +305,7 @@ def findings_of(found: ThimbleSequence, where: str) -> list[Finding]:
             Finding(
                 "warning" if steep > MAX_STEEP * touched else "info",
                 "singular-pose",
-                "a better match lies where the platform gives way although its servos are held",
+                "a better match lies at a pose in which the platform gives way although its servos are held",
                 where,
                 limit=f"singularity margin >= {MIN_MARGIN:g}",
                 remedy="Touch less steeply, or use other link lengths",
@@ -331,7 +331,7 @@ def findings_of(found: ThimbleSequence, where: str) -> list[Finding]:
             Finding(
                 "info",
                 "at-a-kink",
-                "the match ends where nodes begin to slip or to touch",
+                "the search stopped where nodes are about to slip or to touch, so the match may not be the best",
                 where,
                 float(found.kkt.max()),
                 f"KKT residual <= {UNFINISHED:g}",
@@ -344,10 +344,10 @@ def findings_of(found: ThimbleSequence, where: str) -> list[Finding]:
             Finding(
                 "warning",
                 "law-unsettled",
-                "the search and the tissue's law did not settle; the pose that leaves least by the law was kept",
+                "search and nonlinear law did not converge: the pose with the smallest error by the law was kept",
                 where,
-                f"{100 * float(found.unsettled.max()):.1f} % of the touch",
-                f"{MOST_LOOKS} looks at the law",
+                f"a remaining error of {100 * float(found.unsettled.max()):.1f} % of the touch",
+                f"convergence within {MOST_LOOKS} evaluations of the law",
                 remedy="Use more samples per second, or touch less deeply",
                 count=int(astray.sum()),
             )

@@ -2,16 +2,16 @@
 
 Which side a point is on:
 
-* At a closed mesh that does not run through itself the sign follows the angle-weighted pseudonormal of the closest
-  face, edge or corner, which is provably the inside (Baerentzen and Aanaes 2005). Concave and thin meshes need nothing
-  more.
+* At a closed mesh that does not run through itself the angle-weighted pseudonormal of the closest face, edge or corner
+  tells inside from outside, which is proved (Baerentzen and Aanaes 2005). Concave and thin meshes need nothing more.
 * A closed mesh of solids that run through each other, such as balls that were joined, is their union: the smallest of
   their gaps counts, and walls inside are not felt.
 * At a closed mesh that runs through itself in another way, or has folded faces, rays count how often it winds round the
-  point. The same decides where more than two faces share an edge, faces disagree about the outside, or two sheets touch
-  in a single point. The distance is still that to the closest triangle, also where this lies inside.
-* An open mesh (a plane, a cup of one layer) is negative behind its faces. A point whose closest point lies on the
-  rim, and that is not straight above or below it, has passed beside the sheet: it is outside, and its gap positive.
+  point. Rays also decide if more than two faces share an edge, if faces disagree about the outside, or if two sheets
+  touch in a single point. The distance is still that to the closest triangle, even if this triangle lies inside.
+* At an open mesh (a plane, a cup of one layer) the gap is negative behind the faces. If the closest point lies on the
+  rim, and the point asked about is not straight above or below the rim, this point is beside the sheet: it counts as
+  outside, and its gap is positive.
   `Surface.side_of` tells on which side of a sheet a finger's bone is, so that a sheet can be touched from both.
 
 `Surface.findings` reports meshes that are open or not manifold.
@@ -42,21 +42,22 @@ from .winding import winding
 
 __all__ = ["GapQuery", "Surface"]
 
-# So many points in all are measured to all triangles before these are put into a tree: one shape of an object that
-# deforms may be asked about a pad's centre only.
+# Up to this many points in all are measured against every triangle, without a tree: a shape of a deforming object may
+# only be asked about a pad's centre.
 FEW = 16
-# To try whether a triangle runs through others takes a sixth of a ray: after so many rays for each triangle of a closed
-# surface, all are tried, and rays may stop. The answers are the same.
+# Testing whether a triangle runs through others takes a sixth of the time of a ray. Once a closed surface was asked
+# about more than this many points for each of its triangles, all triangles are tested; if the surface is not `tangled`,
+# no more rays are cast. This changes the run time only.
 PAYS = 1 / 6
-# A surface of more solids is taken as a whole: to measure to each would take longer than a ray.
+# A surface of more solids than this is measured as a whole, because measuring every solid would take longer than a ray.
 MOST_SOLIDS = 64
-# Towards the faces, edges and corners of a cube, and not their opposites; unit length, shape (13, 3).
+# Unit vectors towards the faces, edges and corners of a cube, one of each opposite pair, shape (13, 3).
 DIRECTIONS = np.array(list(np.ndindex(3, 3, 3)), dtype=np.float64)[14:] - 1.0
 DIRECTIONS /= np.sqrt((DIRECTIONS * DIRECTIONS).sum(axis=1))[:, None]
 
 
 class Surface:
-    """A triangle surface to measure distances from, in the space of the vertices it was given.
+    """A triangle surface to measure distances from. Points and results are in the same space as its vertices.
 
     `sphere`, `block` and `edge` make surfaces to press on, `build` makes one of any mesh.
 
@@ -67,7 +68,7 @@ class Surface:
     array([ 0.003, -0.001])
     """
 
-    _asked = 0  # points that were measured
+    _asked = 0  # number of points measured so far
 
     def __init__(self, vertices: Array, triangles: NDArray[np.int64], topology: Topology) -> None:
         self.vertices = vertices
@@ -141,7 +142,7 @@ class Surface:
         Surface(128 triangles, 40.2 x 50 x 20 mm, closed)
 
         Raises:
-            DermisError: an angle that is none of a wedge, or a rounding that is not above zero.
+            DermisError: an angle that no wedge can have, or a rounding that is not above zero.
         """
         return cls.build(*shapes.edge(angle, rounding))
 
@@ -307,7 +308,7 @@ class Surface:
 
     @cached_property
     def solids(self) -> tuple[Indices, ...]:
-        """The triangles of each solid, where the surface is several that run through each other; else none."""
+        """The triangles of each solid if the surface is several solids that run through each other; else none."""
         topology, usable = self.topology, np.flatnonzero(self.table.usable)
         if not self.closed or topology.irregular or topology.parts.max() == 0:
             return ()
@@ -324,7 +325,7 @@ class Surface:
         return tuple(solids) if hollow == (self.volume < 0.0) else ()
 
     def _measurer(self, count: int) -> KernelBody | PlainTriangles:
-        """Return the measurer of gaps for so many points."""
+        """Return the object that measures the gaps of `count` more points."""
         if not have_kernels():
             return PlainTriangles(self.table, self.topology, self.vertices[self.triangles])
         self._asked += count
@@ -337,7 +338,7 @@ class Surface:
 
     @property
     def kernel_body(self) -> KernelBody:
-        """The surface as the kernels take it, for as many points as they like."""
+        """The surface as a record for the kernels, for any number of points."""
         body = self._body
         if body.by_rays and not self.solids:
             body.by_rays = self.tangled
@@ -360,21 +361,26 @@ class Surface:
     def _kernel_body(
         self, tree: TriangleTree, slabs: Array, room: bool | None = None, other: KernelBody | None = None
     ) -> KernelBody:
-        """Return triangles for the kernels; rays tell the sides of closed ones until they are known to do without.
+        """Return triangles for the kernels. For closed ones rays tell the sides, until a test shows them needless.
 
         Args:
-            room: whether they are inside out, as the surface is where None. other: a solid that runs through them.
+            room: whether these triangles are inside out; None: as the whole surface is. other: a solid that runs
+                through them.
         """
         rays, room = self._rays(tree), self.volume < 0.0 if room is None else room
         by_rays = self.closed and rays is not None
         return KernelBody(tree, rays, self.topology, slabs, -1 if self.closed and room else 0, by_rays, other)
 
     def _first_of_parts(self, triangles: Indices) -> Indices:
-        """Return a triangle of each part that some belong to."""
+        """Group some triangles by the part that they belong to, and return the first of each group."""
         return triangles[np.unique(self.topology.parts[triangles], return_index=True)[1]]
 
     def _rays(self, tree: TriangleTree) -> TriangleTree | None:
-        """Return all triangles of the surface for rays, given those that may be closest; None where none are cast."""
+        """Return the triangles that rays are tested against; None if no rays are cast.
+
+        Args:
+            tree: the triangles that may be closest; a whole surface uses the same for rays.
+        """
         return tree
 
     @cached_property
@@ -383,6 +389,6 @@ class Surface:
 
 
 def _slabs_of(points: Array) -> Array:
-    """Return the `DIRECTIONS`, and how far points extend along them, down and up [m], shape (13, 5)."""
+    """Return the `DIRECTIONS`, and the lowest and highest position of the points along each [m], shape (13, 5)."""
     along = DIRECTIONS @ points.T
     return np.column_stack([DIRECTIONS, along.min(axis=1), along.max(axis=1)])

@@ -229,7 +229,7 @@ class CommandTrack:
                 "the stated rate is not that of the samples",
                 where=self._place(),
                 value=f"{self.spec.rate:g} Hz",
-                limit=f"{found:.6g} Hz, as the times are apart",
+                limit=f"{found:.6g} Hz, by the median interval of the times",
                 remedy="Correct the rate, or resample the track",
             )
 

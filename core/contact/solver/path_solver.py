@@ -1,9 +1,9 @@
-"""Contact along a path: frame after frame, with friction's history, and without work where nothing happens.
+"""Contact along a path, frame after frame, with friction's history. Frames in which nothing changes are not solved.
 
-Each frame goes: gaps, the offset b from the anchors, shifted where slip turns (`frame_friction.py`), a start
-extrapolated from the last two frames, and compiled sweeps from node to node (`sweeps.py`) until Coulomb's law holds.
-Where tissue follows the neo-Hookean law, that is done on linear skin from where the law leaves it, until both agree
-(`law_frame.py`).
+A frame is solved in four steps. The gaps are measured. The anchors give the offset b, which is shifted where the
+direction of slip turns (`frame_friction.py`). The forces of the last two frames are extrapolated. From these forces,
+compiled sweeps go from node to node until Coulomb's law holds (`sweeps.py`). For neo-Hookean tissue, contact is solved
+on linear skin, displaced by the law's correction; then the correction is renewed, until the two agree (`law_frame.py`).
 """
 
 from __future__ import annotations
@@ -32,25 +32,27 @@ from .sweeps import sweep
 
 __all__ = ["DEPTH_LIMIT", "TOLERANCE", "Compliance", "Linear", "PathSolver", "PathStep"]
 
-# Residual of contact, see `Solution.residual`: where an iteration starts then changes no force by 1e-4.
+# Residual at which sweeps stop, see `Solution.residual`. It is so small that the starting forces change no result by
+# 1e-4.
 TOLERANCE = 3e-6
 # A frame whose residual is above this multiple of the tolerance is a finding.
 CHECK = 10.0
-# The last forces serve again while their residual is below this multiple of it.
+# The last forces are used again if their residual in the new frame is at most this multiple of the tolerance.
 UNCHANGED = 1.0
-# Nodes that are nearer than this, where the last frame left them, are swept at once [m]: it changes the time alone.
+# Nodes with less clearance than this [m], measured from where the last frame left them, are swept from the start;
+# others join when they penetrate. This changes the run time only.
 AHEAD = 0.2e-3
-# Sweeps up to which a frame counts as easy: the next may need none.
+# A frame that took at most this many sweeps counts as easy: the next one tries the last forces first.
 EASY = 3
-# Depth that linear skin is still trusted at [m]: against a neo-Hookean one its stress is then off by a third.
+# Largest depth at which linear skin is trusted [m]; `presets/ACCURACY.md` has the error of its stress.
 DEPTH_LIMIT = 2e-3
-# In a frame skin comes out by no more than this multiple of its displacement in the last, and a margin [m].
+# In one frame skin bulges by no more than BULGE times its displacement in the last frame, plus MARGIN [m].
 BULGE, MARGIN = 1.5, 0.3e-3
 FOLDS = {
-    Fold.LEFT: "skin is in balance on a fold of itself too: it is taken as straight pressing has it",
-    Fold.KEPT: "skin is in balance on a fold of itself alone, and its forces are too large",
+    Fold.LEFT: "the skin also has a balance folded into itself; the balance that straight pressing leads to was used",
+    Fold.KEPT: "only a balance of the skin folded into itself was found: its forces are too large",
 }
-# The state that a frame changes, besides the history; each is replaced, never written into.
+# Attributes that a frame changes, besides the history. Each is replaced, never changed in place.
 _STATE = ("_force", "_last", "_image", "_step", "_bodies", "_at_rest", "frames", "_rubbing")
 
 
@@ -66,12 +68,12 @@ class PathSolver:
         bone: a point inside the finger [m]: open surfaces are touched on the side where it lies.
         name: for findings.
         depth_limit: depth of the undeformed skin beyond which a frame is a finding [m].
-        law: by how much less the skin gives way than by its compliance; None where it is linear.
+        law: the skin's nonlinear law, which corrects the displacement of linear skin; None for linear skin.
 
     Attributes:
         counters: how many frames were 'solved', 'unchanged', 'same', 'idle' and 'held' (see `adopt`); 'unconverged' and
             'deep' ones; 'parts' of frames that `SubStepper` divided.
-        frames: how many there were.
+        frames: number of frames so far.
 
     Raises:
         DermisError: shapes that do not fit, a compliance that is not positive definite, or no compiled kernels.
@@ -104,7 +106,7 @@ class PathSolver:
         refuse_indefinite(c, name)
         extent = np.sort(np.ptp(self.points, axis=0))
         spacing = float(np.sqrt(max(extent[-1] * extent[-2], 1e-12) / m))
-        # skin cannot bulge out of a body by more than the body is pressed in: nodes farther off stay open
+        # skin bulges by no more than the body is pressed in, so nodes farther away stay open
         self.search_radius = max(2.5 * spacing, 2.5e-3)
         self.history = ContactHistory(m)
         self._zero = np.zeros((m, 3))
@@ -123,7 +125,7 @@ class PathSolver:
         )
         self.notes = Notes(name)
         self.frames = 0
-        # which nodes are, and under which forces
+        # forces, and which nodes they load: kept for the property `loaded`
         self._loaded: tuple[Array | None, NDArray[np.bool_]] = None, np.zeros(0, dtype=np.bool_)
 
     def reset(self) -> None:
@@ -160,7 +162,7 @@ class PathSolver:
         return self.notes.findings()
 
     def idle(self, count: int = 1) -> PathStep:
-        """Take frames in which the broad phase found nothing near: no work, and no history afterwards."""
+        """Take frames in which the broad phase found nothing near: nothing is solved, and the history is forgotten."""
         self.counters["idle"] += count
         self.frames += count
         if self._step is not None and self._step.work == "idle":
@@ -204,14 +206,14 @@ class PathSolver:
 
     @property
     def places(self) -> Array:
-        """Places of the undeformed skin that `reach` is told for [m], shape (p, 3)."""
+        """Places of the undeformed skin for which `reach` is given [m], shape (p, 3)."""
         return self.points
 
     @property
     def reach(self) -> Array:
-        """How far from each of `places` skin may be in the next frame, where it touches nothing yet [m], shape (p,).
+        """Largest distance of the skin from each of `places` in the next frame, before it touches anything [m], (p,).
 
-        Without load the undeformed skin is the skin: nothing is felt before its gap is closed.
+        Without load the skin is undeformed, so it touches nothing before its gap is closed.
         """
         return (
             self._bulge(np.sqrt(np.einsum("ij,ij->i", self._image, self._image)))
@@ -220,7 +222,7 @@ class PathSolver:
         )
 
     def _bulge(self, moved: Array) -> Array:
-        """Return how far skin may come out in the next frame where it has moved so far in the last [m], shape (n,)."""
+        """Return how far skin may bulge in the next frame, from its displacement in the last one [m], shape (n,)."""
         return np.minimum(BULGE * moved + MARGIN, self.search_radius)
 
     @property
@@ -242,7 +244,7 @@ class PathSolver:
             bodies: those near, posed in the finger's frame; the same order every frame.
             scene_frame: frame number in the scene, for findings.
             gaps: as `look` returned them.
-            part: it is a part of the way to a frame: nothing is noted and no frame is counted.
+            part: whether this is a part of the way to a frame; then no finding is noted and no frame is counted.
         """
         bodies = tuple(bodies)
         if not part and self.unmoved(bodies):
@@ -257,21 +259,24 @@ class PathSolver:
         return self.step_gaps(gaps, scene_frame=scene_frame, part=part)
 
     def unmoved(self, bodies: Sequence[ContactBody]) -> bool:
-        """Return whether the next frame is the last one again: everything rests where it was."""
+        """Return whether the next frame equals the last one, because all bodies rest where they were."""
         return self._at_rest and self._step is not None and same_places(bodies, self._bodies)
 
     def look(self, bodies: Sequence[ContactBody]) -> NodeGaps:
-        """Measure the next frame's gaps, without taking it."""
-        bodies = tuple(bodies)  # by which the history knows again that it was asked for these
+        """Measure the next frame's gaps without solving the frame."""
+        bodies = tuple(bodies)  # the history recognises this tuple when it is asked about it again
         return node_gaps(self.points, bodies, self.search_radius, self.bone, self._expected(bodies))
 
     def _expected(self, bodies: Sequence[ContactBody]) -> Expected:
-        """Return where the skin is to be looked for in the next frame."""
+        """Return the expected places of the skin in the next frame."""
         ahead = self._rubbing.ahead(bodies, self.history, self._force, self.loaded)
         return self.history.expected(bodies, self.points + self._image, self.search_radius, ahead)
 
     def pressing(self, start: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices) -> float:
-        """Return how far surfaces press on at nodes, from where bodies were [m]."""
+        """Return the largest change of the gap at some nodes since the last frame [m].
+
+        `start`, the bodies of the last frame, is not needed here; contact on points uses it.
+        """
         last = self.gaps
         assert last is not None
         return float(np.abs(gaps.gap[nodes] - last.gap[nodes]).max())
@@ -294,7 +299,7 @@ class PathSolver:
         step = PathStep(solution, image, gaps, work, from_rest, nodal, self.amounts)
         if part:
             self.counters["parts"] += 1
-            self._at_rest = False  # a frame in the same place has forces on the nodes, which a part has not
+            self._at_rest = False  # a part's step has no nodal forces, so no frame may return it
         else:
             self._report(step, self.frames if scene_frame is None else scene_frame)
             self.counters[work] += 1
@@ -340,7 +345,7 @@ class PathSolver:
         normal, mu = gaps.normal, gaps.friction
         start, image = self._force, self._image
         gone = (gaps.body < 0) & start.any(axis=1)
-        if gone.any():  # nothing is near any more: these forces vanish before anything else
+        if gone.any():  # nothing is near these nodes any more, so their forces vanish first
             start = np.where(gone[:, None], 0.0, start)
             image = self._apply(start)
         allowed = self._allowed(gaps.bodies)
@@ -371,19 +376,19 @@ class PathSolver:
         return SolvedFrame(solution, found.image, "solved")
 
     def _allowed(self, bodies: tuple[ContactBody, ...]) -> float:
-        """Return the residual up to which the last forces serve again; zero where that is not worth asking."""
+        """Return the residual up to which the last forces are used again; 0 if they are not to be tried."""
         if self.law is not None and not self.law.settled:
             return 0.0
-        # on a path that changes the answer is no
+        # after a frame that took more sweeps the last forces hardly ever serve again
         easy = self._step is None or self._step.solution.iterations <= EASY
         return UNCHANGED * self.tolerance if easy else 0.0
 
     def _extrapolated(self, force: Array) -> Array:
-        """Start where the last two frames point to; paths are smoother than their frames are long."""
+        """Return the forces extrapolated from the last two frames."""
         return force if self._last is None else 2.0 * force - self._last
 
     def _remember(self, solved: SolvedFrame, friction: FrameFriction) -> None:
-        """Keep a frame, its history as friction has it."""
+        """Keep the forces, the displacement and the friction history of a frame."""
         solution = solved.solution
         slides = friction.keep(solution, self.points, solved.image)
         self._rubbing = friction.left(solution, self._force, solved.image - self._image)
@@ -396,7 +401,7 @@ class PathSolver:
 
     @property
     def amounts(self) -> Array | None:
-        """By how much less than linear skin the pad nodes give way [m], shape (3 m,); None where skin is linear."""
+        """Displacement of the pad nodes on linear skin minus that by the law [m], shape (3 m,); None on linear skin."""
         return None if self.law is None else self.law.amounts
 
     def _apply(self, force: Array) -> Array:
@@ -405,7 +410,7 @@ class PathSolver:
         return linear if self.law is None else linear - self.beyond()
 
     def beyond(self) -> Array:
-        """Return by how much less than linear skin the points give way now [m], shape (n, 3); of skin with a law."""
+        """Return the displacement on linear skin minus that by the law [m], shape (n, 3); only for skin with a law."""
         assert self.law is not None
         return self.law.beyond
 
@@ -419,7 +424,7 @@ class PathSolver:
         return self._c
 
     def nodal(self, force: Array) -> Array:
-        """Return forces on the points [N] as forces on the nodes of the skin's mesh, which here are the same."""
+        """Return forces on the points [N] as forces on the nodes of the skin's mesh; here the points are the nodes."""
         return force
 
     def _report(self, step: PathStep, where: float) -> None:
@@ -441,7 +446,7 @@ class PathSolver:
                 where,
                 remedy="Press less deep, or turn less in a frame while pressed",
             )
-        # no point is deeper than its gap says, which is seldom more than skin is trusted with
+        # the gap bounds the depth, so the depth is only computed if a gap is beyond the limit
         near = step.gaps is not None and -float(step.gaps.gap.min(initial=np.inf)) > self.depth_limit
         depth = step.depth(self.points, self.bone) if near else 0.0
         if depth > self.depth_limit:

@@ -1,12 +1,12 @@
 """PointTree: an adaptive quadtree of the pad's surface, refined where the objects that press into it are curved.
 
 A cell is split along the finger, around the finger, or both ways. It is split in a direction if the object's surface
-normals, found from the cell's corners, turn in that direction, or if the gap is not linear over the cell. Cells are
-therefore short across an edge of an object and long beside it.
+normals turn in that direction, or if the gap is not linear over the cell. Cells are therefore short across an edge of
+an object and long beside it. Normals and gap are found at four test points, which lie a little outside the cell's own
+corners, so an edge between two cells is detected by both.
 
 A cell is merged only if normals and gap stay well below the limits for splitting. This hysteresis keeps cells from
-changing back and forth between frames. The corners lie a little outside their cell, so both of two neighbours detect an
-edge that lies between them.
+changing back and forth between frames.
 
 A survey computes the cells from the positions of the bodies and from the cells of the survey before. The compiled code
 is in `core/kernels/survey.c`.
@@ -29,16 +29,16 @@ from .bodies import ContactBody
 from .moved_skin import MovedSkin
 from .posed_records import posed_records
 
-# TURNED: a cell is split if two unit normals at its corners differ by more than this (length of the difference).
+# TURNED: a cell is split if two unit normals at its test points differ by more than this (length of the difference).
 # BENT: a cell is split if its gap differs from a linear one by more than this [m].
 TURNED, BENT = 0.3, 0.04e-3
-# MANY: while more cells than this would be points, the finest level is lowered by one.
+# MANY: if more cells than this may touch, the finest level is lowered, one level at a time.
 # COARSEST: the finest level is never lowered below this many halvings, or small bodies would pass between the points.
 # MOST: largest number of points. Cells that carry force come first, then those nearest to a body.
 MANY, COARSEST, MOST = 450, 1, 1000
 # The lean along a side is the range of the normals' components along it; a larger lean means a surface that turns more.
 # ODD: a side is not halved if the lean along it, plus LEVEL, is below this share of the lean along the other side.
-# LEVEL: a lean below this has no reliable direction.
+# LEVEL: added in this test, so that both sides are halved while the leans are too small to prefer one.
 ODD, LEVEL = 0.4, 0.1
 # A cell that was split stays split until normals and gap fall below this share of the limits.
 MERGE = 0.6
@@ -46,21 +46,22 @@ MERGE = 0.6
 # SHARP: difference of unit normals; only edges sharper than a right angle exceed it.
 OFTEN, SHARP = 2, 1.5
 # DEEP: if a cell's centre lies deeper than this in a body [m], it is moved out along the cell's normal to the surface.
-# STEEP: least cosine between the two normals that is used for that. It limits the way to 1 / STEEP times the depth.
+# STEEP: the depth is divided by the cosine between the cell's normal, turned inwards, and the body's, but by no less
+# than this. So a cell moves by at most depth / STEEP.
 DEEP, STEEP = 0.06e-3, 0.3
-CORNERS = 0.75  # distance of the corners from the cell's centre, as a share of each side; 0.5 is the cell's own corner
+CORNERS = 0.75  # distance of the test points from the cell's centre, as a share of each side; 0.5 is the cell's corner
 # An edge of a body beside the cell splits the cell as well, so cells are fine before the skin slides onto the edge.
 # BEYOND: distance from the cell within which such an edge counts [m].
 # EDGE: difference of the unit normals of its two faces above which it counts.
 BEYOND, EDGE = 0.4e-3, 0.9
-# A cell becomes a point if its gap is below NEAR times its size plus MARGIN.
-# NEAR: share of the side of a square of the cell's area. MARGIN: allowance for movement until the next survey [m].
+# A cell becomes a point if its gap is below NEAR times its size plus MARGIN. Its size is the square root of its area.
+# MARGIN: allowance for movement until the next survey [m].
 NEAR, MARGIN = 0.4, 0.1e-3
 # A cell's corners may be nearer to a body than its centre, by at most this share of the cell's longer side.
 BESIDE = 0.35
 
 _NONE: Indices = np.zeros(0, dtype=np.int64)
-_NOT_FINITE = DermisError("contact is asked about numbers that are not finite", where="the skin's cells")
+_NOT_FINITE = DermisError("a position or force is not finite", where="the skin's cells")
 
 
 class PointTree:
@@ -109,9 +110,9 @@ class PointTree:
     def patience(self) -> float:
         """Distance that bodies may move before a new survey is due [m].
 
-        Near an edge it is 0: a survey follows every movement, so that the cells depend on positions alone. Elsewhere
-        points are created `MARGIN` before they touch. If any cell is split, half of this margin is reserved for
-        splitting and merging.
+        Near an edge it is 0: every movement causes a survey, so the cells do not depend on when the last one was due.
+        Elsewhere points are created `MARGIN` before they touch. If any cell is split, half of this margin is reserved
+        for splitting and merging.
         """
         return 0.0 if self.edges else MARGIN if not len(self._cut) else 0.5 * MARGIN
 

@@ -1,9 +1,9 @@
 """Trail: the last moments of a scene while it is played, and the commands of the devices at their end.
 
-Contact of the pads' centres is measured once a sample and kept. The paths' splines bend with every further sample, but
-only near their end: earlier ones are settled. There the devices' state is noted, and carried on from; only
-later commands are computed anew with each sample, by the same code as in a bake. Devices that follow a skin
-are left out: whoever shows skins solves them frame by frame.
+Contact of the pads' centres is measured once a sample and kept. Every new sample changes the splines through the poses,
+but only near their end; before that they are settled. The devices' state is stored at the last settled sample. From it
+the later commands are computed anew with each sample, by the same code as in a bake. Devices that follow a simulated
+skin are left out; the skin preview computes them frame by frame.
 """
 
 from __future__ import annotations
@@ -27,9 +27,10 @@ from ..scene.tactile_scene import Chunk, DeviceUse, TactileScene
 from .bake import Output
 from .device_tracks import Renderer, renderer, usable
 
-# Samples from the end after which a path bends by less than 1 % of its value there: a spline forgets 3/4 a knot.
+# Number of samples before the end beyond which a new sample changes the path by less than 1 % of its change at the end:
+# the change shrinks to about a quarter at every knot.
 SETTLED = 4
-SHOWN = 0.13  # [s] of a track before its end that must be there to be drawn
+SHOWN = 0.13  # length of the end of a track that is drawn, and so has to be returned [s]
 State = tuple[float, Mapping[Hashable, Any]]
 
 
@@ -37,7 +38,8 @@ class Kept(NamedTuple):
     """The end of a trail.
 
     Attributes:
-        chunks: the last samples. state: of the devices where they begin to settle. taken: how many samples led there.
+        chunks: the last samples. state: time at which the next window begins, and the devices' state there.
+        taken: number of samples up to here.
     """
 
     chunks: tuple[Chunk, ...]
@@ -46,11 +48,12 @@ class Kept(NamedTuple):
 
 
 class Trail:
-    """Devices on the way through samples that come one at a time; the first is taken as rest.
+    """The commands of devices for samples that arrive one at a time; before the first, everything is at rest.
 
     Args:
         scene: its header. library: the presets; they are read here and by `renew`.
-        settled: so many samples from the end a state is noted; None: as many as `SETTLED` and `SHOWN` need.
+        settled: number of samples before the end at which the state is stored; None: the larger of `SETTLED` and
+            `SHOWN`.
 
     Attributes:
         taken: how many samples were taken.
@@ -66,7 +69,7 @@ class Trail:
         self._settled = max(SETTLED, math.ceil(SHOWN * scene.fps)) if settled is None else settled
         self._sampler = PadSampler(scene)
         self._chunks: list[Chunk] = []  # the samples that are kept
-        # where the next window begins, and the state there; the same as it was before the last sample
+        # start of the next window and the state there; `_before`: the same for the window of the last sample
         self._state: State = (-math.inf, {})
         self._before: State = self._state
         self._lasting: dict[Hashable, Any] = {}
@@ -95,7 +98,7 @@ class Trail:
             times = (one - self.first) / self.frames_per_second
             self._chunks.append(replace(chunk, frames=one, times=times))
             self._sampler.add(self._chunks[-1])
-        if len(self._chunks) > 2 * self._settled:  # as many again, for the splines to begin with
+        if len(self._chunks) > 2 * self._settled:  # twice as many, so that splines are settled where the window begins
             self._sampler.forget(1)
             del self._chunks[0]
         return self._outputs()
@@ -161,7 +164,7 @@ class Trail:
 
 
 def _solve_motions(contact: PadContact) -> None:
-    """Solve the motions of all that meet together, where each by itself would be solved when it is asked for."""
+    """Solve the motions of all fingers and bodies that come near each other at once: faster than one by one."""
     fingers, bodies = sorted({f for f, _ in contact.pairs}), sorted({b for _, b in contact.pairs})
     keys = [*(("finger", f) for f in fingers), *(("body", b) for b in bodies)]
     if keys:

@@ -1,7 +1,8 @@
-"""Blender's side of the sender: starts the process, writes requests and signs of life, reads the status. Never waits.
+"""Blender's side of the sender: starts the process, writes requests and signs of life, reads the status.
 
-A sender that is closed brings its device to the safe state at the device's own speed, which may take longer than
-anybody's patience: it goes on by itself then, and removes its shared state. Who wants its port meanwhile is told so.
+Only `close` and `wait` wait. A closed sender brings its device to the safe state at the device's own speed. If `close`
+does not wait long enough for that, the sender finishes alone. A client that connects to the same port meanwhile reports
+that it is waiting. The closed sender's shared state is removed after it has ended.
 """
 
 from __future__ import annotations
@@ -18,16 +19,16 @@ from .request import request_of
 from .shared_state import MAX_VALUES, SharedState
 from .state import State
 
-QUIET = 1.0  # a sender writes its status every 0.05 s, and may read a long track in between [s]
-UNSEEN = 0.5  # whoever has not looked for so long knows nothing of the sender's silence [s]
-MAX_CLOSE_SECONDS = 0.2  # closing waits this long for the sender; then that finishes by itself
+QUIET = 1.0  # a status older than this is reported; a sender writes one every 0.05 s, but may read a long track [s]
+UNSEEN = 0.5  # if the status has not been read for this long, the sender's silence is counted from now [s]
+MAX_CLOSE_SECONDS = 0.2  # `close` waits this long for the sender, which then finishes alone [s]
 
-_ending: list[SenderClient] = []  # closed, and still on the way to the safe state
-_lost: list[str] = []  # closed ones that ended before, in words, until the next one connects
+_ending: list[SenderClient] = []  # closed clients whose senders are still on the way to the safe state
+_lost: list[str] = []  # messages on streams that ended by an error or not surely safe; `connect` clears them
 
 
 class SenderClient:
-    """A sender process of this one; it ends with it, the device safe.
+    """A sender in a child process. When this process ends, the sender brings its device to the safe state and ends too.
 
     Raises:
         DermisError: the process cannot be started.
@@ -39,9 +40,9 @@ class SenderClient:
         self._stops = 0
         self._arm_id = 0
         self._closed = False
-        self._number = 0  # of the last status seen, when it came, and when it was looked for [s]
+        self._number = 0  # number of the last status seen; below: when it changed, and when it was last read [s]
         self._changed = self._looked = 0.0
-        self._before: SenderClient | None = None  # has the same port, and is still ending
+        self._before: SenderClient | None = None  # closed client of the same port whose sender has not ended
         _reap()
         try:
             self._child = ChildProcess("the sender", command(*verb, "--state", str(self._shared.path)))
@@ -63,7 +64,8 @@ class SenderClient:
     def connect(self, url: str, protocol: str, device: str, preset: Mapping[str, Any], **more: Any) -> None:
         """Hold a link; `more` are other fields of `request.StreamRequest`. Nothing is armed by this.
 
-        A port that an earlier sender of this process still needs for its safe state is taken when it lets go.
+        If a closed sender of this process still needs the port to reach its safe state, the new one connects when the
+        port is free.
         """
         _reap()
         _lost.clear()
@@ -74,7 +76,7 @@ class SenderClient:
         """Change fields of the request.
 
         Raises:
-            DermisError: a field that there is none of, or that cannot be; nothing is changed then.
+            DermisError: an unknown field, or a value that is not allowed; the request then stays as it was.
         """
         request_of({**self._request, **fields}).check()
         if any(self._request.get(k, _NONE) != v for k, v in fields.items()):
@@ -91,7 +93,7 @@ class SenderClient:
         self.set(arm_id=0)
 
     def stop(self) -> None:
-        """Safe state, now. Works where nothing else does."""
+        """Send the device to its safe state now; this goes through the heartbeat and needs no request."""
         self._stops += 1
         self._shared.write_heartbeat(self._stops, False, None)
 
@@ -102,7 +104,7 @@ class SenderClient:
         self._shared.write_heartbeat(self._stops, playing, time, tuple(values))
 
     def status(self) -> dict[str, Any]:
-        """Return how things stand; `state` is 'dead' where the sender has died."""
+        """Return the sender's status; its `state` is 'dead' if the process has ended."""
         status = self._shared.read_status()
         if self._before is not None:
             message = self._before._ends()
@@ -112,13 +114,15 @@ class SenderClient:
                     **status,
                     "state": State.CONNECTING,
                     "armed": False,
-                    "message": f"waiting for the port: its sender of before still has it ({message})",
+                    "message": f"waiting for the port: the previous sender still uses it ({message})",
                 }
         if not self.alive:
             message = f"The sender has ended: {self._child.said().rstrip('.')}"
             silence = status.get("silence", {})
             if status.get("astray"):
-                message += f". It led the device, and {silence.get('text', '')}: switch the supply off"
+                message += (
+                    f". The device may not be in its safe state, and {silence.get('text', '')}: switch the supply off"
+                )
             return {**status, "state": State.DEAD, "armed": False, "pose_known": False, "message": message}
         if quiet := self._quiet():
             message = f"The sender has given no sign for {quiet:.1f} s, so Stop may not reach the device"
@@ -126,7 +130,7 @@ class SenderClient:
         return status or {"state": State.DISCONNECTED, "message": "", "armed": False}
 
     def _quiet(self) -> float:
-        """Return for how long the sender has not written its status, once that is too long; else 0 [s]."""
+        """Return the time for which the sender has written no status if it exceeds `QUIET`, else 0 [s]."""
         now, number = time.monotonic(), self._shared.status_number
         if number != self._number or now - self._looked > UNSEEN:
             self._number, self._changed = number, now
@@ -134,7 +138,7 @@ class SenderClient:
         return now - self._changed if number and now - self._changed > QUIET else 0.0
 
     def close(self) -> None:
-        """End the sender, the device safe first, and wait a moment for it. Safe to call twice."""
+        """End the sender after its device is safe, and wait at most `MAX_CLOSE_SECONDS`. A second call does nothing."""
         if self._closed:
             return
         self._closed = True
@@ -149,7 +153,7 @@ class SenderClient:
         return str(self._shared.read_status().get("message", "")) or "going to the safe state"
 
     def _gone(self) -> bool:
-        """Return whether a closed sender has ended, and leave nothing behind then; one that hangs is killed."""
+        """Return whether a closed sender has ended, and remove its shared state if so; one that hangs is killed."""
         gone = self._child.gone(self._shared.status_number)
         if gone:
             status = self._shared.read_status()
@@ -172,7 +176,7 @@ class SenderClient:
         """Wait for a state, giving signs of life meanwhile; for scripts and tests, never for a user interface.
 
         Raises:
-            DermisError: it did not come.
+            DermisError: the state was not reached in this time.
         """
         end = time.monotonic() + seconds
         while True:
@@ -199,11 +203,11 @@ def _reap() -> None:
 
 
 def note_loss(text: str) -> None:
-    """Have `leaving` tell of a stream that ended otherwise than it was meant to, until the next one connects."""
+    """Add a message on a stream that ended by an error to those of `leaving`, until the next `connect`."""
     _lost.append(text)
 
 
 def leaving() -> str:
-    """Return the tasks that closed senders of this process still do, or have left undone, in words; '' for none."""
+    """Return the tasks that closed senders of this process still do or did not finish, as text; '' for none."""
     _reap()
     return "; ".join([*_lost, *(f"{one._ends()} ({one._request.get('url', '')})" for one in _ending)])

@@ -24,11 +24,11 @@ from .wire import Wire
 
 HIGHEST = 4 * 4080  # longest pulse of the board [us / 4]
 REFRESH = 0.03  # targets that do not change are repeated this often: well within the board's time-out of 0.1 s [s]
-READ_EVERY = 0.1  # while it is armed the board is asked for errors and positions this often [s]
+READ_EVERY = 0.1  # an armed board is asked for errors and positions this often [s]
 ANSWER = 0.2  # an answer that takes longer is missing: 50 bytes at 9600 baud take 52 ms [s]
-MISSES = 3  # so many missing answers in a row, and the board is gone
+MISSES = 3  # after this many missing answers in a row the board counts as gone
 SLACK = 0.02  # Connect stays silent for this much longer than the declared silence; the setting has steps of 10 ms [s]
-LONGEST = 2.0  # Connect waits for no time-out that is longer: its handshake may take 3 s [s]
+LONGEST = 2.0  # longest silence that Connect waits for: its handshake may take 3 s [s]
 
 
 class Step(Enum):
@@ -50,8 +50,8 @@ class Maestro(Adapter):
 
     name, title = "maestro", "Pololu Maestro"
     caution = (
-        "This board keeps its last pulses when the computer falls silent. Set 'Serial timeout' in the Maestro "
-        "Control Center to 0.1 s and what each servo does on error, or keep a switch at hand."
+        "This board keeps its last pulses when the computer falls silent. In the Maestro Control Center set 'Serial "
+        "timeout' to 0.1 s, and choose what each servo does on error; or keep a switch at hand."
     )
     OPTIONS = ("first", "pulse_low_us", "pulse_high_us", "silence", "silence_ms", "device", "crc", "reads")
 
@@ -68,7 +68,7 @@ class Maestro(Adapter):
         self.reads = bool(self.whole("reads", int(self.crc or "device" in options), 0, 1))
         self.caution += "" if self.reads else " Add reads=1 to the address, and Connect checks the serial timeout."
         self.tells_pose = self.reads
-        self.command_bytes = wire.count * len(self._packet(target(0, 0)))  # where all of them change
+        self.command_bytes = wire.count * len(self._packet(target(0, 0)))  # if all channels change
         self.other_bytes = len(self._question(positions=True)) / READ_EVERY if self.reads else 0.0
         self.low, self.high = (4 * self.number(f"pulse_{n}_us", d) for n, d in (("low", 1000), ("high", 2000)))
         if not 4 * 64 <= self.low < self.high <= HIGHEST:
@@ -87,15 +87,16 @@ class Maestro(Adapter):
         self._asks = self._wants_arm = self._asked_to_arm = False
 
     def opened(self, now: float) -> None:
-        """Begin: without `reads` there is nobody to be recognised."""
+        """Begin; without `reads` the board is ready at once, because it never answers."""
         self.ready = not self.reads
 
     def poll(self, now: float) -> list[bytes]:
-        """Return the questions of Connect, and while it is armed those for errors and positions.
+        """Return the questions of Connect, and those for errors and positions while the board is armed.
 
-        While nothing is armed the board is left in silence, so that its own time-out acts.
+        A board that is not armed is asked nothing, so that its own time-out acts.
         """
-        if self.armed and now - self._commanded > self.silence.after:  # the sender itself was silent, and judges that
+        if self.armed and now - self._commanded > self.silence.after:
+            # the sender itself was silent for too long, and ends the stream: these answers no longer count
             self._asks, self._awaited = False, 0
         if missing := self._awaited > 0 and now - self._asked > ANSWER:
             self._awaited = 0
@@ -109,7 +110,7 @@ class Maestro(Adapter):
         return [self._ask(now, positions=True)]
 
     def receive(self, data: bytes, now: float) -> None:
-        """Take answers; those that cannot be are dropped and counted."""
+        """Take answers; impossible ones are dropped and counted."""
         if not self._awaited:
             self.counters["answers out of turn"] += self.reads
             if self._step is Step.BE_SILENT:
@@ -136,13 +137,16 @@ class Maestro(Adapter):
             self._judge(errors, positions, now)
 
     def arm(self) -> None:
-        """Take commands once the board has said where it stands."""
+        """Take commands, with `reads` only after the board has answered with its positions."""
         self.armed = not self.reads
         self._wants_arm = self._asks = self.reads
         self._misses, self._due = 0, -math.inf
 
     def forget(self) -> None:
-        """Send every position with the next command, changed or not; where the link is full, answers are not missed."""
+        """Send every position with the next command, changed or not.
+
+        Missing answers are counted from zero again, because a full link delays them.
+        """
         self._sent[:], self._misses = -1, 0
 
     def sign_of_life(self, values: Array, now: float) -> list[bytes]:
@@ -166,11 +170,11 @@ class Maestro(Adapter):
         return self._values(self._targets(values))
 
     def safe(self) -> list[bytes]:
-        """Return the end of all pulses where the safe state is to let go; else the pose already is the safe one."""
+        """Return commands that end all pulses if the safe state is `release`; else none: the pose is the safe one."""
         super().safe()
         self._sent[:], self._wants_arm = -1, False
         if self.wire.reach == Reach.RELEASE or not self.silence.holds:
-            self.pose = None  # from now on nobody asks, and the board may let go
+            self.pose = None  # from now on the board is not asked, and it may let go
         none = b"".join(self._packet(target(self.first + i, 0)) for i in range(self.wire.count))
         return [none] if self.wire.reach == Reach.RELEASE else []
 
@@ -226,7 +230,8 @@ class Maestro(Adapter):
     def _take(self, errors: int, positions: list[int], now: float) -> None:
         """Take errors and positions of a board that is armed or shall be."""
         if self._wants_arm and self._asked_to_arm:
-            self._wants_arm, self.armed = False, True  # errors are of the silence before: nothing was under way
+            # errors in this first answer are ignored: they come from the silence before arming
+            self._wants_arm, self.armed = False, True
             self._commanded = now
         elif not self.armed:
             return

@@ -21,8 +21,9 @@ class BoundSkin:
     """Meshes bound to an armature.
 
     Attributes:
-        triangles: for each bone's name, the triangles whose vertices have their largest weight there, with corners in
-            world space in Blender units, shape (t, 3, 3).
+        triangles: for each bone's name, its triangles, with corners in world space in Blender units, shape (t, 3, 3).
+            A triangle belongs to a bone if at least two of its vertices have their largest weight there. All triangles
+            of a mesh that is parented to a bone belong to that bone.
     """
 
     triangles: Mapping[str, Array]

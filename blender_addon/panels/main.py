@@ -77,7 +77,8 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
             paragraph(
                 layout,
                 context,
-                "Next: give it something to touch. Select a mesh object and make it touchable, or add a touch screen.",
+                "Next: give the finger something to touch. Select a mesh object and make it touchable, or add a touch "
+                "screen.",
                 "RIGHTARROW",
             )
             row = layout.row(align=True)

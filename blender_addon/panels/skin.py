@@ -184,7 +184,7 @@ def _figures(column: Any, context: bpy.types.Context, state: "skin_state.SkinSta
     column.scale_y = 0.85
     icon = {"bake": "CHECKMARK", "live": "PLAY", "none": "TIME"}.get(state.source, "ERROR")
     column.label(text=state.finger, icon=icon)
-    if state.note not in ("", said):  # which stands above
+    if state.note not in ("", said):  # `said`, the devices' note, is shown above already
         paragraph(column, context, state.note[:1].upper() + state.note[1:], inset=20.0)
     if not state.touching:
         return

@@ -1,10 +1,10 @@
-"""Slices: work that may take longer than a view waits runs in the handler for as long as that, and then in a timer.
+"""Slices: long work runs in the handler for as long as a view may wait, and goes on in a timer.
 
 Work is a generator that is sent the scene and yields wherever it may rest, so that nothing of Blender's is kept
 meanwhile. The next change cancels it; the next frames of a play do not, or a slow scene would never be shown while it
 plays: they wait until it is done, and the newest of them comes next.
 
-Frames and changes in quick succession are only passed, and worked out coarsely; where the scene rests, the frame is
+Frames and changes in quick succession count as passing, and are worked out coarsely. When the scene rests, its frame is
 worked out once more.
 """
 
@@ -23,7 +23,7 @@ from ..preview import moment, skin_preview
 from ..preview.rows import goes_on
 from ..streaming import session
 
-BUDGET = 0.012  # [s] that a view waits at most, but for one step of the work; half of a frame is left for Blender
+BUDGET = 0.012  # [s] that a view waits at most; the step under way is finished. Half of a frame is left for Blender
 PAUSE = 0.001  # [s] between slices: Blender handles waiting events
 REST = 0.25  # [s] without a new frame or a change after which the scene rests
 
@@ -31,12 +31,12 @@ Steps = Generator[None, bpy.types.Scene, None]
 
 
 def budget() -> float:
-    """Return how long a view waits [s]; without a window nobody does."""
+    """Return how long a view waits at most [s]; without a window there is no limit."""
     return BUDGET if redraw.watched() else math.inf
 
 
 def rest() -> float:
-    """Return after how long the scene rests [s]; without a window nobody passes a frame."""
+    """Return after how long the scene rests [s]; without a window no frame is passing."""
     return REST if redraw.watched() else 0.0
 
 
@@ -47,7 +47,10 @@ def plays() -> bool:
 
 
 def followed(scene: bpy.types.Scene) -> bool:
-    """Return whether a device follows the scene: nothing is coarse then, or mending it would move the device."""
+    """Return whether a device follows the scene.
+
+    Nothing is then worked out coarsely, because refining it later would move the device.
+    """
     return session.streams(scene) and scene.dermis_stream.mode == "follow"
 
 
@@ -85,7 +88,7 @@ class Slices:
         self._spend(scene)
 
     def cancel(self) -> None:
-        """Leave the work where it is."""
+        """Drop the work that is under way, and its timers."""
         if self._work is not None:
             self._work.close()
         self._work = None

@@ -15,7 +15,7 @@ _MOST_DOUBTS = 3  # at once; the others come when these are corrected
 
 
 class DermisPanel:
-    """Where our panels live."""
+    """Place of all Dermis panels in the window."""
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
@@ -23,7 +23,7 @@ class DermisPanel:
 
 
 class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
-    """The next step, or how far the work is."""
+    """The next step, or the progress of the work."""
 
     bl_idname = "DERMIS_PT_main"
     bl_label = "Dermis"

@@ -100,7 +100,7 @@ class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
         self.layout.prop(context.scene.dermis.skin_view, "show", text="")
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw quantity and range, and how far off the model is."""
+        """Draw the quantity, its range, and the error of the tissue model."""
         layout, scene = self.layout, context.scene
         view = scene.dermis.skin_view
         column = properties(layout, view, "quantity", keys=False)
@@ -132,7 +132,7 @@ class DERMIS_PT_skin_values(DermisPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw a box a finger."""
+        """Draw one box for each finger."""
         now = shown.now(context.scene)
         said = now.devices.note if now is not None and now.devices is not None else ""
         for state in _states(context):

@@ -48,7 +48,7 @@ class _Live:
     scene: int = 0
     trail: core.pipeline.trail.Trail | None = None
     first: float = 0.0  # frame that it began at
-    since: float | None = None  # frame of the kept state that the last sample went on from
+    since: float | None = None  # frame of the kept state from which the last sample was reached; None if there is none
     last: core.scene.tactile_scene.TactileScene | None = None  # the sample that it ends with
     edits: int = -1  # of `changes`, when the last sample was taken
     preview: Preview | None = None
@@ -179,7 +179,7 @@ def _extended(
     """Take a sample into the trail, or into a new one; return that and the tracks up to the sample.
 
     Args:
-        gap: frames since the trail's end; None where it has none. edited: whether settings may be others.
+        gap: frames since the trail's end; None where it has none. edited: whether settings may have changed.
     """
     trail, chunk, _live.since = _live.trail, _chunk(sample), None
     clock = scene_time.Clock(sample.fps, 0.0)

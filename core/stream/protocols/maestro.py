@@ -45,7 +45,7 @@ class Maestro(Adapter):
     """Pololu Maestro. Channel k of the device is channel `first` + k of the board.
 
     Options: `device`: its device number, for several boards on one line. `crc=1`: commands end with a CRC-7. `reads=1`:
-    errors and positions are read back, and Connect checks the serial time-out; on by default with one of the other two.
+    errors and positions are read back, and Connect checks the serial time-out; on by default with `device` or `crc=1`.
     """
 
     name, title = "maestro", "Pololu Maestro"

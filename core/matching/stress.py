@@ -361,8 +361,9 @@ class StressMatcher:
         """Evaluate the law at the pose found, and search again while the result differs from the prediction.
 
         If the residual by the law is not below the best so far, the step is halved. If that does not converge, the
-        pose of the smallest residual is kept; if the law converges at no pose, the pose of the last frame is. The error
-        of a learned model exceeds the gain of another search, so with such a model the law is evaluated only once.
+        pose of the smallest residual is kept. If the law has converged at no pose, the last evaluation is at the pose
+        of the last frame. The error of a learned model exceeds the gain of another search, so with such a model the law
+        is evaluated only once.
         """
         if self.contact.law is None or not self.follows_law:
             solution = self._contact_at(minimum.x)

@@ -27,8 +27,8 @@ from ..scene.tactile_scene import Chunk, DeviceUse, TactileScene
 from .bake import Output
 from .device_tracks import Renderer, renderer, usable
 
-# Number of samples before the end beyond which a new sample changes the path by less than 1 % of its change at the end:
-# the change shrinks to about a quarter at every knot.
+# A new sample changes the path at the end, and more than this many samples before the end by less than 1 % of that: the
+# change shrinks to about a quarter at every knot.
 SETTLED = 4
 SHOWN = 0.13  # length of the end of a track that is drawn, and so has to be returned [s]
 State = tuple[float, Mapping[Hashable, Any]]

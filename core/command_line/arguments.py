@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from ..errors import DermisError
@@ -84,11 +86,17 @@ def setting(name: str) -> Argument:
     return _number_of(row, row.name, row.default)
 
 
-def settings_of(form: str) -> tuple[Argument, ...]:
-    """Return the options for the settings of a format, `--FORMAT-NAME`; None where they are left out."""
+def settings_of(form: str, texts: Mapping[str, str] = MappingProxyType({})) -> tuple[Argument, ...]:
+    """Return the options for the settings of a format, `--FORMAT-NAME`; None where they are left out.
+
+    Args:
+        texts: help on settings that mean something else to this verb than to a file, by name.
+    """
     made = []
     for row in FORMATS[form].settings.values():
-        if row.unit == SWITCH:
+        if row.name in texts:
+            made.append(_number_of(row, f"{form}_{row.name}", None, texts[row.name]))
+        elif row.unit == SWITCH:
             text = f"{form}: {row.text[0].lower()}{row.text[1:]}"
             made.append(argument(f"--{form}-{row.name}", action="store_true", default=None, help=text))
         else:
@@ -96,7 +104,7 @@ def settings_of(form: str) -> tuple[Argument, ...]:
     return tuple(made)
 
 
-def _number_of(row: Parameter, name: str, default: float | None) -> Argument:
+def _number_of(row: Parameter, name: str, default: float | None, text: str = "") -> Argument:
     def read(text: str) -> float:
         value = number(text) * row.factor
         try:
@@ -106,7 +114,7 @@ def _number_of(row: Parameter, name: str, default: float | None) -> Argument:
         return value
 
     unit = row.window_unit
-    what = f"{row.text[0].lower()}{row.text[1:]} ({row.default / row.factor:g} {unit})"
+    what = text or f"{row.text[0].lower()}{row.text[1:]} ({row.default / row.factor:g} {unit})"
     return argument(f"--{name.replace('_', '-')}", type=read, default=default, metavar=unit.upper(), help=what)
 
 

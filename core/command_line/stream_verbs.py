@@ -17,6 +17,18 @@ CARD = argument(
     help="a sound card's whole name, see 'stream cards'; 'virtual:' is simulated",
 )
 
+TO_A_CARD = {
+    "full_scale": "required: peak voltage that the sound card gives for the largest sample: 1.414 times the RMS volts "
+    "that a meter shows of a full-scale tone",
+    "gain": "required: voltage gain of the amplifier between sound card and device; 1 without one",
+}
+TO_AN_OUTPUT = {
+    "rate": "samples a second of the output (48000 Hz)",
+    "full_scale": "range of the output, either way; if left out, the one that gives the device's limit",
+    "gain": "required: voltage gain of the amplifier between output and device; 1 without one",
+    "offset": "constant voltage at the device, added to the track's (0 V)",
+}
+
 
 def add_streams(commands: Any) -> None:
     """Add the verbs to a command line."""
@@ -49,7 +61,7 @@ def add_streams(commands: Any) -> None:
         argument(
             "--measured", type=Path, required=True, metavar="FILE", help="what 'stream loopback' found of the card"
         ),
-        *settings_of("wav"),
+        *settings_of("wav", TO_A_CARD),
         switch("--yes", "play without asking"),
         help="play a voice coil's or a screen's track through a sound card, once",
         description="Play the voltage of a track through a sound card that no other program uses. Exit status: 0; 1 "
@@ -76,7 +88,7 @@ def add_streams(commands: Any) -> None:
         argument("--inputs", default="", metavar="CHANNELS", help="its analog inputs with a force sensor: Dev1/ai0:5"),
         argument("--sensor", type=Path, metavar="FILE", help="the force sensor's calibration matrix (JSON)"),
         argument("--forces", type=Path, metavar="FILE", help="write the measured forces and torques (CSV)"),
-        *settings_of("wav"),
+        *settings_of("wav", TO_AN_OUTPUT),
         switch("--yes", "play without asking"),
         help="play a voice coil's or a screen's track through an NI device, once, and measure forces",
         description="Play the voltage of a track through an analog output of an NI device, clocked by the device, and "

@@ -240,7 +240,8 @@ class Drive:
     def _await_armed(self, now: float) -> None:
         adapter, output = self.connection.adapter, self.output
         if now - self._since > ARMING:
-            self.give_up(now, "the device did not arm in time")
+            late = f"the device did not arm within {ARMING:g} s"
+            self.give_up(now, ". ".join(filter(None, (late, adapter.unarmed))))
             return
         if not adapter.armed:
             return
@@ -364,6 +365,7 @@ class Drive:
             outbox.begin(now)  # the way goes on from where it was, or is at its end
             return
         quiet = f"no command has left for {outbox.silence:.2g} s, and the board's limit is {silence.after:.2g} s"
+        quiet += ", because this computer was busy or asleep, or the link took nothing"
         self.message = "; ".join(filter(None, (self.message.rstrip(".") if safing else "", f"{quiet}: arm again")))
         self._counters["silences"] += 1
         self._drop_unsent(now)

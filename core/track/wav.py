@@ -39,6 +39,10 @@ from .upsampling import ratio, upsampled
 SCHEMA = "dermis-track-wav 1"
 COUNTS = 2**23 - 1
 SLACK = 1e-9  # relative: rounding of sums and products is no step beyond full scale
+CHAIN = {
+    "full_scale": "the output's peak voltage for the largest sample: 1.414 times the RMS volts of a full-scale tone",
+    "gain": "the voltage gain between output and device (1 without an amplifier)",
+}
 OPEN_LOOP = "open loop: the voltage follows the animated finger, and a real finger is not where that one is"
 
 
@@ -72,6 +76,27 @@ def write(track: CommandTrack, path: Path, settings: Mapping[str, Any]) -> tuple
     wave = wave_of(track, settings)
     write_bytes(Path(path), dumps(track, wave))
     return wave.findings
+
+
+def stated(options: Mapping[str, Any], needed: tuple[str, ...], where: str) -> dict[str, Any]:
+    """Return the settings that a verb's options state, for a voltage that a real device gets.
+
+    Args:
+        options: by name, 'wav_full_scale' and so on, in SI; None where one is left out.
+        needed: settings without which nobody knows the volts at the device.
+
+    Raises:
+        DermisError: one of those is left out, or 0.
+    """
+    given = {name: options[f"wav_{name}"] for name in WAVE if options[f"wav_{name}"] is not None}
+    if missing := [name for name in needed if not given.get(name)]:
+        raise DermisError(
+            "the voltage at the device is not known",
+            where=where,
+            value=", ".join(f"no --wav-{name.replace('_', '-')}" for name in missing),
+            remedy="Measure and give: " + "; ".join(f"--wav-{n.replace('_', '-')}, {CHAIN[n]}" for n in missing),
+        )
+    return given
 
 
 def wave_of(track: CommandTrack, settings: Mapping[str, Any]) -> Wave:
@@ -294,7 +319,7 @@ def _beyond(volts: Array, limit: float, rate: int, clip: bool, channel: Channel,
         where=found.where,
         value=found.value,
         limit=f"{found.limit}, gain times full scale",
-        remedy="Raise full scale or gain to what card and amplifier give, lower the amplitude, or allow clipping",
+        remedy="Raise full scale or gain to those of your output and amplifier, lower the amplitude, or allow clipping",
         code="beyond-full-scale",
     )
 

@@ -20,8 +20,7 @@ from ... import clock
 from ...arrays import Array
 from ...errors import DermisError
 from ..connection import Connection
-from ..links.url import Url
-from ..protocols.adapters import adapter_of
+from ..drive import Phase
 from ..protocols.native import Native
 from ..protocols.packets import DeviceState, Kind, Reach, pack
 from ..protocols.silence import Does
@@ -37,6 +36,7 @@ SAFE_MS = 100.0  # by then silence or a flood has ended in the safe state [ms]
 FLOOD_RATE = 50_000.0  # as fast as a serial line of 500,000 baud [bytes/s]
 POSE_EVERY = 0.05  # an answer that takes longer is asked for again [s]
 CONNECTING, ARMING = 6.0, 3.0  # a board that resets when its port is opened needs 2 s [s]
+NOT_ARMED = "not-armed"  # code of the refusal of a device that never was armed
 LEAVING = 2.0  # a link that is let go is closed by then [s]
 RAMPING = 600.0  # to the safe pose, at a speed that the preset declares [s]
 
@@ -76,6 +76,8 @@ class Bench:
 
     Attributes:
         wire: the device. streamer: its mind. host: how busy this computer is.
+        tells_pose: the board reports a pose, as the adapter of the last connection says; kept while there is no link.
+        hushed: the board is asked nothing while it is not armed, see `Adapter`; kept likewise.
     """
 
     def __init__(
@@ -89,6 +91,7 @@ class Bench:
         self.host = Host(clock, sleep)
         self._heed, self._clock, self._sleep = heed, clock, self.host.sleep
         self._silent = self._left_alone = False
+        self.tells_pose = self.hushed = False
         made = request.calibrated()  # tested values are driven as they are: a measured curve would change them
         plain = "" if made is None else made.without_curves().dumps()
         self._request = replace(request, connect=True, mode="jog", ramp=1.0, stall=60.0, calibration=plain)
@@ -119,11 +122,6 @@ class Bench:
         return self._request.protocol == Native.name
 
     @property
-    def tells_pose(self) -> bool:
-        """Return whether the protocol reports a pose, whether or not there is a link just now."""
-        return adapter_of(self._request.protocol, Url(self._request.url).options).tells_pose
-
-    @property
     def holds_safe(self) -> bool:
         """Return whether the safe state is a pose that the board holds; otherwise it lets go, and may be anywhere."""
         adapter = self.connection.adapter
@@ -132,7 +130,7 @@ class Bench:
     @property
     def confirmed(self) -> bool | None:
         """Return whether the board has confirmed its safe state; None where its protocol cannot."""
-        if not self.tells_pose or self.streamer.connection is None:
+        if not self.tells_pose or self.hushed or self.streamer.connection is None:
             return None
         adapter = self.streamer.connection.adapter
         return adapter.settled if adapter.state is None else adapter.state == DeviceState.SAFE
@@ -152,19 +150,22 @@ class Bench:
         self.until(lambda: self.streamer.state in (*there, State.FAULT) or not self._holds, CONNECTING)
         if self.streamer.state not in there:
             raise DermisError(self.streamer.message.rstrip(".") or f"{self._request.url} does not answer")
+        adapter = self.connection.adapter
+        self.tells_pose, self.hushed = adapter.tells_pose, adapter.hushed
 
     def arm(self) -> None:
         """Arm at the safe pose, and wait until the ramp there is over.
 
         Raises:
-            DermisError: it does not arm.
+            DermisError: it does not arm, with the code 'not-armed'; or it disarmed itself.
         """
         if self.streamer.drive is None or self.streamer.drive.leaving:
             self.connect()
         self._arms += 1
         self._apply(arm_id=self._arms, jog=self._jog(self.wire.safe))
-        self.until(lambda: self.streamer.state in (State.ARMED, State.STREAMING), ARMING)
-        self._still_armed()
+        self.until(lambda: self._driven or not self.streamer.armed, ARMING)
+        if not self._driven:
+            raise DermisError(self._why(), code=NOT_ARMED)
         limiter = self.connection.output.limiter
         self.run(self._request.ramp + 0.2)
         self.until(lambda: not self.streamer.armed or bool(np.allclose(limiter.last, self.wire.safe)), RAMPING)
@@ -356,7 +357,15 @@ class Bench:
 
     def _still_armed(self) -> None:
         if not self.streamer.armed:
-            raise DermisError(self.streamer.message.rstrip(".") or f"{self._request.url} is not armed any more")
+            raise DermisError(self._why())
+
+    def _why(self) -> str:
+        return self.streamer.message.rstrip(".") or f"{self._request.url} is not armed"
+
+    @property
+    def _driven(self) -> bool:
+        """Return whether the device has said, or is taken to have said, that it is armed."""
+        return self.streamer.drive is not None and self.streamer.drive.phase is Phase.LIVE
 
     @property
     def _holds(self) -> bool:

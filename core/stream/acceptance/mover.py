@@ -103,7 +103,7 @@ class Mover:
         """Return a pose for people, its first channels."""
         wire = self.bench.wire
         if pose is None:
-            return "the board reports no pose"
+            return "no pose was reported"
         return ", ".join(f"{n} {v:.4g} {u}" for n, v, u in zip(wire.names[:8], pose, wire.units, strict=False))
 
     def _armed(self) -> None:

@@ -43,7 +43,7 @@ class Walk:
         self.bench, self.person, self.play = bench, person, play
         wire = bench.wire
         self.mover = Mover(bench)
-        self._home = "in its retracted pose" if wire.spec.worn else "in its safe state (no force, no voltage)"
+        self._home = "in its safe pose" if wire.spec.worn else "in its safe state (no force, no voltage)"
         self._manner = "at once" if wire.reach == Reach.AT_ONCE else "at an even speed"
 
     def checks(self) -> dict[str, Callable[[], Iterator[Check]]]:
@@ -67,6 +67,9 @@ class Walk:
         what = "a hundred questions and answers"
         if not self.bench.tells_pose:
             yield Check("link", what, "not tried", limit="this protocol has no answers")
+            return
+        if self.bench.hushed:
+            yield Check("link", what, "not tried", limit="this protocol asks nothing while the board is not armed")
             return
         figure = ""
 
@@ -102,7 +105,7 @@ class Walk:
         return trips
 
     def first_arm(self) -> Iterator[Check]:
-        """The first pulses, and the ramp to the retracted pose."""
+        """The first pulses, and the ramp to the safe pose."""
         connection, spec = self.bench.streamer.connection, self.bench.wire.spec
         if connection is not None:
             for said in filter(None, (connection.adapter.caution, connection.adapter.notice)):
@@ -116,7 +119,7 @@ class Walk:
         self.mover.ready()
         seen = self.person.ask(f"Is every motor or output {self._home}, and does it hold still?{self._without()}")
         yield Check(
-            "first-arm", "armed; to the retracted pose", *judged(seen, self.mover.measured(pose)), self.mover.text(pose)
+            "first-arm", "armed; to the safe pose", *judged(seen, self.mover.measured(pose)), self.mover.text(pose)
         )
 
     def motors(self) -> Iterator[Check]:

@@ -17,10 +17,9 @@ from ... import clock
 from ...arrays import Array
 from ...errors import DermisError, Finding
 from ...files import write_bytes
-from ...parameters.wave import WAVE
 from ...track import export
 from ...track.command_track import CommandTrack
-from ...track.wav import Wave, wave_of
+from ...track.wav import Wave, stated, wave_of
 from ..signals import Interrupted, Signals
 from .force_sensor import ForceSensor
 from .ni import HIGHEST, Daq, nidaqmx_package
@@ -34,21 +33,23 @@ def daq(options: argparse.Namespace) -> int:
     """Play a track; return the exit status.
 
     Raises:
-        DermisError: a track or device that must not be played like this, or a device that is gone.
+        DermisError: an amplifier's gain that is not stated, a track or device that must not be played like this, or a
+            device that is gone.
     """
     return run(options, nidaqmx_package(), Signals())
 
 
 def run(options: argparse.Namespace, package: Any, signals: Signals) -> int:
     """Play a track with the maker's package, or its fake; see `daq`."""
+    settings = stated(vars(options), ("gain",), f"NI device, {options.output}")  # its own volts it knows
     track = export.read(options.track)
-    given = {name: getattr(options, f"wav_{name}") for name in WAVE}
-    volts, wave = volts_of(track, {name: value for name, value in given.items() if value is not None})
+    volts, wave = volts_of(track, settings)
     if bool(options.inputs) != bool(options.sensor) or bool(options.forces) != bool(options.sensor):
         raise DermisError("--inputs, --sensor and --forces go together", where="stream daq")
     sensor = ForceSensor.load(options.sensor) if options.sensor else None
     for finding in wave.findings:
-        print(finding, file=sys.stderr)
+        if finding.code != "constant-voltage":  # a sound card's
+            print(finding, file=sys.stderr)
     peak = float(np.abs(volts).max(initial=0.0))
     full = wave.limit / float(wave.header["gain"])
     device = Daq(package, options.output, options.inputs or "", wave.rate, full, sensor.range if sensor else HIGHEST)
@@ -63,7 +64,12 @@ def run(options: argparse.Namespace, package: Any, signals: Signals) -> int:
         with signals.caught():
             if not options.yes:
                 load = " Take every load off the sensor, and touch nothing for half a second." if sensor else ""
-                print(f"{options.output} gives up to {peak:.4g} V.{load} Enter: play; Ctrl-C: stop.", flush=True)
+                gain = float(wave.header["gain"])
+                print(
+                    f"{track.spec.name} gets up to {peak * gain:.4g} V: {options.output} gives up to {peak:.4g} V, "
+                    f"times the stated gain of {gain:g}.{load} Enter: play; Ctrl-C: stop.",
+                    flush=True,
+                )
                 try:
                     if not signals.line():
                         raise DermisError(

@@ -30,12 +30,14 @@ class Adapter:
     Class attributes:
         name: in URLs and menus. title: for people.
         tells_pose: the device reports its pose; None as `pose` then means that it does not know it.
+        hushed: nothing is asked while nothing is armed, so that the board's own time-out acts: no safe state is
+            confirmed then, and no pose reported.
         limp: in the safe state the actuators have no power, whatever the preset says.
         timed: commands may carry their play-out time.
         bears: longest delay of answers in a port's chip that commands are not hindered by [s].
         datagrams: messages go as datagrams, never as a stream.
         baud: baud rate of a serial port whose URL states none.
-        unanswered: advice where nobody answers.
+        unanswered: advice where nobody answers. unarmed: advice where it answers, and does not arm; '' for none.
         OPTIONS: names of the options that a URL may set.
         SENSES: name and unit of what the actuators measure beside their pose.
 
@@ -66,6 +68,7 @@ class Adapter:
     name = ""
     title = ""
     tells_pose = False
+    hushed = False
     limp = False
     timed = False
     bears = math.inf
@@ -73,6 +76,7 @@ class Adapter:
     baud = 115_200
     caution = ""
     unanswered = "Check port, protocol, baud rate and power"
+    unarmed = ""
     command_bytes = 0
     other_bytes = 0.0
     OPTIONS: tuple[str, ...] = ()

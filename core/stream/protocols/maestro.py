@@ -49,6 +49,7 @@ class Maestro(Adapter):
     """
 
     name, title = "maestro", "Pololu Maestro"
+    hushed = True
     caution = (
         "This board keeps its last pulses when the computer falls silent. In the Maestro Control Center set 'Serial "
         "timeout' to 0.1 s, and choose what each servo does on error; or keep a switch at hand."

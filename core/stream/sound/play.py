@@ -15,10 +15,9 @@ from ...arrays import Array
 from ...devices.kinds import KINDS
 from ...devices.mechanism import mechanism_of
 from ...errors import DermisError, Finding
-from ...parameters.wave import WAVE
 from ...track import export
 from ...track.command_track import CommandTrack
-from ...track.wav import Wave, wave_of
+from ...track.wav import Wave, stated, wave_of
 from ..signals import Interrupted, Signals
 from .card import Card, open_card
 from .loopback import lowest
@@ -32,11 +31,11 @@ def sound(options: argparse.Namespace) -> int:
     """Play a track; return the exit status.
 
     Raises:
-        DermisError: a card or track that must not be played like this, or a card that is gone.
+        DermisError: a chain whose volts are not stated, a card or track that must not be played like this, or a card
+            that is gone.
     """
+    settings = stated(vars(options), ("full_scale", "gain"), f"sound card '{options.card}'")
     track = export.read(options.track)
-    given = {name: getattr(options, f"wav_{name}") for name in WAVE}
-    settings = {name: value for name, value in given.items() if value is not None}
     measured = MeasuredCard.load(options.measured)
     samples, wave = samples_of(track, settings, measured, options.card)
     for finding in wave.findings:
@@ -47,7 +46,8 @@ def sound(options: argparse.Namespace) -> int:
             if not options.yes:
                 peak = float(np.abs(wave.volts).max())
                 print(
-                    f"{track.spec.name} gets up to {peak:.4g} V from {card.name}. Enter: play; Ctrl-C: stop.",
+                    f"{track.spec.name} gets up to {peak:.4g} V from {card.name}, whose full scale is stated as "
+                    f"{settings['full_scale']:g} V, times {settings['gain']:g}. Enter: play; Ctrl-C: stop.",
                     flush=True,
                 )
                 if not signals.line():

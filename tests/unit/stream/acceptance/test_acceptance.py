@@ -20,7 +20,7 @@ from core.devices.calibration import Calibration
 from core.errors import DermisError
 from core.presets import Library
 from core.stream.acceptance.bench import Bench
-from core.stream.acceptance.command import _tried
+from core.stream.acceptance.command import _go, _tried
 from core.stream.acceptance.mover import fastest_over
 from core.stream.acceptance.player import slow_track
 from core.stream.acceptance.report import CHECKS, Check, Report, judged
@@ -411,6 +411,60 @@ def test_every_pin_is_tried_and_no_speed_is_asked_of_valves() -> None:
     assert found["all other motors"].what == "125 moved in their turn"
     assert [check.outcome for check in walk.speed()] == ["does not apply"]
     assert Report({}, [*found.values(), *walk.speed()]).verdict == "accepted"
+    bench.end()
+
+
+MAESTRO = "virtual:?crc=1&reads=1&silence=retracts&silence_ms=100&board_crc=1&board_timeout=0.1"
+
+
+@pytest.mark.real_time
+def test_a_pose_that_only_an_option_of_the_address_turns_on_is_judged(capsys: pytest.CaptureFixture[str]) -> None:
+    """A Maestro reports its pulses with reads=1, while it is armed; the checks took it for a board without answers."""
+    bench, report = bench_for("cable_platform", "maestro", MAESTRO), Report({})
+    bench.connect()
+    _go(Walk(bench, Yes(), []), ["link", "first-arm", "stop"], report)
+    link, first, stop = (check for check in report.checks if check.what != "left out by --only")
+    said = "this protocol asks nothing while the board is not armed"
+    assert (link.outcome, link.limit) == ("not tried", said) and f"link: {said}\n" in capsys.readouterr().out
+    assert (first.outcome, first.judge) == ("passed", "measured and seen") and first.figure.startswith("motor_1 ")
+    assert (stop.outcome, stop.judge, stop.figure) == ("passed", "seen", ""), "no stop is confirmed"
+    assert bench.end() == ""
+
+
+@pytest.mark.real_time
+def test_a_maestros_channel_that_does_not_move_is_found() -> None:
+    bench = bench_for("cable_platform", "maestro", MAESTRO + "&stuck=1")
+    bench.connect()
+    found = {check.name: check.outcome for check in Walk(bench, Yes(), []).first_arm()}
+    assert found == {"first-arm": "passed"}, "its pulses are those of the safe pose after the silence of Connect"
+    motors = {check.name: check.outcome for check in Walk(bench, Yes(), []).motors()}
+    assert motors == {"motor motor_1": "passed", "motor motor_2": "failed", "motor motor_3": "passed"}
+    assert bench.end() == ""
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize(("pause", "outcome", "arms"), [(0.04, "failed", 1), (0.8, "not judged", 3)])
+def test_a_board_that_never_arms_is_excused_by_no_short_pause(pause: float, outcome: str, arms: int) -> None:
+    """A missing PCA9685: nothing is armed, however idle this computer is."""
+    asked = []
+
+    def sleep(seconds: float) -> None:
+        asked.append(1)
+        time.sleep(seconds + (pause if bench._arms and len(asked) % 20 == 0 else 0.0))
+
+    bench = bench_for("haptip", sleep=sleep)
+    connect = bench.connect
+
+    def connected() -> None:
+        connect()
+        bench.connection.link._server.device._configure = lambda body: None  # type: ignore[attr-defined]
+
+    bench.connect = connected  # type: ignore[method-assign]
+    bench.connect()
+    (found,) = _tried("first-arm", Walk(bench, Yes(), []).first_arm, bench)
+    assert (found.outcome, bench._arms) == (outcome, arms), found
+    assert "did not arm within 1 s" in found.figure and "PCA9685" in found.figure
+    assert ("this computer was busy" in found.figure) == (outcome == "not judged")
     bench.end()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import inspect
+import io
 import json
 import signal
 from pathlib import Path
@@ -42,7 +43,7 @@ def track(folder: Path, seconds: float = 0.5) -> Path:
 def options(folder: Path, **more: Any) -> argparse.Namespace:
     plain = {f"wav_{name}": None for name in WAVE}
     given = {"track": track(folder), "output": "Dev1/ao0", "inputs": "", "sensor": None, "forces": None, "yes": True}
-    return argparse.Namespace(**{**plain, **given, **more})
+    return argparse.Namespace(**{**plain, "wav_gain": 1.0, **given, **more})
 
 
 def sensing(folder: Path) -> dict[str, Any]:
@@ -119,6 +120,7 @@ def test_a_device_that_stops_is_told_zero_volts_and_named(fault: str, tmp_path: 
         ({"output": "Dev1/ao0:1"}, "one output is wanted"),
         ({"wav_rate": 192_000}, "192000"),
         ({"wav_rate": 96_000}, "does not make this rate.*95000"),
+        ({"wav_gain": None}, "voltage at the device is not known.*found 'no --wav-gain'"),
         ({"wav_full_scale": 20.0}, "more than an NI device gives"),
         ({"inputs": "Dev1/ai0:5"}, "go together"),
     ],
@@ -137,6 +139,17 @@ def test_another_number_of_inputs_than_the_matrix_has(tmp_path: Path) -> None:
     more = {**sensing(tmp_path), "inputs": "Dev1/ai0:3"}
     with pytest.raises(DermisError, match="another number of inputs"):
         play.run(options(tmp_path, **more), Device().package, Signals())
+
+
+def test_the_voltage_that_is_announced_is_the_devices_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n"))
+    more = {"wav_gain": 20.0, "wav_offset": 0.5, "yes": False}
+    assert play.run(options(tmp_path, **more), Device().package, Signals()) == 0
+    said = capsys.readouterr()
+    assert "gets up to 2.5 V: Dev1/ao0 gives up to 0.125 V, times the stated gain of 20" in said.out
+    assert "most sound cards" not in said.err
 
 
 def test_a_full_input_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -26,6 +26,7 @@ from core.stream.virtual.sound_loop import SoundLoop
 from core.track import export
 from core.track.command_track import CommandTrack
 
+CHAIN = ["--wav-full-scale", "1.5", "--wav-gain", "2"]
 CARD = MeasuredCard("virtual:", 48_000, 0.8, 0.012, 1e-5, 2.0, 1.0)
 ROOT = Path(__file__).resolve().parents[4]
 COIL, SCREEN = Library().device("voice_coil"), Library().device("electrovibration")
@@ -133,7 +134,7 @@ def test_the_verb_plays_tells_and_refuses(tmp_path: Path, capsys: Any, monkeypat
     track, card = tmp_path / "t.csv", tmp_path / "card.json"
     export.write(coil_track(), track, "csv")
     CARD.save(card)
-    line = ["stream", "sound", str(track), "--card", "virtual:", "--measured", str(card)]
+    line = ["stream", "sound", str(track), "--card", "virtual:", "--measured", str(card), *CHAIN]
     assert main([*line, "--yes"]) == 0
     assert "played 0.50 of 0.50 s, dry 0" in capsys.readouterr().out
     replace(CARD, corner=30.0).save(card)
@@ -143,6 +144,26 @@ def test_the_verb_plays_tells_and_refuses(tmp_path: Path, capsys: Any, monkeypat
     monkeypatch.setattr(sound_play, "play", lambda *_: played.append(1) or 0)
     monkeypatch.setattr("sys.stdin", io.StringIO())  # nobody is there to press Enter
     assert main(line) == 2 and not played and "was not confirmed" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ([], "'no --wav-full-scale, no --wav-gain'"),
+        (CHAIN[:2], "found 'no --wav-gain'.*Measure and give: --wav-gain"),
+        (CHAIN[2:], "found 'no --wav-full-scale'.*RMS volts of a full-scale tone"),
+        ([*CHAIN[2:], "--wav-full-scale", "0"], "found 'no --wav-full-scale'"),
+    ],
+)
+def test_a_chain_that_is_not_stated_is_refused(given: list[str], words: str, tmp_path: Path, capsys: Any) -> None:
+    """A card of 1.4 V and an amplifier of 10 gave 2.8 V where 0.6 V were announced."""
+    track, card = tmp_path / "t.csv", tmp_path / "card.json"
+    export.write(coil_track(), track, "csv")
+    CARD.save(card)
+    line = ["stream", "sound", str(track), "--card", "virtual:", "--measured", str(card), *given, "--yes"]
+    assert main(line) == 2
+    said = capsys.readouterr()
+    assert "voltage at the device is not known" in said.err and re.search(words, said.err) and not said.out
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of Unix")
@@ -157,6 +178,7 @@ def test_a_signal_to_the_program_ends_it_by_silence(name: str, tmp_path: Path) -
     slow = "virtual:?pace=1"
     replace(CARD, name=slow).save(card)
     line = [sys.executable, "-m", "core", "stream", "sound", str(track), "--card", slow, "--measured", str(card)]
+    line += CHAIN
     # Enter is pressed here, so the test knows that the card is about to play
     child = subprocess.Popen(line, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert child.stdin is not None and child.stdout is not None
@@ -181,7 +203,7 @@ def test_a_card_that_ran_dry_is_told(tmp_path: Path, capsys: Any, monkeypatch: p
     dry = SoundLoop("virtual:", 48_000, {})
     dry.dry = 3
     monkeypatch.setattr(sound_play, "open_card", lambda *_: dry)
-    assert main(["stream", "sound", str(track), "--card", "virtual:", "--measured", str(card), "--yes"]) == 1
+    assert main(["stream", "sound", str(track), "--card", "virtual:", "--measured", str(card), *CHAIN, "--yes"]) == 1
     assert "nothing to play for a moment" in capsys.readouterr().err
 
 

@@ -11,6 +11,7 @@ static inline uint32_t chip_flash32(const uint32_t *at) { return pgm_read_dword(
 
 #ifdef DERMIS_PCA9685
 static const uint16_t CHIP_QUEUE_BYTES = 300; /* so many channels take the rest */
+static_assert(DERMIS_CHANNELS <= 32, "DERMIS_CHANNELS: this chip's memory is enough for 32 with PCA9685 boards");
 #else
 static const uint16_t CHIP_QUEUE_BYTES = 1000; /* half of its memory */
 #endif
@@ -46,8 +47,14 @@ static inline ChipPin chip_servo_pin(uint8_t channel) {
   return {portOutputRegister(digitalPinToPort(pin)), digitalPinToBitMask(pin)};
 }
 
-/* Not 0 and 1, the line; not the servos'; not 13, which bootloaders blink; not A6 and A7, which are inputs. */
-constexpr bool chip_relay_pin(int pin) { return (pin >= 10 && pin <= 12) || (pin >= A0 && pin <= A5); }
+/* Not 0 and 1, the line; not the servos'; not 13, which bootloaders blink; not A6 and A7, which are inputs; not A4 and A5
+   where they are I2C. */
+#ifdef DERMIS_PCA9685
+constexpr int LAST_RELAY_PIN = A3;
+#else
+constexpr int LAST_RELAY_PIN = A5;
+#endif
+constexpr bool chip_relay_pin(int pin) { return (pin >= 10 && pin <= 12) || (pin >= A0 && pin <= LAST_RELAY_PIN); }
 static inline void chip_relay_begin(uint8_t pin, bool on) {
   digitalWrite(pin, on ? HIGH : LOW); /* before it is an output: no moment at the other level */
   pinMode(pin, OUTPUT);

@@ -22,7 +22,7 @@
 #define DERMIS_ID "DERMISU1" /* eight characters: give each board of yours another */
 #endif
 
-// #define DERMIS_RELAY_PIN 12 // a relay in the servos' supply: on while armed and on the way to safety
+// #define DERMIS_RELAY_PIN 10 // a relay in the servos' supply: on while armed and on the way to safety
 // #define DERMIS_PCA9685 1 // so many PCA9685 boards make the pulses instead of this chip: up to 16 servos each
 // #define DERMIS_WIFI // ESP32: sealed datagrams over Wi-Fi instead of USB, which is for pairing then
 // #define DERMIS_SERVO_ANIMATION // Blender Servo Animation's live mode instead of the native protocol

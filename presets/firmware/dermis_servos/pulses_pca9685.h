@@ -25,6 +25,9 @@ static_assert(DERMIS_PCA9685 >= 1 && DERMIS_PCA9685 <= 62, "DERMIS_PCA9685: the 
 static_assert(DERMIS_CHANNELS >= 1, "DERMIS_CHANNELS: a board has one channel at least");
 static_assert(DERMIS_CHANNELS <= 16 * DERMIS_PCA9685, "DERMIS_CHANNELS: so many PCA9685 boards have fewer channels");
 static_assert(chip_relay_pin(DERMIS_OE_PIN), "DERMIS_OE_PIN: this pin cannot be the boards' OE, README.md says which can");
+#ifdef DERMIS_RELAY_PIN
+static_assert(DERMIS_RELAY_PIN != DERMIS_OE_PIN, "DERMIS_RELAY_PIN: this pin is the boards' OE, choose another");
+#endif
 
 static const uint8_t CHANNELS = DERMIS_CHANNELS;
 static const uint8_t BOARDS = DERMIS_PCA9685;

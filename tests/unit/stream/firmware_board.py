@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import functools
+import re
 import shutil
 import subprocess
 import tempfile
@@ -36,6 +37,11 @@ def servos(count: int = 8, slew: float | None = None, **source: Any) -> Wire:
 def wanted_us(values: np.ndarray) -> np.ndarray:
     """Return the pulses of such servos [us]."""
     return 1500 + 500 * values
+
+
+def errors(text: str) -> list[str]:
+    """Return a compiler's errors."""
+    return re.findall(r"error: (.*)", text)
 
 
 @functools.cache

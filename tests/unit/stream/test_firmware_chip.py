@@ -13,7 +13,7 @@ import pytest
 
 from core.stream.protocols.packets import Kind
 from tests.unit.stream.firmware_avr import compile_sketch, emulated
-from tests.unit.stream.firmware_board import SKETCH, SOURCES, WARNINGS, Chip, Sender, servos, wanted_us
+from tests.unit.stream.firmware_board import SKETCH, SOURCES, WARNINGS, Chip, Sender, errors, servos, wanted_us
 from tests.unit.stream.firmware_host import HostBoard, compile_for_host, every_chip, hosted
 
 pytestmark = pytest.mark.one_line("3.11", "the sketch is C++, compiled by the system's compilers")
@@ -33,11 +33,6 @@ REFUSED = {
     "DERMIS_RELAY_PIN=13": "DERMIS_RELAY_PIN: this pin cannot be the relay's",
     "DERMIS_RELAY_PIN=9": "DERMIS_RELAY_PIN: this pin cannot be the relay's",
 }
-
-
-def errors(text: str) -> list[str]:
-    """Return a compiler's errors."""
-    return re.findall(r"error: (.*)", text)
 
 
 @emulated
@@ -142,6 +137,8 @@ def test_only_a_chip_with_i2c_drives_pca9685_boards() -> None:
     sixteen = ("-DDERMIS_PCA9685=1", "-DDERMIS_CHANNELS=16")
     done = compile_bare("RP2040", *sixteen)
     assert not done.returncode and not done.stderr, done.stderr
+    done = compile_bare("RP2040", *sixteen, "-DDERMIS_RELAY_PIN=12")
+    assert "this pin is the boards' OE" in errors(done.stderr)[0]
     for name in ("Teensy 4", "ESP32"):
         assert "the header of this chip has no I2C" in errors(compile_bare(name, *sixteen).stderr)[0]
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.unit.stream.firmware_avr import AvrBoard, compile_sketch, emulated
-from tests.unit.stream.firmware_board import Board, Chip, Sender, servos, wanted_us
+from tests.unit.stream.firmware_board import Board, Chip, Sender, errors, servos, wanted_us
 from tests.unit.stream.firmware_host import HostBoard, compile_for_host, hosted
 
 pytestmark = [hosted, pytest.mark.one_line("3.11", "the sketch is C++, compiled by the system's compilers")]
@@ -217,7 +217,17 @@ def test_random_values_become_their_pulses_on_the_emulated_uno() -> None:
 
 
 @emulated
-@pytest.mark.parametrize("defines", [SIXTEEN, TWO[:2]])
+@pytest.mark.parametrize(
+    "defines",
+    [
+        SIXTEEN,
+        TWO[:2],
+        ("-DDERMIS_PCA9685=2", "-DDERMIS_CHANNELS=32"),
+        (*SIXTEEN, "-DDERMIS_RELAY_PIN=10"),
+        (*SIXTEEN, "-DDERMIS_RELAY_PIN=A3"),
+        (*SIXTEEN, "-DDERMIS_OE_PIN=11", "-DDERMIS_RELAY_PIN=12"),
+    ],
+)
 def test_it_compiles_for_the_uno_without_a_warning(defines: tuple[str, ...]) -> None:
     done = compile_sketch(*defines)
     assert not done.returncode and not done.stderr, done.stderr
@@ -229,8 +239,35 @@ def test_it_compiles_for_the_uno_without_a_warning(defines: tuple[str, ...]) -> 
         (("DERMIS_PCA9685=1", "DERMIS_CHANNELS=17"), "so many PCA9685 boards have fewer channels"),
         (("DERMIS_PCA9685=63",), "the number of boards, 1 to 62"),
         (("DERMIS_PCA9685=1", "DERMIS_OE_PIN=3"), "this pin cannot be the boards' OE"),
+        (("DERMIS_PCA9685=1", "DERMIS_RELAY_PIN=12"), "DERMIS_RELAY_PIN: this pin is the boards' OE"),
+        (
+            ("DERMIS_PCA9685=1", "DERMIS_OE_PIN=14", "DERMIS_RELAY_PIN=14"),
+            "DERMIS_RELAY_PIN: this pin is the boards' OE",
+        ),
     ],
 )
 def test_limits_are_named(defines: tuple[str, ...], said: str, tmp_path: object) -> None:
     done = compile_for_host(tmp_path / "sketch.so", *(f"-D{one}" for one in defines))  # type: ignore[operator]
     assert said in done.stderr
+
+
+@emulated
+@pytest.mark.parametrize(
+    ("defines", "said"),
+    [
+        (("DERMIS_RELAY_PIN=12",), "DERMIS_RELAY_PIN: this pin is the boards' OE, choose another"),
+        (("DERMIS_RELAY_PIN=A4",), "DERMIS_RELAY_PIN: this pin cannot be the relay's"),
+        (("DERMIS_RELAY_PIN=A5",), "DERMIS_RELAY_PIN: this pin cannot be the relay's"),
+        (("DERMIS_OE_PIN=A4",), "DERMIS_OE_PIN: this pin cannot be the boards' OE"),
+        (("DERMIS_OE_PIN=A5",), "DERMIS_OE_PIN: this pin cannot be the boards' OE"),
+        (("DERMIS_PCA9685=3", "DERMIS_CHANNELS=33"), "DERMIS_CHANNELS: this chip's memory is enough for 32"),
+        (("DERMIS_PCA9685=3", "DERMIS_CHANNELS=40"), "DERMIS_CHANNELS: this chip's memory is enough for 32"),
+        (("DERMIS_PCA9685=3", "DERMIS_CHANNELS=48"), "DERMIS_CHANNELS: this chip's memory is enough for 32"),
+    ],
+)
+def test_the_uno_refuses_pins_that_have_another_use_and_more_servos_than_its_memory_holds(
+    defines: tuple[str, ...], said: str
+) -> None:
+    given = defines if any("PCA9685" in one for one in defines) else ("DERMIS_PCA9685=1", *defines)
+    found = errors(compile_sketch(*(f"-D{one}" for one in given)).stderr)
+    assert found and said in found[0], found

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.unit.stream.firmware_avr import AvrBoard, compile_sketch, emulated
-from tests.unit.stream.firmware_board import Board, Chip, Sender, errors, servos, wanted_us
+from tests.unit.stream.firmware_board import SKETCH, Board, Chip, Sender, errors, servos, wanted_us
 from tests.unit.stream.firmware_host import HostBoard, compile_for_host, hosted
 
 pytestmark = [hosted, pytest.mark.one_line("3.11", "the sketch is C++, compiled by the system's compilers")]
@@ -214,6 +216,12 @@ def test_random_values_become_their_pulses_on_the_emulated_uno() -> None:
         lost = board.now
         sender.run(0.2)
         assert board.levels[-1][:2] == (OE, 1) and board.levels[-1][2] - lost <= 0.06 and not sender.adapter.armed
+
+
+def test_the_sketchs_own_example_of_a_relay_is_not_oe(tmp_path: Path) -> None:
+    (pin,) = re.findall(r"^// #define DERMIS_RELAY_PIN (\w+)", SKETCH.read_text("utf-8"), re.M)
+    done = compile_for_host(tmp_path / "sketch.so", *SIXTEEN, f"-DDERMIS_RELAY_PIN={pin}")
+    assert not done.returncode and not done.stderr, done.stderr
 
 
 @emulated

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import struct
 import zlib
 from pathlib import Path
@@ -10,6 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from core.command_line import verbs
+from core.devices.calibration import Calibration
 from core.devices.spec import Channel, DeviceSpec
 from core.presets import Library
 from core.stream.links import url
@@ -20,6 +23,9 @@ from core.stream.protocols.wire import Wire
 from core.stream.virtual import faults
 
 ROOT = Path(__file__).resolve().parents[3]
+BOARDS = sorted((ROOT / "presets" / "boards").glob("*.md"))
+UNO = ROOT / "presets" / "firmware" / "dermis_servos" / "README.md"
+STREAMING = [ROOT / "presets" / f"streaming_{name}.md" for name in ("safety", "protocol")]
 PAGE = "".join((ROOT / "presets" / f"streaming_{name}.md").read_text("utf-8") for name in ("safety", "protocol"))
 
 
@@ -192,3 +198,52 @@ def test_the_gains_of_hobby_servos_are_the_presets_ranges_over_pulses_of_1_ms() 
         span = np.degrees(wire.range_high[0] - wire.range_low[0])
         assert float(gain) == pytest.approx(span / 90.0, abs=5e-4)
         assert [float(low), float(high)] == pytest.approx([1500.0 - span / 0.18, 1500.0 + span / 0.18], abs=0.5)
+
+
+@pytest.mark.parametrize("page", [*BOARDS, UNO], ids=lambda p: p.parent.name + "/" + p.name)
+def test_every_boards_page_sends_its_reader_to_the_page_on_safety_first(page: Path) -> None:
+    head = page.read_text("utf-8").split("\n## ")[0]
+    assert re.search(r"Read\s\[the safety page\]\([./]+streaming_safety\.md\)\sfirst", head)
+
+
+@pytest.mark.parametrize("page", [*BOARDS, UNO, *STREAMING], ids=lambda p: p.parent.name + "/" + p.name)
+def test_every_command_that_a_page_shows_is_understood_and_quotes_its_address(page: Path) -> None:
+    stands_for = {"PORT": "loop://", "ADDRESS": "loop://", "PRESET": "haptip", "PROTOCOL": "native"}
+    for lines in re.findall(
+        r"^ *(python -m core [^`\n]*)$|`(python -m core [^`]* --[^`]*)`", page.read_text("utf-8"), re.M
+    ):
+        shown = re.sub(rf"\b({'|'.join(stands_for)})\b", lambda found: stands_for[found[0]], "".join(lines))
+        verbs.parser("core").parse_args(shlex.split(shown, comments=True)[3:])
+        assert not re.search(r"[?&]", re.sub(r'"[^"]*"|#.*', "", shown)), shown
+
+
+def maestro_speed(least: float) -> int:
+    """Return the lowest speed not below one [units] that the board stores: a number up to 31 times 2^0 to 2^7."""
+    return min(m << e for e in range(8) for m in range(32) if m << e >= least - 1e-9)
+
+
+def test_the_maestros_settings_are_those_of_the_presets() -> None:
+    page = (ROOT / "presets" / "boards" / "pololu_maestro.md").read_text("utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| ([\d., ]+)(?: for each)? \| (?:([\d.]+) for each )?\| (\d+) \|$", page, re.M)
+    assert {name for name, *_ in rows} == {"thimble_3rrs", "cable_platform", "hexapod", "haptip"}
+    gains = {"thimble_3rrs": 0.889, "haptip": 0.533}
+    for name, told, of_90_degrees, speed in rows:
+        spec = Library().device(name)
+        wire = Wire.of(spec)
+        named = [float(us) for us in told.split(",")]
+        pulses = safe_pulses(wire)
+        assert (named * len(pulses) if len(named) == 1 else named) == pulses, f"{name}: {pulses}"
+        assert bool(of_90_degrees) == (name in gains)
+        if of_90_degrees:
+            calibration = Calibration.of(spec)
+            for channel in wire.names:
+                calibration = calibration.with_entry(channel, gain=gains[name])
+            assert set(safe_pulses(Wire.of(spec, calibration))) == {float(of_90_degrees)}
+        quarters_a_10_ms = wire.slew / (wire.range_high - wire.range_low) * 4000 / 100
+        assert int(speed) == maestro_speed(float(quarters_a_10_ms.max())), f"{name}: {quarters_a_10_ms.max()}"
+
+
+def safe_pulses(wire: Wire) -> list[float]:
+    """Return the pulses of the safe state on a Maestro [us]."""
+    sent = adapters.make("maestro", wire, {}).command(wire.safe, 0.0, None)[0]
+    return [(sent[k + 2] + 128 * sent[k + 3]) / 4 for k in range(0, len(sent), 4)]

@@ -81,6 +81,19 @@ def test_amplitude_and_onset_come_out_of_the_loop() -> None:
     assert np.ptp(late) <= 1e-3 and np.mean(late) == pytest.approx(0.012, abs=1e-3)
 
 
+def test_the_track_of_the_cards_page_can_be_played(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its lines write two seconds without a finding, no louder than the page says."""
+    page = (ROOT / "presets" / "boards" / "sound_card.md").read_text("utf-8")
+    (script,) = re.findall(r"```python\n(.*?)```", page, re.S)
+    monkeypatch.chdir(tmp_path)
+    exec(script.replace("import dermis", "import core as dermis"), {})
+    track = export.read("tone.csv")
+    assert not track.check() and track.duration == pytest.approx(2.0, abs=1e-3)
+    samples, wave = samples_of(track, {"full_scale": 1.4, "gain": 10.0}, CARD, "virtual:")
+    assert np.abs(wave.volts).max() == pytest.approx(0.3, rel=5e-3)
+    assert np.abs(samples).max() == pytest.approx(0.3 / 14.0, rel=5e-3)
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_fades_within_five_milliseconds_and_silence_follows(number: int) -> None:
     samples, _ = samples_of(coil_track(onset=0.0), {}, CARD, "virtual:")

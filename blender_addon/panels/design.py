@@ -146,15 +146,16 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
         grid = box.grid_flow(row_major=True, columns=n + 1, even_columns=False, align=True)
         for text in ("motors", *map(str, range(1, n + 1))):
             grid.label(text=text)
-        for text in ("lost %", *(f"{p:.1f}" for p in reduction.mean_percent(own.rule))):
+        for text in ("error %", *(f"{p:.1f}" for p in reduction.mean_percent(own.rule))):
             grid.label(text=text)
-        for text in ("share %", *(f"{100 * p:.1f}" for p in reduction.components.explained)):
+        for text in ("motion %", *(f"{100 * p:.1f}" for p in reduction.components.explained)):
             grid.label(text=text)
         above, below = (100.0 * limit for limit in reduction.limits(own.rule))
-        share = "of the touch" if own.rule == "touch" else "relative to the error with all motors"
-        upto = f"{above:.1f} to {below:.0f} %" if below < float("inf") else f"from {above:.1f} % up"
-        words = f"Error in addition to that with all motors, {share}. The number stays the same for limits {upto}."
-        paragraph(box, context, words)
+        share = "percent of the touch" if own.rule == "touch" else "percent of the error with all motors"
+        upto = f"from {above:.1f} to {below:.0f} %" if below < float("inf") else f"from {above:.1f} % up"
+        paragraph(box, context, f"Error: added to the error with all motors, in {share}.")
+        paragraph(box, context, "Motion: each motor's part of the movement.")
+        paragraph(box, context, f"Any limit of the error {upto} gives the same number.")
         for name, (count, apart), touch in zip(design.names, design.repetitions, reduction.touch.tolist(), strict=True):
             if count > 1:
                 again = f"its {count} repetitions differ by {100.0 * apart / touch:.0f} % of it"
@@ -167,7 +168,7 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
                 "INFO",
             )
         count = min(own.motors or motors or n, n)
-        self._couplings(box, design, reduction, count)
+        self._couplings(context, box, design, reduction, count)
         layout.operator("dermis.show_design", icon="IMAGE_DATA")
         properties(layout, own, "rule", "motors", keys=False)
         row = layout.row(align=True)
@@ -176,7 +177,7 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
         if answer.preset:
             paragraph(layout, context, f"Preset: {answer.preset}, under Devices", "CHECKMARK")
 
-    def _couplings(self, box: Any, design: Any, reduction: Any, count: int) -> None:
+    def _couplings(self, context: bpy.types.Context, box: Any, design: Any, reduction: Any, count: int) -> None:
         directions = reduction.components.directions[:, :count]
         radius = design.spec.parameters.get("pulley_radius")
         pulleys = isinstance(radius, float)
@@ -189,7 +190,7 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
         if count == reduction.motors():
             for words in design.shared.words():
                 what = f"Cables {words} may share a pulley" if pulleys else f"Legs {words} may share a lever"
-                box.label(text=f"{what}: {design.shared.percent:.1f} % lost", icon="LINKED")
+                paragraph(box, context, f"{what}: adds {design.shared.percent:.1f} % of error", "LINKED")
 
 
 class DERMIS_MT_motors_demos(bpy.types.Menu):

@@ -10,6 +10,7 @@ from ..matching.screen_map import ScreenMap
 from ..presets import Library
 from ..stream import sender, touch_panel_command
 from ..stream.links import serial_port
+from ..stream.protocols.adapters import adapter_of
 from ..stream.protocols.wire import Wire
 from ..stream.sound import card
 from ..stream.virtual.faults import NAMES, number_of
@@ -34,8 +35,14 @@ def virtual(options: argparse.Namespace) -> int:
         if name not in NAMES:
             raise DermisError("not a fault", where="--fault", value=text, limit=", ".join(NAMES))
         faults[name] = number_of(name, value)
+    datagrams = adapter_of(options.protocol).datagrams
+    at = options.at or ("udp" if datagrams else "pty")
+    if datagrams and at != "udp":
+        raise DermisError(
+            "this protocol goes over datagrams", where=f"--protocol {options.protocol}", value=f"--at {at}", limit="udp"
+        )
     wire = Wire.of(Library(options.presets).device(options.device or "haptip"))
-    return serve(options.protocol, wire, options.at, faults, every=options.every)
+    return serve(options.protocol, wire, at, faults, every=options.every)
 
 
 def ports(_options: argparse.Namespace) -> int:

@@ -8,6 +8,7 @@ from typing import Any
 
 from ..stream.acceptance.person import INTRODUCTION
 from ..stream.acceptance.report import CHECKS
+from ..stream.virtual.faults import NAMES
 from .arguments import LINK, LOG, REST, SPEAKS, TRACK, add_verb, argument, device, seconds, setting, settings_of, switch
 
 CARD = argument(
@@ -207,16 +208,16 @@ def add_streams(commands: Any) -> None:
         verbs,
         "virtual",
         *device("haptip"),
-        argument("--at", default="pty", choices=("pty", "tcp", "udp"), help="where it can be reached (pty)"),
+        argument(
+            "--at", choices=("pty", "tcp", "udp"), help="where it can be reached (pty; udp for a protocol of datagrams)"
+        ),
         argument("--every", type=seconds, default=0.0, metavar="S", help="print a report this often"),
         argument(
-            "--fault",
-            action="append",
-            default=[],
-            metavar="NAME=VALUE",
-            help="loss, delay, jitter, corrupt, slow, stuck, skew, freeze, jump, seed; more than once",
+            "--fault", action="append", default=[], metavar="NAME=VALUE", help=f"more than once: {', '.join(NAMES)}"
         ),
         help="run a virtual device until its input ends",
+        description="Run a virtual device, and print its address. It ends with its standard input: in a terminal by "
+        "Ctrl-D, and without one at once.",
         run="command_line.stream.virtual",
     )
     add_verb(

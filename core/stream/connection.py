@@ -79,8 +79,11 @@ class Connection:
             raise DermisError(fault, where=self.link.name)
         self.outbox.poll(now)
         if not self.adapter.ready and now - self._opened > HANDSHAKE:
+            remedies = self.adapter.unanswered, self.adapter.at_baud if self.link.baud is not None else ""
             raise DermisError(
-                f"nobody answered within {HANDSHAKE:g} s", where=self.link.name, remedy=self.adapter.unanswered
+                f"nobody answered within {HANDSHAKE:g} s",
+                where=self.link.name,
+                remedy=". ".join(filter(None, remedies)),
             )
         return self.adapter.ready
 

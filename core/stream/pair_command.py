@@ -8,6 +8,7 @@ import os
 import re
 import time
 from collections.abc import Callable, Generator
+from contextlib import closing
 from typing import NamedTuple
 
 from ..errors import DermisError
@@ -49,9 +50,12 @@ def pair(options: argparse.Namespace) -> int:
     Raises:
         DermisError: no such port, a network's name or password of an impossible length, or a board that does not do it.
     """
-    password = "" if options.open else getpass.getpass(f"Password of '{options.network}': ")
-    board, address = drain(pair_at(options.url, options.network, password))
+    _check(options.network.encode(), b"")
+    with closing(open_port(options.url)) as link:  # before anybody types a password
+        password = "" if options.open else getpass.getpass(f"Password of '{options.network}': ")
+        board, address = drain(_joined(link, options.network, password))
     say(f"'{board}' is paired with this computer alone; the key is in {pairs.path()}.")
+    say(f"In a shell, quote its address: --url '{address}'")
     print(address)
     return 0
 
@@ -67,6 +71,16 @@ def pair_at(port: str, network: str, password: str) -> Generator[Wait, None, Pai
             one that has not joined the network.
     """
     _check(network.encode(), password.encode())
+    with closing(open_port(port)) as link:
+        return (yield from _joined(link, network, password))
+
+
+def open_port(port: str) -> Serial:
+    """Open the serial port of a board that shall be paired.
+
+    Raises:
+        DermisError: no such port.
+    """
     if not port.strip():
         raise DermisError("no port is given", remedy="Plug the board in by USB, and name its serial port")
     url = Url(port)
@@ -74,11 +88,12 @@ def pair_at(port: str, network: str, password: str) -> Generator[Wait, None, Pai
         raise DermisError(
             "a board is paired over USB", where="port", value=port, limit="a serial port, as /dev/ttyUSB0 or COM3"
         )
-    link = Serial(url.place, BAUD)
-    try:
-        paired = yield from pair_over(link, network, password, time.monotonic, time.sleep)
-    finally:
-        link.close()
+    return Serial(url.place, BAUD)
+
+
+def _joined(link: Transport, network: str, password: str) -> Generator[Wait, None, Paired]:
+    """Pair the board at the other end of an open port; refuse one that has not joined the network."""
+    paired = yield from pair_over(link, network, password, time.monotonic, time.sleep)
     if not paired.address:
         raise DermisError(
             f"the board '{paired.board}' is paired, and has not joined the network within {JOINS:g} s",

@@ -109,13 +109,14 @@ class _Player(LocalStream):
         refused, sent = (self.streamer.counters[name] for name in ("refused", "sent"))
         if not refused:
             return 0
+        many = refused > MOST * sent
         finding = Finding(
-            "error" if refused > MOST * sent else "warning",
+            "error" if many else "warning",
             "commands-refused",
-            "the device refused commands, or took them too late",
+            "the device refused commands, or took them too late" + ("" if many else f", no more than {MOST:.0%}"),
             where=self.request.url,
             value=f"{refused} of {sent}",
-            limit=f"{MOST:.0%}",
+            limit=f"{MOST:.0%}" if many else "",
             remedy="Play it again; where that does not help, check the device's clock and queue, or set --look-ahead 0",
             count=refused,
         )

@@ -348,7 +348,7 @@ def test_a_rate_for_a_slow_link(scene: Any) -> None:
     settings = scene.dermis_stream
     settings.url = "virtual:?slow=11520"
     session.connect(scene)
-    assert "Set Rate to 385 Hz" in wait(state("fault"))["message"]
+    assert "Set Rate (--rate) to 385 Hz" in wait(state("fault"))["message"]
     settings.rate = 385.0
     session.connect(scene)
     status = wait(state("ready"))

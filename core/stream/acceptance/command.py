@@ -51,12 +51,14 @@ def run(options: argparse.Namespace) -> int:
             play += [f"--{name}", str(getattr(options, name))]
     facts = {"device": bench.wire.spec.name, "preset": f"{options.device} ({bench.wire.spec.hash[:16]})"}
     report = Report({**facts, "url": options.url, "protocol": options.protocol}, interrupted=True)
+    connected = False
     with signals.caught():  # for as long as the device may be anywhere: an interruption brings it home first
         try:
             print(INTRODUCTION)
             person.wait(f"{bench.wire.spec.name} at {options.url}: fingers out? Enter begins.")
             report.write(path, now)  # a place that cannot be written is found before anything moves
             bench.connect()
+            connected = True
             report.device |= _facts(bench)
             _go(Walk(bench, person, play), options.only, report)
             report.interrupted = False
@@ -66,7 +68,10 @@ def run(options: argparse.Namespace) -> int:
             if unsure := bench.end():
                 report.unsafe = unsure
                 say(f"{unsure}. THE DEVICE MAY NOT BE SAFE: switch its supply off")
-            if path.exists():
+            if not connected and not report.unsafe:  # nothing was tried, and the same name serves the next attempt
+                path.unlink(missing_ok=True)
+                path.with_suffix(".json").unlink(missing_ok=True)
+            elif path.exists():
                 report.write(path, now)
                 with contextlib.suppress(OSError):  # a terminal that was closed
                     print(f"{report.verdict}: {path}")

@@ -190,8 +190,7 @@ class Daq:
     def _refused(self, what: str, value: str) -> DermisError:
         return DermisError(
             what,
-            where=f"NI device, {self.output}",
+            where=f"NI device, {self.output} at {self.rate:g} Hz",
             value=value.splitlines()[0][:200] if value else None,
-            limit=f"{self.rate:g} Hz",
             remedy="Switch the amplifier off before you look for the cause",
         )

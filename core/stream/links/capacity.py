@@ -48,12 +48,12 @@ def check(adapter: Adapter, link: Transport, rate: float) -> None:
         return
     faster = needed(adapter, rate) / SHARE
     fits = math.floor((SHARE * link.carries - adapter.other_bytes) / adapter.command_bytes)
-    slower = f"Set Rate to {fits} Hz, or take" if fits >= max(adapter.least_rate, 1.0) else "Take"
+    slower = f"Set Rate (--rate) to {fits} Hz, or take" if fits >= max(adapter.least_rate, 1.0) else "Take"
     raise DermisError(
         f"the link cannot carry commands at {rate:g} Hz",
         where=link.name,
         value=f"{needed(adapter, rate):,.0f} bytes a second",
         limit=f"{SHARE * link.carries:,.0f}, which is {SHARE:.0%} of the {link.carries:,.0f} that it carries",
         remedy=f"{slower} a faster link: {math.ceil(faster):,} bytes a second, "
-        f"a serial port of {math.ceil(10 * faster)} baud",
+        f"a serial port of {math.ceil(10 * faster)} baud" + (f". {adapter.faster}" if adapter.faster else ""),
     )

@@ -39,7 +39,8 @@ class Spy(Transport):
 
     def __init__(self, inner: Transport, path: str) -> None:
         self._inner, self.name = inner, f"spy://{inner.name}"
-        self.datagrams, self.carries, self.keeps = inner.datagrams, inner.carries, inner.keeps
+        self.datagrams, self.baud = inner.datagrams, inner.baud
+        self.carries, self.keeps = inner.carries, inner.keeps
         self._record = Record(path)
 
     def send(self, message: bytes) -> bool:

@@ -13,6 +13,7 @@ from ...errors import DermisError
 from .transport import Gone, Stream, cannot_open
 
 DEVICES = Path("/sys/bus/usb-serial/devices")  # Linux: settings of USB serial chips
+INSTALL = "Run 'pip install pyserial' with the Python that runs Dermis"
 MAX_QUEUED = 0.02  # bytes may wait in a serial driver for this long [s]; then a newer value is better than an older
 
 
@@ -23,7 +24,7 @@ class Serial(Stream):
         try:
             import serial
         except ImportError as error:
-            raise DermisError("serial ports need pyserial", where=place, remedy="Install pyserial") from error
+            raise DermisError("serial ports need pyserial", where=place, remedy=INSTALL) from error
         super().__init__(place)
         self._serial = serial_number(place)
         try:
@@ -33,7 +34,7 @@ class Serial(Stream):
         except (OSError, ValueError) as error:  # SerialException is an OSError
             raise cannot_open(place, error) from error
         self.keeps = latency_timer(place)
-        self.carries = baud / 10  # eight bits, a start and a stop
+        self.baud, self.carries = baud, baud / 10  # eight bits, a start and a stop
         self._budget = max(int(self.carries * MAX_QUEUED), 64)
         self._fd = self._port.fileno() if hasattr(select, "poll") else -1
         self._poll: Any = None

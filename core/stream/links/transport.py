@@ -11,6 +11,8 @@ from typing import Any
 
 from ...errors import DermisError
 
+PLUG_IN = "Plug the device in, and take a port of the list: 'stream ports', or 'Rescan Ports' in Blender"
+
 
 class Gone(DermisError):
     """The other side has closed, or the device was unplugged."""
@@ -22,12 +24,14 @@ class Transport:
     Attributes:
         name: for people. datagrams: messages keep their borders.
         carries: bytes a second; None: not known, or far more than any device takes.
+        baud: of a serial port, None for other links.
         keeps: how long its chip may keep received bytes [s]; NaN: not known.
     """
 
     name = ""
     datagrams = False
     carries: float | None = None
+    baud: int | None = None
     keeps = math.nan
 
     def send(self, message: bytes) -> bool:
@@ -125,7 +129,7 @@ def cannot_open(place: str, error: Exception) -> DermisError:
             remedy="On Linux add yourself to the group 'dialout', then log in again",
         )
     if number == 2 or "FileNotFoundError" in str(error):
-        return DermisError("there is no such port", where=place, remedy="Plug the device in, then rescan")
+        return DermisError("there is no such port", where=place, remedy=PLUG_IN)
     return DermisError("the link cannot be opened", where=place, value=text)
 
 

@@ -37,7 +37,8 @@ class Adapter:
         bears: longest delay of answers in a port's chip that commands are not hindered by [s].
         datagrams: messages go as datagrams, never as a stream.
         baud: baud rate of a serial port whose URL states none.
-        unanswered: advice where nobody answers. unarmed: advice where it answers, and does not arm; '' for none.
+        unanswered: advice where nobody answers. at_baud: more of it where the link has a baud rate. faster: advice
+            where the link is too slow, '' for none. unarmed: advice where it answers, and does not arm; '' for none.
         OPTIONS: names of the options that a URL may set.
         SENSES: name and unit of what the actuators measure beside their pose.
 
@@ -75,8 +76,9 @@ class Adapter:
     datagrams = False
     baud = 115_200
     caution = ""
-    unanswered = "Check port, protocol, baud rate and power"
-    unarmed = ""
+    unanswered = "Check address, protocol and power"
+    at_baud = "Check the baud rate, too"
+    faster = unarmed = ""
     command_bytes = 0
     other_bytes = 0.0
     OPTIONS: tuple[str, ...] = ()

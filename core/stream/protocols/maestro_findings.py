@@ -53,7 +53,8 @@ def other_crc(crc: bool) -> str:
     """Say that the board answered only once a command had a CRC, or had none."""
     if crc:
         return f"the board answers commands without a CRC only. {SETTINGS}, tick 'Enable CRC', {APPLY}; or use crc=0"
-    return f"the board expects a CRC. Add crc=1 to the address; or {SETTINGS.lower()}, untick 'Enable CRC' and {APPLY}"
+    there = SETTINGS[0].lower() + SETTINGS[1:]
+    return f"the board expects a CRC. Add crc=1 to the address; or {there}, untick 'Enable CRC' and {APPLY}"
 
 
 def misread(errors: int, crc: bool) -> str:

@@ -37,7 +37,10 @@ class Native(Adapter):
     name, title = "native", "Dermis native"
     tells_pose = timed = True
     baud = 500_000
-    unanswered = "Check port, protocol, power and baud rate: boards flashed before version 2 need ?baud=115200"
+    at_baud = (
+        "A board built with DERMIS_WIFI or DERMIS_SERVO_ANIMATION speaks another protocol at this port. One with a "
+        "DERMIS_BAUD of its own needs that as ?baud=, and one flashed before version 2 ?baud=115200"
+    )
     unarmed = "If a PCA9685 makes its pulses, check that board's address, SDA, SCL and VCC: without it nothing is armed"
     OPTIONS: tuple[str, ...] = ("reach", "watchdog_ms")
     WATCHDOGS = WATCHDOG_MS, LEAST_WATCHDOG_MS, 80  # as set, shortest and longest [ms]; 100 ms are not kept with more

@@ -8,12 +8,14 @@ import socket
 import threading
 from typing import Any
 
+from ...errors import DermisError
 from ..links.open_link import open_link
 from ..links.transport import Gone, Stream, Transport
 from ..links.url import Url
 from ..protocols.adapters import adapter_of
 from ..protocols.wire import Wire
 from .device import Server, make, options_of
+from .faults import NAMES
 
 
 class VirtualLink(Stream):
@@ -22,6 +24,14 @@ class VirtualLink(Stream):
     def __init__(self, protocol: str, wire: Wire, url: Url) -> None:
         super().__init__(url.text.rstrip(":"))
         options = options_of(url)
+        taken = adapter_of(protocol, url.options).OPTIONS
+        if unknown := sorted(set(url.options) - {*taken, "adapter"}):
+            raise DermisError(
+                "unknown option",
+                where=url.text,
+                value=", ".join(unknown),
+                limit=f"of the protocol {', '.join(taken) or 'none'}; of the simulated device {', '.join(NAMES)}",
+            )
         device = make(protocol, wire, options)
         self.datagrams, self.carries = device.datagrams, options.get("slow") or None
         if device.datagrams:

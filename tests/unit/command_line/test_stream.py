@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import core
+from core.__main__ import main
 from core.presets import Library
 from core.track import csv
 from core.track.command_track import CommandTrack
@@ -79,8 +80,21 @@ def test_a_calibration_that_is_not_there_is_refused_in_words(track: Path, tmp_pa
 def test_a_rate_of_ones_own_and_what_it_leaves_out(track: Path) -> None:
     """A slow link refuses the device's rate in words; with the rate offered it plays, and says what is lost."""
     refused = play(track, "--yes", "--url", "virtual:?slow=2500")
-    assert refused.returncode == 2 and "Set Rate to 25 Hz" in refused.stderr, refused.stderr
+    assert refused.returncode == 2 and "Set Rate (--rate) to 25 Hz" in refused.stderr, refused.stderr
     done = play(track, "--yes", "--url", "virtual:?slow=2500", "--rate", "25", "--ramp", "0.2")
     assert done.returncode == 0, done.stderr
     last = done.stdout.strip().splitlines()[-1]
     assert "25 values a second reach the actuators" in last and "pulley_1" in last and " deg (rms " in last
+
+
+def test_a_virtual_device_of_datagrams_is_at_a_udp_port(capsys: pytest.CaptureFixture[str]) -> None:
+    """Without a choice it was on a pty that no sender may use."""
+    verb = [sys.executable, "-m", "core", "stream", "virtual", "--protocol", "osc"]
+    done = subprocess.run(verb, cwd=ROOT, input="", capture_output=True, encoding="utf-8", timeout=60)
+    assert done.returncode == 0 and '"udp://127.0.0.1:' in done.stdout, done
+    assert main(["stream", "virtual", "--protocol", "osc", "--at", "pty"]) == 2
+    assert "goes over datagrams (found '--at pty'; allowed: udp)" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["stream", "virtual", "--help"])
+    said = capsys.readouterr().out
+    assert all(name in said for name in ("finger", "board_timeout", "board_scs")) and "Ctrl-D" in said

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from core.__main__ import main
 from core.errors import DermisError
 from core.steps import drain
 from core.stream.links.transport import Transport
@@ -84,6 +85,17 @@ def test_what_no_wi_fi_has_is_refused_before_anything_is_said(network: str, pass
         drain(pair_over(Transport(), network, password, lambda: 0.0, lambda s: None))
     with pytest.raises(DermisError, match="no Wi-Fi has such"):
         drain(pair_at("/dev/null", network, password))
+
+
+def test_a_port_is_looked_for_before_a_password_is_asked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no real port was tried")
+    monkeypatch.setattr("getpass.getpass", lambda _: pytest.fail("a password was asked for"))
+    assert main(["stream", "pair", "--url", str(tmp_path / "no port"), "--network", "Lab"]) == 2
+    assert "there is no such port" in capsys.readouterr().err
+    assert main(["stream", "pair", "--url", "udp://a:1", "--network", "Lab"]) == 2
+    assert "paired over USB" in capsys.readouterr().err
 
 
 @hosted

@@ -143,7 +143,8 @@ class Dynamixel(ServoBus):
         "In silence these servos stop where they are and hold on with their torque: a finger that is pressed stays "
         "pressed. Keep a switch in their supply at hand."
     )
-    unanswered = DELIVERED = "as delivered id 1 and 57600 baud"
+    faster = "Set 'Baud Rate' of every servo to 1 Mbps in Dynamixel Wizard, and connect without ?baud="
+    DELIVERED = "as delivered id 1 and 57600 baud"
     IDENTITY, PRESENT, ENABLED = (MODEL, ERRORS + 1), (BUS_WATCHDOG, TEMPERATURE + 1 - BUS_WATCHDOG), (TORQUE, 7)
     OVERHEAD, TORQUE, GOAL = 11, TORQUE, GOAL
     fast = True

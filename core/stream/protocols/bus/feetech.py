@@ -86,7 +86,7 @@ class Feetech(ServoBus):
         "These servos have no watchdog: they keep their last command when the computer falls silent. Keep a switch in "
         "their supply at hand."
     )
-    unanswered = DELIVERED = "as delivered id 1 and 1000000 baud"
+    DELIVERED = "as delivered id 1 and 1000000 baud"
     IDENTITY, PRESENT, ENABLED = (MODEL, MODE + 1 - MODEL), (TORQUE, CURRENT + 2 - TORQUE), (TORQUE, 1)
     OVERHEAD, TORQUE, GOAL = 6, TORQUE, GOAL
 

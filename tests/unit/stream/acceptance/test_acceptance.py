@@ -310,6 +310,14 @@ def test_nobody_at_the_bench_ends_it_safely_and_says_so(boxes: Any, tmp_path: Pa
     assert again.returncode == 2 and "exists" in again.stderr, "a report is not written over"
 
 
+def test_a_device_that_does_not_answer_leaves_no_report(tmp_path: Path) -> None:
+    out = tmp_path / "a.md"
+    for _ in range(2):  # the next attempt has the same name
+        done = accept(str(tmp_path / "no port"), out, "y\n")
+        assert done.returncode == 2 and "exists" not in done.stderr and "Traceback" not in done.stderr
+        assert not list(tmp_path.iterdir())
+
+
 def test_a_report_that_cannot_be_written_moves_nothing(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     done = accept("virtual:", tmp_path / "file" / "a.md", "y\n")

@@ -116,7 +116,7 @@ def test_a_device_that_stops_is_told_zero_volts_and_named(fault: str, tmp_path: 
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        ({"output": "Dev2/ao0"}, "does not exist"),
+        ({"output": "Dev2/ao0"}, r"Dev2/ao0 at 48000 Hz.*\(found '[^;]*does not exist[^;]*'\)"),
         ({"output": "Dev1/ao0:1"}, "one output is wanted"),
         ({"wav_rate": 192_000}, "192000"),
         ({"wav_rate": 96_000}, "does not make this rate.*95000"),

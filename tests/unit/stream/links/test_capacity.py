@@ -74,7 +74,7 @@ def test_the_rate_that_is_offered_really_passes_and_no_higher_one(baud: int, pro
     with pytest.raises(DermisError, match="the link cannot carry commands at 1000 Hz") as refused:
         capacity.check(made, link, 1000.0)
     said = str(refused.value)
-    fits = int(re.findall(r"Set Rate to (\d+) Hz", said)[0])
+    fits = int(re.findall(r"Set Rate \(--rate\) to (\d+) Hz", said)[0])
     capacity.check(made, link, float(fits))
     with pytest.raises(DermisError):
         capacity.check(made, link, fits + 1.0)
@@ -89,13 +89,18 @@ def test_the_words_name_what_is_needed_and_what_is_carried() -> None:
         capacity.check(adapters.make("native", HAPTIP, {}), Line(11_520.0), 1000.0)
     said = str(refused.value)
     assert "21,500 bytes a second" in said and "80% of the 11,520 that it carries" in said
-    assert "Set Rate to 385 Hz" in said and "268750 baud" in said
+    assert "Set Rate (--rate) to 385 Hz" in said and "268750 baud" in said
 
 
 def test_a_link_that_carries_too_little_for_any_rate_offers_none() -> None:
     with pytest.raises(DermisError) as refused:
         capacity.check(adapters.make("native", HAPTIP, {}), Line(960.0), 1000.0)
     assert "Set Rate" not in str(refused.value) and "Take a faster link" in str(refused.value)
+
+
+def test_servos_as_delivered_are_told_how_to_be_faster() -> None:
+    with pytest.raises(DermisError, match="faster link.*Set 'Baud Rate' of every servo to 1 Mbps in Dynamixel Wizard"):
+        capacity.check(adapters.make("dynamixel", HAPTIP, {}), Line(5760.0), 1000.0)
 
 
 def test_a_link_of_unknown_speed_and_the_protocols_own_baud_pass() -> None:

@@ -17,9 +17,10 @@ from core.stream.client import SenderClient
 from core.stream.links import serial_port
 from core.stream.links.open_link import open_link
 from core.stream.links.serial_port import Serial
-from core.stream.links.transport import Transport, holder_of
+from core.stream.links.transport import Transport, cannot_open, holder_of
 from core.stream.links.url import Url
 from core.stream.protocols.wire import Wire
+from core.stream.request import StreamRequest
 from core.stream.streamer import Streamer
 from core.stream.virtual import faults
 from core.stream.virtual.link import open_any_link
@@ -316,3 +317,55 @@ def test_a_connection_that_stands_still_is_known_and_is_reset() -> None:
             with pytest.raises(ConnectionResetError):
                 while there.recv(1 << 20):
                     pass
+
+
+# -- advice that fits the link
+
+
+class Silent(Transport):
+    """A link at whose other end nobody answers."""
+
+    name = "silent"
+
+    def __init__(self, baud: int | None, *, datagrams: bool = False) -> None:
+        self.baud, self.datagrams = baud, datagrams
+
+    def send(self, message: bytes) -> bool:
+        return True
+
+    def receive(self) -> list[bytes]:
+        return []
+
+
+def nobody(protocol: str, baud: int | None, *, datagrams: bool = False) -> str:
+    """Return the message of a streamer to which nobody answers."""
+    device = {"key": "haptip", "preset": Library().load("devices", "haptip")}
+    streamer = Streamer(lambda *_: Silent(baud, datagrams=datagrams))
+    streamer.apply(StreamRequest(connect=True, url="lab", protocol=protocol, device=device, reconnect=False), 0.0)
+    for now in (0.0, 1.0, 2.0, 2.9, 3.1, 3.2):
+        streamer.tick(now)
+    return streamer.message
+
+
+def test_a_baud_rate_is_named_only_where_there_is_one() -> None:
+    on_a_line = nobody("native", 500_000)
+    assert "nobody answered within 3 s. Check address, protocol and power" in on_a_line
+    for name in ("DERMIS_WIFI", "DERMIS_SERVO_ANIMATION", "DERMIS_BAUD", "?baud=115200"):
+        assert name in on_a_line
+    in_datagrams = nobody("native", None, datagrams=True)
+    assert "nobody answered" in in_datagrams and "baud" not in in_datagrams and "DERMIS" not in in_datagrams
+
+
+def test_a_port_that_is_not_there_and_a_missing_pyserial_name_commands(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(DermisError, match="no such port.*'stream ports', or 'Rescan Ports' in Blender"):
+        raise cannot_open("/dev/x", FileNotFoundError(2, "No such file", "/dev/x"))
+    monkeypatch.setitem(sys.modules, "serial", None)
+    with pytest.raises(DermisError, match="Run 'pip install pyserial'"):
+        Serial("/dev/x", 115_200)
+
+
+def test_an_unknown_option_of_the_simulated_device_lists_its_faults() -> None:
+    wire = Wire.of(Library().device("haptip"))
+    with pytest.raises(DermisError, match="found 'lossy'.*of the protocol reach, watchdog_ms; of the.*loss, delay"):
+        open_any_link(Url("virtual:?lossy=1"), wire)
+    open_any_link(Url("virtual:?loss=0.1&watchdog_ms=60"), wire).close()

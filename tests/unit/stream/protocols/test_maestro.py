@@ -116,7 +116,7 @@ def test_impossible_options(options: dict[str, str], limit: str) -> None:
         ("crc=1", {}, "takes the CRC for an error.*tick 'Enable CRC'.*crc=0"),
         ("crc=1&device=12", {}, "takes the CRC for an error"),
         ("crc=1&device=4", HARD, "no board with the device number 4 answers.*'Device Number' 4.*reads=0"),
-        ("device=5", HARD, "expects a CRC"),
+        ("device=5", HARD, "expects a CRC.*or in Maestro Control Center, tab 'Serial Settings', untick"),
     ],
 )
 def test_a_board_that_is_set_otherwise_is_refused_in_words(options: str, board: dict[str, float], said: str) -> None:

@@ -67,14 +67,6 @@ def test_an_old_firmware_is_named_and_goes_on(version: int, monkeypatch: pytest.
     assert lab.at[0] == pytest.approx(0.2, abs=1e-4)
 
 
-def test_a_board_that_does_not_answer_may_talk_at_the_old_speed() -> None:
-    lab = Lab(mode="jog")
-    lab.run(0.001)
-    lab.device.feed = lambda data, now: []
-    lab.run(3.1)
-    assert lab.streamer.state == "fault" and "?baud=115200" in lab.streamer.message
-
-
 def test_questions_are_asked_more_often_while_answers_stay_away() -> None:
     made = adapters.make("native", HAPTIP, {})
     device = NativeDevice(HAPTIP)

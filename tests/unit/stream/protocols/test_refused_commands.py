@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 import subprocess
+from collections import Counter
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from core.stream.play_command import _Player
 from core.stream.protocols.clock import DeviceClock
 from core.stream.protocols.packets import Synced
 from core.stream.protocols.refusals import Refusals
@@ -193,3 +196,23 @@ def test_play_ends_with_1_where_commands_were_refused(boxes: Any, track_file: Pa
     )
     assert "refused " in done.stdout and "the device refused commands, or took them too late" in done.stderr, done
     assert done.returncode == 1, done
+
+
+@pytest.mark.parametrize(
+    ("refused", "status", "words"),
+    [
+        (
+            1,
+            0,
+            "warning: lab: the device refused commands, or took them too late, no more than 1% (found '1 of 5011').",
+        ),
+        (90, 1, "error: lab: the device refused commands, or took them too late (found '90 of 5011'; allowed: 1%)."),
+    ],
+)
+def test_a_limit_is_named_only_where_it_is_exceeded(
+    refused: int, status: int, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    streamer = SimpleNamespace(counters=Counter(refused=refused, sent=5011))
+    player: Any = SimpleNamespace(streamer=streamer, request=SimpleNamespace(url="lab"))
+    assert _Player._tell_refusals(player) == status
+    assert words in capsys.readouterr().err

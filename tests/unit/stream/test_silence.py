@@ -193,6 +193,7 @@ def test_two_short_sleeps_in_a_row_are_one_silence(protocol: str) -> None:
     assert np.allclose(path[-1], SAFE, atol=QUANTUM) and not lab.streamer.armed
     assert len(np.unique(path.round(3), axis=0)) == 2, "from the last command to the safe pose, and nothing between"
     assert lab.streamer.counters["silences"] == 1
+    assert "because this computer was busy or asleep, or the link took nothing: arm again" in lab.streamer.message
 
 
 def test_arming_that_was_slept_through_is_given_up() -> None:

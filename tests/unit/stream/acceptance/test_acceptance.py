@@ -434,7 +434,11 @@ def test_a_pose_that_only_an_option_of_the_address_turns_on_is_judged(capsys: py
     link, first, stop = (check for check in report.checks if check.what != "left out by --only")
     said = "this protocol asks nothing while the board is not armed"
     assert (link.outcome, link.limit) == ("not tried", said) and f"link: {said}\n" in capsys.readouterr().out
-    assert (first.outcome, first.judge) == ("passed", "measured and seen") and first.figure.startswith("motor_1 ")
+    assert (
+        first.what == "armed; to the safe pose"
+        and (first.outcome, first.judge) == ("passed", "measured and seen")
+        and first.figure.startswith("motor_1 ")
+    )
     assert (stop.outcome, stop.judge, stop.figure) == ("passed", "seen", ""), "no stop is confirmed"
     assert bench.end() == ""
 

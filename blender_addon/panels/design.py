@@ -148,13 +148,13 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
             grid.label(text=text)
         for text in ("error %", *(f"{p:.1f}" for p in reduction.mean_percent(own.rule))):
             grid.label(text=text)
-        for text in ("motion %", *(f"{100 * p:.1f}" for p in reduction.components.explained)):
+        for text in ("part %", *(f"{100 * p:.1f}" for p in reduction.components.explained)):
             grid.label(text=text)
         above, below = (100.0 * limit for limit in reduction.limits(own.rule))
         share = "percent of the touch" if own.rule == "touch" else "percent of the error with all motors"
         upto = f"from {above:.1f} to {below:.0f} %" if below < float("inf") else f"from {above:.1f} % up"
         paragraph(box, context, f"Error: added to the error with all motors, in {share}.")
-        paragraph(box, context, "Motion: each motor's part of the movement.")
+        paragraph(box, context, "Part: each motor's part of the movement.")
         paragraph(box, context, f"Any limit of the error {upto} gives the same number.")
         for name, (count, apart), touch in zip(design.names, design.repetitions, reduction.touch.tolist(), strict=True):
             if count > 1:

@@ -4,9 +4,9 @@ Where a fresh bake covers the frame, its track is read. Otherwise the frames vis
 extends it, a change within a frame takes its last sample anew, and shown frames are kept until something changes, so
 that they are there again on the way back. At a frame that was not visited, the trail continues from the latest state
 kept at most a quarter of a second before that frame. Without such a state (after a longer jump, or undo) a new trail
-starts from rest, and the preview says which. The engine renders the trail's end as it renders a bake; only the sampling
-is coarser, one sample a visited frame. Devices that follow a skin take another road, in `pin_preview`,
-`thimble_preview` and `platform_preview`: they match this one frame.
+starts from rest. The preview names the frame that it goes on from. The engine renders the trail's end as it renders a
+bake; only the sampling is coarser, one sample a visited frame. Devices that follow a skin take another road, in
+`pin_preview`, `thimble_preview` and `platform_preview`: they match this one frame.
 """
 
 from __future__ import annotations
@@ -121,7 +121,10 @@ def step(context: bpy.types.Context) -> Preview:
 
 
 def read(scene: bpy.types.Scene) -> bool:
-    """Read who takes part if a change has made that unknown, as work before `refresh`; return whether it was read."""
+    """Find out who takes part, if a change has made that unknown: a step of its own, so that `refresh` is short.
+
+    Returns whether anything was read.
+    """
     if _is_done(scene) or not _follows(scene) or store.state(scene) == "fresh":
         return False
     try:

@@ -23,7 +23,7 @@ from ..preview import moment, skin_preview
 from ..preview.rows import goes_on
 from ..streaming import session
 
-BUDGET = 0.012  # [s] that a view waits at most; the step under way is finished. Half of a frame is left for Blender
+BUDGET = 0.012  # [s] that a view waits at most, plus the step under way; at 24 fps two thirds of a frame are Blender's
 PAUSE = 0.001  # [s] between slices: Blender handles waiting events
 REST = 0.25  # [s] without a new frame or a change after which the scene rests
 
@@ -139,7 +139,7 @@ class Slices:
         return PAUSE if self._work is not None else None
 
     def _on_rest(self) -> float | None:
-        """Work out once more, and well, the frame that the scene rests at; later events have their own timer."""
+        """Work out once more, and well, the frame that the scene rests at; newer work sets this timer again."""
         scene = self._scene()
         if scene is None or self._work is not None or not skin_preview.coarse() or followed(scene):
             return None

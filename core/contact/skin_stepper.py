@@ -64,8 +64,8 @@ class SkinStepper:
         self._finger, self._tolerance = finger, tolerance
         wanted = SKIN_CONTACT["contact"].of(finger.parameters, self.name) == "points"
         self.surface = smooth_pad(skin) if wanted else None
-        # strides need contact on points, because at nodes other nodes carry the touch in each sample; and an animated
-        # depth, because at a force limit the bone gives way suddenly
+        # Strides need contact on points: with contact at nodes, other nodes carry force in each sample. They also need
+        # an animated depth: a compliant bone gives way suddenly at its force limit.
         solved_at, mode = (SKIN_CONTACT[name].of(finger.parameters, self.name) for name in ("solved_at", "depth_mode"))
         self.strides = self.surface is not None and solved_at == "way" and mode == "animated"
         self._told: tuple[Finding, ...] = ()
@@ -207,7 +207,7 @@ class SkinStepper:
 
     @property
     def gentle(self) -> bool:
-        """Whether the skin near the object touched last meets one smooth piece of it, with nearly equal normals."""
+        """Whether, in the last solved sample, all points near an object face one smooth piece of one object."""
         gaps = self._gaps
         if gaps is None:
             return False

@@ -26,7 +26,9 @@ from .recordings import Recording, same_channels
 
 COMPONENTS = 3  # number of the target's components in which comparisons are drawn. Source: [S0] 6.1
 LATEST = 0.5  # longest delay of the device that is searched for [s]; a slower platform does not follow its track
-COARSE, FINE, NEAR = 0.02, 1e-3, 5e-3  # steps of the search, and distance from its best for the parabola [s]
+COARSE = 0.02  # step of the first search, over all lags [s]
+FINE = 1e-3  # step near its best lag [s]
+NEAR = 5e-3  # a parabola is fitted to lags within this distance of the best [s]
 ALIKE = 0.5  # least correlation of estimate and measurement; below it they belong to different touches
 LEAST = 10  # least number of common samples
 

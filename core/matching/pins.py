@@ -299,7 +299,7 @@ def _findings(series: dict[str, Array], ready: PinSetup, matched: Matched, frame
                 "pin array",
                 f"up to {int(series['at_limit'].max())} pins",
                 f"{ready.pins.force_limit.max():g} N a pin",
-                "Compare the displacement error, or touch less deeply",
+                "Check how large the displacement error is, or touch less deeply",
                 frame=float(frames[limited[0]]),
                 count=len(limited),
             )
@@ -313,7 +313,7 @@ def _findings(series: dict[str, Array], ready: PinSetup, matched: Matched, frame
             Finding(
                 "warning",
                 "law-unsettled",
-                "the neo-Hookean law did not converge under the pins; far from it, errors are those of linear tissue",
+                "the law did not converge under the pins; if much is left, the errors are those of linear tissue",
                 "pin array",
                 f"a remaining error of {100 * min(float(matched.unsettled.max()), 1.0):.0f} % of the forces",
                 f"convergence within {MOST_LOOKS} evaluations of the law",

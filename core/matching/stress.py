@@ -159,8 +159,9 @@ class StressMatcher:
         self.rest_x = self._start_at(0.0, 0.0, -hover)
         self.table = warm_start_table(device, contact, self.model) if table is None else table
         self._foreseen = FORESEEN
-        # looking ahead needs a device of three freedoms, because a disc that can shift can change sides later; and a
-        # stimulus of more than three components, because three, such as the total force, do not tell sides apart
+        # The sides of a new contact are judged by a stronger target (see `onset`) only if the device has three
+        # freedoms: a disc that can also shift can change sides later. The stimulus needs more than three components
+        # too: a total force does not tell sides apart.
         sided = device.freedoms == 3 < self.model.size
         self._usual = AHEAD * float(np.median(self.table.strength)) if sided else 0.0
         self.reset()
@@ -343,7 +344,8 @@ class StressMatcher:
     def _ahead(self, target: Array, limits: ServoLimits) -> Array:
         """Return a predicted start: the Jacobian of the last search compensates for the change of the target.
 
-        To first order the residual stays as it was, so the right nodes slip at the first evaluation.
+        To first order the residual there equals that at the end of the last search. So the first evaluation is close to
+        the solution, and the right nodes slip in it.
         """
         if self._told is None:
             return self.x
@@ -371,7 +373,7 @@ class StressMatcher:
         size = float(np.linalg.norm(target))
         if self.model is not self.direct:
             self.direct.hold(self.state)
-        # law and pose of the last accepted evaluation, at first of the last frame; and the share of the step
+        # law and pose of the last accepted evaluation (first: of the previous frame), and the share of the step
         before, start, share = self.state.law, self.x, 1.0
         best: _Looked | None = None
         least, off = np.inf, 0.0

@@ -51,7 +51,8 @@ if TYPE_CHECKING:
 LATE = 0.05  # samples in which the disc does not reach the skin in time
 MAX_STEEP = 0.05  # samples in which the target is too steep for the mechanism
 DOUBTFUL = 0.1  # samples in which the direct search replaced a surrogate
-UNFINISHED = 0.05  # KKT residual above which a sample counts in the finding 'at-a-kink'
+
+UNFINISHED = 0.05  # the finding 'at-a-kink' counts samples with a larger KKT residual
 
 _tables: Recent[str, WarmStartTable] = Recent(8)
 

@@ -27,8 +27,8 @@ from ..scene.tactile_scene import Chunk, DeviceUse, TactileScene
 from .bake import Output
 from .device_tracks import Renderer, renderer, usable
 
-# A new sample changes the path at the end, and more than this many samples before the end by less than 1 % of that: the
-# change shrinks to about a quarter at every knot.
+# A new sample changes the path most at its end, and the change shrinks to about a quarter at every knot. So this many
+# samples before the end it is less than 1 % of the change at the end.
 SETTLED = 4
 SHOWN = 0.13  # length of the end of a track that is drawn, and so has to be returned [s]
 State = tuple[float, Mapping[Hashable, Any]]
@@ -164,7 +164,7 @@ class Trail:
 
 
 def _solve_motions(contact: PadContact) -> None:
-    """Solve the motions of all fingers and bodies that come near each other at once: faster than one by one."""
+    """Solve together, which is faster, the motions of all fingers and bodies that come near each other."""
     fingers, bodies = sorted({f for f, _ in contact.pairs}), sorted({b for _, b in contact.pairs})
     keys = [*(("finger", f) for f in fingers), *(("body", b) for b in bodies)]
     if keys:

@@ -24,7 +24,7 @@ UNSEEN = 0.5  # if the status has not been read for this long, the sender's sile
 MAX_CLOSE_SECONDS = 0.2  # `close` waits this long for the sender, which then finishes alone [s]
 
 _ending: list[SenderClient] = []  # closed clients whose senders are still on the way to the safe state
-_lost: list[str] = []  # messages on streams that ended by an error or not surely safe; `connect` clears them
+_lost: list[str] = []  # why streams ended with an error or perhaps not in the safe state; `connect` clears it
 
 
 class SenderClient:
@@ -84,7 +84,7 @@ class SenderClient:
             self._write()
 
     def arm(self) -> None:
-        """Let the device move, once; call it because a person asked for it."""
+        """Arm the device, so that it may move, until it stops; call this only when a person asks for it."""
         self._arm_id += 1
         self.set(arm_id=self._arm_id, arm_at=clock.now(), stops=self._stops)
 
@@ -203,11 +203,11 @@ def _reap() -> None:
 
 
 def note_loss(text: str) -> None:
-    """Add a message on a stream that ended by an error to those of `leaving`, until the next `connect`."""
+    """Note why a stream ended with an error; `leaving` returns it until the next `connect`."""
     _lost.append(text)
 
 
 def leaving() -> str:
-    """Return the tasks that closed senders of this process still do or did not finish, as text; '' for none."""
+    """Return, as text, what closed senders have still to do, and why streams ended badly; '' for nothing."""
     _reap()
     return "; ".join([*_lost, *(f"{one._ends()} ({one._request.get('url', '')})" for one in _ending)])

@@ -42,8 +42,8 @@ from .winding import winding
 
 __all__ = ["GapQuery", "Surface"]
 
-# Up to this many points in all are measured against every triangle, without a tree: a shape of a deforming object may
-# only be asked about a pad's centre.
+# Up to this many points in all are measured against every triangle, and no tree is built: a deforming object has a new
+# shape each frame, and of some shapes only the gap at a pad's centre is needed.
 FEW = 16
 # Testing whether a triangle runs through others takes a sixth of the time of a ray. Once a closed surface was asked
 # about more than this many points for each of its triangles, all triangles are tested; if the surface is not `tangled`,
@@ -376,10 +376,9 @@ class Surface:
         return triangles[np.unique(self.topology.parts[triangles], return_index=True)[1]]
 
     def _rays(self, tree: TriangleTree) -> TriangleTree | None:
-        """Return the triangles that rays are tested against; None if no rays are cast.
+        """Return the triangles that rays are tested against: those that may be closest, `tree`.
 
-        Args:
-            tree: the triangles that may be closest; a whole surface uses the same for rays.
+        `NearSurface`, which has only the triangles near the skin, returns others, or None if no rays are needed.
         """
         return tree
 

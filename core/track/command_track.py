@@ -22,7 +22,7 @@ LIMITED: dict[str, tuple[Severity, str]] = {
     "range": ("warning", "samples were limited to the channel's range"),
     "disc": ("warning", "samples were pulled back to the rim of the round range"),
     "slew": ("warning", "samples were limited to the channel's largest speed"),
-    "slew_of_pair": ("warning", "samples were slowed down with the other channel of the round range"),
+    "slew_of_pair": ("warning", "samples were slowed down so that both channels of the round range arrive together"),
     "ramp": ("info", "samples were blended with rest at the start or the end"),
 }
 RECORDED = "recorded"  # prefix of the entry 'sensor' in a track's `meta` if a real sensor recorded the touch

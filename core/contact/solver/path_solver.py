@@ -49,8 +49,8 @@ DEPTH_LIMIT = 2e-3
 # In one frame skin bulges by no more than BULGE times its displacement in the last frame, plus MARGIN [m].
 BULGE, MARGIN = 1.5, 0.3e-3
 FOLDS = {
-    Fold.LEFT: "the skin also has a balance folded into itself; the balance that straight pressing leads to was used",
-    Fold.KEPT: "only a balance of the skin folded into itself was found: its forces are too large",
+    Fold.LEFT: "there is a second solution, with skin folded into itself; the one of straight pressing was used",
+    Fold.KEPT: "only a solution with skin folded into itself was found: its forces are too large",
 }
 # Attributes that a frame changes, besides the history. Each is replaced, never changed in place.
 _STATE = ("_force", "_last", "_image", "_step", "_bodies", "_at_rest", "frames", "_rubbing")
@@ -211,9 +211,10 @@ class PathSolver:
 
     @property
     def reach(self) -> Array:
-        """Largest distance of the skin from each of `places` in the next frame, before it touches anything [m], (p,).
+        """How far the skin may bulge from each of `places` in the next frame at most [m], shape (p,).
 
-        Without load the skin is undeformed, so it touches nothing before its gap is closed.
+        An object farther away is not touched. Without load the skin is undeformed, so it touches nothing before its gap
+        is closed.
         """
         return (
             self._bulge(np.sqrt(np.einsum("ij,ij->i", self._image, self._image)))
@@ -310,7 +311,7 @@ class PathSolver:
     def adopt(
         self, force: Array, displacement: Array, gaps: NodeGaps, residual: float, *, scene_frame: float | None = None
     ) -> PathStep:
-        """Take over a frame that was solved together with other fingers, whose history is already kept.
+        """Take over a frame that was solved together with other fingers, and wrote its own friction history.
 
         Args:
             force: forces on the nodes [N], shape (m, 3).

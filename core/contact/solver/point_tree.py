@@ -45,9 +45,9 @@ MERGE = 0.6
 # OFTEN: number of halvings of a side after which SHARP is the limit instead of TURNED.
 # SHARP: difference of unit normals; only edges sharper than a right angle exceed it.
 OFTEN, SHARP = 2, 1.5
-# DEEP: if a cell's centre lies deeper than this in a body [m], it is moved out along the cell's normal to the surface.
-# STEEP: the depth is divided by the cosine between the cell's normal, turned inwards, and the body's, but by no less
-# than this. So a cell moves by at most depth / STEEP.
+# DEEP: if a cell's centre lies deeper than this in a body [m], it is moved out of it, along the cell's normal.
+# STEEP: this move is the depth divided by the cosine of the angle between the cell's inward normal and the body's
+# normal. A cosine below STEEP counts as STEEP, so a cell moves by at most depth / STEEP.
 DEEP, STEEP = 0.06e-3, 0.3
 CORNERS = 0.75  # distance of the test points from the cell's centre, as a share of each side; 0.5 is the cell's corner
 # An edge of a body beside the cell splits the cell as well, so cells are fine before the skin slides onto the edge.

@@ -23,12 +23,12 @@ from .silence import Does
 from .wire import Wire
 
 HIGHEST = 4 * 4080  # longest pulse of the board [us / 4]
-REFRESH = 0.03  # targets that do not change are repeated this often: well within the board's time-out of 0.1 s [s]
-READ_EVERY = 0.1  # an armed board is asked for errors and positions this often [s]
-ANSWER = 0.2  # an answer that takes longer is missing: 50 bytes at 9600 baud take 52 ms [s]
+REFRESH = 0.03  # [s] targets that do not change are repeated this often: well within the board's time-out of 0.1 s
+READ_EVERY = 0.1  # [s] an armed board is asked for errors and positions this often
+ANSWER = 0.2  # [s] an answer that takes longer is missing: 50 bytes at 9600 baud take 52 ms
 MISSES = 3  # after this many missing answers in a row the board counts as gone
-SLACK = 0.02  # Connect stays silent for this much longer than the declared silence; the setting has steps of 10 ms [s]
-LONGEST = 2.0  # longest silence that Connect waits for: its handshake may take 3 s [s]
+SLACK = 0.02  # [s] Connect is silent for this much longer than declared: the board's time-out has steps of 10 ms
+LONGEST = 2.0  # [s] longest silence that Connect waits for: its handshake may take 3 s
 
 
 class Step(Enum):
@@ -171,7 +171,7 @@ class Maestro(Adapter):
         return self._values(self._targets(values))
 
     def safe(self) -> list[bytes]:
-        """Return commands that end all pulses if the safe state is `release`; else none: the pose is the safe one."""
+        """Return commands that end all pulses for `release`; else none: the sender has driven to the safe pose."""
         super().safe()
         self._sent[:], self._wants_arm = -1, False
         if self.wire.reach == Reach.RELEASE or not self.silence.holds:

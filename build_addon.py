@@ -22,7 +22,7 @@ import time
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import Any, NamedTuple
 
 ROOT = Path(__file__).resolve().parent
 VENV = ROOT / ".venv"
@@ -446,27 +446,16 @@ def test(options: argparse.Namespace) -> int:
     others = [a for a in options.pytest if a not in paths] + (["--long"] if options.long else [])
     failed = [] if paths else lint(env)
     counts = {"passed": 0, "failed": 0, "skipped": 0}
-    with tempfile.TemporaryDirectory(prefix="dermis-test-") as folder:
-        scratch, behind = Path(folder), None
-        if not paths:  # calculations take the time in which the others wait for clocks
-            behind = Level(env, "unit", ["tests/unit", "--clocks=not", *others], scratch, "-calculations", behind=True)
-        try:
-            for level in LEVELS:
-                mine = [p for p in paths if f"tests/{level}" in Path(p).as_posix()] if paths else [f"tests/{level}"]
-                if not mine or not (ROOT / "tests" / level).is_dir():
-                    continue
-                if behind and level == "unit":
-                    mine.append("--clocks=only")
-                passed = Level(env, level, mine + others, scratch).passed(counts)
-                if level == "blender":
-                    passed &= Level(env, level, mine + others, scratch, "-undo").passed(counts)
-                if not passed:
-                    failed.append(level)
-            if behind and not behind.passed(counts):
-                failed.append("unit, calculations")
-        finally:
-            if behind:
-                behind.end()
+    with tempfile.TemporaryDirectory(prefix="dermis-test-") as scratch:
+        for level in LEVELS:
+            mine = [p for p in paths if f"tests/{level}" in Path(p).as_posix()] if paths else [f"tests/{level}"]
+            if not mine or not (ROOT / "tests" / level).is_dir():
+                continue
+            passed = level_passed(env, level, mine + others, Path(scratch), counts)
+            if level == "blender":
+                passed &= level_passed(env, level, mine + others, Path(scratch), counts, undo=True)
+            if not passed:
+                failed.append(level)
     if not counts["passed"] and not failed:
         failed.append("no test ran")
     if failed:
@@ -501,89 +490,44 @@ def lint(env: Environment) -> list[str]:
     return failed
 
 
-class Level:
-    """A level of the tests, or a part of one: pytest in a process of its own.
-
-    Args:
-        part: "-undo" for the tests of Blender's undo, else a name. behind: begin at once, at the lowest priority and
-            without output until `passed` is called.
-    """
-
-    def __init__(
-        self, env: Environment, level: str, arguments: list[str], scratch: Path, part: str = "", *, behind: bool = False
-    ) -> None:
-        self.name, self.tries = level + part.replace("-", ", "), UNDO_TRIES if part == "-undo" else 1
-        self.report = scratch / f"{level}{part}.xml"
-        command = [str(env.python), "-m", "pytest", f"--junitxml={self.report}", "-o", "junit_family=xunit2", "-q"]
-        command += ["--durations=25", "--durations-min=5"]  # what a person waits for
-        if level == "blender":
-            command += ["-m", "undo" if part == "-undo" else "not undo"]
-        more = {"BLENDER_USER_RESOURCES": str(scratch / f"{level}{part}-profile")}
-        if level == "unit":
-            more["PYTHONPATH"] = os.pathsep.join(map(str, (env.wheels, *beside(env, "dask", "sweep", "boards"))))
-        if level == "extension":  # nothing of the source tree may be importable: the installed zip is on trial
-            command += ["-o", "pythonpath=tests/extension"]
-            more["DERMIS_ZIP"] = str(build_zip(env.python, scratch, this_platform(), this_python()))
-        self.command, self.variables = command + arguments, env.variables(level != "extension", **more)
-        self.output: IO[str] | None = None
-        self.process: subprocess.Popen[bytes] | None = None
-        if behind:
-            say(f"== {self.name}: at the lowest priority beside the others; their output comes last")
-            self.output = open(scratch / f"{level}{part}.txt", "w+", encoding="utf-8")  # noqa: SIM115
-            self.process = subprocess.Popen(
-                self.command,
-                cwd=ROOT,
-                env=self.variables,
-                stdout=self.output,
-                stderr=subprocess.STDOUT,
-                preexec_fn=None if sys.platform == "win32" else lambda: os.nice(19),
-            )
-
-    def passed(self, counts: dict[str, int]) -> bool:
-        """Run the tests, or wait for those that run; add to the counts by pytest's own."""
-        say(f"== {self.name}")
-        status = self._status()
-        if status is None:
-            say(f"{self.name}: no end after {LEVEL_LIMIT // 60} minutes")
+def level_passed(
+    env: Environment, level: str, arguments: list[str], scratch: Path, counts: dict[str, int], *, undo: bool = False
+) -> bool:
+    """Run pytest on one level in a process of its own and add to the counts; of Blender's, without or with undo."""
+    say(f"== {level}" + ", undo" * undo)
+    report = scratch / f"{level}{'-undo' * undo}.xml"
+    command = [str(env.python), "-m", "pytest", f"--junitxml={report}", "-o", "junit_family=xunit2", "-q"]
+    command += ["--durations=25", "--durations-min=5"]  # what a person waits for
+    if level == "blender":
+        command += ["-m", "undo" if undo else "not undo"]
+    more = {"BLENDER_USER_RESOURCES": str(scratch / f"{level}-profile")}
+    if level == "unit":
+        more["PYTHONPATH"] = os.pathsep.join(map(str, (env.wheels, *beside(env, "dask", "sweep", "boards"))))
+    if level == "extension":  # nothing of the source tree may be importable: the installed zip is on trial
+        command += ["-o", "pythonpath=tests/extension"]
+        more["DERMIS_ZIP"] = str(build_zip(env.python, scratch, this_platform(), this_python()))
+    variables = env.variables(level != "extension", **more)
+    for tries in reversed(range(UNDO_TRIES if undo else 1)):
+        try:
+            status = subprocess.run(command + arguments, cwd=ROOT, env=variables, timeout=LEVEL_LIMIT).returncode
+        except subprocess.TimeoutExpired:
+            say(f"{level}: no end after {LEVEL_LIMIT // 60} minutes")
             return False
-        if not self.report.is_file():
-            say(f"{self.name}: pytest ended with status {status} and no report")
-            return False
-        seen = {"tests": 0, "failures": 0, "errors": 0, "skipped": 0}
-        for suite in ElementTree.parse(self.report).getroot().iter("testsuite"):
-            for key in seen:
-                seen[key] += int(suite.get(key, "0"))
-        bad = seen["failures"] + seen["errors"]
-        counts["failed"] += bad
-        counts["skipped"] += seen["skipped"]
-        counts["passed"] += seen["tests"] - bad - seen["skipped"]
-        return not bad and status in (0, 5)  # 5: none selected, which the total judges
-
-    def _status(self) -> int | None:
-        """Return pytest's status; None where it did not end in time."""
-        for tries in reversed(range(self.tries)):
-            process = self.process or subprocess.Popen(self.command, cwd=ROOT, env=self.variables)
-            status: int | None = None
-            try:
-                status = process.wait(LEVEL_LIMIT)
-            except subprocess.TimeoutExpired:
-                pass
-            finally:
-                process.kill()  # nothing where it has ended
-            if status is None or status >= 0 or not tries:
-                break
-            say(f"{self.name}: BLENDER DIED in its undo (signal {-status}); its tests are run again")
-        if self.output is not None:
-            self.output.seek(0)
-            shutil.copyfileobj(self.output, sys.stdout)
-            self.output.close()
-        return status
-
-    def end(self) -> None:
-        """Stop what runs behind, if it still does."""
-        if self.process is not None and self.process.poll() is None:
-            self.process.kill()
-            self.process.wait()
+        if status >= 0 or not tries:
+            break
+        say(f"{level}: BLENDER DIED in its undo (signal {-status}); its tests are run again")
+    if not report.is_file():
+        say(f"{level}: pytest ended with status {status} and no report")
+        return False
+    seen = {"tests": 0, "failures": 0, "errors": 0, "skipped": 0}
+    for suite in ElementTree.parse(report).getroot().iter("testsuite"):
+        for key in seen:
+            seen[key] += int(suite.get(key, "0"))
+    bad = seen["failures"] + seen["errors"]
+    counts["failed"] += bad
+    counts["skipped"] += seen["skipped"]
+    counts["passed"] += seen["tests"] - bad - seen["skipped"]
+    return not bad and status in (0, 5)  # 5: none selected, which the total judges
 
 
 def demo(options: argparse.Namespace) -> int:

@@ -22,16 +22,14 @@ STARVED = 0.03  # [s] by which a thread that only sleeps may wake too late befor
 CROWDED = 0.1  # part of a test's time in which somebody waited for a processor, from which the machine is to blame
 TRIES = 5
 LINES = ("3.11", "3.13")
-STREAMS = Path(__file__).resolve().parent / "unit" / "stream"
 LEFT = pytest.StashKey[int]()  # how many tests the other line runs
 PRESSURE = Path("/proc/pressure/cpu")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add --long for the tests marked `long`, --beside to leave some to the other line, and --clocks to choose."""
+    """Add --long, which also runs the tests marked `long`, and --beside, which leaves some to the other line."""
     parser.addoption("--long", action="store_true", default=False, help="also run the tests that take minutes")
     parser.addoption("--beside", metavar="PYTHON", help="leave to this Python, which runs too, what is marked for it")
-    parser.addoption("--clocks", choices=("only", "not"), help="run only what waits for clocks, or all but that")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -41,11 +39,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         for item in items:
             if item.get_closest_marker("long"):
                 item.add_marker(skip)
-    clocks = config.getoption("--clocks")
-    other = [item for item in items if clocks and waits(item) != (clocks == "only")]
-    if other:
-        config.hook.pytest_deselected(items=other)
-        items[:] = [item for item in items if waits(item) == (clocks == "only")]
     beside = config.getoption("--beside")
     left = [item for item in items if line_of(item) == beside] if beside else []
     if left:
@@ -57,11 +50,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def pytest_collection_finish(session: pytest.Session) -> None:
     """Keep the collector of garbage from walking through thousands of collected tests again and again."""
     gc.freeze()
-
-
-def waits(item: pytest.Item) -> bool:
-    """Return whether a test waits for clocks: all streams do, and what is marked `real_time`."""
-    return STREAMS in item.path.parents or item.get_closest_marker("real_time") is not None
 
 
 def line_of(item: pytest.Item) -> str | None:

@@ -69,7 +69,7 @@ def test_what_is_not_there_says_so() -> None:
 
 @posix
 def test_nobody_answers(boxes: Any) -> None:
-    box = boxes("pty", "osc")
+    box = boxes("pty", "servo-animation")
     with SenderClient() as client:
         client.connect(box.url, "native", "haptip", HAPTIP)
         assert "nobody answered" in client.wait("fault", 10)["message"]

@@ -16,8 +16,10 @@ import pytest
 
 from tests.benchmarks.bench_first_frame import DEMOS, run
 
-# Times the peer that one call may take: 50 ms where `register_ms` was measured, whose peer node_wrangler took 16.9 ms.
-MOST = 50.0 / 16.9
+# Times the peer that one call may take: twice 50 ms where `register_ms` was measured, whose peer node_wrangler took
+# 16.9 ms. Twice, because one peer tells a processor's speed at other work only roughly: the heaviest solve of a demo
+# takes 2 to 3.6 times the peer, from one machine and Python to another. `first_frame_block_ms` holds the 50 ms.
+MOST = 2.0 * 50.0 / 16.9
 TRIES = 3  # runs of a demo, where the first ones are above the limit
 
 

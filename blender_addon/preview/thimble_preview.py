@@ -39,6 +39,7 @@ class _FingerPath:
     rendered: Any = None  # the engine's `ThimbleFrame`
     asked: tuple[Any, ...] = ()  # preset, edits and lineage when it was asked for last: for the same, `key` is the same
     refused: tuple[Any, ...] = ()  # the same, when it could not be prepared: until something changes
+    waits_at: Any = None  # the `SkinState` at which it waited for its tables
     edits: int = -1  # of `changes`, for which the next two hold
     seen: core.recent.Recent[float, Any] = field(default_factory=lambda: core.recent.Recent(skin_preview.SEEN))
     kept: KeptStates[Any] = field(default_factory=KeptStates)
@@ -108,15 +109,20 @@ def prepare(scene: bpy.types.Scene, target: SkinState) -> Iterator[None]:
 
 
 def follow(scene: bpy.types.Scene, target: SkinState, obj: bpy.types.Object, device: Any) -> _FingerPath:
-    """Let a finger's thimble follow the skin of the current frame, once."""
-    path: _FingerPath = core.steps.drain(_followed(scene, target, obj, device))
+    """Let a finger's thimble follow the skin of the current frame, once.
+
+    If `prepare` found it waiting at this skin, it waits here too: rows and rendered skins of one moment agree.
+    """
+    path = _paths.get(target.finger)
+    if path is None or path.waits_at is not target or path.asked != _asked(device):
+        path = core.steps.drain(_followed(scene, target, obj, device))
     return path
 
 
 def _followed(
     scene: bpy.types.Scene, target: SkinState, obj: bpy.types.Object, device: Any
 ) -> Generator[None, None, _FingerPath]:
-    path, asked = _paths.get(target.finger), (device.preset, changes.edits(), changes.lineage())
+    path, asked = _paths.get(target.finger), _asked(device)
     if path is not None and path.target is target and path.asked == asked:
         return path
     frame, clock = moment.frame_of(scene), scene_time.clock(scene, 0.0)
@@ -143,6 +149,7 @@ def _followed(
             path.error = thimble_devices.waits(obj, device, model)
         except DermisError as error:
             path.error, path.refused = str(error), asked
+        path.waits_at = target if path.error else None
         if path.error:
             path.rendered = None
             return path
@@ -164,6 +171,10 @@ def _followed(
         path.error, path.rendered = str(error), None
     path.target, path.frame = target, frame
     return path
+
+
+def _asked(device: Any) -> tuple[Any, ...]:
+    return device.preset, changes.edits(), changes.lineage()
 
 
 def failure(finger: str) -> str:

@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import loading, redraw
+from blender_addon import changes, loading, redraw
 from blender_addon._core import DermisError, core
 from blender_addon.demos import demo_motors, demo_thimble
 from blender_addon.devices import skin_models, thimble_devices
@@ -145,6 +145,27 @@ def test_a_thimble_on_a_skin_that_nobody_has_made_says_what_it_waits_for(window,
     assert not [row.note for row in rows() if row.note]
     known = {state.finger for state in shown.now(scene).skins.states}
     assert "Index" in known and len(known) == 2, "the skin, and as the thimble renders it"
+
+
+def test_tables_that_come_while_a_frame_is_worked_out_are_used_by_the_next(window, monkeypatch) -> None:
+    """Rows and rendered skins are worked out one after the other: what one finds waiting, the other does too."""
+    scene = demo_thimble.build("BALL")
+    bpy.context.window.scene = scene
+    scene.frame_set(30)
+    shown.on_frame(scene)
+    work(lambda: any("mismatch" in row.signals for row in rows()))
+    for kept in device_preview.FOLLOWERS:
+        kept.reset()
+    changes.mark_dirty()
+    answers = iter(["not yet"])  # to the first who asks; whoever asks after that is told that all is there
+    monkeypatch.setattr(thimble_devices, "waits", lambda *_: next(answers, ""))
+    seen = []
+    for _ in range(2):
+        shown._frames.clear()
+        work(lambda: scene.session_uid in shown._frames)
+        seen.append(([row.note for row in rows()], len(shown.now(scene).skins.states)))
+    assert seen[0] == (["not yet"], 1), "neither the row nor the skin"
+    assert seen[1][1] == 2 and not any(seen[1][0]), "both"
 
 
 def test_the_second_time_no_process_is_asked(window) -> None:

@@ -71,7 +71,7 @@ def bound_skin(armature: bpy.types.Object, context: bpy.types.Context) -> BoundS
 def own_skin(parts: Sequence[bpy.types.Object], context: bpy.types.Context) -> BoundSkin:
     """Return the skin of a hand without an armature, which consists of separate parts.
 
-    Each part's name stands for a bone's. Parts that are hidden or are not meshes are left out.
+    Each part's name is used as the name of a bone. Parts that are hidden or are not meshes are left out.
     """
     depsgraph = context.evaluated_depsgraph_get()
     found = {}

@@ -122,7 +122,7 @@ def working(layout: Any, context: bpy.types.Context, title: str = "") -> bool:
     """Draw the running job's progress in place of its button; return whether one runs.
 
     Args:
-        title: draw only the job of this title, as a bar without text, so that the layout does not move. Empty: any job.
+        title: draw only the job of this title, as a bar without text, which keeps the layout still. Empty: any job.
     """
     now = jobs.progress()
     if now is None or title not in ("", now.title):

@@ -212,7 +212,7 @@ class DERMIS_MT_skins(bpy.types.Menu):
     bl_label = "Fingertip"
 
     def draw(self, _context: bpy.types.Context) -> None:
-        """Draw one entry a preset; broken ones with their reason."""
+        """Draw one entry for each preset; a broken one with its reason."""
         layout = self.layout
         for entry in choices.entries("skins"):
             if entry.error is None:

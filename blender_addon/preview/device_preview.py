@@ -1,12 +1,13 @@
 """The values of the devices at the current frame, without a bake.
 
 Where a fresh bake covers the frame, its track is read. Otherwise the frames visited last form a trail: a step forward
-extends it, a change within a frame takes its last sample anew, and shown frames are kept until something changes, so
-that they are there again on the way back. At a frame that was not visited, the trail continues from the latest state
-kept at most a quarter of a second before that frame. Without such a state (after a longer jump, or undo) a new trail
-starts from rest. The preview names the frame that it goes on from. The engine renders the trail's end as it renders a
-bake; only the sampling is coarser, one sample a visited frame. Devices that follow a skin take another road, in
-`pin_preview`, `thimble_preview` and `platform_preview`: they match this one frame.
+extends it. If something changes while the frame stays, the trail's last sample is taken again. Shown frames are kept
+until something changes, so that they are there again on the way back. At a frame that was not visited, the trail
+continues from the latest state kept at most a quarter of a second before that frame. Without such a state (after a
+longer jump, or undo) a new trail starts from rest. The preview names the frame from which the trail continues. The
+engine renders the trail's end as it renders a bake; only the sampling is coarser, one sample a visited frame. Devices
+that follow a skin take another road, in `pin_preview`, `thimble_preview` and `platform_preview`: they match this one
+frame.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from .rows import Preview, Row, as_it_was, by_channel, goes_on, origin, row_of
 
 TRAIL_SECONDS = 0.12  # how much of a tactor's path, and of a vibration, the view shows
 FOLLOWERS = (pin_preview, thimble_preview, platform_preview)
-KEPT = 1000  # frames that were visited are shown again as they were
+KEPT = 1000  # at most this many visited frames are kept, to be shown again
 
 
 class _End(NamedTuple):
@@ -121,7 +122,9 @@ def step(context: bpy.types.Context) -> Preview:
 
 
 def read(scene: bpy.types.Scene) -> bool:
-    """Find out who takes part, if a change has made that unknown: a step of its own, so that `refresh` is short.
+    """Find the fingers, devices and objects that take part, if a change has made them unknown.
+
+    It is a step of its own, so that `refresh` is short.
 
     Returns whether anything was read.
     """
@@ -182,7 +185,8 @@ def _extended(
     """Take a sample into the trail, or into a new one; return that and the tracks up to the sample.
 
     Args:
-        gap: frames since the trail's end; None where it has none. edited: whether settings may have changed.
+        gap: frames since the trail's last sample; None if there is no trail of this scene to go on from.
+        edited: whether settings may have changed.
     """
     trail, chunk, _live.since = _live.trail, _chunk(sample), None
     clock = scene_time.Clock(sample.fps, 0.0)

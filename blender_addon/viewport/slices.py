@@ -1,8 +1,9 @@
 """Slices: long work runs in the handler for as long as a view may wait, and goes on in a timer.
 
-Work is a generator that is sent the scene and yields wherever it may rest, so that nothing of Blender's is kept
-meanwhile. The next change cancels it; the next frames of a play do not, or a slow scene would never be shown while it
-plays: they wait until it is done, and the newest of them comes next.
+Work is a generator. It yields wherever it may pause, and is sent the scene again after each pause, so it keeps no
+reference to Blender's data meanwhile. A change of the scene, a jump and a step back cancel the work. The next frames of
+a playback do not: otherwise a slow scene would never be shown while it plays. When the work is done, the newest frame
+is next.
 
 Frames and changes in quick succession count as passing, and are worked out coarsely. When the scene rests, its frame is
 worked out once more.
@@ -23,9 +24,9 @@ from ..preview import moment, skin_preview
 from ..preview.rows import goes_on
 from ..streaming import session
 
-BUDGET = 0.012  # [s] that a view waits at most, plus the step under way; at 24 fps two thirds of a frame are Blender's
+BUDGET = 0.012  # [s] that a view waits at most, plus the step under way: a third of the time of a frame at 24 fps
 PAUSE = 0.001  # [s] between slices: Blender handles waiting events
-REST = 0.25  # [s] without a new frame or a change after which the scene rests
+REST = 0.25  # [s] the scene rests once no frame and no change has come for this long
 
 Steps = Generator[None, bpy.types.Scene, None]
 
@@ -103,7 +104,7 @@ class Slices:
         next(self._work)
 
     def _spend(self, scene: bpy.types.Scene) -> None:
-        """Work until it is done or the budget is spent; without a window nobody waits."""
+        """Work until it is done or the budget is spent; without a window the budget has no limit."""
         end = time.perf_counter() + budget()
         with skin_models.one_thread() if skin_preview.any_solved(scene) else nullcontext():
             while self._work is not None:
@@ -139,7 +140,7 @@ class Slices:
         return PAUSE if self._work is not None else None
 
     def _on_rest(self) -> float | None:
-        """Work out once more, and well, the frame that the scene rests at; newer work sets this timer again."""
+        """Work out the frame at which the scene rests once more, finely; newer work sets this timer again."""
         scene = self._scene()
         if scene is None or self._work is not None or not skin_preview.coarse() or followed(scene):
             return None

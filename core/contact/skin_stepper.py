@@ -2,8 +2,9 @@
 
 It finds the bodies near the fingertip, poses them in the finger's frame, solves one sample with the animated or
 compliant bone, and sums up the result. A sweep steps it through the samples of its chunks. A preview steps it through
-the frames that are visited, and goes back to a saved state to solve a frame again. The solver is built when something
-first comes near; until then only bounding boxes are compared and idle samples counted.
+the frames that are visited, and goes back to a saved state to solve a frame again. For contact on
+points, the solver is built when something first comes near; until then only bounding boxes are compared and idle
+samples counted.
 """
 
 from __future__ import annotations
@@ -64,16 +65,16 @@ class SkinStepper:
         self._finger, self._tolerance = finger, tolerance
         wanted = SKIN_CONTACT["contact"].of(finger.parameters, self.name) == "points"
         self.surface = smooth_pad(skin) if wanted else None
-        # Strides need contact on points: with contact at nodes, other nodes carry force in each sample. They also need
-        # an animated depth: a compliant bone gives way suddenly at its force limit.
+        # Strides need contact on points: with contact at nodes, the set of loaded nodes changes from sample to sample.
+        # They also need an animated depth: a compliant bone gives way suddenly at its force limit.
         solved_at, mode = (SKIN_CONTACT[name].of(finger.parameters, self.name) for name in ("solved_at", "depth_mode"))
         self.strides = self.surface is not None and solved_at == "way" and mode == "animated"
         self._told: tuple[Finding, ...] = ()
         if wanted and self.surface is None:
             self._told += (no_smooth_pad(skin, self.name),)
-        touch_depth(finger.parameters, self.name)  # refused now, not when something comes near
+        touch_depth(finger.parameters, self.name)  # a wrong setting is refused now, not when something comes near
         self._bone: CompliantBone | None = None
-        self._idle = 0  # samples before there was a bone
+        self._idle = 0  # samples before `bone` was made
         self._coarse = None if self.on_points else CoarseTouches(skin.mesh, self.name)
         self.far = 0
         self._scene = scene
@@ -126,7 +127,7 @@ class SkinStepper:
         return self._taken(self.bone.step(bodies, frame, lambda: self._before(i)), frame)
 
     def idle(self, count: int = 1) -> SkinStep:
-        """Take samples in which nothing is near, and forget the friction history."""
+        """Count samples in which nothing is near, and forget the friction history."""
         if self._bone is None:
             self._idle += count
         else:
@@ -141,7 +142,7 @@ class SkinStepper:
         A body that is out of reach, even of bulging skin, is returned as `AWAY`.
 
         Args:
-            untouched: give the near bodies their pose even if they are out of reach.
+            untouched: do not test reach, so that every body whose bounding box is near gets its pose.
         """
         close, loaded = approach.close(i), self.bone.solver.loaded_bodies
         # appended as soon as it is near, so a body's index in the solver never changes, wherever chunks end
@@ -157,10 +158,10 @@ class SkinStepper:
         ]
 
     def _body(self, approach: Approach, i: int, b: int, reach: Array | None) -> ContactBody:
-        """Return a body at a sample, or `AWAY` if it is beyond the reach of every group of places.
+        """Return a body at a sample, or `AWAY` if its gap to each group of skin points exceeds the reach of the group.
 
         Args:
-            reach: of each group [m], shape (g,); None: not tested.
+            reach: reach of each group [m], shape (g,); None: not tested.
         """
         if reach is None:
             return self._scene.seen_from(approach.turn[i], approach.place[i], b, i)
@@ -233,7 +234,7 @@ class SkinStepper:
         return _skin_step(bone, points)
 
     def stay_on_nodes(self) -> None:
-        """Solve contact at the mesh's nodes, from rest; `SkinSampler` says why."""
+        """Solve contact at the mesh's nodes, from rest: fingers that may hold an object do not use points."""
         self.surface, self._coarse = None, CoarseTouches(self.skin.mesh, self.name)
         self._bone, self._idle = None, 0
         self._radius = self.bone.solver.search_radius

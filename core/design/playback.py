@@ -1,8 +1,8 @@
 """A track played back with the sensor in the device: target, estimate and measurement side by side, on one clock.
 
-A pulse that the sensor's recorder took with the readings tells when the track began; the rest of the lag is the
-device's delay. Without a pulse the clocks are brought together by the readings themselves, and nobody can tell a
-delay from an offset of the clocks.
+The sensor's recorder can take a pulse along with the readings, which tells when the track began. The readings still lag
+behind the track; this lag is the device's delay. Without a pulse the clocks are brought together by the readings
+themselves, and nobody can tell a delay from an offset of the clocks.
 
 Source: [S2] V.B (estimated against created, averaged over channels and time), [S0] 6.1 (relative RMS, three components)
 """
@@ -24,7 +24,7 @@ from ..track.command_track import CommandTrack
 from .recorded_table import rest_finding
 from .recordings import Recording, same_channels
 
-COMPONENTS = 3  # number of the target's components in which comparisons are drawn. Source: [S0] 6.1
+COMPONENTS = 3  # comparisons are drawn in this many of the target's components. Source: [S0] 6.1
 LATEST = 0.5  # longest delay of the device that is searched for [s]; a slower platform does not follow its track
 COARSE = 0.02  # step of the first search, over all lags [s]
 FINE = 1e-3  # step near its best lag [s]
@@ -71,7 +71,7 @@ class Playback:
         rest: the table's readings at rest, shape (channels,).
         directions: the components in which readings are drawn, shape (channels, components).
         delay: delay of the device after the track [s]; None if it was not measured.
-        unsure: half the time between the two samples that the pulse's edge lies between [s].
+        unsure: half the time between the last sample before the pulse's edge and the first after it [s].
         gain: gain of the measurement over the estimate.
         correlation: correlation of measurement and estimate.
         differences: difference between each pair of series.
@@ -231,7 +231,11 @@ def as_text(found: Playback) -> str:
 
 
 def as_csv(found: Playback) -> str:
-    """Return mean and standard deviation of each difference, a row a channel or component."""
+    """Return each difference as CSV.
+
+    One row has the relative RMS of all channels, one for each channel its mean and standard deviation, and one for each
+    component all three.
+    """
     lines = ["difference,of,relative_rms,mean,standard_deviation"]
     for each in found.differences:
         name = each.name.replace(", ", " - ")
@@ -246,7 +250,7 @@ def as_csv(found: Playback) -> str:
 
 
 def _commands(track: CommandTrack) -> Array:
-    """Return the commands that a table knows: of the original motors, or a thimble's poses."""
+    """Return the commands that a table knows: those of the motors before they were coupled, or a thimble's poses."""
     if track.spec.kind == "thimble":
         return np.column_stack([track.column(name) for name in ("pitch", "roll", "distance")])
     coupling = coupling_of(track.spec)

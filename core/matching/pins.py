@@ -1,4 +1,4 @@
-"""Pin array: force of every pin, sample by sample, that deforms the skin as the virtual touch does.
+"""Pin array: the forces of the pins, sample by sample, with which they deform the skin as the virtual touch does.
 
 Source: [S1] III and IV
 """
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..contact.pad_contact import PadContact
 from ..contact.skin_contact import SkinContact
+from ..contact.solver.law_frame import USABLE
 from ..devices import pin_array
 from ..devices.pin_array import PinContacts, PinLayout
 from ..devices.spec import DeviceSpec
@@ -122,7 +123,7 @@ def render(
     limits; False: the paper's form), pin_lead (True: the track leads by the device's delay), pin_fade_in and
     pin_fade_out [s].
 
-    The signals are given at the times of the touch, even if the track leads: 'contact', 'displacement_error' u_err [m],
+    Signals have the times of the touch, also if the track is sent ahead (`pin_lead`): 'contact', 'displacement_error' u_err [m],
     'stress_error' (of the whole stress, relative), 'force_error' f_err [N], 'target_force' and 'rendered_force' along
     the pad's normal, 'target_shear' and 'rendered_shear' across it [N], 'at_limit' (number of pins). On neo-Hookean
     skin 'displacement_error' and 'stress_error' are computed with the neo-Hookean law.
@@ -203,7 +204,7 @@ def make_solver(
 
 
 def match(solver: PinSolver, skin: SkinContact) -> Matched:
-    """Match every frame in which the skin touches; errors on linear skin are computed many frames at once."""
+    """Match every frame in which the skin touches something."""
     matcher, count = solver.matcher, len(skin.times)
     forces = np.zeros((count, matcher.pins))
     u, f, at_limit = np.zeros(count), np.zeros(count), np.zeros(count)
@@ -235,9 +236,10 @@ def match(solver: PinSolver, skin: SkinContact) -> Matched:
 
 
 def rendered_force(ready: PinSetup, forces: Array) -> Array:
-    """Return the forces of pins [N], shape (pins,), on the pad's nodes [N], shape (m, 3).
+    """Return the forces on the pad's nodes [N], shape (m, 3), for forces of the pins [N], shape (pins,).
 
-    `Stimulus(skin, rendered_force(...))` is the skin as the device renders it, beside `Stimulus(skin, target)`.
+    `Stimulus(skin, rendered_force(...))` is the state of the skin under the pins; compare it with that of the touch,
+    `Stimulus(skin, target)`.
 
     Source: [S1] eq. 4
     """
@@ -313,11 +315,12 @@ def _findings(series: dict[str, Array], ready: PinSetup, matched: Matched, frame
             Finding(
                 "warning",
                 "law-unsettled",
-                "the law did not converge under the pins; if much is left, the errors are those of linear tissue",
+                "the neo-Hookean law did not converge under the pins: where the remaining error is above "
+                f"{100 * USABLE:g} %, displacement and stress errors are those of linear tissue",
                 "pin array",
-                f"a remaining error of {100 * min(float(matched.unsettled.max()), 1.0):.0f} % of the forces",
+                f"remaining error: {100 * min(float(matched.unsettled.max()), 1.0):.0f} % of the forces",
                 f"convergence within {MOST_LOOKS} evaluations of the law",
-                "Use DM2 or FM2, which keep within what pins can do, or touch less deeply",
+                "Use DM2 or FM2, which keep within the limits of the pins, or touch less deeply",
                 frame=float(frames[astray[0]]),
                 count=len(astray),
             )

@@ -3,8 +3,9 @@
 On each frame the friction state is fixed, the pose is searched for, and then the friction state is renewed with the
 pose fixed (staggering). The search starts from a predicted pose: the Jacobian of the last search gives the step that
 compensates for the change of the target. At a new contact it starts from the most promising entries of a small table of
-poses. If the touch is still faint, it keeps the result that would leave the smallest residual if the same touch were
-stronger. Later it starts from an entry of the table as well, whenever that predicts a better match.
+poses. If the touch is still faint, each result is tested with a stronger copy of the target, and the result with the
+smallest residual in this test is kept. Later it starts from an entry of the table as well,
+whenever that predicts a better match.
 
 Source: [S0] 5.1 and eq. 1, whose norm is minimised through its square.
 """
@@ -34,20 +35,20 @@ from .warm_start import WarmStartTable, warm_start_table
 
 Search = Callable[[Array, ServoLimits], Minimum]
 
-NOTHING = 1e-12  # targets below this share of the table's strongest stimulus are no touch
+NOTHING = 1e-12  # a target below this share of the table's strongest stimulus is treated as no touch
 PROMISE = 0.9  # a table entry is tried if its predicted mismatch is below this share of the present one
 MISTRUST = 0.5  # of the target: a learned model with a larger error at the pose that it chose is rejected
 WORTHWHILE = 0.05  # of the cost: the device moves to a distant minimum only for a larger gain
 # On nonlinear skin the search stops when the error of the predicted stimulus is below CLOSE times the target or LEFT
-# times the residual. CLOSE is the accuracy to which the law is solved. If the correction by the law is wrong by a share
-# e of the residual, the final residual rises by at most a share 2 e, and near the best pose by e^2, which is 0.25 % for
-# e = LEFT.
+# times the residual. CLOSE is the accuracy to which the law is solved. Suppose that the
+# correction by the law has an error of e times the residual. The final residual then rises by at most 2 e of itself,
+# near the best pose by at most e^2. For e = LEFT this is 0.25 %.
 CLOSE, LEFT = 5e-3, 0.05
 MOST_LOOKS = 6  # largest number of evaluations of the nonlinear law in a frame
 # Share of the cost: if the predicted gain of a step is smaller, a learned model's linear prediction is accepted without
 # another evaluation. 2 % of the cost is 1 % of the mismatch, which is less than the model's error.
 FORESEEN = 0.02
-LONGEST_WAIT = 32  # largest number of frames without an attempt from the table after failed attempts
+LONGEST_WAIT = 32  # frames: after a failed search from the table, the longest wait before the next one
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +58,7 @@ class ThimbleFrame:
     Attributes:
         x: configuration, see `disc_device`, shape (n,).
         angles: angles of the joints from neutral, or lengths of legs, shape (n,).
-        stimulus: rendered, after the friction update, shape (k,).
+        stimulus: stimulus of the disc at the pose `x`, shape (k,), from the friction state before it is renewed.
         mismatch: |stimulus - target| / |target|, 0 without a target.
         solution: contact of the disc with the skin.
         minimum: result of the search; None if the target is no touch.
@@ -65,7 +66,7 @@ class ThimbleFrame:
         looks: number of evaluations of the nonlinear law; 0 on linear skin.
         unsettled: error of the predicted stimulus at the last evaluation of the law, relative to the target; 0 if the
             iteration converged, and on linear skin.
-        felt: stimulus of the disc on the skin; None if the matcher has no observer of the skin.
+        felt: state of the whole skin under the disc; None if the matcher has no observer of the skin.
         stress_error: error of the whole stress, relative to the target's. The matcher leaves it 0; `Follower` sets it.
     """
 
@@ -115,7 +116,7 @@ class StressMatcher:
         model: forward model of the search; None uses the contact itself.
         change: largest change of a joint from frame to frame [rad or m]; None: not limited here.
         hover: distance kept from the skin while nothing is touched [m].
-        noise_floor: targets no stronger than this cannot be told from a sensor's noise and are no touch.
+        noise_floor: targets no stronger than this cannot be told from a sensor's noise; they are treated as no touch.
         table: poses to start from; None computes it.
 
     Attributes:
@@ -159,22 +160,22 @@ class StressMatcher:
         self.rest_x = self._start_at(0.0, 0.0, -hover)
         self.table = warm_start_table(device, contact, self.model) if table is None else table
         self._foreseen = FORESEEN
-        # The sides of a new contact are judged by a stronger target (see `onset`) only if the device has three
-        # freedoms: a disc that can also shift can change sides later. The stimulus needs more than three components
-        # too: a total force does not tell sides apart.
+        # At a new contact several poses of the disc are tried. They are compared by a stronger target (see `onset`)
+        # only if the device has three freedoms: a disc with more can change its pose later. The stimulus needs more
+        # than three components too: a total force is alike for several poses.
         sided = device.freedoms == 3 < self.model.size
         self._usual = AHEAD * float(np.median(self.table.strength)) if sided else 0.0
         self.reset()
 
     def reset(self) -> None:
-        """Forget the frame before: the device hovers level under the pad."""
+        """Forget the frame before: the device is level, at the hover distance from the pad."""
         self.x = self.rest_x.copy()
         self.angles = self._angles(self.x)
         self.state = FrictionState.rest(self.contact.count)
         self._pressed = False
         self._told: tuple[Array, Array] | None = None  # target of the last search, and the slope it ended with
         self._wait, self._patience = 0, 1
-        self._goal: Array | None = None  # a better minimum that is farther away than one frame
+        self._goal: Array | None = None  # a better minimum that the servos do not reach within one frame
         self._reach = 1.0  # accepted share of a full step, in the last search
         # stimulus by the law minus stimulus by the model, at the last two commanded poses
         self._beyond: tuple[Array, Array] | None = None
@@ -282,7 +283,7 @@ class StressMatcher:
         return best
 
     def _begun(self, target: Array, limits: ServoLimits) -> Minimum:
-        """Search at a new contact from several sides; for a faint touch, judge them by a stronger target."""
+        """Search at a new contact from several poses; for a faint touch, compare the results by a stronger target."""
         self._goal, self._patience = None, 1
         growth = self._usual / float(np.sqrt(target @ target))
 
@@ -299,7 +300,7 @@ class StressMatcher:
         return best
 
     def _left_of(self, target: Array, side: Minimum) -> float:
-        """Return the cost that a target would leave in the next frame if the disc began contact at a minimum."""
+        """Return the cost of the next frame's search for a target, if contact begins at the pose of `side`."""
         self.model.hold(self.state)
         self.model.hold(self.contact.settle(self._contact_at(side.x)))
         return descend(self.model.evaluate, target, side.x, self.device, self.limits).cost
@@ -345,7 +346,7 @@ class StressMatcher:
         """Return a predicted start: the Jacobian of the last search compensates for the change of the target.
 
         To first order the residual there equals that at the end of the last search. So the first evaluation is close to
-        the solution, and the right nodes slip in it.
+        the solution, and mostly the same points slip as in the solution.
         """
         if self._told is None:
             return self.x
@@ -373,7 +374,8 @@ class StressMatcher:
         size = float(np.linalg.norm(target))
         if self.model is not self.direct:
             self.direct.hold(self.state)
-        # law and pose of the last accepted evaluation (first: of the previous frame), and the share of the step
+        # state of the law, and pose, at the last accepted evaluation (at the start: in the previous frame); share: part
+        # of the step that is taken
         before, start, share = self.state.law, self.x, 1.0
         best: _Looked | None = None
         least, off = np.inf, 0.0
@@ -411,7 +413,7 @@ class StressMatcher:
         return part if share == 0.0 or self.device.feasible(part) else start + way
 
     def _rescued(self, target: Array, limits: ServoLimits, found: _Looked) -> _Looked:
-        """Search directly where a learned model was far from the contact that its pose made, and keep the better."""
+        """Repeat a search that is mistrusted with the direct model, and keep the better result."""
         learned, self.model = self.model, self.direct
         try:
             expected = np.zeros(self.model.size)
@@ -431,11 +433,11 @@ class StressMatcher:
         return self.direct.stimulus(solution)
 
     def _mistrusted(self, found: _Looked, size: float) -> bool:
-        """Return whether a learned model was far from the contact that its pose made."""
+        """Return whether a learned model's stimulus is far from the contact's at the same pose, see `MISTRUST`."""
         return float(np.linalg.norm(found.stimulus - found.minimum.stimulus)) > MISTRUST * size
 
     def _contact_at(self, x: Array) -> DiscSolution:
-        """Return the contact at the pose that a search chose, from the friction state before it."""
+        """Return the contact at the pose that a search chose, from the friction state of the frame before."""
         if self.model is self.direct:
             return self.direct.solution(x)  # the search tried this very pose
         self.contact.hold(self.state)
@@ -453,7 +455,7 @@ class StressMatcher:
         self.state = self.contact.settle(solution) if self._pressed else FrictionState.rest(self.contact.count)
 
     def _retracted(self, limits: ServoLimits) -> Array:
-        """Return the pose that hovers under the skin at the tilt held last."""
+        """Return a pose without contact: the last tilt, at the hover distance from the skin."""
         if not self._pressed and self.change is None:
             return self.x
         return self._within(self._start_at(self.x[0], self.x[1], -self.hover), limits)

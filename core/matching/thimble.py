@@ -321,7 +321,7 @@ def findings_of(found: ThimbleSequence, where: str) -> list[Finding]:
                 "rescued",
                 f"the surrogate was wrong and the direct search took its place in {share}",
                 where,
-                limit=f"a contact within {100 * MISTRUST:g} % of what the surrogate expected",
+                limit=f"a residual within {100 * MISTRUST:g} % of the surrogate's prediction",
                 remedy="Adapt a surrogate from more movements, or use the direct method",
                 count=rescued,
             )
@@ -347,7 +347,7 @@ def findings_of(found: ThimbleSequence, where: str) -> list[Finding]:
                 "law-unsettled",
                 "search and nonlinear law did not converge: the pose with the smallest error by the law was kept",
                 where,
-                f"a remaining error of {100 * float(found.unsettled.max()):.1f} % of the touch",
+                f"remaining error: {100 * float(found.unsettled.max()):.1f} % of the touch",
                 f"convergence within {MOST_LOOKS} evaluations of the law",
                 remedy="Use more samples per second, or touch less deeply",
                 count=int(astray.sum()),

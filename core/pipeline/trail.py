@@ -1,4 +1,4 @@
-"""Trail: the last moments of a scene while it is played, and the commands of the devices at their end.
+"""Trail: the last samples of a scene during playback, and the devices' commands up to the newest of them.
 
 Contact of the pads' centres is measured once a sample and kept. Every new sample changes the splines through the poses,
 but only near their end; before that they are settled. The devices' state is stored at the last settled sample. From it
@@ -51,9 +51,9 @@ class Trail:
     """The commands of devices for samples that arrive one at a time; before the first, everything is at rest.
 
     Args:
-        scene: its header. library: the presets; they are read here and by `renew`.
+        scene: header of the scene. library: the presets; they are read here and by `renew`.
         settled: number of samples before the end at which the state is stored; None: the larger of `SETTLED` and
-            `SHOWN`.
+            the number of samples within `SHOWN`.
 
     Attributes:
         taken: how many samples were taken.
@@ -69,7 +69,7 @@ class Trail:
         self._settled = max(SETTLED, math.ceil(SHOWN * scene.fps)) if settled is None else settled
         self._sampler = PadSampler(scene)
         self._chunks: list[Chunk] = []  # the samples that are kept
-        # start of the next window and the state there; `_before`: the same for the window of the last sample
+        # start of the next window and the state there; `_before`: `_state` before the last sample was added
         self._state: State = (-math.inf, {})
         self._before: State = self._state
         self._lasting: dict[Hashable, Any] = {}
@@ -77,18 +77,18 @@ class Trail:
 
     @property
     def first(self) -> float:
-        """The frame of the tracks' time 0: the range's first."""
+        """First frame of the scene's range, which is the tracks' time 0."""
         return float(self._scene.frame_range[0])
 
     @property
     def frames_per_second(self) -> float:
-        """The scene's."""
+        """Frame rate of the scene [1/s]."""
         return float(self._scene.fps)
 
     def add(self, chunk: Chunk) -> tuple[Output, ...]:
-        """Take one more sample, whose time is told by its frame; return the tracks up to it.
+        """Take one more sample, at the time of its frame; return the tracks up to it.
 
-        They begin where the devices' state was noted last; times are those of the scene's range.
+        They begin where the devices' state was stored last. Their time 0 is the first frame of the scene's range.
         """
         self.taken += 1
         if not self._uses:
@@ -130,7 +130,7 @@ class Trail:
         self._uses = self._used()
 
     def _used(self) -> list[tuple[int, DeviceUse, DeviceSpec, Renderer]]:
-        ignored: list[Finding] = []  # whoever bakes is told
+        ignored: list[Finding] = []  # the bake reports these findings
         used = (use for use in usable(self._scene, self._library, ignored) if not use[2].follows_skin)
         return [(*use, renderer(use[2])) for use in used]
 

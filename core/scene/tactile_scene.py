@@ -355,7 +355,7 @@ def check_mesh(mesh: Mesh, where: str) -> None:
     if not np.isfinite(mesh.vertices).all():
         raise DermisError("the mesh has vertices that are not finite numbers", where=where)
     if mesh.triangles.dtype.kind not in "iu":
-        raise DermisError("triangles are whole numbers of vertices", where=where, value=str(mesh.triangles.dtype))
+        raise DermisError("triangles must be indices of vertices", where=where, value=str(mesh.triangles.dtype))
     if mesh.triangles.min() < 0 or mesh.triangles.max() >= len(mesh.vertices):
         raise DermisError(
             "a face uses a vertex that does not exist",

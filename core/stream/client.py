@@ -1,8 +1,8 @@
 """Blender's side of the sender: starts the process, writes requests and signs of life, reads the status.
 
-Only `close` and `wait` wait. A closed sender brings its device to the safe state at the device's own speed. If `close`
-does not wait long enough for that, the sender finishes alone. A client that connects to the same port meanwhile reports
-that it is waiting. The closed sender's shared state is removed after it has ended.
+Only `close` and `wait` wait for the sender. A closed sender brings its device to the safe state at the device's own
+speed. If `close` does not wait long enough for that, the sender finishes alone. A client that connects to the same port
+meanwhile reports that it is waiting. The closed sender's shared state is removed after it has ended.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from .request import request_of
 from .shared_state import MAX_VALUES, SharedState
 from .state import State
 
-QUIET = 1.0  # a status older than this is reported; a sender writes one every 0.05 s, but may read a long track [s]
-UNSEEN = 0.5  # if the status has not been read for this long, the sender's silence is counted from now [s]
+QUIET = 1.0  # [s] a status older than this is reported; a sender writes one every 0.05 s, none while it reads a track
+UNSEEN = 0.5  # if the status has not been read for this long, the sender's silence is counted from the next reading [s]
 MAX_CLOSE_SECONDS = 0.2  # `close` waits this long for the sender, which then finishes alone [s]
 
 _ending: list[SenderClient] = []  # closed clients whose senders are still on the way to the safe state
@@ -84,7 +84,7 @@ class SenderClient:
             self._write()
 
     def arm(self) -> None:
-        """Arm the device, so that it may move, until it stops; call this only when a person asks for it."""
+        """Arm the device: it may move until it is sent to its safe state. Call this only when a person asks for it."""
         self._arm_id += 1
         self.set(arm_id=self._arm_id, arm_at=clock.now(), stops=self._stops)
 
@@ -208,6 +208,6 @@ def note_loss(text: str) -> None:
 
 
 def leaving() -> str:
-    """Return, as text, what closed senders have still to do, and why streams ended badly; '' for nothing."""
+    """Return, as text, the unfinished tasks of closed senders and the reasons why streams failed; '' for none."""
     _reap()
     return "; ".join([*_lost, *(f"{one._ends()} ({one._request.get('url', '')})" for one in _ending)])

@@ -9,9 +9,9 @@ Which side a point is on:
 * At a closed mesh that runs through itself in another way, or has folded faces, rays count how often it winds round the
   point. Rays also decide if more than two faces share an edge, if faces disagree about the outside, or if two sheets
   touch in a single point. The distance is still that to the closest triangle, even if this triangle lies inside.
-* At an open mesh (a plane, a cup of one layer) the gap is negative behind the faces. If the closest point lies on the
-  rim, and the point asked about is not straight above or below the rim, this point is beside the sheet: it counts as
-  outside, and its gap is positive.
+* At an open mesh (a plane, a cup of one layer) the gap is negative behind the faces. A queried point lies
+  beside the sheet if its closest point is on the rim and it is not straight above or below that closest point. It
+  then counts as outside, and its gap is positive.
   `Surface.side_of` tells on which side of a sheet a finger's bone is, so that a sheet can be touched from both.
 
 `Surface.findings` reports meshes that are open or not manifold.
@@ -43,11 +43,11 @@ from .winding import winding
 __all__ = ["GapQuery", "Surface"]
 
 # Up to this many points in all are measured against every triangle, and no tree is built: a deforming object has a new
-# shape each frame, and of some shapes only the gap at a pad's centre is needed.
+# shape each frame, and some of these shapes are only measured from the centre of a pad.
 FEW = 16
-# Testing whether a triangle runs through others takes a sixth of the time of a ray. Once a closed surface was asked
-# about more than this many points for each of its triangles, all triangles are tested; if the surface is not `tangled`,
-# no more rays are cast. This changes the run time only.
+# Testing whether a triangle runs through others takes a sixth of the time of a ray. Once the number of
+# queried points exceeds PAYS times the number of triangles of a closed surface, all its triangles are tested; if the
+# surface is not `tangled`, no more rays are cast. This changes the run time only.
 PAYS = 1 / 6
 # A surface of more solids than this is measured as a whole, because measuring every solid would take longer than a ray.
 MOST_SOLIDS = 64
@@ -105,12 +105,12 @@ class Surface:
             limit = f"0 to {points.shape[0] - 1}"
             raise DermisError("a triangle uses a vertex that does not exist", value=int(wrong), limit=limit)
         if corners.dtype.kind not in "iu":
-            raise DermisError("triangles are whole numbers of vertices", value=str(corners.dtype), limit="integers")
+            raise DermisError("triangles must be indices of vertices", value=str(corners.dtype), limit="integers")
         return cls(points, corners, topology_of(points, corners))
 
     @classmethod
     def sphere(cls, radius: float, facets: int = 20_000) -> Surface:
-        """Return a ball of a radius [m], of at least so many triangles; its top is the origin.
+        """Return a ball of a radius [m], of at least `facets` triangles; its top is the origin.
 
         >>> from dermis import Surface
         >>> print(f"{1e9 * Surface.sphere(5e-3).volume:.1f} mm^3")
@@ -250,7 +250,7 @@ class Surface:
             raise DermisError("points to measure from are not finite numbers")
         if not search_radius >= 0.0:
             raise DermisError(
-                "a search radius is no distance",
+                "the search radius is not a distance",
                 value=search_radius,
                 limit="0 m or more, or inf",
                 remedy="Leave it out to measure all points",
@@ -364,8 +364,8 @@ class Surface:
         """Return triangles for the kernels. For closed ones rays tell the sides, until a test shows them needless.
 
         Args:
-            room: whether these triangles are inside out; None: as the whole surface is. other: a solid that runs
-                through them.
+            room: whether these triangles are inside out. None takes the answer for the whole surface.
+            other: a solid that runs through these triangles; None for no other.
         """
         rays, room = self._rays(tree), self.volume < 0.0 if room is None else room
         by_rays = self.closed and rays is not None

@@ -25,7 +25,7 @@ LIMITED: dict[str, tuple[Severity, str]] = {
     "slew_of_pair": ("warning", "samples were slowed down so that both channels of the round range arrive together"),
     "ramp": ("info", "samples were blended with rest at the start or the end"),
 }
-RECORDED = "recorded"  # prefix of the entry 'sensor' in a track's `meta` if a real sensor recorded the touch
+RECORDED = "recorded"  # a track's `meta['sensor']` begins with it if a real sensor recorded the touch
 RATE_SLACK = 0.01  # largest relative difference between the stated rate and the rate of the samples
 
 
@@ -128,7 +128,7 @@ class CommandTrack:
                 "more samples than a track can hold",
                 where=self._place(),
                 value=f"{rate:g} Hz",
-                limit=f"{MAX_SAMPLES / (self.duration * len(self.channels)):.6g} Hz, {MAX_SAMPLES} samples in all",
+                limit=f"{MAX_SAMPLES / (self.duration * len(self.channels)):.6g} Hz, {MAX_SAMPLES} values in all",
             )
         times = grid(float(self.times[0]), float(self.times[-1]), rate)
         values = interpolate(self.times, self.values, times, method)
@@ -216,9 +216,9 @@ class CommandTrack:
             yield from self._check_rate()
 
     def _check_rate(self) -> Iterator[Finding]:
-        """Compare the stated rate with that of the samples: with the median and with the mean of their intervals.
+        """Compare the stated rate with two rates of the samples: by the median and by the mean of their intervals.
 
-        It is enough that one of them agrees. A track with a gap, or with a few extra samples, therefore passes.
+        It is enough that one of the two agrees. A track with a gap, or with a few extra samples, therefore passes.
         """
         found = 1.0 / float(np.median(np.diff(self.times)))
         mean = (len(self.times) - 1) / self.duration

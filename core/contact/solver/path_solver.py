@@ -32,8 +32,8 @@ from .sweeps import sweep
 
 __all__ = ["DEPTH_LIMIT", "TOLERANCE", "Compliance", "Linear", "PathSolver", "PathStep"]
 
-# Residual at which sweeps stop, see `Solution.residual`. It is so small that the starting forces change no result by
-# 1e-4.
+# Residual at which sweeps stop, see `Solution.residual`. It is so small that other starting forces change
+# the result by less than 1e-4 of it.
 TOLERANCE = 3e-6
 # A frame whose residual is above this multiple of the tolerance is a finding.
 CHECK = 10.0
@@ -49,7 +49,8 @@ DEPTH_LIMIT = 2e-3
 # In one frame skin bulges by no more than BULGE times its displacement in the last frame, plus MARGIN [m].
 BULGE, MARGIN = 1.5, 0.3e-3
 FOLDS = {
-    Fold.LEFT: "there is a second solution, with skin folded into itself; the one of straight pressing was used",
+    Fold.LEFT: "contact has two solutions here, one with the skin folded into itself; the other was used, which was "
+    "found by pressing straight in",
     Fold.KEPT: "only a solution with skin folded into itself was found: its forces are too large",
 }
 # Attributes that a frame changes, besides the history. Each is replaced, never changed in place.
@@ -106,7 +107,7 @@ class PathSolver:
         refuse_indefinite(c, name)
         extent = np.sort(np.ptp(self.points, axis=0))
         spacing = float(np.sqrt(max(extent[-1] * extent[-2], 1e-12) / m))
-        # skin bulges by no more than the body is pressed in, so nodes farther away stay open
+        # skin bulges by no more than the body is pressed in, so nodes farther away are not touched
         self.search_radius = max(2.5 * spacing, 2.5e-3)
         self.history = ContactHistory(m)
         self._zero = np.zeros((m, 3))
@@ -265,7 +266,7 @@ class PathSolver:
 
     def look(self, bodies: Sequence[ContactBody]) -> NodeGaps:
         """Measure the next frame's gaps without solving the frame."""
-        bodies = tuple(bodies)  # the history recognises this tuple when it is asked about it again
+        bodies = tuple(bodies)  # the history compares by identity: passed this tuple again, it uses its result again
         return node_gaps(self.points, bodies, self.search_radius, self.bone, self._expected(bodies))
 
     def _expected(self, bodies: Sequence[ContactBody]) -> Expected:
@@ -311,7 +312,9 @@ class PathSolver:
     def adopt(
         self, force: Array, displacement: Array, gaps: NodeGaps, residual: float, *, scene_frame: float | None = None
     ) -> PathStep:
-        """Take over a frame that was solved together with other fingers, and wrote its own friction history.
+        """Take over a frame that was solved together with other fingers.
+
+        That solution has already updated the friction history.
 
         Args:
             force: forces on the nodes [N], shape (m, 3).

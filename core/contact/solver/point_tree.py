@@ -1,9 +1,9 @@
 """PointTree: an adaptive quadtree of the pad's surface, refined where the objects that press into it are curved.
 
 A cell is split along the finger, around the finger, or both ways. It is split in a direction if the object's surface
-normals turn in that direction, or if the gap is not linear over the cell. Cells are therefore short across an edge of
-an object and long beside it. Normals and gap are found at four test points, which lie a little outside the cell's own
-corners, so an edge between two cells is detected by both.
+normals turn in that direction, or if the gap is not linear over the cell. A cell on an edge of an object is therefore
+short across the edge and long along it. Normals and gap are found at four test points, which lie a little outside the
+cell's own corners, so an edge between two cells is detected by both.
 
 A cell is merged only if normals and gap stay well below the limits for splitting. This hysteresis keeps cells from
 changing back and forth between frames.
@@ -34,11 +34,11 @@ from .posed_records import posed_records
 TURNED, BENT = 0.3, 0.04e-3
 # MANY: if more cells than this may touch, the finest level is lowered, one level at a time.
 # COARSEST: the finest level is never lowered below this many halvings, or small bodies would pass between the points.
-# MOST: largest number of points. Cells that carry force come first, then those nearest to a body.
+# MOST: largest number of points. Cells that carry force are kept first, then those nearest to a body.
 MANY, COARSEST, MOST = 450, 1, 1000
 # The lean along a side is the range of the normals' components along it; a larger lean means a surface that turns more.
-# ODD: a side is not halved if the lean along it, plus LEVEL, is below this share of the lean along the other side.
-# LEVEL: added in this test, so that both sides are halved while the leans are too small to prefer one.
+# A side is not halved if the lean along it, plus LEVEL, is below ODD times the lean along the other side. LEVEL lets
+# both sides be halved while the leans are too small to prefer one.
 ODD, LEVEL = 0.4, 0.1
 # A cell that was split stays split until normals and gap fall below this share of the limits.
 MERGE = 0.6
@@ -54,7 +54,8 @@ CORNERS = 0.75  # distance of the test points from the cell's centre, as a share
 # BEYOND: distance from the cell within which such an edge counts [m].
 # EDGE: difference of the unit normals of its two faces above which it counts.
 BEYOND, EDGE = 0.4e-3, 0.9
-# A cell becomes a point if its gap is below NEAR times its size plus MARGIN. Its size is the square root of its area.
+# A cell becomes a contact point if its gap is below NEAR times its size plus MARGIN. The size is the square root of the
+# area.
 # MARGIN: allowance for movement until the next survey [m].
 NEAR, MARGIN = 0.4, 0.1e-3
 # A cell's corners may be nearer to a body than its centre, by at most this share of the cell's longer side.
@@ -110,7 +111,8 @@ class PointTree:
     def patience(self) -> float:
         """Distance that bodies may move before a new survey is due [m].
 
-        Near an edge it is 0: every movement causes a survey, so the cells do not depend on when the last one was due.
+        Near an edge it is 0, so every movement causes a survey: otherwise the cells there would depend on the distance
+        moved since the last survey.
         Elsewhere points are created `MARGIN` before they touch. If any cell is split, half of this margin is reserved
         for splitting and merging.
         """

@@ -35,7 +35,7 @@ class Step(Enum):
     """Steps of Connect."""
 
     ASK = "ask for errors, which clears them"
-    TRY_CRC = "nobody answered: ask with a CRC where there was none, or without it"
+    TRY_CRC = "nobody answered: ask again, with a CRC if there was none, else without"
     BE_SILENT = "send nothing until the board's time-out must be over"
     LOOK = "ask for errors and positions"
     DONE = "the board was recognised or refused"
@@ -97,7 +97,7 @@ class Maestro(Adapter):
         A board that is not armed is asked nothing, so that its own time-out acts.
         """
         if self.armed and now - self._commanded > self.silence.after:
-            # the sender itself was silent for too long, and ends the stream: these answers no longer count
+            # the sender itself was silent for too long, and ends the stream: awaited answers no longer count
             self._asks, self._awaited = False, 0
         if missing := self._awaited > 0 and now - self._asked > ANSWER:
             self._awaited = 0
@@ -167,11 +167,17 @@ class Maestro(Adapter):
         return [message] if message else []
 
     def carried(self, values: Array) -> Array:
-        """Return the values of the targets, in whole quarter microseconds."""
+        """Return the values that the board receives, in the channels' units.
+
+        Each pulse is clipped to its limits and rounded to a quarter microsecond.
+        """
         return self._values(self._targets(values))
 
     def safe(self) -> list[bytes]:
-        """Return commands that end all pulses for `release`; else none: the sender has driven to the safe pose."""
+        """Return commands that end all pulses if the safe state is `release`.
+
+        Otherwise none: the sender has already driven the servos to the safe pose.
+        """
         super().safe()
         self._sent[:], self._wants_arm = -1, False
         if self.wire.reach == Reach.RELEASE or not self.silence.holds:

@@ -414,7 +414,7 @@ def test_a_wrong_vertex_is_named_and_a_number_with_a_fraction_is_none() -> None:
     corners = np.eye(3)
     with pytest.raises(DermisError, match=r"does not exist \(found -1; allowed: 0 to 2\)"):
         Surface.build(corners, np.array([[0, 1, -1]]))
-    with pytest.raises(DermisError, match=r"whole numbers of vertices \(found 'float64'"):
+    with pytest.raises(DermisError, match=r"indices of vertices \(found 'float64'"):
         Surface.build(corners, np.array([[0.0, 1.0, 2.0]]))
 
 

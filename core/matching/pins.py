@@ -123,10 +123,10 @@ def render(
     limits; False: the paper's form), pin_lead (True: the track leads by the device's delay), pin_fade_in and
     pin_fade_out [s].
 
-    Signals have the times of the touch, also if the track is sent ahead (`pin_lead`): 'contact', 'displacement_error' u_err [m],
-    'stress_error' (of the whole stress, relative), 'force_error' f_err [N], 'target_force' and 'rendered_force' along
-    the pad's normal, 'target_shear' and 'rendered_shear' across it [N], 'at_limit' (number of pins). On neo-Hookean
-    skin 'displacement_error' and 'stress_error' are computed with the neo-Hookean law.
+    Signals have the times of the touch, also if the track is sent ahead (`pin_lead`): 'contact', 'displacement_error'
+    u_err [m], 'stress_error' (of the whole stress, relative), 'force_error' f_err [N], 'target_force' and
+    'rendered_force' along the pad's normal, 'target_shear' and 'rendered_shear' across it [N], 'at_limit' (number of
+    pins). On neo-Hookean skin 'displacement_error' and 'stress_error' are computed with the neo-Hookean law.
 
     Raises:
         DermisError: an unknown method or weighting, a negative fade, or a bad layout.

@@ -231,7 +231,7 @@ def test_a_copy_of_a_surface_with_a_tree_answers_as_the_surface(copied: Callable
 @pytest.mark.parametrize("flat", [False, True])
 def test_a_search_radius_that_is_no_distance_is_refused(radius: float, flat: bool) -> None:
     surface = Surface.build(np.zeros((3, 3)), np.array([[0, 1, 2]])) if flat else Surface.sphere(5e-3, 500)
-    with pytest.raises(DermisError, match=r"a search radius is no distance .*allowed: 0 m or more, or inf"):
+    with pytest.raises(DermisError, match=r"the search radius is not a distance .*allowed: 0 m or more, or inf"):
         surface.query(np.zeros((5, 3)), radius)
 
 

@@ -1,9 +1,15 @@
-"""Proximity: how far the bodies are that a finger is near and does not touch, so that they are not asked every sample.
+"""Proximity: lower bounds of the gaps between a finger and nearby bodies.
 
-Most are told by their boxes, in their own axes. Of others, a gap that was measured once bounds the gap at every
-other pose: no point of a body, seen from the finger, moves farther than its box does, or, where the body keeps its
-shape, than the finger's box does over it. Until that much was moved, nothing of the body needs to be looked at. Gaps
-are kept for groups of points: skin comes out where it is pressed, and not elsewhere.
+Measuring the gaps of all points of the skin to a body is costly. At most samples a cheap lower bound shows that the
+body is out of reach, and the measurement is left out. There are two bounds:
+
+1. The distance to the body's bounding box, in the body's own axes.
+2. The last measured gap, less the largest distance that any point of the body has moved since, seen from the finger.
+   For a body that keeps its shape, the largest movement of any point of the finger, seen from the body, may be smaller;
+   the smaller of the two counts.
+
+The points of the skin are divided into groups, and each group has bounds of its own. Skin bulges beside a contact and
+not elsewhere, so the reach of a group may be larger or smaller than that of others.
 """
 
 from __future__ import annotations
@@ -18,35 +24,48 @@ from ..motion import singular
 from ..scene.tactile_scene import Mesh
 from .solver.bodies import ContactBody, node_gaps
 
-# Points are asked in so many groups at first: far bodies are told by a few points.
+# Groups of points. The gap of a group's centre, less the radius of the group, bounds the gaps of its points. That is
+# enough for bodies that are far away.
 GROUPS = 32
-# Gaps are measured exactly this far out [m]: the larger they are, the longer they are good for.
+# A gap is measured exactly up to this length [m]. The larger a measured gap, the longer it serves as a bound.
 FAR = 5e-3
-# Linear maps that differ by no more than this, relative to their size, keep a body's shape.
+# A body keeps its shape if the map from its measured pose to another is orthogonal up to this error in each component.
 SAME_SHAPE = 1e-6
 
 
 class RelativePoses(NamedTuple):
-    """A body seen from a finger over a chunk: linear maps (n, 3, 3) and translations [m] (n, 3)."""
+    """Poses of a body in a finger's frame at the samples of a chunk.
+
+    Attributes:
+        linear: linear maps from the body's space to the finger's, with scale, shape (n, 3, 3).
+        place: position of the body's origin [m], shape (n, 3).
+    """
 
     linear: Array
     place: Array
 
 
 class _Measured(NamedTuple):
-    """Lower bounds of the groups' gaps [m], the pose and the mesh that they were measured at, and the mesh's sphere."""
+    """Lower bounds of a body's gaps, with the pose and the mesh for which they were measured.
+
+    Attributes:
+        gaps: lower bound of each group's gap [m], shape (g,).
+        linear, place, inverse: pose of the body, see `RelativePoses`, and the inverse of the linear map.
+        mesh: mesh of the body.
+        middle, radius: sphere about the mesh, in the body's space [m].
+    """
 
     gaps: Array
     linear: Array
     place: Array
-    inverse: Array  # of the linear map
+    inverse: Array
     mesh: Mesh
     middle: Array
     radius: float
 
 
 class Proximity:
-    """The known distances of one finger to bodies.
+    """Lower bounds of the gaps between one finger's skin and bodies.
 
     Args:
         points: points of the finger's undeformed skin [m], shape (m, 3).
@@ -64,22 +83,25 @@ class Proximity:
         self._halves = np.array([np.ptp(group, axis=0) for group in self._points]) / 2.0
         self._middle, self._radius = _sphere(points)
         self._known: dict[int, _Measured] = {}
-        # over the chunk that these poses are of, how far each body is from where it was measured [m]
+        # Poses of the current chunk. For each body, the largest distance that any of its points has moved from the
+        # measured pose, at each sample of the chunk [m].
         self._chunk: Mapping[int, RelativePoses] = {}
         self._moved: dict[int, Array] = {}
-        # over the chunk of those poses, how far the groups are from the bodies' boxes [m]
+        # Poses of a chunk, and the distances of the groups from the bodies' boxes at its samples [m].
         self._apart: tuple[Mapping[int, RelativePoses], Array] | None = None
 
     def grouped(self, values: Array) -> Array:
-        """Return the largest of the points' values, shape (m,), in each group, shape (g,)."""
+        """Return the largest value of each group of points, shape (g,), from the points' values, shape (m,)."""
         return np.asarray(np.maximum.reduceat(values.take(self._order), self._starts))
 
     def within(self, poses: Mapping[int, RelativePoses], boxes: Mapping[int, Array], i: int, reach: Array) -> set[int]:
-        """Return the bodies whose boxes are within reach of a group at a sample, [m], shape (g,).
+        """Return the bodies whose bounding boxes are within reach of any group at a sample.
 
         Args:
-            poses: poses of the bodies that are near in the chunk.
+            poses: poses in the chunk of the bodies that come near, by the bodies' indices.
             boxes: bounding boxes of the same bodies, see `_boxes_apart`.
+            i: index of the sample in the chunk.
+            reach: reach of each group [m], shape (g,).
         """
         if self._apart is None or self._apart[0] is not poses:
             self._apart = poses, self._boxes_apart([*poses.values()], [boxes[b] for b in poses])
@@ -87,13 +109,14 @@ class Proximity:
         return {b for b, some in zip(poses, touched.tolist(), strict=True) if some}
 
     def _boxes_apart(self, poses: Sequence[RelativePoses], boxes: Sequence[Array]) -> Array:
-        """Return how far the groups are from the boxes of bodies, at least [m], shape (B, n, g).
+        """Return a lower bound of the distance between each group and each body's box [m], shape (B, n, g).
+
+        A group is replaced by its bounding box in the finger's axes. The bound is the largest distance between the two
+        boxes along a face normal of the body's box. It is negative where they overlap, and -inf for a body of scale 0.
 
         Args:
+            poses: poses of the bodies.
             boxes: lower and upper corners in the space of each body [m], shape (n, 2, 3) or (1, 2, 3).
-
-        Returns:
-            -inf where a body has scale 0.
         """
         linear, place = (np.array([seen[k] for seen in poses]) for k in (0, 1))
         flat = singular(linear.reshape(-1, 3, 3)).reshape(linear.shape[:2])
@@ -109,12 +132,13 @@ class Proximity:
     def gaps(self, b: int, i: int, poses: Mapping[int, RelativePoses], mesh: Mesh) -> Array:
         """Return lower bounds of the groups' gaps to body `b` at sample `i` [m], shape (g,).
 
-        Args:
-            poses: poses of the bodies that are near in the chunk.
-            mesh: mesh of body `b` at the sample.
+        The bounds are -inf if the body was not measured yet, or if its mesh had other faces then.
 
-        Returns:
-            -inf where nothing is known.
+        Args:
+            b: index of the body.
+            i: index of the sample in the chunk.
+            poses: poses in the chunk of the bodies that come near, by the bodies' indices.
+            mesh: mesh of body `b` at the sample.
         """
         if poses is not self._chunk:
             self._chunk = poses
@@ -132,7 +156,17 @@ class Proximity:
         return known.gaps - far
 
     def measure(self, b: int, i: int, poses: Mapping[int, RelativePoses], mesh: Mesh, body: ContactBody) -> Array:
-        """Ask a body itself, and return lower bounds of the groups' gaps [m], exact below `FAR`, shape (g,)."""
+        """Measure the groups' gaps to body `b` and return lower bounds [m], exact below `FAR`, shape (g,).
+
+        The bounds are kept for `gaps`.
+
+        Args:
+            b: index of the body.
+            i: index of the sample in the chunk.
+            poses: poses in the chunk of the bodies that come near, by the bodies' indices.
+            mesh: mesh of body `b` at the sample.
+            body: the same body, posed in the finger's frame.
+        """
         gaps = self._ask(self._centres, body, np.inf) - self._radii
         close = (gaps <= FAR).nonzero()[0]
         if close.size:
@@ -148,7 +182,10 @@ class Proximity:
         return node_gaps(points, [body], search_radius, self._bone).gap
 
     def _travel(self, bodies: list[int]) -> dict[int, Array]:
-        """Return how far any point of bodies moved over the chunk from where it was measured, at most [m]."""
+        """Return upper bounds of each body's movement since its gaps were measured [m], shape (n,) each.
+
+        The movement is the largest of any point of the body, seen from the finger, at each sample of the chunk.
+        """
         if not bodies:
             return {}
         known = [self._known[b] for b in bodies]
@@ -158,7 +195,7 @@ class Proximity:
         radius = np.array([[k.radius] for k in known])
         change = linear - linear0
         moved = _length(_images(change, middle) + place - place0) + _size(change) * radius
-        # the finger over a body that keeps its shape, as the body sees it
+        # For a body that keeps its shape: the largest movement of any point of the finger, seen from the body.
         turn = linear @ inverse0
         back = np.swapaxes(turn, -1, -2)
         kept = np.abs(back @ turn - np.eye(3)).max(axis=(-2, -1)) <= SAME_SHAPE
@@ -183,18 +220,25 @@ def _length(vectors: Array) -> Array:
 
 
 def _size(linear: Array) -> Array:
-    """Return how long the image of a vector of length 1 is, at most; of turns less a turn, times the root of two."""
+    """Return the Frobenius norm of linear maps, an upper bound of their spectral norm.
+
+    Of the difference between two rotations it is the spectral norm times the square root of two.
+    """
     return np.asarray(np.sqrt((linear * linear).sum(axis=(-2, -1))))
 
 
 def _sphere(points: Array) -> tuple[Array, float]:
-    """Return middle (3,) and radius of a sphere about points [m]."""
+    """Return the centre, shape (3,), and the radius of a sphere that encloses points [m]."""
     middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
     return middle, float(np.sqrt(((points - middle) ** 2).sum(axis=1).max()))
 
 
 def _groups(points: Array) -> list[Indices]:
-    """Return groups of points, halved along their longest side."""
+    """Divide points into `GROUPS` groups or more, by halving each along the longest side of its bounding box.
+
+    Returns:
+        Indices of each group's points; fewer groups if there are fewer points.
+    """
     groups = [np.arange(len(points))]
     while len(groups) < GROUPS:
         halves = []

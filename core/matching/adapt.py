@@ -1,4 +1,4 @@
-"""Adaptation: a finger's own surrogate, made in a child process and put where `prepare` finds it."""
+"""Job of a child process: learn a finger's own surrogate and save it where `prepare` finds it."""
 
 from __future__ import annotations
 
@@ -21,31 +21,34 @@ from ..surrogate.lessons import KINDS
 from ..surrogate.store import adapt, place_of, save
 from .thimble_use import disc_device
 
-SHARES = {"dataset": (0, 600), "descriptors": (600, 620), "training": (620, 1000)}  # of the time, in thousandths
+SHARES = {"dataset": (0, 600), "descriptors": (600, 620), "training": (620, 1000)}  # start and end, 1/1000 of the time
 
 
 def adapt_job(
     arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Callable[[int, int], None]
 ) -> dict[str, NDArray[Any]]:
-    """Make a surrogate and put it into a folder, or return its files; a job for another process or machine.
+    """Learn a surrogate, and save it in a folder or return its files.
 
     Args:
+        arrays: not used.
         parameters: 'device' (preset as read), 'device_key', 'skin' (parameters in SI), 'level', and optionally
-            'folder' (where the files go), 'tissue', 'contact' ('nodes' where the finger's touches are solved there),
-            'skins' and 'limit' (folder and size [bytes] of the cache of skins, where tables of lengths that do not
-            ship lie), 'use' (calibration to the person, see `disc_device`), 'trajectories', 'iterations'.
+            'folder' (where the files are saved), 'tissue', 'contact' ('nodes' if contact is solved at the nodes),
+            'skins' and 'limit' (folder and size [bytes] of the skins' cache, which holds tables of fingers whose size
+            does not ship), 'use' (calibration to the person, see `disc_device`), 'trajectories', 'iterations'.
+        report: called with the progress and the total, in thousandths.
 
     Returns:
-        'errors': of ridge and network on straight presses held out, shape (2,); 'samples' and 'movements' that were
-        learned from; 'held_out': for each of `KINDS` error and the value that nine in ten movements stay below, of
-        ridge and of network, and the number of movements, shape (2, 5). Without a folder also 'file NAME', its bytes,
-        for each file.
+        'errors': errors of ridge regression and network on straight presses that were held out, shape (2,).
+        'samples' and 'movements': numbers of those that were learned from.
+        'held_out': for each of `KINDS`, the error of the ridge regression and the value below which nine in ten
+        movements stay, the same two of the network, and the number of movements, shape (kinds, 5).
+        'file NAME': the bytes of each file, only without a folder.
 
     Raises:
-        DermisError: a preset or skin that cannot be used, or servo limits that exclude contact.
+        DermisError: the preset or the skin cannot be used, or the servo limits exclude contact.
     """
     spec = from_preset(str(parameters.get("device_key", "thimble")), parameters["device"])
-    # the learned values are proportional to stiffness: one surrogate serves a finger whatever its personal factor
+    # The learned values are proportional to stiffness, so one surrogate suits every personal stiffness factor.
     cache = Cache(Path(str(parameters["skins"])), int(parameters["limit"])) if "skins" in parameters else None
     skin = skin_from_parameters(parameters["skin"], level=str(parameters.get("level", "standard")), cache=cache)
     skin = asked_for(skin, str(parameters.get("tissue", SKIN_CONTACT["tissue"].absent)), "skin")

@@ -1,8 +1,9 @@
-"""A table whose rows lie where the device touches and where its readings bend: fewer rows for the same error.
+"""Adaptive choice of the poses of a look-up table, for fewer rows at the same error.
 
-A first part of the rows is spread evenly over the sweep's poses. In rounds, each row is then estimated from its
-nearest neighbours; where that misses most, relative to how strong the touch is, and where rows are far apart, further
-poses are pressed. Nothing is drawn by chance: the same device and skin give the same rows.
+A first part of the poses is spread evenly over the sweep. The others are chosen in rounds. In each round, the readings
+of every row are estimated from its nearest neighbours. Further poses are pressed where this estimate is worst, relative
+to the strength of the touch, and where rows are far apart. No random numbers are used: the same device and skin give
+the same rows.
 
 Source: [S2] VI ('discarding areas of the workspace that are not interesting ... while focusing on those configurations
 bringing the most salient information')
@@ -24,22 +25,33 @@ from .readings import FULL_SCALE, Readings, quantised
 from .sweep import commands_at, freedoms, halton, reached, refuse_many
 from .table import SkinTable, assemble, noise_floor, press_of, sound
 
-EVEN = 0.25  # of the rows that are spread evenly first: they must find every place that bends
-ROUNDS = 6  # in which the others are chosen: each round uses the rows that earlier rounds pressed
+EVEN = 0.25  # share of the rows that is spread evenly; they must find every region where the readings are curved
+ROUNDS = 6  # rounds in which the other rows are chosen
 LEAST = int(
     4 * NEIGHBOURS / EVEN
-)  # rows: with fewer, those that are spread first have no neighbours of their own place
-POOL = 6  # evenly spread poses for each row, of which the best are pressed
-APART = 0.7  # of a pose's distance from the nearest row: others of its round keep so far from it
+)  # smallest number of rows; with fewer, the first rows are too far apart to estimate each other
+POOL = 6  # candidates for each further row
+APART = 0.7  # distance that two poses of a round keep, as a share of the later one's distance from the nearest row
 
 
 def build_adaptive(
     spec: DeviceSpec, skin: SkinModel, sensor: Readings, rows: int, noise: float
 ) -> Generator[tuple[int, int], None, SkinTable]:
-    """Press so many poses, chosen as they go; yield (rows done, rows in all), return the table.
+    """Build a table whose poses are chosen adaptively.
 
     Args:
-        noise: standard deviation of one channel of the sensor [counts]: touches that it hides weigh no more than it.
+        spec: preset of the platform.
+        skin: model of the finger's skin.
+        sensor: virtual sensor of this skin.
+        rows: number of poses to choose. Those that the platform cannot reach are left out.
+        noise: standard deviation of one channel of the sensor [counts]. It bounds the strength of a touch from below,
+            so that errors of touches weaker than the noise do not count for more.
+
+    Yields:
+        Number of finished rows and number of all rows.
+
+    Returns:
+        The table.
 
     Raises:
         DermisError: a table with too few rows or too many, or a preset without a sweep.
@@ -86,7 +98,17 @@ def build_adaptive(
 def _best(
     share: Array, readings: Array, touching: NDArray[np.bool_], rest: Array, floor: float, pool: Array, count: int
 ) -> Indices:
-    """Return which poses of a pool to press next, the most worth while first."""
+    """Return the indices of the `count` best candidates in a pool, the best first.
+
+    Args:
+        share: poses pressed so far, as for `commands_at`, shape (n, freedoms).
+        readings: their readings, shape (n, channels).
+        touching: whether they touch, shape (n,).
+        rest: readings of untouched skin, shape (channels,).
+        floor: strength that is added to that of every touch.
+        pool: candidates, shape (p, freedoms).
+        count: number of poses to choose.
+    """
     from scipy.spatial import cKDTree
 
     tree = cKDTree(share)
@@ -97,7 +119,7 @@ def _best(
     bends = np.linalg.norm(estimated - readings, axis=1) / strength / near.mean(axis=1)
     away, beside = tree.query(pool, NEIGHBOURS)
     worth = (_weights(away) * bends[beside]).sum(axis=1) * away[:, 0]
-    worth[~touching[beside].any(axis=1)] = 0.0  # in the air among others in the air
+    worth[~touching[beside].any(axis=1)] = 0.0  # no neighbour touches, so it would not either
     chosen: list[int] = []
     places = np.empty((count, pool.shape[1]))
     for candidate in np.argsort(-worth, kind="stable").tolist():
@@ -111,6 +133,6 @@ def _best(
 
 
 def _weights(distance: Array) -> Array:
-    """Return inverse squares of distances that sum to 1, a row each."""
+    """Return weights by the inverse square of the distance; those of each row sum to 1."""
     weights = 1.0 / np.maximum(distance, 1e-12) ** 2
     return np.asarray(weights / weights.sum(axis=1, keepdims=True))

@@ -1,8 +1,8 @@
-"""Baselines of [S0]: the same search for the total force alone, and a plane fitted to the contact.
+"""Baselines of [S0]: matching the total force alone, and fitting a plane to the contact.
 
-Force only replaces the stress descriptor by the sum of the contact forces and leaves the rest as it is. The geometric
-method lays the platform's plane on the contact surface of the virtual touch, as [S0] describes Perez et al. 2017: it
-knows neither stiffness nor friction.
+The method 'force' replaces the stress components by the sum of the contact forces; the search stays the same. The
+method 'geometry' fits the platform's plane to the contact surface of the virtual touch, as [S0] describes Perez et al.
+2017. It uses neither stiffness nor friction.
 
 Source: [S0] 7.2
 """
@@ -22,7 +22,9 @@ from ..skin.stimulus import Stimulus
 from .box_descent import descend_in_box
 from .gauss_newton import Minimum, ServoLimits, minimise
 
-HOLD = 1e-2  # weight of staying where the platform was, relative to the contact's own: decides tilts a line leaves open
+# Weight of the previous configuration relative to the contact. It decides tilts that a contact along a line leaves
+# open.
+HOLD = 1e-2
 
 
 def total_force(count: int) -> Array:
@@ -32,10 +34,10 @@ def total_force(count: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class ContactPatch:
-    """The part of the skin that a virtual touch presses on.
+    """Part of the skin on which a virtual touch presses.
 
     Attributes:
-        points: deformed, on the touched surface, in the finger's frame [m], shape (k, 3).
+        points: positions of the deformed nodes that carry force, in the finger's frame [m], shape (k, 3).
         areas: area of skin around each point [m^2], shape (k,).
     """
 
@@ -44,7 +46,13 @@ class ContactPatch:
 
 
 def contact_patch(skin: SkinModel, force: Array, amounts: Array | None = None) -> ContactPatch:
-    """Return the touched part of the skin for contact forces [N], shape (m, 3), and amounts as of `Stimulus`."""
+    """Return the part of the skin on which contact forces act.
+
+    Args:
+        skin: model of the skin.
+        force: contact forces on the pad nodes [N], shape (m, 3).
+        amounts: see `Stimulus.given`, shape (3 m,).
+    """
     force = np.asarray(force, np.float64).reshape(-1, 3)
     touched = np.flatnonzero(force.any(axis=1))
     moved = Stimulus(skin, force, None, amounts).pad_displacement if len(touched) else np.zeros_like(force)
@@ -52,17 +60,23 @@ def contact_patch(skin: SkinModel, force: Array, amounts: Array | None = None) -
 
 
 def fit_plane(device: DiscDevice, patch: ContactPatch, start: Array, limits: ServoLimits | None = None) -> Minimum:
-    """Return the configuration whose plane is nearest to a contact patch, in the mean square over its area.
+    """Fit the plane of a device's disc to a contact patch.
+
+    The mean square distance over the patch's area is minimised.
 
     Args:
-        start: configuration before, which also settles the freedoms that the patch leaves open (a line or a point).
+        device: the device.
+        patch: the contact patch.
+        start: previous configuration, shape (n,). It also decides the freedoms that a patch along a line or at a point
+            leaves open.
+        limits: limits of the joints; None for their whole range.
 
     Raises:
         DermisError: the start is outside the servos' range.
     """
     weights = np.sqrt(patch.areas / patch.areas.sum())
     scale = scale_of(device)
-    # a tilt by one radian moves the rim of the patch by its size: both parts of the sum are lengths
+    # A tilt of one radian moves the rim of the patch by about the disc's radius, so that all residuals are lengths.
     hold = HOLD * device.disc_radius / scale
 
     def evaluate(x: Array) -> tuple[Array, Array]:

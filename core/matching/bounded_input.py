@@ -1,4 +1,4 @@
-"""Input of a bounded least-squares problem besides its matrix: bounds and a start, checked."""
+"""Checks of the bounds and the start of a bounded least-squares problem."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def bounds_of(low: Any, high: Any, n: int) -> tuple[Array, Array]:
         low, high: numbers or shape (n,).
 
     Raises:
-        DermisError: one of another shape or no numbers, or bounds that are crossed or not finite.
+        DermisError: the bounds are not numbers, have another shape, are crossed or are not finite.
     """
     below, above = _bound("lower", low, n), _bound("upper", high, n)
     bad = np.flatnonzero(~(below <= above) | ~np.isfinite(below) | ~np.isfinite(above))
@@ -33,10 +33,10 @@ def bounds_of(low: Any, high: Any, n: int) -> tuple[Array, Array]:
 
 
 def statuses_of(start: Any, n: int) -> NDArray[np.int8]:
-    """Return the active bounds to start from: -1 lower, 0 free, +1 upper, shape (n,).
+    """Return the active set to start from: -1 lower bound, 0 free, +1 upper bound, shape (n,).
 
     Raises:
-        DermisError: another shape or other values.
+        DermisError: the start has another shape or other values.
     """
     given = np.asarray(start)
     if given.shape != (n,):

@@ -1,10 +1,10 @@
-"""Bounded least squares: min 1/2 x'Hx - c'x with low <= x <= high, warm along a track, with a certificate.
+"""Bounded least squares: min 1/2 x'Hx - c'x with low <= x <= high.
 
-Block principal pivoting keeps a guess of which variables sit on a bound and flips every one whose sign is wrong.
-Along a track the guess of the frame before is nearly always right, and then a solve is one triangular
-back-substitution and one matrix-vector product. A new guess is solved for the step from where the
-one before ended. Where flipping all at once stops reducing the number of wrong signs, a primal active set takes over:
-it walks through feasible points of falling cost and therefore ends.
+Block principal pivoting starts from a guess of the active set and exchanges all variables whose sign is wrong at once.
+Along a track, the active set of the previous frame is nearly always right. A solve is then one triangular
+back-substitution and one matrix-vector product. After an exchange, the free variables are solved for the step from the
+previous point. If exchanges no longer reduce the number of wrong signs, a primal active-set method takes over. It
+passes through feasible points of falling cost and therefore terminates.
 
 Source: Judice & Pires 1994, block principal pivoting for strictly monotone LCPs; Stark & Parker 1995, BVLS.
 """
@@ -26,35 +26,39 @@ from .bounded_solution import BoundedSolution
 __all__ = ["BoundedLeastSquares", "BoundedSolution"]
 
 
-SIGN_TOLERANCE = 1e-13  # of the largest gradient or bound: below it a sign counts as right
-MAX_BLOCK_TRIES = 6  # block exchanges without progress before the primal active set takes over
+SIGN_TOLERANCE = 1e-13  # a sign counts as right below this share of the gradient's scale, or of the largest bound
+MAX_BLOCK_TRIES = 6  # block exchanges without progress before the primal active-set method takes over
 MAX_PIVOTS = 3000
-FAR = 10.0  # spans past a bound, from where coming back to it would cost the gradient its last digits
-FACTORS_KEPT = 8  # more than the processor's near memory holds make every new one slower
-USES_BEFORE_INVERSE = 16  # of a factor: its inverse takes as long as thirty solves, and then saves half of each
-PROXIMAL_WEIGHT = 1e-7  # of the mean diagonal: makes a singular H definite; removed again by proximal steps
+# If a variable exceeds a bound by more than this many times the largest bound, the gradient is computed anew. Its
+# update for the way back to the bound would lose its last digits.
+FAR = 10.0
+FACTORS_KEPT = 8  # with more factors than the processor's cache holds, every new one is slower
+# Solves with one factor before its inverse is computed. That takes as long as thirty solves, and halves the time of
+# each further solve.
+USES_BEFORE_INVERSE = 16
+PROXIMAL_WEIGHT = 1e-7  # share of the mean diagonal element that makes a singular H definite
 MAX_PROXIMAL_STEPS = 200
-PROXIMAL_TOLERANCE = 1e-13
+PROXIMAL_TOLERANCE = 1e-13  # largest change of the gradient by a proximal step at the end, relative to its scale
 
 
 class _Singular(Exception):
-    """Some free variables show that H is singular, although rounding let all of it pass as definite."""
+    """Block of H is singular, although H as a whole passed as definite by rounding."""
 
 
 class BoundedLeastSquares:
-    """One Gram matrix and its bounds, solved for many right-hand sides.
+    """Solver for one Gram matrix and its bounds, and many right-hand sides.
 
     Args:
         gram: H, symmetric and positive semi-definite, shape (n, n).
         low, high: bounds, numbers or shape (n,), low <= high, finite.
 
     Raises:
-        DermisError: H is not square, symmetric, finite and positive semi-definite, or the bounds do not fit or are
-            crossed.
+        DermisError: H is not square, symmetric, finite and positive semi-definite, or the bounds have another shape or
+            are crossed.
     """
 
     def __init__(self, gram: Array, low: Any, high: Any) -> None:
-        from scipy.linalg import blas, lapack  # a frame is a dozen calls: these cost a fifth of numpy's own
+        from scipy.linalg import blas, lapack  # a frame makes a dozen calls, which cost a fifth of NumPy's
 
         self._potrf, self._potrs, self._gemv, self._asum = lapack.dpotrf, lapack.dpotrs, blas.dgemv, blas.dasum
         self._symv, self._axpy = blas.dsymv, blas.daxpy
@@ -86,12 +90,12 @@ class BoundedLeastSquares:
     def solve(
         self, c: Array, *, low: Any = None, high: Any = None, start: NDArray[np.int8] | None = None
     ) -> BoundedSolution:
-        """Minimise 1/2 x'Hx - c'x within the bounds, starting from the active bounds of the call before.
+        """Minimise 1/2 x'Hx - c'x within the bounds, starting from the active set of the previous call.
 
         Args:
             c: right-hand side, shape (n,).
-            low, high: bounds for this and later calls, where they change (slew limits).
-            start: active bounds to start from, as in `BoundedSolution.status`.
+            low, high: new bounds for this and later calls, as with slew limits; None keeps them.
+            start: active set to start from, as in `BoundedSolution.status`, shape (n,).
 
         Raises:
             DermisError: c, the bounds or the start have another shape or values that are not allowed.
@@ -147,7 +151,7 @@ class BoundedLeastSquares:
             inner, gradient = self._onward(factor, x, gradient) if near else self._stationary(factor, c)
         self._latest, self._status = factor, factor.status
         x = factor.fixed.copy()
-        if beyond > 0.0:  # past a bound by no more than the tolerance of its sign
+        if beyond > 0.0:  # by no more than the tolerance
             inner = np.minimum(np.maximum(inner, factor.low), factor.high)
         x[factor.free] = inner
         return BoundedSolution(x, gradient, factor.status, pivots, True, scale)
@@ -161,24 +165,31 @@ class BoundedLeastSquares:
         x: Array,
         gradient: Array,
     ) -> int:
-        """Put the free variables that are past a bound onto it, in place, the gradient with them; return how many."""
+        """Move the free variables that exceed a bound onto it; return their number.
+
+        Args:
+            factor: the active set.
+            past: free variables that exceed the bound, shape (k,).
+            side: -1 for the lower bound, 1 for the upper one.
+            status, x, gradient: changed in place, shape (n,).
+        """
         ends = self.box.low if side < 0 else self.box.high
         moved = factor.free.take(past.nonzero()[0]).tolist()
-        for i in moved:  # one or two, which numbers are quicker for than arrays
+        for i in moved:  # one or two, for which a loop is faster than arrays
             end = ends.item(i)
             self._axpy(self._solved[i], gradient, a=end - x.item(i))
             x[i], status[i] = end, side
         return len(moved)
 
     def _onward(self, factor: ActiveBounds, x: Array, gradient: Array) -> tuple[Array, Array]:
-        """Minimise over the free variables alone, from a point on the others' bounds and its gradient."""
+        """Minimise over the free variables from a point x and its gradient; return them and the new gradient."""
         if not len(factor.free):
             return _EMPTY, gradient
         step = self._back(factor, gradient.take(factor.free))
         return x.take(factor.free) - step, self._gemv(-1.0, factor.columns, step, 1.0, gradient)
 
     def _stationary(self, factor: ActiveBounds, c: Array) -> tuple[Array, Array]:
-        """Minimise over the free variables alone; return them and the gradient of all."""
+        """Minimise over the free variables; return them, shape (k,), and the gradient, shape (n,)."""
         if factor.base is None:
             base = self._symv(1.0, self._solved.T, factor.fixed)
             factor.base = base, base.take(factor.free)
@@ -196,13 +207,13 @@ class BoundedLeastSquares:
         return inner, self._gemv(1.0, factor.columns, inner, 1.0, rest)
 
     def _back(self, factor: ActiveBounds, side: Array) -> Array:
-        """Solve with the free variables' block."""
+        """Solve H[free, free] y = side."""
         if factor.factored:
             solved: Array = self._potrs(factor.block, side)[0]
             return solved
         factor.block, solved, info = self._posv(factor.block, side, overwrite_a=1)
         if info != 0:
-            self._factors.clear()  # half of this one is overwritten
+            self._factors.clear()  # the failed factorisation overwrote a part of this block
             self._latest = None
             if not self._proximal:
                 raise _Singular
@@ -225,7 +236,7 @@ class BoundedLeastSquares:
                 bound = np.where(step < 0, self.box.low[factor.free], self.box.high[factor.free])
                 reach = np.where(step != 0.0, (bound - x[factor.free]) / step, np.inf)
             length = float(reach.min(initial=np.inf))
-            if length < 1.0:  # the first bound on the way becomes active
+            if length < 1.0:  # the first bound that the step meets becomes active
                 hit = reach <= length
                 x[factor.free] += length * step
                 x[factor.free[hit]] = bound[hit]
@@ -250,7 +261,7 @@ class BoundedLeastSquares:
         return BoundedSolution(x, self._solved @ x - c, status, pivots, converged, scale)
 
     def _proximal_steps(self, c: Array, scale: float) -> BoundedSolution:
-        """Solve with H + w I and c + w x until x stands still: the minimiser for H itself, which is singular."""
+        """Solve with H + w I and c + w x until x no longer changes; this is a minimiser for the singular H."""
         x, pivots = np.clip(np.zeros(self.n), self.box.low, self.box.high), 0
         for _ in range(MAX_PROXIMAL_STEPS):
             inner = self._pivot(c + self._proximal * x, scale)
@@ -267,7 +278,7 @@ class BoundedLeastSquares:
         return self._factors.make(status.tobytes(), lambda: ActiveBounds.of(self._solved, status, self.box))
 
     def _make_definite(self) -> None:
-        """Go over to H + w I and to proximal steps, which take w out again."""
+        """Replace H by H + w I; proximal steps then remove the effect of w."""
         self._proximal = PROXIMAL_WEIGHT * max(float(np.trace(self.gram)) / self.n, 1e-300)
         self._solved = self.gram.copy()
         self._solved[np.diag_indices(self.n)] += self._proximal

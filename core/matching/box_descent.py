@@ -1,8 +1,8 @@
-"""Least squares in the configuration of a device with many joints, each within its range: Gauss-Newton in a box.
+"""Gauss-Newton search for the pose of a device with as many joints as freedoms.
 
-There are as many joints as values in a configuration, so that limits of joints are bounds of a box, to which every
-linearised step is fitted exactly. Each value's damping is a share of its own curvature: a touch says little of some.
-Every point that is tried keeps the limits, and the mismatch never rises.
+In joint coordinates, the joints' limits are the bounds of a box. Each linearised step is the exact minimum within this
+box. The damping of each value is a share of its own curvature, because a touch determines some values only weakly.
+Every trial point keeps the limits, and the mismatch never rises.
 
 Source: [S0] 5.2; Marquardt 1963 for the damping
 """
@@ -37,9 +37,9 @@ from .gauss_newton import (
     shorter,
 )
 
-MARQUARDT = 1e-3  # of each value's own curvature
-LEAST = 1e-7  # of the largest curvature: for values that a touch does not determine
-INSIDE = 1e-12  # of a joint's range: a joint put back onto a limit lies this much within
+MARQUARDT = 1e-3  # damping of each value, as a share of its own curvature
+LEAST = 1e-7  # damping of all values, as a share of the largest curvature, for values that a touch does not determine
+INSIDE = 1e-12  # distance from a limit at which a joint is put back, as a share of its range
 
 
 def descend_in_box(
@@ -52,12 +52,22 @@ def descend_in_box(
     max_evaluations: int = MAX_EVALUATIONS,
     reach: float = 1.0,
 ) -> Minimum:
-    """Return the configuration whose stimulus is nearest to the target; see `gauss_newton.minimise`.
+    """Find the configuration whose stimulus is nearest to a target.
 
-    `reach` is that of a search nearby. Of `active`, i is joint i at its upper end and 7 + i at its lower one.
+    Args:
+        evaluate: function that returns the stimulus, shape (k,), and its derivative, shape (k, n), of a configuration.
+        target: stimulus to approximate, shape (k,).
+        start: configuration to start from, within the limits, shape (n,).
+        device: the device, with n joints.
+        limits: limits of the joints; None for their whole range.
+        max_evaluations: largest number of evaluations of the model.
+        reach: `Minimum.reach` of an earlier search for a similar target.
+
+    Returns:
+        The minimum. In `Minimum.active`, i is joint i at its upper limit, and 7 + i is joint i at its lower limit.
 
     Raises:
-        DermisError: a start outside the limits.
+        DermisError: the start is outside the limits.
     """
     limits = limits or ServoLimits.of(device)
     scale, began = scale_of(device), _restored(np.array(start, np.float64), device, limits)
@@ -101,7 +111,7 @@ def descend_in_box(
                 new_residual = new_stimulus - target
                 new_cost = 0.5 * float(new_residual @ new_residual)
                 reach = reach_of(share, cost, new_cost, descent)
-                # where nothing touches there is no slope to come back by, so such a point is never accepted
+                # A pose without contact has no gradient that would lead back to contact, so it is never accepted.
                 enough = new_cost < cost and new_cost <= cost - share * ARMIJO * max(descent, 0.0)
                 found = enough and bool(new_jacobian.any())
                 if found:
@@ -144,8 +154,11 @@ def descend_in_box(
 def _step(
     jacobian: Array, gradient: Array, by_x: Array, low: Array, high: Array
 ) -> tuple[Array, tuple[int, ...], Array, float]:
-    """Return the damped step within low <= by_x step <= high, the ends that hold it, their multipliers, and the
-    norm of the gradient that remains."""
+    """Return the damped Gauss-Newton step within low <= by_x step <= high.
+
+    Returns:
+        The step, the indices of the active limits, their multipliers, and the norm of the remaining gradient.
+    """
     gram = jacobian.T @ jacobian
     curvature = np.diag(gram)
     gram.flat[:: len(gram) + 1] += MARQUARDT * curvature + LEAST * max(float(curvature.max()), 1e-300)
@@ -153,7 +166,7 @@ def _step(
     reach = by_x @ free
     if (reach >= low).all() and (reach <= high).all():  # most steps meet no limit
         return free, (), np.zeros(0), float(np.sqrt(gradient @ gradient))
-    span = high - low  # joints over their room are alike, be they angles or lengths
+    span = high - low  # divided by it, angles and lengths are comparable
     back = np.linalg.inv(by_x) * span
     found = BoundedLeastSquares(back.T @ gram @ back, np.minimum(low / span, 0.0), np.maximum(high / span, 0.0)).solve(
         -back.T @ gradient
@@ -161,13 +174,16 @@ def _step(
     step = back @ found.x
     held = np.flatnonzero(found.status)
     active = tuple(int(i) if found.status[i] > 0 else GIVES_WAY + 1 + int(i) for i in held)
-    # at the step itself: this is minus the Gram matrix times the step, zero exactly where there is no step left
+    # This equals minus the Gram matrix times the step, so it is zero if and only if the step is.
     left = gradient - np.linalg.solve(back.T, np.where(found.status != 0, found.gradient, 0.0))
     return step, active, np.abs(found.gradient[held]), float(np.sqrt(left @ left))
 
 
 def _restored(x: Array, device: DiscDevice, limits: ServoLimits) -> Array | None:
-    """Bring a point back into the limits that its linearisation overshot; None where it cannot be."""
+    """Move a point back within limits that it violates because their linearisation is not exact.
+
+    None if it still violates a limit after `RESTORING` attempts, or if the device cannot take this pose.
+    """
     span = INSIDE * (limits.high - limits.low)
     for _ in range(RESTORING):
         try:
@@ -178,6 +194,6 @@ def _restored(x: Array, device: DiscDevice, limits: ServoLimits) -> Array | None
             return None
         over = np.clip(joints, limits.low + span, limits.high - span) - joints
         if not over.any():
-            return None  # within all joints' limits, but not held firmly
+            return None  # all joints are within their limits, but the platform would give way
         x = x + np.linalg.solve(by_x, over)
     return x if device.holds(x, limits.low, limits.high) else None

@@ -1,4 +1,4 @@
-"""Where the content of an object is over time: a child that the artist animates, or a body of our own in motion."""
+"""Position of an object's content over time: animated child objects, or a simulated body."""
 
 from __future__ import annotations
 
@@ -15,14 +15,19 @@ from ..scene.tactile_scene import TactileScene
 def content_offset(
     pad_contact: PadContact, scene: TactileScene, b: int, times: Array, acceleration: Array
 ) -> tuple[Array, tuple[Finding, ...]]:
-    """Return oc of body b, from its centre of gravity to its content's, in world axes [m], shape (n, 3), and findings.
+    """Return the offset oc of a body's content, in world axes [m], shape (n, 3), and findings.
+
+    The offset leads from the body's centre of gravity to that of its content.
 
     Args:
+        pad_contact: contact of the pads over the whole range.
+        scene: the scene's header.
+        b: index of the body.
         times: time of each sample [s], shape (n,).
         acceleration: acceleration of the body's centre of gravity [m/s^2], shape (n, 3).
 
     Raises:
-        DermisError: an unknown kind of content, or one that cannot move with the values given.
+        DermisError: the kind of content is unknown, or its motion cannot be computed with the given values.
 
     Source: [S3] eq. 5, oc
     """
@@ -50,7 +55,7 @@ def content_offset(
 def _of_children(
     pad_contact: PadContact, scene: TactileScene, b: int, times: Array
 ) -> tuple[Array, tuple[Finding, ...]]:
-    """From the body's centre of gravity to that of its contents, weighted by their masses."""
+    """Return the offset to the common centre of gravity of the body's touchable children, and findings."""
     body = scene.bodies[b]
     names = [other.name for other in scene.bodies]
     children = [names.index(name) for name in body.content if name in names]
@@ -91,5 +96,5 @@ def _walls(name: str, limited: int) -> tuple[Finding, ...]:
 
 
 def _constant(pad_contact: PadContact, scene: TactileScene, b: int, name: str, times: Array) -> float:
-    """A quantity that must not change while something is integrated: its first value."""
+    """Return a parameter's first value, for a quantity that must not change during time integration."""
     return float(np.ravel(pad_contact.series(f"body/{b}", BODY[name], scene.bodies[b].parameters, times))[0])

@@ -1,11 +1,11 @@
-"""Deformation and force matching: pin forces whose effect on the skin is nearest to the target's.
+"""Deformation and force matching: pin forces whose effect on skin is nearest to a target's.
 
-Everything that does not change from frame to frame is folded into small matrices, so that a frame needs the contact
-forces f of the target and nothing else: with L = K^-1 A and u = G f, the right-hand side is (L'WG) f and the squared
-error f'(G'WG) f - 2 c'x + x'Hx. The paper's personal factor alpha is the skin's (`SkinModel.with_material`): it is in K
-and in the target's forces, so pin forces come out as this person needs them.
+All matrices that do not change from frame to frame are computed once, so that a frame needs only the contact forces f
+of the target. With L = K^-1 A and the target's displacement u = G f, the right-hand side is c = (L'WG) f, and the
+squared error is f'(G'WG) f - 2 c'x + x'Hx. The paper's personal factor alpha is a property of the skin
+(`SkinModel.with_material`). It is contained in K and in the target's forces, so the pin forces suit this person.
 
-Source: [S1] eq. 5-18 with the corrections: eq. 18 has A'f, and pins are bounded from above as well.
+Source: [S1] eq. 5-18 with corrections: eq. 18 has A'f, and pin forces are bounded from above as well.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from .pin_law import PinLaw, PinLook
 Method = Literal["DM0", "DM1", "DM2", "FM0", "FM1", "FM2"]
 METHODS: tuple[Method, ...] = get_args(Method)
 
-RANK_TOLERANCE = 1e-10  # of the largest singular value: below it there is only rounding
+RANK_TOLERANCE = 1e-10  # singular values below this share of the largest are rounding
 
 
 class PinStep(NamedTuple):
@@ -35,8 +35,8 @@ class PinStep(NamedTuple):
     Attributes:
         x: forces of the active pins [N], shape (active pins,).
         optimality, converged: as in `PinForces`.
-        look: at the law of skin that follows one; None of linear skin.
-        displacement_error: u_err by the law [m]; nan of linear skin, see `Matcher.displacement_error`.
+        look: effect of the forces by the skin's nonlinear law; None for linear skin.
+        displacement_error: u_err by the nonlinear law [m]; nan for linear skin, see `Matcher.displacement_error`.
     """
 
     x: Array
@@ -51,12 +51,13 @@ class PinForces:
     """Command of the pins at one instant.
 
     Attributes:
-        forces: [N], shape (pins,).
+        forces: pin forces [N], shape (pins,).
         displacement_error: u_err of the rendered skin against the target [m] (eq. 20).
         force_error: f_err [N] (eq. 21).
         optimality: KKT residual, relative; 0 for the methods that only clamp.
-        at_limit: pins at their upper bound.
-        look: at the law of skin that follows one; None of linear skin.
+        at_limit: number of pins at their upper bound.
+        converged: whether the solver found the optimum; True for the methods that only clamp.
+        look: effect of the forces by the skin's nonlinear law; None for linear skin.
     """
 
     forces: Array
@@ -69,21 +70,22 @@ class PinForces:
 
 
 class Matcher:
-    """The matrices of one skin and one pin array.
+    """Precomputed matrices of one skin and one pin array.
 
     Args:
         distribution: A, nodal forces on the pad for unit pin forces, shape (3m, pins).
         influence: G, displacements of the compared nodes for unit forces on the pad [m/N], shape (3n, 3m).
         weights: W, one per compared node (ones as in the paper), shape (n,).
         active: pins that meet the skin, shape (pins,); the others stay at zero.
-        tolerance: patterns of pins whose gain on the pad, a singular value of A, is below this share of the largest
-            are not controllable: DM0, DM1, FM0 and FM1 do without them.
-        law: tables of the law that the skin follows, of E alpha = `modulus` [Pa]; None where it is linear.
-        chosen: which components of the free nodes are compared, of skin with a law, shape (3 free,).
+        tolerance: a pattern of pins is a right singular vector of A, and its gain is the singular value. A pattern
+            whose gain is below this share of the largest is not controllable. DM0, DM1, FM0 and FM1 do not use it.
+        law: tables of the skin's nonlinear law; None for linear skin.
+        chosen: which components of the free nodes are compared, for nonlinear skin, shape (3 free,).
+        modulus: E alpha of nonlinear skin [Pa].
 
     Attributes:
-        law: correction by the law; None of linear skin.
-        controllable_patterns: how many patterns of pins are controllable.
+        law: correction by the nonlinear law; None for linear skin.
+        controllable_patterns: number of controllable patterns.
 
     Raises:
         DermisError: shapes that do not fit, negative weights, or no active pin.
@@ -121,12 +123,12 @@ class Matcher:
         self.pins, self.active, self.nodes = pins, np.flatnonzero(active), nodes
         self.loaded = len(distribution) // 3
         a = np.ascontiguousarray(distribution[:, self.active])
-        # large: not copied where nothing is weighted
+        # The matrix is large, so it is not copied if all weights are 1.
         plain = bool((weights == 1.0).all())
         weighted = influence if plain else np.sqrt(np.repeat(weights, 3))[:, None] * influence
         rendered = weighted @ a  # L, weighted
         self.deformation_gram = rendered.T @ rendered
-        # in Fortran's order: a frame's right-hand side is then one pass of BLAS over the matrix
+        # In Fortran order, BLAS computes a frame's right-hand side in one pass over the matrix.
         self.deformation_rhs = np.asfortranarray(rendered.T @ weighted)  # L'WG
         self.target_gram = weighted.T @ weighted  # G'WG
         self.force_gram = a.T @ a
@@ -156,9 +158,11 @@ class Matcher:
         return self.deformation_gram if method.startswith("DM") else self.force_gram
 
     def displacement_error(self, force: Array, x: Array) -> Array:
-        """Return u_err [m] of frames: pad forces f of the target, (k, 3m), against active pins' x, (k, pins); (k,).
+        """Return u_err of frames on linear skin [m], shape (k,); for nonlinear skin see `law_error` and `PinStep`.
 
-        It is that of linear skin; by a law see `law_error`, and `PinStep`.
+        Args:
+            force: forces of the target on the pad nodes [N], shape (k, 3m).
+            x: forces of the active pins [N], shape (k, pins).
 
         Source: [S1] eq. 20
         """
@@ -169,7 +173,7 @@ class Matcher:
         return (self.force_rhs.T @ x).reshape(-1, 3)
 
     def law_error(self, force: Array, x: Array, amounts: NDArray[np.floating[Any]] | None = None) -> Array:
-        """Return u_err [m] of frames by the law of skin that follows one, on linear skin as `displacement_error`.
+        """Return u_err of frames by the skin's own law [m], shape (k,); on linear skin as `displacement_error`.
 
         Args:
             force: forces of the target [N], shape (k, 3m).
@@ -186,11 +190,22 @@ class Matcher:
         return out
 
     def force_error(self, force: Array, x: Array) -> Array:
-        """Return f_err [N] of frames over the compared nodes, as `displacement_error`. Source: [S1] eq. 21."""
+        """Return f_err of frames over the compared nodes [N], shape (k,).
+
+        Arguments are those of `displacement_error`.
+
+        Source: [S1] eq. 21
+        """
         return self._error(force, x, None, self.force_rhs, self.force_gram)
 
     def _error(self, force: Array, x: Array, target: Array | None, cross: Array, gram: Array) -> Array:
-        """Expand |u - u*|^2 / n, all frames at once."""
+        """Return the root of f'Tf - 2 f'C'x + x'Hx over the number of compared nodes, for all frames at once.
+
+        Args:
+            force, x: as in `displacement_error`.
+            target: T, shape (3m, 3m); None for the identity.
+            cross, gram: C and H, shapes (pins, 3m) and (pins, pins).
+        """
         force, x = np.atleast_2d(force), np.atleast_2d(x)
         squared = np.einsum("ij,ij->i", force if target is None else force @ target, force)
         squared += np.einsum("ij,ij->i", x @ gram - 2.0 * (force @ cross.T), x)
@@ -198,20 +213,21 @@ class Matcher:
 
 
 class PinSolver:
-    """Pin forces along a track by one method, warm from frame to frame.
+    """Pin forces along a track by one method; each frame starts from the one before.
 
     Args:
-        matcher: the matrices.
-        method: DM0, FM0 unconstrained as printed; DM1, FM1 clamped; DM2, FM2 optimal within the bounds.
-        force_limit: largest force of a pin [N], one number or shape (pins,); None for the paper's unbounded form (only
-            f >= 0).
+        matcher: matrices of the skin and the pins.
+        method: DM0 and FM0 are unconstrained as printed, DM1 and FM1 are clamped, and DM2 and FM2 are optimal within
+            the bounds.
+        force_limit: largest force of a pin [N], one number or shape (pins,). None for the paper's form, which has no
+            upper bound.
         slew: largest change of a pin's force between two calls [N]; None for no limit.
 
     Raises:
         DermisError: an unknown method.
     """
 
-    # an 'unbounded' pin still needs a finite number; far above any finger's forces
+    # Without an upper bound a pin still needs a finite number. This one is far above the forces on a finger.
     UNBOUNDED = 1e6
 
     def __init__(
@@ -232,9 +248,10 @@ class PinSolver:
         self._quadratic = BoundedLeastSquares(matcher.gram(method), 0.0, self.high) if method.endswith("2") else None
 
     def solve(self, force: Array, amounts: Array | None = None) -> PinForces:
-        """Match target pad forces [N], shape (3m,) or (m, 3), and say how far off the skin is.
+        """Match a target and compute the errors.
 
         Args:
+            force: forces of the target on the pad nodes [N], shape (3m,) or (m, 3).
             amounts: as in `step`.
 
         Raises:
@@ -256,9 +273,10 @@ class PinSolver:
         )
 
     def step(self, force: Array, amounts: Array | None = None) -> PinStep:
-        """Match target pad forces [N], shape (3m,), and nothing else, at the cost of a live frame.
+        """Match a target without computing further errors, as fast as live frames require.
 
         Args:
+            force: forces of the target on the pad nodes [N], shape (3m,).
             amounts: `Stimulus.given` of the target on skin with a nonlinear law [m], shape (3m,); None computes it from
                 the forces.
 
@@ -277,17 +295,17 @@ class PinSolver:
         return step
 
     def at_limit(self, x: Array) -> int:
-        """Return how many pins are at their upper bound."""
+        """Return the number of active pins at their upper bound, from their forces [N], shape (pins,)."""
         return int((x >= self.high * (1 - 1e-12)).sum())
 
     def reset(self) -> None:
-        """Forget the frame before: the pins are at rest."""
+        """Return to rest, as before the first frame."""
         self._last = np.zeros(len(self.matcher.active))
         if self._law is not None:
             self._law.reset()
 
     def _by_law(self, skin: LawSkin, force: Array, amounts: Array | None) -> PinStep:
-        """Match on skin that follows a law, and say how far off that is by it."""
+        """Match on nonlinear skin and compute u_err by its law."""
         law = self.matcher.law
         assert law is not None
         wanted, deforming = law.moved_by(force, amounts), self.method.startswith("DM")
@@ -303,7 +321,7 @@ class PinSolver:
         return PinStep(step.x, step.optimality, step.converged, look, law.apart(look.moved, wanted))
 
     def _deforming(self, goal: Array) -> PinStep:
-        """Return pin forces for the displacement that is wanted of the compared nodes, weighted [m], shape (3n,)."""
+        """Return pin forces for a weighted target displacement of the compared nodes [m], shape (3n,)."""
         if self._quadratic is None:
             return self._plain(self.matcher.rendered_inverse @ goal)
         assert self.matcher.law is not None

@@ -1,8 +1,8 @@
-"""Gauss-Newton where no servo limit is met: the same steps as `minimise`, in plain numbers.
+"""Gauss-Newton search for a thimble's pose while no servo limit is active.
 
-A frame is searched in a few tenths of a millisecond, and arrays of three elements cost more than the arithmetic on
-them. Here everything after the model's own answer is a four by four matrix of plain numbers. As soon as a limit is met,
-the search is handed on to the active-set method, from where it is.
+The steps are those of `gauss_newton.minimise` without constraints. One search takes a few tenths of a millisecond. At
+that speed NumPy's overhead for arrays of three elements exceeds the cost of their arithmetic, so the normal equations
+are a 4 x 4 matrix of Python floats. If a trial point violates a limit, `minimise` continues from the current point.
 
 Source: [S0] 5.2, without active constraints
 """
@@ -52,17 +52,24 @@ def descend(
     foreseen: float = 0.0,
     follows: bool = False,
 ) -> Minimum:
-    """Return the configuration whose stimulus is nearest to the target; see `minimise` and `descend_in_box`.
+    """Find the configuration whose stimulus is nearest to a target.
+
+    Other devices than a thimble are passed to `descend_in_box`, without `foreseen` and `follows`.
 
     Args:
-        reach: reach of an earlier search for a similar target, see `Minimum`.
-        foreseen: a thimble's step that promises no more than this share of the cost is taken without looking where it
-            leads: the search ends there with the prediction of the linearised model.
-        follows: a search like it is made in the next frame. A thimble's steps after the first then have to promise
-            more: the gain that they forgo now, that search's first step makes.
+        evaluate: function that returns the stimulus, shape (k,), and its derivative, shape (k, n), of a configuration.
+        target: stimulus to approximate, shape (k,).
+        start: configuration to start from, shape (n,).
+        device: the device, which decides between the two methods.
+        limits: limits of the servos; None for their whole range.
+        reach: `Minimum.reach` of an earlier search for a similar target.
+        foreseen: share of the cost. A step that promises no larger reduction is accepted without an evaluation of the
+            model. The search ends there, with the stimulus and the cost that the linearised model predicts.
+        follows: whether the next frame is searched from this result. Every step after the first must then promise a
+            larger reduction of the cost (`LATER`), because the first step of the next search makes up for it.
 
     Raises:
-        DermisError: a start outside the limits.
+        DermisError: the start is outside the limits.
     """
     if not isinstance(device, Thimble):
         return descend_in_box(evaluate, target, start, device, limits, reach=reach)
@@ -72,7 +79,7 @@ def descend(
     pitch, roll, distance = start.tolist()
     room = device.room(pitch, roll, distance, low, high)
     if room is None:
-        return minimise(evaluate, target, start, device, limits)  # which reports the error, or holds the limit
+        return minimise(evaluate, target, start, device, limits)  # it raises the error, or handles an active limit
     both = np.empty((size, 4))
     x = np.array(start, np.float64)
     stimulus, jacobian = evaluate(x)
@@ -121,7 +128,7 @@ def descend(
             new_gram = _gram(both, new_stimulus, new_jacobian, target, radius)
             new_cost = 0.5 * new_gram[3][3]
             reach = reach_of(share, cost, new_cost, descent)
-            # where nothing touches there is no slope to come back by, so such a point is never accepted
+            # A pose without contact has no gradient that would lead back to contact, so it is never accepted.
             slope = new_gram[0][0] + new_gram[1][1] + new_gram[2][2]
             if new_cost <= cost - share * ARMIJO * max(descent, 0.0) and new_cost < cost and slope > 0.0:
                 found = True
@@ -168,12 +175,16 @@ def descend(
 
 
 def response(jacobian: Array, before: Array, target: Array, device: DiscDevice) -> Array:
-    """Return by how much a configuration changes where another stimulus is wanted, as the slope there says, (n,).
-
-    None where that leads beyond the reach of any slope.
+    """Predict the change of a configuration for a change of the target, by one Gauss-Newton step.
 
     Args:
-        jacobian: derivative of the stimulus, shape (k, n). before, target: the target before and now, shape (k,).
+        jacobian: derivative of the stimulus at the configuration, shape (k, n).
+        before, target: the previous and the current target, shape (k,).
+        device: the device, for the scale of a configuration's values.
+
+    Returns:
+        Change of the configuration, shape (n,). It is zero if the step is longer than `LONGEST`, for the linearisation
+        does not hold so far.
     """
     scale = scale_of(device)
     if isinstance(device, Thimble):
@@ -189,7 +200,14 @@ def response(jacobian: Array, before: Array, target: Array, device: DiscDevice) 
 
 
 def _gram(both: Array, stimulus: Array, jacobian: Array, target: Array, radius: float) -> list[list[float]]:
-    """Return B'B of B = (J S, r), as rows of plain numbers; `both` is room for B."""
+    """Return B'B for B = (J S, r) as rows of Python floats.
+
+    Args:
+        both: buffer for B, shape (k, 4).
+        stimulus, jacobian: of a configuration, shapes (k,) and (k, 3).
+        target: stimulus to approximate, shape (k,); r is the stimulus minus the target.
+        radius: the platform's radius [m], by which S scales the derivative with respect to the distance.
+    """
     both[:, :3] = jacobian
     both[:, 2] *= radius
     np.subtract(stimulus, target, out=both[:, 3])
@@ -197,13 +215,13 @@ def _gram(both: Array, stimulus: Array, jacobian: Array, target: Array, radius: 
 
 
 def _step(gram: list[list[float]]) -> list[float] | None:
-    """Return the Gauss-Newton step -(J'J)^-1 J'r; None where the model does not depend on x at all."""
+    """Return the damped Gauss-Newton step -(J'J + D)^-1 J'r; None if J is zero."""
     (a, b, c, u), (_, d, e, v), (_, _, f, w), _ = gram
     more = DAMPING * max(a, d, f)
     if more <= 0.0:
         return None
     a, d, f = a + more, d + more, f + more
-    # Cholesky of a symmetric three by three matrix; the damping keeps it positive
+    # Cholesky factorisation of a symmetric 3 x 3 matrix; the damping keeps it positive definite
     l11 = math.sqrt(a)
     l21, l31 = b / l11, c / l11
     l22 = math.sqrt(max(d - l21 * l21, more))
@@ -218,7 +236,7 @@ def _step(gram: list[list[float]]) -> list[float] | None:
 
 
 def _after(more: Minimum, start_cost: float, iterations: int, evaluations: int) -> Minimum:
-    """Return the active-set method's minimum, with the iterations and evaluations spent before it."""
+    """Add the iterations and evaluations made so far to the minimum that `minimise` found."""
     return replace(
         more, start_cost=start_cost, iterations=more.iterations + iterations, evaluations=more.evaluations + evaluations
     )

@@ -1,8 +1,8 @@
-"""EffectSum: effects of all bodies on one finger, added up one by one before the device's range limits their sum.
+"""EffectSum: sum of the effects of all bodies on one finger, before the device's range limits it.
 
-A device that moves along one axis only shows no directions: an impact counts by its speed, a texture by its height.
-Every effect has a switch per device and per object. Effects that nothing switches on, and bodies that the
-finger never touches, are not computed; both are counted in `skipped`.
+A device that moves along one axis does not render directions: an impact counts by its speed, and a texture by its
+height. Each effect has a switch on the device and one on the object. Effects that are switched off, and bodies that the
+finger never touches, are not computed. Both are counted in `skipped`.
 
 Source: [S3] section 4
 """
@@ -30,7 +30,7 @@ from ..parameters.material import BODY
 from ..scene.tactile_scene import DeviceUse, TactileScene
 from .content_offset import content_offset
 
-SLOWEST = 1.0  # [Hz] a texture that passes more slowly is not felt as a vibration
+SLOWEST = 1.0  # [Hz] a texture that passes at a lower frequency is not felt as a vibration
 Tap = tuple[float, Array, float, float, float]  # instant, velocity, amplitude, decay, frequency
 EFFECTS = ("transient", "texture", "weight", "content", "pattern")
 PLAYED = ("pattern_play", "pattern_frequency", "pattern_amplitude", "pattern_angle")
@@ -38,15 +38,24 @@ PLAYED = ("pattern_play", "pattern_frequency", "pattern_amplitude", "pattern_ang
 
 @dataclass
 class EffectSum:
-    """The displacement of one finger's tactor, effect by effect.
+    """Displacement of one finger's device, to which effects are added one by one.
 
     Attributes:
-        tap_axis: in the pad's plane, to which the normal part of a tap turns; None where the device has one axis only.
-        effects: that the device can render. band: frequencies that it can make [Hz].
-        sum: in the finger's frame, as fractions of the range, shape (n, 3), or (n, 1) along one axis; None while
-            nothing was added.
-        contact, held: whether the finger touches, and holds, something, shape (n,).
-        device: which of the finger's devices this is.
+        pad_contact: contact of the pads over the whole range.
+        scene: the scene's header.
+        finger: index of the finger.
+        use: the device on this finger.
+        tap_axis: direction in the pad's plane into which the normal part of an impact is turned; None for a device with
+            one axis.
+        times: the device's times [s], shape (n,).
+        effects: effects that the device can render.
+        band: lowest and highest frequency that the device can render [Hz].
+        findings: findings so far.
+        skipped: how often each kind of computation was left out.
+        sum: displacement as fractions of the range, in the finger's frame, shape (n, 3), or (n, 1) for one axis; None
+            before anything was added.
+        contact, held: whether the finger touches something, and whether it holds something, shape (n,).
+        device: index of the device among the finger's devices.
     """
 
     pad_contact: PadContact
@@ -72,9 +81,9 @@ class EffectSum:
         self._taps: list[Tap] = []
 
     def add_body(self, b: int) -> None:
-        """Add the effects of one body on the finger."""
+        """Add the effects of body `b` on the finger."""
         if self.pad_contact.memory is not None and self._wants_content(b):
-            self._content(b, np.zeros(0, dtype=np.intp))  # it goes on while nobody holds it
+            self._content(b, np.zeros(0, dtype=np.intp))  # the content also moves while nobody holds the body
         met = meet(self.pad_contact, self.scene, self.finger, b, self.times)
         if met is None:
             self._skip("bodies_never_touched")
@@ -112,13 +121,13 @@ class EffectSum:
         repeat = bool(FINGER["pattern_repeat"].of(own))
         with self._carry("pattern") as carry:
             shape = patterns.played(kind, self.times, *at, repeat=repeat, carry=carry)
-        if np.ndim(on):  # a pattern goes on unheard while its switch is off
+        if np.ndim(on):  # a pattern continues while its switch is off, but is not rendered
             shape *= on[:, None]
         if shape.any():
             self._total[:, :2] += shape
 
     def add_earlier_taps(self) -> None:
-        """Add the taps of the time before that still ring."""
+        """Add the transients that began before the first time and have not decayed yet."""
         with self._carry("taps") as carry:
             taps = [tap for tap in carry.start or () if transient.rings(tap, self.times[0])]
             if taps:
@@ -147,7 +156,7 @@ class EffectSum:
         if self.tap_axis is None:
             velocities = np.sqrt(np.einsum("ij,ij->i", velocities, velocities))[:, None]
         elif self.axis == "tilted":
-            # Fixed in the pad from the impact on: the axis belongs to the finger.
+            # The axis belongs to the finger, so the direction stays fixed in the pad after the impact.
             there = self.pad_contact.finger_motion(self.finger).at(onsets)
             local = turned_back(there, slice(None), velocities)
             velocities = transient.tilted(local, np.asarray(self.tap_axis))
@@ -198,7 +207,7 @@ class EffectSum:
         return self._switch(b, "content") is not None and bool(np.any(self._parameter(b, "content_amplitude")))
 
     def _weight(self, b: int, index: NDArray[np.intp]) -> Array:
-        """Weight of a held body in world axes, shape (k, 3)."""
+        """Return the displacement by a held body's weight at some samples, in world axes, shape (k, 3)."""
         on = self._switch(b, "weight")
         assert on is not None
         live = self._at(on, index)
@@ -211,7 +220,10 @@ class EffectSum:
         )
 
     def _weight_factor(self) -> float:
-        """One factor for every weight of the scene, so that the strongest just uses the range; 1 without auto-range."""
+        """Return the factor by which all weights of the scene are multiplied; 1 without auto-range.
+
+        With it, the strongest weight of the scene uses the whole range.
+        """
         if not DEVICE["auto_range"].of(self.use.parameters):
             return 1.0
         key = ("weight factor", self.use.preset, len(self.times))
@@ -233,7 +245,7 @@ class EffectSum:
         return known
 
     def _strongest_weight(self) -> float:
-        """Largest weight that any finger with auto-range feels, in its pad's plane."""
+        """Return the largest weight in its pad's plane of any finger with this preset and auto-range."""
         peak = 0.0
         for f, finger in enumerate(self.scene.fingers):
             for use in finger.devices:
@@ -252,7 +264,7 @@ class EffectSum:
         return peak
 
     def _content(self, b: int, index: NDArray[np.intp]) -> Array:
-        """Content of a held body in world axes, shape (k, 3)."""
+        """Return the displacement by a held body's content at some samples, in world axes, shape (k, 3)."""
         on = self._switch(b, "content")
         assert on is not None
         offset, findings = self.pad_contact.keep(
@@ -276,11 +288,11 @@ class EffectSum:
         return self.sum
 
     def _add_world(self, index: slice | NDArray[np.intp], displacement: Array) -> None:
-        """Add a displacement in world axes at some samples, turned into the finger's frame."""
+        """Add a displacement in world axes, shape (k, 3), at some samples; it is turned into the finger's frame."""
         self._total[index] += turned_back(self.pad_contact.finger_at(self.finger, self.times), index, displacement)
 
     def _acceleration(self, b: int) -> Array:
-        """Acceleration of a body's centre of gravity [m/s^2], shape (n, 3)."""
+        """Return the acceleration of a body's centre of gravity [m/s^2], shape (n, 3)."""
         return self.pad_contact.keep(
             ("acceleration", b, len(self.times)),
             lambda: self.pad_contact.centre(b, self.scene.bodies[b].mesh).at(self.times, 2),
@@ -293,14 +305,14 @@ class EffectSum:
         return self.pad_contact.series(f"body/{b}", BODY[name], self.scene.bodies[b].parameters, self.times)
 
     def _switch(self, b: int, effect: str) -> Any:
-        """1 where an effect is on, or None where it never is, on this device or this body."""
+        """Return 1 where an effect is on for both the device and body `b`, else 0; None if it never is."""
         on = (self._parameter(b, f"{effect}_on") > 0.5) & self._used(effect)
         if not isinstance(on, np.ndarray):
             return 1.0 if on else None
         return on.astype(np.float64) if on.any() else None
 
     def _used(self, effect: str) -> Any:
-        """Whether this device renders an effect: all the time, or at each time, shape (n,)."""
+        """Return whether this device renders an effect, as one value or at each time, shape (n,)."""
         if effect not in self.effects:
             return False
         owner, row = f"device/{self.finger}/{self.device}", DEVICE[f"use_{effect}"]
@@ -310,7 +322,7 @@ class EffectSum:
         return value[index] if isinstance(value, np.ndarray) else value
 
     def _add_eased(self, b: int, which: Any, shape: Array, felt: NDArray[np.bool_]) -> None:
-        """Add a texture that sets in and fades over a period of the lowest frequency that the device makes."""
+        """Add a texture that fades in and out over one period of the lowest frequency of the device."""
         whole, active = np.zeros(len(self.times)), np.zeros(len(self.times), dtype=bool)
         whole[which], active[which] = shape, felt
         step = self.times[1] - self.times[0] if len(self.times) > 1 else 1.0
@@ -320,7 +332,7 @@ class EffectSum:
         self._total[:, 0] += whole
 
     def _texture_frequency(self, place: Array, which: Any, heights: Any, periods: Any) -> Array:
-        """Frequencies of a texture while the finger slides over it [Hz], of both its axes."""
+        """Return the frequencies of a texture along both its axes while the finger slides over it [Hz]."""
         step = self.times[1] - self.times[0] if len(self.times) > 1 else math.inf
         rows = np.arange(len(self.times))[which]
         found = []
@@ -331,7 +343,7 @@ class EffectSum:
         return np.concatenate(found)
 
     def _check_band(self, b: int, effect: str, hertz: Array) -> None:
-        """Tell frequencies that the device was not measured at, and so hardly makes."""
+        """Report frequencies outside the band at which the device's response was measured."""
         low, high = self.band
         lost = (hertz < low) | (hertz > high)
         if not lost.any():

@@ -1,8 +1,8 @@
-"""How far a rendered touch is off, in three measures side by side: whole stress, coarse cells, electrodes.
+"""Errors of a rendered touch by three measures: whole stress, mean stress of cells, electrodes.
 
-They are not the same quantity. The stress of every element is the strictest. The mean stress of 154 cells is of the
-size that the paper describes stress with, and smooths the details between them. Nineteen virtual electrodes read how
-thick the pulp is, and are a smooth summary of the touch, as the paper's sensor was.
+The measures are different quantities. The stress of every element is the strictest. The mean stress of 154 cells has
+the resolution that the paper uses, and smooths finer details. Nineteen virtual electrodes measure the thickness of the
+pulp. They summarise the touch smoothly, as the paper's sensor did.
 
 Source: [S0] 4.1 (154 tetrahedra), 6 (19 electrodes), 7.1 (errors)
 """
@@ -19,15 +19,15 @@ from ..skin.observation import Observer, stress_vector, touch_of
 from ..skin.sensor import electrode_sensor
 
 WHOLE, CELLS, ELECTRODES = MEASURES = ("whole stress", "154 cells", "electrodes")
-COUNT = 154  # of cells. Source: [S0] 4.1
-_SHEAR = np.sqrt([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # shear counts twice in the norm of a stress
+COUNT = 154  # number of cells. Source: [S0] 4.1
+_SHEAR = np.sqrt([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # each shear component occurs twice in the Frobenius norm
 
 
 class FeltErrors:
-    """The measures of one skin.
+    """Errors of rendered touches on one skin.
 
     Args:
-        skin: the model; all measures are by its tissue's law.
+        skin: model of the skin. All measures are computed by the law of its tissue.
     """
 
     def __init__(self, skin: SkinModel) -> None:
@@ -36,14 +36,14 @@ class FeltErrors:
         self._cell, self._share, self._root = _cells(skin)
 
     def of(self, target: Array, rendered: Array, amounts: Array | None = None, made: Array | None = None) -> Array:
-        """Return the relative RMS between touches and their renderings, in the order of `MEASURES`.
+        """Return the relative RMS error over a sequence, in the order of `MEASURES`, shape (3,).
 
         Args:
             target, rendered: forces on the pad nodes [N], shape (n, m, 3).
-            amounts, made: see `Stimulus.given`, of both, shape (n, 3 m); from the forces where None.
+            amounts, made: `Stimulus.given` of target and rendering, shape (n, 3 m); None computes them from the forces.
 
         Raises:
-            DermisError: sequences of unlike length, or nothing touched.
+            DermisError: the sequences differ in length, or the target touches nothing.
         """
         if len(target) != len(rendered) or not np.any(target):
             raise DermisError(
@@ -69,10 +69,14 @@ class FeltErrors:
 
 
 def _cells(skin: SkinModel) -> tuple[Indices, Array, Array]:
-    """Return each element's cell, its share of that cell's volume, and the root of each cell's volume.
+    """Divide the elements of a skin's mesh into cells.
 
-    A cell holds the elements nearest to one place. The places are as far apart as can be, from the one under the pad's
-    centre on.
+    A cell contains the elements nearest to its centre. The first centre is the element nearest to the origin, under the
+    middle of the pad. Each further centre is the element farthest from all centres before it.
+
+    Returns:
+        Cell of each element, the element's share of the cell's volume, shape (elements,) each, and the square root of
+        each cell's volume, shape (cells,).
     """
     mesh = skin.mesh
     corners = mesh.nodes[mesh.tetrahedra[:, :4]]

@@ -1,9 +1,9 @@
-"""Floor: how good any pose of a device could be for a touch, and the gain of axes along the pad.
+"""Floor: smallest error of a touch that any pose of a device was found to leave.
 
-Several ways through the touch are followed, without limits of speed, and for each sample the best pose on any of them
-counts, with the friction of its own way; the device's own poses count too. The result is the *best found*:
-no search proves that there is nothing better. The same is done for the device on a stage that moves it along both axes
-of the pad and turns it, unless it can do so by itself.
+A beam search follows several paths through the touch without limits of speed. For each sample, the pose of least error
+on any path counts, with the friction state of its path. The poses of the device as it is used count too. The result is
+the *best found* error: a search cannot prove that no better pose exists. For a thimble, the search is repeated for the
+device on a stage that moves it along both axes of the pad and turns it about the pad's normal.
 
 Source: [S0] 5.1; the floor and the stage are this project's own
 """
@@ -42,14 +42,19 @@ from .thimble_sequence import amounts_of
 from .thimble_use import ThimbleUse
 from .trajectory import trajectory
 
-COMPONENTS = 60  # of stress, that poses are told apart by: on the built-in thimble they leave 2 % of its stress
-MOST = 120  # samples of a touch: every one costs some hundred searches
+COMPONENTS = 60  # stress components of the finer search; on the built-in thimble they leave 2 % of its stress
+MOST = 120  # largest number of samples; each needs some hundred searches
 
 _known: Recent[str, Floor] = Recent(16)
 
 
 class Step(NamedTuple):
-    """Progress of the search for a floor: its present task, and parts of the whole search done and in all."""
+    """Progress of the search for a floor.
+
+    Attributes:
+        stage: name of the current task.
+        done, total: number of finished parts, and of all parts of the whole search.
+    """
 
     stage: str
     done: int
@@ -58,13 +63,14 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True)
 class Floor:
-    """How far a touch is off, in each of `MEASURES`, relative RMS over its samples.
+    """Errors of a device for a touch: relative RMS over the samples, by each of `MEASURES`.
 
     Attributes:
-        rendered: by the device as it is used, without limits of speed.
-        best: the best pose found at each sample, the device's own among them.
-        lateral: the same with axes along the pad, None where the device has them.
-        samples: touched ones. beyond: those of them of which the best pose leaves more than there is, in whole stress.
+        rendered: errors of the device as it is used, without limits of speed, shape (3,).
+        best: errors of the best pose found at each sample, shape (3,).
+        lateral: the same with a stage that moves the device along the pad; None for devices other than a thimble.
+        samples: number of samples with contact.
+        beyond: number of these at which the whole stress that the best pose leaves is not less than the target's.
     """
 
     rendered: tuple[float, ...]
@@ -74,13 +80,13 @@ class Floor:
     beyond: int
 
     def as_dict(self) -> dict[str, object]:
-        """Return all as plain JSON values, errors by measure."""
+        """Return the results as plain JSON values."""
         errors = {"rendered": self.rendered, "best_found": self.best, "with_lateral_axes": self.lateral}
         named = {name: v if v is None else dict(zip(MEASURES, v, strict=True)) for name, v in errors.items()}
         return {"schema": "dermis-floor 1", **named, "touched_samples": self.samples, "samples_beyond": self.beyond}
 
     def words(self) -> list[str]:
-        """Return the results for a designer, a sentence each."""
+        """Return the results as sentences for a designer."""
         rendered, best = _percent(self.rendered), _percent(self.best)
         out = [f"Of the touch's stress the device leaves {rendered}, the best pose found {best}"]
         if self.lateral is not None:
@@ -88,7 +94,7 @@ class Floor:
         return out
 
     def findings(self, where: str) -> tuple[Finding, ...]:
-        """Return the findings that a person must not miss: a touch that no pose renders better than none would."""
+        """Return a finding if the best pose found is no better than no touch; `where` names the device."""
         if self.best[0] < 1.0 and not self.beyond:
             return ()
         whole = self.best[0] >= 1.0
@@ -112,17 +118,23 @@ def _percent(errors: tuple[float, ...]) -> str:
 
 
 def floor_of(use: ThimbleUse, forces: Array, amounts: Array | None = None) -> Generator[Step, None, Floor]:
-    """Find the floor of a device for a touch; yields how far it is.
+    """Find the floor of a device for a touch.
 
-    It is kept for the same touch, in memory and in the skin's cache.
+    The result is kept in memory and in the skin's cache.
 
     Args:
         use: the device on its finger.
         forces: forces of the touch on the pad nodes [N], shape (n, m, 3).
-        amounts: see `Stimulus.given`, of skin that follows a law, shape (n, 3 m).
+        amounts: see `Stimulus.given`, for nonlinear skin, shape (n, 3 m).
+
+    Yields:
+        The progress of the search.
+
+    Returns:
+        The floor.
 
     Raises:
-        DermisError: nothing is touched, forces that do not fit, or limits that exclude contact.
+        DermisError: nothing is touched, the forces do not fit, or the limits exclude contact.
     """
     forces = np.asarray(forces, np.float64).reshape(len(forces), -1, 3)
     touched = forces.any(axis=(1, 2))
@@ -140,7 +152,7 @@ def floor_of(use: ThimbleUse, forces: Array, amounts: Array | None = None) -> Ge
         return known
     judge, total = FeltErrors(skin), len(forces)
     devices = [use.device, *([LateralStage(use.device)] if isinstance(use.device, Thimble) else [])]
-    own, passes = follower(use), 1 + 2 * len(devices)  # each device is searched by few components and by many
+    own, passes = follower(use), 1 + 2 * len(devices)  # each device is searched with few components, and then with many
     rendered, frames = np.zeros_like(forces), []
     felt: list[Array | None] = [None] * total if amounts is None else list(amounts)
     for i, (force, given) in enumerate(zip(forces, felt, strict=True)):
@@ -153,7 +165,7 @@ def floor_of(use: ThimbleUse, forces: Array, amounts: Array | None = None) -> Ge
     results: list[_Found] = [_Found(rendered, made, _left(skin, wanted, rendered, made))]
     behind = 1
     for name, device in zip(("best pose", "lateral axes"), devices, strict=False):
-        best = results[-1]  # a device reaches it with its stage too
+        best = results[-1]  # on its stage, the device can take this pose too
         for matrix in _matrices(device, use):
             words = partial(_part, name, behind * total, passes * total)
             found, given_ = yield from in_words(_tried(device, use, matrix, forces, felt), words)
@@ -169,20 +181,26 @@ def floor_of(use: ThimbleUse, forces: Array, amounts: Array | None = None) -> Ge
 
 
 def _part(name: str, before: int, total: int, step: tuple[int, int]) -> Step:
-    """Return how far one search among several is as how far all of them are."""
+    """Return the progress of one search as progress of the whole; `before` parts were finished before it."""
     return Step(name, before + step[0], total)
 
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """Forces at each sample, their amounts on skin with a law, and the norm of their stress error, shape (n,)."""
+    """Poses found for all samples, described by their forces.
+
+    Attributes:
+        force: forces on the pad nodes [N], shape (n, m, 3).
+        amounts: see `Stimulus.given`, shape (n, 3 m); None for linear skin.
+        left: norm of the stress error, shape (n,).
+    """
 
     force: Array
     amounts: Array | None
     left: Array
 
     def or_better(self, other: _Found) -> _Found:
-        """Return the better of both at each sample."""
+        """Return the result with the smaller stress error at each sample."""
         better = other.left < self.left
         amounts = None
         if self.amounts is not None and other.amounts is not None:
@@ -192,7 +210,10 @@ class _Found:
 
 
 def _matrices(device: DiscDevice, use: ThimbleUse) -> list[Array]:
-    """Return the components that a device is searched by, few and many: they lead to unlike poses."""
+    """Return two observation matrices for the search, with few and with many stress components.
+
+    The two searches lead to different poses, and the better one counts at each sample.
+    """
     skin = use.skin
     data = movements_of(device, skin, use.friction)
     size = min(COMPONENTS, len(data.force), 3 * skin.pad_count)
@@ -203,7 +224,7 @@ def _matrices(device: DiscDevice, use: ThimbleUse) -> list[Array]:
 def _tried(
     device: DiscDevice, use: ThimbleUse, matrix: Array, forces: Array, felt: list[Array | None]
 ) -> Generator[tuple[int, int], None, tuple[Array, Array | None]]:
-    """Return forces and amounts of the best pose found at each sample by some components."""
+    """Return the forces and the amounts of the best pose found at each sample with an observation matrix."""
     skin, contact = use.skin, contact_of(device, use.skin, use.friction)
     observer = Observer(skin, matrix)
     matching = StressMatcher(device, contact, observer, hover=use.hover)
@@ -218,7 +239,7 @@ def _stress(skin: SkinModel, force: Array, amounts: Array | None) -> Array:
 
 
 def _left(skin: SkinModel, wanted: Array, force: Array, amounts: Array | None) -> Array:
-    """Return the norm of the stress error that forces leave at each sample, shape (n,)."""
+    """Return the norm of the difference between the stress of forces and a wanted stress, shape (n,)."""
     given = [None] * len(force) if amounts is None else amounts
     shown = (_stress(skin, f, c) for f, c in zip(force, given, strict=True))
     return np.array([float(np.linalg.norm(s - w)) for s, w in zip(shown, wanted, strict=True)])
@@ -228,7 +249,7 @@ def _keep(skin: SkinModel, key: str, floor: Floor) -> None:
     if skin.cache is not None:
         none = (np.nan,) * len(MEASURES)
         rows = [floor.rendered, floor.best, floor.lateral or none, (floor.samples, floor.beyond, 0.0)]
-        with suppress(DermisError):  # a folder that cannot be written costs the time again, and nothing else
+        with suppress(DermisError):  # if the folder cannot be written, the floor is computed again next time
             skin.cache.put(key, lambda part: write_table(part, np.array(rows)))
 
 
@@ -243,5 +264,5 @@ def _read(skin: SkinModel, key: str) -> Floor | None:
 
 
 def looked_at(count: int) -> NDArray[np.intp]:
-    """Return which of many samples a floor is found at: all, or so many evenly spread that it can be waited for."""
+    """Return the indices of the samples at which a floor is found: all `count`, or `MOST` evenly spread ones."""
     return np.unique(np.linspace(0, count - 1, min(count, MOST)).round().astype(np.intp))

@@ -1,6 +1,8 @@
-"""Gradient friction: a finger's path over a touch screen becomes amplitude and carrier of its voltage.
+"""Gradient friction: voltage of a friction screen from the path of a finger over it.
 
-path on the screen -> direction (eq. 4) -> slope (eq. 3) -> friction (eq. 5) -> volts (eq. 1). Source: [S4]
+The steps are: path on the screen, direction (eq. 4), slope (eq. 3), friction (eq. 5), voltage (eq. 1).
+
+Source: [S4]
 """
 
 from __future__ import annotations
@@ -31,15 +33,15 @@ if TYPE_CHECKING:
 
 
 def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
-    """Return the voltage of a friction screen along a finger's path.
+    """Render a friction screen along one finger's path.
 
-    `DeviceUse.screen` names the screen; empty, the finger feels every screen, at each moment the one it is nearest
-    to among those it touches. With `relief` 'mesh' it feels the normals of the touchable objects instead of the map,
-    see `mesh_relief`. A screen's `height_map` may be a sequence (k, rows, columns): `map_fps` maps a second
-    (default: one a frame), the first at scene frame `sequence_start` (default: the range's first).
+    `DeviceUse.screen` names the screen. If it is empty, the finger feels all screens: at each moment the nearest one of
+    those that it touches. With `relief` 'mesh', the normals of the touchable objects replace the map, see
+    `mesh_relief`. A screen's `height_map` may be a sequence, shape (k, rows, columns). It then shows `map_fps` maps a
+    second (default: one for each frame), the first one at scene frame `sequence_start` (default: first of the range).
 
     Raises:
-        DermisError: no such screen, a map or setting that cannot be used, a screen without area.
+        DermisError: the screen does not exist or has no area, or a map or setting cannot be used.
 
     Source: [S4] eq. 1 to 6
     """
@@ -53,7 +55,7 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
     findings: list[Finding] = []
     relevant = screens_of(scene, use)
     scale = settings.series("scale") if settings.constant("scale_mode") == "manual" else None
-    if scale is not None and scale.any():  # keyed, it may begin at zero
+    if scale is not None and scale.any():  # an animated scale may begin at zero
         largest = float(scale[np.argmax(np.abs(scale))])
         use = replace(use, parameters={**use.parameters, "scale": largest})
     maps = settings.lasting("maps", lambda: screen_maps(scene, pad_contact.screens, use, spec))
@@ -61,7 +63,7 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
         findings += scale_findings(pad_contact.screens[index], scene.screens[index].name)
 
     paths = [screen_path(pad_contact, scene, finger, index, settings) for index in relevant]
-    # Of several screens under one finger the nearest counts; the earlier in the scene's order where they tie.
+    # Of several screens under one finger, the nearest counts. At equal distance it is the first in the scene's order.
     distance = np.array([np.where(p.touching, np.abs(p.z), np.inf) for p in paths])
     chosen = np.argmin(distance, axis=0)
     contact = np.isfinite(distance).any(axis=0)
@@ -80,7 +82,7 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
         touching = mine & contact
         if not touching.any():
             with settings.carry(("heading", index)):
-                pass  # off the screen nothing is carried on: the next touch begins anew
+                pass  # no state is carried while the finger is off the screen
             continue
         with settings.carry(("heading", index)) as carry:
             direction = directions(path.x, path.y, touching, spec.rate, window, path.resting, carry=carry)[touching]
@@ -132,17 +134,20 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
 
 
 def screen_maps(scene: TactileScene, matrices: Array, use: DeviceUse, spec: DeviceSpec) -> dict[int, ScreenMap]:
-    """Return the map of each screen that a use concerns, by the screen's index, ready to export with `save`.
+    """Return the maps of the screens of a use, by the index of the screen.
 
-    The automatic scale is one for the whole bake: over every map of every one of these screens the steepest slope
-    (for 'height' the tallest relief) becomes friction 100.
+    With the automatic scale, one scale holds for the whole bake: the steepest slope on any map of these screens, or the
+    largest range of heights for the profile 'height', becomes friction 100.
 
     Args:
-        scene: its header; no chunk is read.
-        matrices: object-to-world of all screens at one or more samples, shape (S, n, 4, 4); the first gives the scale.
+        scene: the scene's header; no chunk is read.
+        matrices: object-to-world matrices of all screens at one or more samples, shape (S, n, 4, 4). The first sample
+            decides the size.
+        use: the device on a finger.
+        spec: preset of the device.
 
     Raises:
-        DermisError: no such screen, an unusable map or setting, a screen without area.
+        DermisError: the screen does not exist or has no area, or a map or setting cannot be used.
     """
     device = FrictionScreen.of(spec)
     where = f"device '{use.preset}'"
@@ -184,7 +189,7 @@ def screen_maps(scene: TactileScene, matrices: Array, use: DeviceUse, spec: Devi
 
 
 def _map_of(screen: Screen, matrices: Array) -> tuple[NDArray[np.float32], tuple[float, float], float]:
-    """Return maps (k, rows, columns), size in metres as the object is scaled at the start, and the height unit."""
+    """Return a screen's maps, shape (k, rows, columns), its size at the first sample [m] and its height unit [m]."""
     where = f"screen '{screen.name}'"
     lengths = np.linalg.norm(matrices[0, :3, :3], axis=0)
     size = (screen.size[0] * float(lengths[0]), screen.size[1] * float(lengths[1]))
@@ -208,7 +213,10 @@ def _flat_findings(maps: Mapping[int, ScreenMap], scene: TactileScene) -> list[F
 
 
 def _unit_findings(maps: Mapping[int, ScreenMap], scene: TactileScene, *, absolute: bool) -> list[Finding]:
-    """Find maps without a unit where commands depend on how high they are: the automatic scale of one does not."""
+    """Report maps without a unit of height if commands depend on it.
+
+    They do not for a single screen with the automatic scale.
+    """
     return [
         Finding(
             "warning",
@@ -226,7 +234,7 @@ def _unit_findings(maps: Mapping[int, ScreenMap], scene: TactileScene, *, absolu
 def _hole_findings(
     x: Array, y: Array, touching: NDArray[np.bool_], times: Array, map_: ScreenMap, scene: TactileScene, screen: int
 ) -> list[Finding]:
-    """Find where a finger passes over a hole in the measurements: it feels values estimated from the rims."""
+    """Report a finger that passes over a hole in the measurements, where heights were estimated from its rim."""
     holes = scene.screens[screen].holes
     if holes is None:
         return []
@@ -257,7 +265,7 @@ def _short_findings(maps: Mapping[int, ScreenMap], scene: TactileScene, times: A
         count = len(m.heights)
         if count < 2 or m.maps_per_second <= 0:
             continue
-        # Half a map of grace: the last one lasts as long as each of the others.
+        # The last map is shown as long as each other one, so that half of this time is allowed after it.
         late = times > m.start + (count - 0.5) / m.maps_per_second
         if late.any():
             found.append(

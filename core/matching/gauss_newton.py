@@ -1,8 +1,8 @@
-"""Nonlinear least squares in a device's configuration, within its servos' range: active-set Gauss-Newton.
+"""Active-set Gauss-Newton search for a thimble's pose within servo limits.
 
-Each step minimises the linearised mismatch subject to the linearised servo limits, a quadratic program with three
-unknowns that is solved exactly; a line search on the true mismatch follows. Every point that is tried keeps the servo
-limits, and the mismatch never rises.
+The unknowns are the three values of the device's configuration. Each step minimises the linearised mismatch subject to
+the linearised servo limits. This quadratic program is solved exactly; a line search on the true mismatch follows. Every
+trial point keeps the servo limits, and the mismatch never rises.
 
 Source: [S0] 5.2
 """
@@ -23,48 +23,61 @@ from ..errors import DermisError
 
 Evaluate = Callable[[Array], tuple[Array, Array]]
 
-OPTIMAL = 3e-3  # KKT residual to stop at
-SMALL_STEP = 1e-4  # of tilt [rad], and of distance over the platform's radius: 0.006 degrees, 1 um
-EXACT = 1e-6  # mismatch relative to the target below which nothing is left to gain: contact is solved to as much
-SMALL_GAIN = 1e-3  # of the cost in one step, 0.05 % of the mismatch: at a kink (a node about to slip) steps creep
-# Of the cost, 0.13 % of the mismatch: for less no step is tried. A full step that gains no more starts where the KKT
-# residual is 0.05 at most.
+OPTIMAL = 3e-3  # KKT residual at which the search ends
+# Length of a step at which the search ends: tilt [rad], distance over the platform's radius. 0.006 degrees or 1 um.
+SMALL_STEP = 1e-4
+# Mismatch relative to the target at which the search ends as exact. Contact is solved to the same accuracy.
+EXACT = 1e-6
+# Reduction of the cost by one step at which the search ends, as a share; 0.05 % of the mismatch. At a kink, where a
+# node is about to slip, steps are short and gain hardly anything.
+SMALL_GAIN = 1e-3
+# Share of the cost, 0.13 % of the mismatch. A step that promises a smaller reduction is not tried. Where a full step
+# gains no more than this, the KKT residual is at most 0.05.
 HARDLY = 2.5e-3
-LATER = 1e-2  # the same of steps after the first, where another frame follows: 0.5 % of the mismatch
-LEAST_REACH, NEARLY = 0.25, 0.8  # of a full step: the least reach, and the reach from which a step is tried whole
+# The same share for steps after the first, if another frame follows; 0.5 % of the mismatch.
+LATER = 1e-2
+# Smallest reach, and the reach from which a full step is tried first; both are shares of a full step, see `reach_of`.
+LEAST_REACH, NEARLY = 0.25, 0.8
 MAX_ITERATIONS = 20
-MAX_EVALUATIONS = 16  # the longest searches creep along kinks for hardly any gain: frames must come in time
-SHORTEST = 1.0 / 64.0
-LONGEST = 0.35  # rad: a step beyond it leaves the range of any linearisation
-ARMIJO = 1e-4
-DAMPING = 1e-9  # of the largest diagonal: keeps a step unique where a single node touches
-ON_LIMIT = 1e-9  # rad
-RESTORING = 4
+MAX_EVALUATIONS = 16  # bounds the time of a frame; longer searches creep along kinks for hardly any gain
+SHORTEST = 1.0 / 64.0  # shortest share of a step that is tried
+LONGEST = 0.35  # longest step [rad]; no linearisation holds farther
+ARMIJO = 1e-4  # share of the predicted reduction that a step must reach
+DAMPING = 1e-9  # share of the largest diagonal element; keeps a step unique if only one node touches
+ON_LIMIT = 1e-9  # a start may violate a limit by this much [rad]
+RESTORING = 4  # attempts to bring a point back within the limits
 GIVES_WAY = 6  # the constraint that keeps the platform from giving way
 
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where the search ended, and why it may be trusted.
+    """Result of a search for a configuration, with the quantities that verify it.
+
+    Shapes are those of a thimble, which has three freedoms and seven constraints.
 
     Attributes:
         x: configuration (pitch, roll, distance), shape (3,).
-        stimulus: there, shape (k,). residual: stimulus minus target.
+        stimulus: stimulus at x, shape (k,).
+        residual: stimulus minus target, shape (k,).
         start_cost, cost: half the squared mismatch at the start and at the end.
-        kkt: |S (J'r - A'multipliers)| / (|J S| |r|), with the multipliers of the step that would come next: 0 at
-            an exact minimum. S scales distance to tilt. Of an 'exact' one r is rounding, and this is |r| / |target|; of
-            a 'foreseen' one it is that of the last point that was looked at.
-        active: indices of the active ones of the seven constraints; `GIVES_WAY` is the singularity margin.
+        kkt: KKT residual |S (J'r - A'multipliers)| / (|J S| |r|), with the multipliers of the step that would come
+            next; 0 at an exact minimum. S scales distance to tilt. For 'exact', r is rounding, and the value is
+            |r| / |target|. For 'foreseen', the value is that of the last point at which the model was evaluated.
+        active: indices of the active constraints; `GIVES_WAY` is the singularity margin.
         multipliers: Lagrange multipliers of the active constraints, >= 0.
-        room: c(x) of the seven constraints, >= 0.
+        room: values c(x) of the constraints, >= 0, shape (7,).
         iterations: number of steps.
         evaluations: number of evaluations of the forward model.
-        why: 'optimal', 'exact', 'step' (no longer moving), 'gain' (no longer better), 'foreseen' (by a last step that
-            was not looked at: stimulus and cost are the linearised model's), 'stalled' (no descent at a kink),
-            'limit', 'underway' (the servos cannot reach a better minimum within one frame; start_cost is cost
-            and kkt is 0, for speed decides), or 'edge' (the same where a recording ends).
-        reach: share of a full step that leads furthest down, as the last one that was tried told; 1 if nothing did.
-        jacobian: derivative of the stimulus by the configuration there, or where it was looked at last, shape (k, n).
+        why: reason for the end of the search:
+            'optimal' (the KKT residual is small), 'exact' (the mismatch is zero up to rounding), 'step' (the last step
+            was short), 'gain' (the last or the next step gains hardly anything), 'stalled' (no descent, as at a kink),
+            'limit' (the largest number of steps or evaluations), 'foreseen' (the last step was accepted without an
+            evaluation; stimulus and cost are those of the linearised model), 'underway' (the servos cannot reach the
+            minimum within one frame; start_cost is then cost, and kkt is 0), or 'edge' (the minimum lies outside a
+            recording; start_cost and kkt as for 'underway').
+        reach: share of a full step that minimises the cost, as estimated from the last trial; 1 without an estimate.
+        jacobian: derivative of the stimulus with respect to the configuration, at the last point at which the model was
+            evaluated and accepted, shape (k, n).
     """
 
     x: Array
@@ -90,22 +103,33 @@ class Minimum:
 
 @dataclass(frozen=True)
 class ServoLimits:
-    """Bounds of the joints from neutral, servos' angles [rad] or legs' lengths [m], shape (n,) each."""
+    """Bounds of the joints.
+
+    Attributes:
+        low, high: from neutral, angles of servos [rad] or lengths of legs [m], shape (n,) each.
+    """
 
     low: Array
     high: Array
 
     @classmethod
     def of(cls, device: DiscDevice) -> ServoLimits:
-        """Return the servos' whole range."""
+        """Return the whole range of a device's joints."""
         return cls(*device.servo_limits)
 
     def near(self, angles: Array, change: float) -> ServoLimits:
-        """Return the limits of a step from given angles from neutral when none may change by more than `change`."""
+        """Return the limits for one frame, in which no joint may change by more than `change`.
+
+        Args:
+            angles: joints in the frame before, from neutral [rad or m], shape (n,).
+            change: largest change of a joint [rad or m].
+        """
         return ServoLimits(np.maximum(self.low, angles - change), np.minimum(self.high, angles + change))
 
     def constraints(self, device: DiscDevice, x: Array) -> tuple[Array, Array]:
-        """Return c(x) and dc/dx, of a thimble (7,) and (7, 3), as the device's `constraints` does within these bounds.
+        """Return the constraints c(x) and their derivative within these bounds, see the device's `constraints`.
+
+        For a thimble the shapes are (7,) and (7, 3).
 
         Raises:
             DermisError: a leg cannot reach.
@@ -124,15 +148,19 @@ def minimise(
     max_iterations: int = MAX_ITERATIONS,
     max_evaluations: int = MAX_EVALUATIONS,
 ) -> Minimum:
-    """Return the configuration whose stimulus is nearest to the target, from a feasible start.
+    """Find the configuration whose stimulus is nearest to a target.
 
     Args:
-        evaluate: stimulus (k,) and derivative (k, 3) of a configuration.
-        target: shape (k,).
+        evaluate: function that returns the stimulus, shape (k,), and its derivative, shape (k, 3), of a configuration.
+        target: stimulus to approximate, shape (k,).
+        start: configuration to start from, within the limits, shape (3,).
+        device: the thimble.
         limits: limits of the servos; None for their whole range.
+        tolerance: KKT residual at which the search ends.
+        max_iterations, max_evaluations: largest number of steps, and of evaluations of the model.
 
     Raises:
-        DermisError: a start outside the limits.
+        DermisError: the start is outside the limits.
     """
     limits = limits or ServoLimits.of(device)
     x = np.array(start, dtype=np.float64)
@@ -176,7 +204,7 @@ def minimise(
                 evaluations += 1
                 new_residual = new_stimulus - target
                 new_cost = 0.5 * float(new_residual @ new_residual)
-                # where nothing touches there is no slope to come back by, so such a point is never accepted
+                # A pose without contact has no gradient that would lead back to contact, so it is never accepted.
                 if new_cost <= cost - share * max(wanted, 0.0) and new_cost < cost and new_jacobian.any():
                     found = True
                     break
@@ -218,29 +246,46 @@ def minimise(
 
 
 def shorter(share: float, cost: float, new_cost: float, descent: float) -> float:
-    """Return the factor that shortens a step to the minimum of the parabola through its costs, within limits."""
+    """Return the factor by which to shorten a step, 0.1 to 0.5.
+
+    The factor leads to the minimum of the parabola through the costs at both ends of the step and the slope at its
+    start.
+
+    Args:
+        share: share of a full step that was tried.
+        cost, new_cost: cost at the start and at the end.
+        descent: rate at which the cost falls at the start, for a full step.
+    """
     curve = new_cost - cost + share * descent
     return float(min(max(0.5 * share * descent / curve, 0.1), 0.5)) if curve > 0 else 0.5
 
 
 def promised(share: float, cost: float, new_cost: float, descent: float) -> float:
-    """Return by how much the parabola through the costs of a step falls below the first cost; inf if it has no end."""
+    """Return how far the parabola of a step falls below the cost at its start; inf if it has no minimum.
+
+    Parabola and arguments are those of `shorter`.
+    """
     curve = new_cost - cost + share * descent
     return 0.25 * (share * descent) ** 2 / curve if curve > 0 else math.inf
 
 
 def reach_of(share: float, cost: float, new_cost: float, descent: float) -> float:
-    """Return the share of a full step at which that parabola ends, within limits.
+    """Return the share of a full step at which its parabola is least, from `LEAST_REACH` to 1.
 
-    A touch that no pose can make leaves a large residual. Its curvature, which Gauss-Newton leaves out, makes steps too
-    long. The reach of one step holds for the next, and for the next frame.
+    A touch that no pose can render leaves a large residual. Gauss-Newton neglects the curvature that this residual
+    adds, and its steps are then too long. The reach of one step is used for the next step, and for the next frame.
+    Parabola and arguments are those of `shorter`.
     """
     curve = new_cost - cost + share * descent
     return min(max(0.5 * share * share * descent / curve, LEAST_REACH), 1.0) if curve > 0 else 1.0
 
 
 def _restored(x: Array, device: Thimble, limits: ServoLimits, scale: Array) -> tuple[Array, Array, Array] | None:
-    """Bring a point back onto the limits that its linearisation overshot; None where it cannot be."""
+    """Move a point back onto limits that it violates because their linearisation is not exact.
+
+    Returns:
+        The point, its constraints and their derivative; None if it still violates a limit after `RESTORING` attempts.
+    """
     for _ in range(RESTORING):
         try:
             room, slopes = limits.constraints(device, x)
@@ -257,10 +302,10 @@ def _restored(x: Array, device: Thimble, limits: ServoLimits, scale: Array) -> t
 def _quadratic_program(
     jacobian: Array, residual: Array, room: Array, slopes: Array, guess: tuple[int, ...]
 ) -> tuple[Array, tuple[int, ...], Array, float]:
-    """Minimise |J d + r| subject to room + slopes d >= 0, exactly: there are at most 45 sets of limits to hold.
+    """Minimise |J d + r| subject to room + slopes d >= 0 exactly, by trying sets of active limits.
 
     Returns:
-        d, the working limits, their multipliers, and the norm of J'r - A'multipliers.
+        The step d, the active limits, their multipliers, and the norm of J'r - A'multipliers.
     """
     gram = jacobian.T @ jacobian
     gram.flat[::4] += DAMPING * max(float(gram.max()), 1e-300)
@@ -278,7 +323,7 @@ def _quadratic_program(
         system[:3, :3] = gram
         weight = float(np.sqrt(gram.max()))
         if k:
-            # rows of the constraints are scaled alike, so that the system is no worse than the Gram matrix
+            # The rows of the constraints are scaled like the Gram matrix, so that they do not worsen the condition.
             system[3:, :3] = slopes[list(working)] * weight
             system[:3, 3:] = -system[3:, :3].T
             right[3:] *= weight
@@ -294,16 +339,19 @@ def _quadratic_program(
         if after.min() >= -1e-12:
             best = (step, working, multipliers)
             break
-    if best is None:  # only by rounding at a degenerate corner: stay where every limit holds
+    if best is None:  # only by rounding where limits meet: no step, since every limit holds here
         best = (np.zeros(3), (), np.zeros(0))
     step, working, multipliers = best
-    # this is minus the Gram matrix times the step: zero exactly where there is no step left to make
+    # This equals minus the Gram matrix times the step, so it is zero if and only if the step is.
     left = gradient - slopes[list(working)].T @ multipliers if working else gradient
     return step, working, multipliers, float(np.sqrt(left @ left))
 
 
 def _working_sets(guess: tuple[int, ...]) -> list[tuple[int, ...]]:
-    """All sets of limits that can hold together (no servo at both ends), the likely ones first."""
+    """Return the sets of limits that can be active together, the likely ones first.
+
+    No servo is at both ends of its range.
+    """
     return [(), guess, *_SETS] if guess else [(), *_SETS]
 
 

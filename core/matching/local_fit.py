@@ -1,10 +1,11 @@
-"""Local fit: joint estimate of a query by its neighbours, where plain averages blur.
+"""Local fit: interpolation by weights that reproduce the query from its neighbours.
 
-Neighbours of a query that lie to one side of it have a mean that lies there too: in a table of some thousand poses of
-six motors, far apart from each other, that is most of a look-up's error. So the neighbours are weighted such that
-they come nearest to the query itself, in the least-squares sense, by weights of least norm. The norm counts each
-weight times its neighbour's distance, so that where nothing is gained weights fall with the inverse square of it, as
-the plain average's do. Redundant motors reach one reading in many ways: least norm decides among them.
+If most neighbours of a query lie to one side of it, their plain average does too. In a table of some thousand poses of
+six motors, whose rows are far apart, this is the largest part of the error of a look-up. The local fit therefore
+chooses weights whose weighted mean of the neighbours is nearest to the query in the least-squares sense. The norm of
+the weights, each times its neighbour's distance, is added as a penalty. Without any gain from the fit, weights then
+fall with the inverse square of the distance, as in the plain average. Redundant motors reach one reading in many ways,
+and the penalty decides between these.
 """
 
 from __future__ import annotations
@@ -13,20 +14,25 @@ import numpy as np
 
 from ..arrays import Array
 
-LEAST_NORM = 0.2  # of the norm against the misfit; chosen by pressed commands of six legs, between 0.1 and 1 much alike
-REDUNDANT = 4  # motors from which on a pose has more freedom than the depth and two tilts of a flat touch
+# Weight of the penalty against the misfit. Chosen by commands of six legs that were pressed; 0.1 to 1 are much alike.
+LEAST_NORM = 0.2
+REDUNDANT = 4  # with this many motors or more, a pose has more freedoms than depth and two tilts
 
 
 def fitted_mean(points: Array, query: Array, squared: Array, values: Array) -> Array:
-    """Return the neighbours' joint value for each query, within the range of their own values, shape (q, m).
+    """Interpolate each query from its neighbours; results are clipped to the range of the neighbours' values.
 
     Args:
-        points: neighbours in the space of the search, nearest first, shape (q, k, d). query: shape (q, d).
-        squared: distances, shape (q, k); where the first is 0 its value is returned.
+        points: neighbours in the space of the search, nearest first, shape (q, k, d).
+        query: queries in the same space, shape (q, d).
+        squared: squared distances, shape (q, k). If the first is 0, the value of this neighbour is returned.
         values: values of the neighbours, shape (q, k, m).
+
+    Returns:
+        Interpolated values, shape (q, m).
     """
     hit = squared[:, 0] == 0.0
-    scale = np.where(hit, 1.0, squared[:, -1])  # lengths in which the farthest neighbour is 1 away
+    scale = np.where(hit, 1.0, squared[:, -1])  # the squared distance of the farthest neighbour is the unit
     off = (points - query[:, None]) / np.sqrt(scale)[:, None, None]
     normal = np.matmul(off, off.transpose(0, 2, 1))
     k = squared.shape[1]

@@ -1,9 +1,8 @@
-"""Look-up matching: from readings of the virtual sensor to motor commands and back, by the nearest rows of a table.
+"""Look-up matching: motor commands for sensor readings by the nearest rows of a table, and the reverse.
 
-The eight nearest rows are averaged with weights of the inverse square of their distance; where there are more motors
-than three, with weights that come nearest to the query itself (`local_fit`). A query that hits a row gets that row. Of
-rows equally far, those whose pose is nearest the last command are taken, and all rows in which nothing touches are one
-rest row.
+The eight nearest rows are averaged with weights by the inverse square of their distance, or by a local fit if there are
+more than three motors (`local_fit`). A query that equals a row returns that row. Of rows at equal distance, those are
+taken whose command is nearest to the previous one. All rows in which nothing touches are replaced by one rest row.
 
 Source: [S2] eq. 1-4 and 8-10 with the corrections
 """
@@ -47,21 +46,27 @@ if TYPE_CHECKING:
     from .nearest import NearestPoints
 
 
-SLACK = 0.01  # of a motor's range: a coupling may drive it so far beyond, and its speed hold it back by as much, unsaid
+# Share of a motor's range. Smaller excesses by a coupling, and smaller delays by a motor's speed, are not reported.
+SLACK = 0.01
 ROWS = DEVICE["table_rows"].default
-TABLES = 8  # kept in this process
+TABLES = 8  # number of tables that are kept in memory
 
 
 def commands_of(table: SkinTable, readings: NDArray[Any], last: Array | None = None) -> Array:
-    """Return motor commands for sensed readings, in the table's unit, (q, channels) to (q, motors), in order of time.
+    """Return the motor commands for sensor readings.
 
-    Readings that cannot be told from those of untouched skin give the command of rest.
+    Readings that cannot be distinguished from those of untouched skin give the command of rest.
 
     Args:
-        last: the command before the first query, for ties; that of rest where None.
+        table: the look-up table.
+        readings: readings in the table's unit, in order of time, shape (q, channels).
+        last: command before the first query, for ties, shape (motors,); None for that of rest.
+
+    Returns:
+        Commands in SI units, shape (q, motors).
 
     Raises:
-        DermisError: another number of channels, or readings that are not finite.
+        DermisError: the number of channels is wrong, or a reading is not finite.
 
     Source: [S2] eq. 2-4
     """
@@ -73,7 +78,7 @@ def commands_of(table: SkinTable, readings: NDArray[Any], last: Array | None = N
     values, rest = table.heard_commands, table.commands[table.rest]
     loud = np.ones(len(readings), bool)
     if table.noise_floor > 0.0 and readings.shape[1:] == table.readings.shape[1:]:
-        # readings that cannot be told from rest are rest, and need no search; the search itself refuses NaN
+        # Readings within the noise of rest need no search. NaN is not among them, so that the search raises the error.
         loud = ~(table.from_rest(readings) <= table.noise_floor)
         if not loud.any():
             return np.repeat(rest[None], len(readings), axis=0)
@@ -85,7 +90,7 @@ def commands_of(table: SkinTable, readings: NDArray[Any], last: Array | None = N
     if not found.tied.any():
         return out
     place, known = np.flatnonzero(loud), table.by_reading.points
-    for at in np.flatnonzero(found.tied).tolist():  # a tie looks back at the command before: one by one
+    for at in np.flatnonzero(found.tied).tolist():  # a tie depends on the command before it, so not all at once
         i = int(place[at])
         before = (out[i - 1] if i else rest if last is None else np.asarray(last, np.float64)) / table.scale
         rows = table.by_reading.within(readings[i], float(found.squared[at, -1]))
@@ -98,9 +103,13 @@ def commands_of(table: SkinTable, readings: NDArray[Any], last: Array | None = N
 
 
 def readings_for(table: SkinTable, commands: Array) -> Array:
-    """Return the readings to expect from motor commands, (q, motors) to (q, channels).
+    """Return the readings to expect from motor commands, shape (q, channels).
 
-    Distances are of commands over each motor's range.
+    Distances are those of commands divided by each motor's range.
+
+    Args:
+        table: the look-up table.
+        commands: commands in SI units, shape (q, motors).
 
     Source: [S2] eq. 8-10
     """
@@ -110,7 +119,10 @@ def readings_for(table: SkinTable, commands: Array) -> Array:
 
 
 def _alone(table: SkinTable, reading: Array) -> Array | None:
-    """Return the command for one reading, as one who follows a sensor asks; None where `commands_of` decides."""
+    """Return the command for a single reading, shape (motors,), faster than `commands_of`.
+
+    None for exact hits, ties and more than three motors, which only `commands_of` handles.
+    """
     if table.noise_floor > 0.0:
         off = reading - table.exact_readings[table.rest]
         if math.sqrt(off.dot(off)) <= table.noise_floor:
@@ -124,7 +136,7 @@ def _alone(table: SkinTable, reading: Array) -> Array | None:
 
 
 def _mean(table: SkinTable, searched: NearestPoints, queries: Array, found: Neighbours, values: Array) -> Array:
-    """Average the neighbours' values; an exact hit returns its own."""
+    """Return the weighted mean of the neighbours' values for each query; an exact hit returns its own value."""
     if table.commands.shape[1] >= REDUNDANT:
         return fitted_mean(searched.points[found.index], queries, found.squared, values[found.index])
     hit = found.squared[:, 0] == 0.0
@@ -141,17 +153,18 @@ def _mean(table: SkinTable, searched: NearestPoints, queries: Array, found: Neig
 def render(
     pad_contact: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec, skin: SkinContact
 ) -> Rendered:
-    """Render one finger's platform: the virtual sensor's readings at every sample, looked up.
+    """Render one finger's platform: look up the virtual sensor's readings of every sample.
 
-    The use's parameters: table (path of a collected table; where empty, a small one is swept and kept with the skin),
-    table_rows (its size); platform_method, with which six legs can be searched for a pose as a thimble is (see
-    `thimble.render`). A device with couplings looks up the original motors' commands, and its own come nearest.
+    Parameters of the use: table (path of a collected table; if empty, a small one is swept and kept with the skin),
+    table_rows (size of that one), and platform_method, by which six legs can be matched by a search instead (see
+    `thimble.render`). For a device with couplings, the commands of the original motors are looked up. Its own commands
+    are those that come nearest to them.
 
-    Signals: 'contact', 'sensed_error' (norm of the difference between the readings and those that the command will
-    make, by the same table) [counts], 'target_force' [N], and 'clipped' (1 where a motor would leave its range).
+    Signals: 'contact', 'sensed_error' (norm of the difference between the readings and those that the table predicts
+    for the command) [counts], 'target_force' [N], and 'clipped' (1 where a motor would leave its range).
 
     Raises:
-        DermisError: a table that cannot be read or is another device's, or a broken preset.
+        DermisError: the table cannot be read or belongs to another device, or the preset is broken.
 
     Source: [S2] III
     """
@@ -238,7 +251,10 @@ def render(
 def _in_time(
     spec: DeviceSpec, times: Array, commands: Array, rest: Array, touched: NDArray[np.bool_], finger: str, frames: Array
 ) -> tuple[Array, list[Finding]]:
-    """Return commands that the motors' speeds allow: they set out before a touch, and go back to rest after it."""
+    """Return commands within the motors' speeds, and findings where a speed delays the look-up.
+
+    The motors start before a touch, and return to rest after it.
+    """
     slews = np.array([np.inf if c.slew is None else c.slew for c in spec.channels])
     path = in_time(times, commands, touched, slews, np.clip(rest, *_ends(spec)))
     away = np.where(touched, np.abs(path - commands).max(axis=1, initial=0.0), 0.0)
@@ -254,14 +270,16 @@ def _in_time(
 def driven_within(
     spec: DeviceSpec, original: Array, frames: Array | None = None
 ) -> tuple[Array, Array, NDArray[np.bool_], list[Finding]]:
-    """Return a device's commands for those of its original motors, and the original motors' commands that result.
+    """Return a device's own commands for commands of its original motors, which couplings drive.
 
     Args:
-        original: SI, shape (n, motors). frames: scene frames of the samples, for findings; None outside a scene.
+        spec: preset of the device.
+        original: wanted commands of the original motors in SI units, shape (n, motors).
+        frames: scene frames of the samples, for findings; None outside a scene.
 
     Returns:
-        The device's own commands within its range, shape (n, channels); commands of the original motors that come of
-        them, shape (n, motors); samples in which a motor stays at its end, shape (n,); findings.
+        The device's own commands within its range, shape (n, channels); the commands of the original motors that result
+        from them, shape (n, motors); whether a motor is held at an end of its range, shape (n,); findings.
     """
     coupling = coupling_of(spec)
     values = original if coupling is None else coupling.reduced(original)
@@ -290,10 +308,14 @@ def driven_within(
 def commands_now(
     table: SkinTable, spec: DeviceSpec, skin: SkinModel, force: Array, amounts: Array | None = None
 ) -> Array:
-    """Return the device's own commands for one moment, within its range; those of rest where nothing touches.
+    """Return the device's own commands for one moment, within its range, shape (channels,).
 
     Args:
-        force: on the pad nodes [N], shape (1, m, 3); (0, m, 3) where nothing touches.
+        table: the look-up table.
+        spec: preset of the device.
+        skin: model of the finger's skin.
+        force: forces on the pad nodes [N], shape (1, m, 3); shape (0, m, 3) if nothing touches, which gives the
+            commands of rest.
         amounts: `Stimulus.given` on skin with a nonlinear law [m], shape (3 m,); None computes it from the force.
     """
     coupling = coupling_of(spec)
@@ -306,7 +328,7 @@ def commands_now(
 
 
 def _overdriven(coupling: Coupling, driven: Array, spec: DeviceSpec, frames: Array | None) -> list[Finding]:
-    """Find motors that a coupling would drive beyond the range they had of their own."""
+    """Report original motors that a coupling would drive beyond their range."""
     low, high = np.array([(c.low or 0.0, c.high or 0.0) for c in coupling.channels]).T
     beyond = np.maximum(low - driven, driven - high)
     wrong = (beyond > SLACK * (high - low)).any(axis=1)
@@ -334,14 +356,20 @@ def _ends(spec: DeviceSpec) -> tuple[Array, Array]:
     return low, np.array([np.inf if c.high is None else c.high for c in spec.channels])
 
 
-_TABLES: Recent[tuple[str, str, int], SkinTable] = Recent(TABLES)  # by all that a sweep depends on
+_TABLES: Recent[tuple[str, str, int], SkinTable] = Recent(TABLES)  # by all inputs of a sweep
 
 
 def table_of(skin: SkinModel, spec: DeviceSpec, path: str = "", rows: int = ROWS) -> SkinTable:
-    """Return a device's table for a skin: read from a file, from the skin's cache, or swept now.
+    """Return a device's table for a skin, from a file, from memory or the skin's cache, or swept now.
+
+    Args:
+        skin: model of the finger's skin.
+        spec: preset of the device.
+        path: file of the table; empty for a table that is swept.
+        rows: number of rows of a table that is swept.
 
     Raises:
-        DermisError: a file that cannot be read, or a table of another device.
+        DermisError: the file cannot be read, or the table belongs to another device.
     """
     table = table_at_hand(skin, spec, path, rows)
     if table is None:
@@ -351,10 +379,10 @@ def table_of(skin: SkinModel, spec: DeviceSpec, path: str = "", rows: int = ROWS
 
 
 def table_at_hand(skin: SkinModel, spec: DeviceSpec, path: str = "", rows: int = ROWS) -> SkinTable | None:
-    """Return a device's table for a skin without sweeping; None where it would have to be swept.
+    """Return a device's table for a skin if it need not be swept, else None; see `table_of`.
 
     Raises:
-        DermisError: a file that cannot be read, or a table of another device.
+        DermisError: the file cannot be read, or the table belongs to another device.
     """
     if path:
         return _from_file(Path(path), spec)
@@ -362,14 +390,14 @@ def table_at_hand(skin: SkinModel, spec: DeviceSpec, path: str = "", rows: int =
     if name not in _TABLES and skin.cache is not None:
         found = skin.cache.get(cache_key("dermis-skin-table 2", *map(str, name)))
         if found is not None:
-            with contextlib.suppress(DermisError):  # damaged: swept again
+            with contextlib.suppress(DermisError):  # a damaged table is swept again
                 table = SkinTable.load(found)
                 _TABLES.make(name, lambda: table)
     return _TABLES.get(name)
 
 
 def keep_table(skin: SkinModel, spec: DeviceSpec, rows: int, table: SkinTable) -> None:
-    """Keep a table for whoever needs it next in this process, and in the skin's cache where it has one."""
+    """Keep a table in memory, and in the skin's cache if it has one."""
     name = _table_name(skin, spec, rows)
     _TABLES.pop(name, None)
     _TABLES.make(name, lambda: table)
@@ -382,7 +410,7 @@ def _table_name(skin: SkinModel, spec: DeviceSpec, rows: int) -> tuple[str, str,
 
 
 def _from_file(path: Path, spec: DeviceSpec) -> SkinTable:
-    """Read a table, once as long as the file does not change."""
+    """Read a table; it is read again only after the file has changed."""
     try:
         stat = path.stat()
     except (OSError, ValueError) as error:
@@ -397,5 +425,5 @@ _files: Recent[tuple[str, int, int], SkinTable] = Recent(1)
 
 
 def known(table: SkinTable) -> Mapping[str, Any]:
-    """Return where a table comes from, for reports."""
+    """Return the origin and the size of a table, for reports."""
     return {"rows": len(table.commands), **table.meta}

@@ -1,11 +1,11 @@
-"""Mesh relief: friction from the surface normals of whatever the finger touches, without a map of it.
+"""Mesh relief: friction from the surface normals of touched objects, without a height map.
 
-The form of eq. 6 that equals the map's, f = -f0 n_xy . v / n_z, for meshes of any shape that may move and deform; on
-request (`relief_formula` 'printed') the form that the paper prints, f = f0 n . [v, 0], whose sign is opposite. The
-normal is that of the curved surface that the faces stand for, at the point closest to the pad. Its axes are those of
-the screen, on which the finger's motion is then read too. Without a screen they are the finger's own, x and y along
-the pad: a finger that follows the surface feels nothing, one that slides over it at a slant does, and its motion is
-that over the object's material.
+Objects may have any shape, move and deform. The formula is the form of eq. 6 that agrees with height maps,
+f = -f0 n_xy . v / n_z. With `relief_formula` 'printed' it is the form that the paper prints, f = f0 n . [v, 0], whose
+sign is opposite. The normal n is that of the curved surface which the mesh approximates, at the point closest to the
+pad. The direction of motion v and the normal are given in the axes of the screen under the finger. Without a screen
+they are given in the finger's own axes, x and y along the pad, and v is the motion over the object's material. A finger
+whose pad stays parallel to the surface then feels nothing.
 """
 
 from __future__ import annotations
@@ -39,14 +39,15 @@ if TYPE_CHECKING:
 
 
 def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
-    """Return the voltage of a friction screen from the normals under a finger's path.
+    """Render a friction screen from the surface normals along one finger's path.
 
-    The pad touches an object at the finger's `touch_distance`; with screens in the scene it must be over one of them
-    besides. Of several objects the nearest counts. The automatic scale makes the steepest slope that the finger meets
-    over the whole bake friction 100. Only the profile 'slope' exists here.
+    The pad touches an object within the finger's `touch_distance`. If the scene has screens, the pad must also be over
+    one of them. Of several objects, the nearest counts. With the automatic scale, the steepest slope that the finger
+    meets during the whole bake becomes friction 100. The only profile is 'slope'.
 
     Raises:
-        DermisError: another profile, an unknown formula, way to scale or way downhill, a scale of zero, no such screen.
+        DermisError: the profile, the formula, the scale mode or the downhill mode is unknown, the scale is zero, or the
+            screen does not exist.
 
     Source: [S4] eq. 6, as printed or with the sign and the division that make it equal to eq. 5
     """
@@ -151,7 +152,7 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
 
 
 def _checked(settings: Settings, where: str) -> tuple[str, str, str]:
-    """Return the way to scale, the way downhill and the formula."""
+    """Return the scale mode, the downhill mode and the formula."""
     profile = settings.constant("profile")
     if profile != "slope":
         raise DermisError("the normals of a mesh know no such profile", where=where, value=profile, limit="slope")
@@ -159,7 +160,15 @@ def _checked(settings: Settings, where: str) -> tuple[str, str, str]:
 
 
 def _scale(settings: Settings, mode: str, slopes: Array, contact: NDArray[np.bool_], where: str) -> float | Array:
-    """Return f0, of the whole bake or of each touching time; motions are multiplied by `slopes`, shape (k, 2)."""
+    """Return the scale f0, one value or one for each touching time, shape (k,).
+
+    Args:
+        settings: settings of the use.
+        mode: 'auto' or 'manual'.
+        slopes: vectors by which the direction of motion is multiplied, shape (k, 2).
+        contact: whether the finger touches, shape (n,).
+        where: for errors.
+    """
     if mode == "auto":
         steepest = float(np.linalg.norm(slopes, axis=1).max(initial=0.0))
         with settings.carry("steepest") as carry:
@@ -172,7 +181,7 @@ def _scale(settings: Settings, mode: str, slopes: Array, contact: NDArray[np.boo
 
 
 def _smooth_normals(pad_contact: PadContact, finger: int, body: int) -> Array:
-    """Return the normals at the samples in world axes, shape (n, 3)."""
+    """Return the smooth normals at all samples in world axes, shape (n, 3)."""
     normals = pad_contact.pairs[finger, body].smooth_normal
     if normals is None:
         raise DermisError("the touch was sampled without the normals of its surfaces", where=f"finger {finger}")
@@ -186,7 +195,7 @@ def _velocity(pad_contact: PadContact, finger: int, met: Encounter) -> Array:
 
 
 def _put(target: Array, values: Array, met: Encounter, where: NDArray[np.bool_]) -> None:
-    """Write values of an encounter's touching times, shape (k, 3), where they are wanted."""
+    """Write values of an encounter's touching times, shape (k, 3), to those times at which `where` is true."""
     full = np.zeros_like(target)
     full[met.which] = values
     target[where] = full[where]

@@ -1,14 +1,15 @@
-"""Exact nearest neighbours for points on a thin sheet, whether queries lie near that sheet or off it.
+"""Exact nearest neighbours by a k-d tree in principal axes.
 
-Sensed data of a device with few motors lie on a curved sheet of few dimensions in the space of many channels. A k-d
-tree cuts along channels: its boxes stand askew to the sheet, are mostly empty, and a query with noise, or from another
-finger, visits many of them. So the points are turned into their principal axes first, which changes no distance: cuts
-then run along the sheet, boxes are flat where the sheet is, and the axes across it hardly cost anything. Measured on
-the 166,375 rows of the cable platform this is 3 times as fast near the sheet and up to 8 times far off it.
+Readings of a device with few motors lie near a curved surface of few dimensions in the space of many channels. A k-d
+tree divides space along the channels. Its boxes are oblique to this surface and mostly empty, so that a query with
+noise, or from another finger, visits many of them. The points are therefore rotated to their principal axes first,
+which changes no distance. Boxes are then thin where the surface is, and the axes across it cost hardly anything. On the
+166,375 rows of the cable platform, this was measured to be 3 times as fast near the surface and up to 8 times as fast
+far from it.
 
-Turned coordinates are rounded. Squares of whole numbers, such as a sensor's counts, are whole again after rounding; of
-other points, whatever rounding could decide, an exact hit or a tie for the last place, is decided anew from the points
-as they were given.
+Rotation rounds the coordinates. The squared distance between points of whole numbers, such as a sensor's counts, is
+whole again after rounding. For other points, rounding could decide an exact hit or a tie for the last place. Such
+queries are solved again with the points as given.
 """
 
 from __future__ import annotations
@@ -22,19 +23,21 @@ from numpy.typing import NDArray
 from ..arrays import Array, Indices
 from ..errors import DermisError
 
-NEIGHBOURS = 8  # that are averaged. Source: [S2] III.B
-LEAF = 32  # points in a leaf of the tree (measured)
-SLACK = 1e-13  # of the squares of all that takes part: rounding of turned coordinates, some 20 terms
-EXACT = 1e11  # squares of whole numbers, up to here all together, are within half of their rounded value
+NEIGHBOURS = 8  # number of neighbours that are averaged. Source: [S2] III.B
+LEAF = 32  # points in a leaf of the tree; the fastest as measured
+SLACK = 1e-13  # rounding error of a squared distance, relative to the squared norms of points and queries
+EXACT = 1e11  # up to this sum of squared norms, rounding errors of squared distances are below one half
 
 
 @dataclass(frozen=True, eq=False)
 class Neighbours:
-    """The nearest points of each query, nearest first.
+    """Nearest points of each query, the nearest first.
 
     Attributes:
-        index: shape (q, k). squared: squared distances, shape (q, k).
-        tied: queries whose last neighbour is as far as one that was left out, or that several points hit exactly.
+        index: indices of the points, shape (q, k).
+        squared: squared distances, shape (q, k).
+        tied: whether the choice of neighbours is not unique: the last one is as far away as one that was left out, or
+            several points equal the query; shape (q,).
     """
 
     index: Indices
@@ -43,16 +46,16 @@ class Neighbours:
 
 
 class NearestPoints:
-    """Points prepared for exact searches.
+    """Search structure for exact nearest neighbours.
 
     Args:
-        points: shape (n, d), finite.
+        points: points to be found, finite, shape (n, d).
 
     Attributes:
-        points: as they were given.
+        points: the points as given, shape (n, d).
 
     Raises:
-        DermisError: no points, or values that are not finite.
+        DermisError: there are no points, or a value is not finite.
     """
 
     def __init__(self, points: NDArray[Any]) -> None:
@@ -73,10 +76,14 @@ class NearestPoints:
         self._tree = cKDTree(turned, leafsize=LEAF)
 
     def query(self, queries: NDArray[Any], k: int) -> Neighbours:
-        """Return the k nearest points of each query, shape (q, d).
+        """Return the k nearest points of each query.
+
+        Args:
+            queries: shape (q, d).
+            k: number of neighbours.
 
         Raises:
-            DermisError: more neighbours than points, another number of channels, or values that are not finite.
+            DermisError: there are fewer than k points, the queries have another dimension, or a value is not finite.
         """
         queries = np.ascontiguousarray(queries, np.float64)
         if not 1 <= k <= self.count:
@@ -91,15 +98,15 @@ class NearestPoints:
                 limit=f"(n, {self.dimensions})",
             )
         turned = (queries - self._centre) @ self._axes
-        size = float(np.vdot(turned, turned))  # of all queries together: not below that of any
-        if not size < np.inf:  # nor where it is no number
+        size = float(np.vdot(turned, turned))  # sum of all queries, so at least that of each
+        if not size < np.inf:  # true for NaN too
             raise DermisError("a query is not finite", where="look-up table")
-        more = min(k + 1, self.count)  # one neighbour more tells ties
+        more = min(k + 1, self.count)  # one neighbour more, to detect ties
         distance, index = self._tree.query(turned, np.arange(1, more + 1))
         distance *= distance
         near, index = distance[:, :k], index[:, :k]
         if self._whole and self._size + size < EXACT and (queries == np.rint(queries)).all():
-            np.rint(distance, out=distance)  # squares of whole numbers are whole: rounding leaves no doubt
+            np.rint(distance, out=distance)  # exact, since squared distances of whole numbers are whole
             tied = distance[:, k] == near[:, -1] if more > k else np.zeros(len(queries), bool)
             if k > 1:
                 tied |= near[:, 1] == 0.0
@@ -116,10 +123,17 @@ class NearestPoints:
         return Neighbours(index, near, tied)
 
     def query_one(self, query: Array, k: int) -> tuple[Indices, Array] | None:
-        """Return the k nearest points of one query, shape (d,), and their squared distances; None where in doubt.
+        """Return the k nearest points of a single query faster than `query`, or None.
 
-        In doubt are exact hits, ties for the last place, fewer than k + 1 points, and a query that is not finite:
-        `query` decides, or refuses. Where calling costs as much as searching, a single query asks the tree alone.
+        None is returned for exact hits, for ties for the last place, for fewer than k + 1 points and for a query that
+        is not finite. `query` handles these cases.
+
+        Args:
+            query: shape (d,).
+            k: number of neighbours.
+
+        Returns:
+            Indices and squared distances of the points, shape (k,) each.
         """
         turned = (query - self._centre) @ self._axes
         size = self._size + float(turned.dot(turned))
@@ -133,7 +147,7 @@ class NearestPoints:
         return index[:k], squared[:k]
 
     def within(self, query: Array, squared: float) -> Indices:
-        """Return all points at most as far from one query as given, by index, rising."""
+        """Return the indices, in rising order, of all points within a squared distance of one query, shape (d,)."""
         turned = (np.asarray(query, np.float64) - self._centre) @ self._axes
         doubt = SLACK * (float(turned @ turned) + self._size)
         near = np.asarray(self._tree.query_ball_point(turned, np.sqrt(max(squared, 0.0) + doubt)), np.int64)
@@ -141,7 +155,15 @@ class NearestPoints:
         return near[self._squared(query, near) <= squared]
 
     def _decided(self, query: Array, found: Indices) -> tuple[Indices, Array, bool]:
-        """Return one query's neighbours, squared distances and whether they are tied, from the points as given."""
+        """Solve one query with the points as given.
+
+        Args:
+            query: shape (d,).
+            found: its neighbours in rotated coordinates, shape (k,).
+
+        Returns:
+            Indices and squared distances of the neighbours, shape (k,) each, and whether they are tied.
+        """
         k = len(found)
         rows = self.within(query, float(self._squared(query, found).max()))
         squared = self._squared(query, rows)

@@ -1,10 +1,11 @@
-"""Onset: on which side a disc begins a new contact.
+"""Choice of the pose in which a disc begins a new contact.
 
-At a new contact nothing holds the disc to one side yet, so that several are tried. A touch begins weakly, and many
-poses render its first instant alike; from then on friction holds the disc to the one that it began with. So each side
-is judged by the residual that it would leave of the same touch once that is strong.
+A new contact has no friction history, so the search starts from several poses. A touch begins weakly, and many poses
+render its first instant equally well. From then on friction keeps the disc near the pose in which it began. For a weak
+touch, each candidate is therefore judged by a second search: its target is the same stimulus scaled up to a stronger
+touch, and its friction state is the one that the candidate leaves. The candidate with the least residual is chosen.
 
-Source: [S0] 5.1 for the search of a frame; the look ahead is this project's own
+Source: [S0] 5.1 for the search of a frame. The second search is this project's own.
 """
 
 from __future__ import annotations
@@ -16,12 +17,13 @@ import numpy as np
 from ..arrays import Array
 from .gauss_newton import Minimum
 
-FIRST_STARTS = 4  # searches at a touch that is strong at once
-FIRST_GAIN = 0.1  # of the cost: for less the side that promised most is kept
-SIDES = 8  # searches at a faint touch
-AHEAD = 0.3  # of a table's median strength: a touch as strong as that is one that matters
-FAINT = 1.5  # times weaker than that
-ALIKE = np.radians(0.5)  # of all values, lengths over the platform's radius: nearer poses are the same
+FIRST_STARTS = 4  # starts of the search if the touch is not weak
+FIRST_GAIN = 0.1  # a later start replaces an earlier one only if it lowers the cost by more than this share
+SIDES = 8  # starts of the search if the touch is weak
+AHEAD = 0.3  # norm of the stronger target, relative to the median norm of the stimuli in the warm-start table
+FAINT = 1.5  # a touch is weak if the norm of its target is at least this many times smaller than that
+# Two poses count as the same if no value differs by more than this [rad]. Lengths are divided by the platform's radius.
+ALIKE = np.radians(0.5)
 
 
 def best_side(
@@ -30,13 +32,15 @@ def best_side(
     scale: Array,
     left_of: Callable[[Minimum], float] | None = None,
 ) -> Minimum:
-    """Return where the best of several searches ended.
+    """Search from several configurations and return the best minimum.
 
     Args:
-        starts: configurations, those that promise most first.
+        starts: configurations to start from, shape (n,) each, the most promising first.
         search: function that returns the minimum found from a configuration.
-        scale: scale of a configuration's values, see `disc_device.scale_of`.
-        left_of: residual of a strong touch, if the disc began on this side; None where the touch is strong.
+        scale: scale of a configuration's values, see `disc_device.scale_of`, shape (n,).
+        left_of: function that returns the cost of a stronger target if contact began at a minimum. With it, the
+            distinct minima of all starts are compared by this cost. None: those of the first `FIRST_STARTS` starts are
+            compared by their own cost.
     """
     found = [search(start) for start in starts]
     first = found[:FIRST_STARTS]
@@ -51,7 +55,7 @@ def best_side(
 
 
 def _least(sides: list[Minimum], costs: list[float]) -> Minimum:
-    """Return the side that costs least, or one before it that costs hardly more."""
+    """Return the minimum of least cost; a later one must be better than those before it by `FIRST_GAIN`."""
     best, least = sides[0], costs[0]
     for side, cost in zip(sides[1:], costs[1:], strict=True):
         if cost < (1.0 - FIRST_GAIN) * least:

@@ -1,9 +1,11 @@
-"""PinLaw: pins under skin that follows the neo-Hookean law.
+"""PinLaw: pin forces for skin that follows the neo-Hookean law.
 
-Such skin moves by G f - c, with c the law's difference from linear skin. While pin forces x are sought c is frozen: the
-displacement wanted of linear skin is then the target's own plus c. The law is asked about the forces found, says the
-next c, and both go on by turns until the law is satisfied. From frame to frame c is expected to go on changing
-as it did, so on smooth ways one look is enough.
+Forces f displace such skin by G f - c. G is the compliance of linear skin, and the correction c is the difference
+between the linear and the nonlinear displacement. A frame is solved by a lagged correction: c is held constant while
+the pin forces x are computed on linear skin, whose target is then the displacement of the virtual touch plus c. The law
+is evaluated for these forces and gives the next c. Both steps alternate until the residual of the law is small. A frame
+starts from the c that linear extrapolation of the last two frames predicts, so on smooth paths one evaluation of the
+law is enough.
 """
 
 from __future__ import annotations
@@ -21,19 +23,20 @@ from ..skin.law_tables import LawTables
 from ..skin.model import SkinModel
 from ..skin.stimulus import Stimulus
 
-MOST_LOOKS = 12  # of a frame at the law
+MOST_LOOKS = 12  # evaluations of the law in one frame
 
 
 @dataclass(frozen=True, eq=False)
 class PinLook:
-    """Effect of pins on the skin by the law.
+    """Effect of pin forces on skin that follows a nonlinear law.
 
     Attributes:
-        moved: displacement of the free nodes [m], shape (3 free,). amounts: see `Stimulus.given`, shape (3 m,).
+        moved: displacement of the free nodes [m], shape (3 free,). It is that of linear skin if not `usable`.
+        amounts: correction c at the pad nodes [m], see `Stimulus.given`, shape (3 m,).
         looks: number of evaluations of the law.
-        left: remaining error of the law, relative to the energy of the forces.
-        settled: whether this error is small.
-        usable: whether it is near enough to the law to describe the tissue; else linear skin does.
+        left: residual of the law, relative to the forces' own energy, see `Miss.left`.
+        settled: whether the residual is below the law's tolerance.
+        usable: whether the residual is at most `USABLE`. If not, the effect is computed on linear skin.
     """
 
     moved: Floats32
@@ -44,21 +47,21 @@ class PinLook:
     usable: bool = True
 
     def felt(self, skin: SkinModel, force: Array) -> Stimulus:
-        """Return the stimulus of forces on the pad nodes [N] on a skin, of linear tissue where the law gives none."""
+        """Return the stimulus of forces on the pad nodes [N], shape (m, 3); by linear elasticity if not `usable`."""
         return Stimulus(skin, force, None, self.amounts) if self.usable else Stimulus(skin.linear, force)
 
 
 @dataclass(frozen=True, eq=False)
 class PinLaw:
-    """The law of one skin and the pins that press it.
+    """Nonlinear law of one skin, and the pins that press on it.
 
     Attributes:
         tables: tables of the law.
-        modulus: E alpha [Pa].
-        pins: forces on the pad for unit forces of the active pins, A, shape (3 m, pins).
+        modulus: Young's modulus times the personal stiffness factor, E alpha [Pa].
+        pins: A, forces on the pad nodes for unit forces of the active pins, shape (3 m, pins).
         chosen: which components of the free nodes are compared, shape (3 free,).
-        rendered: L, displacement of these for unit forces of the pins, weighted, shape (3 n, pins).
-        weights: roots of the nodes' weights, shape (3 n,).
+        rendered: L, weighted displacement of the compared nodes for unit pin forces [m/N], shape (3 n, pins).
+        weights: square roots of the compared nodes' weights, once for each component, shape (3 n,).
     """
 
     tables: LawTables
@@ -69,29 +72,45 @@ class PinLaw:
     weights: Array
 
     def skin(self) -> LawSkin:
-        """Return the law at rest, to follow a path with."""
+        """Return the law in its state at rest, to be advanced frame by frame."""
         return LawSkin(self.tables, self.modulus)
 
     def moved_by(self, force: Array, amounts: Array | None = None) -> Floats32:
-        """Return the displacement under forces on the pad [N], shape (3 m,), as a touch has it, shape (3 free,)."""
+        """Return the displacement by the law of the free nodes [m], shape (3 free,).
+
+        Args:
+            force: forces on the pad nodes [N], shape (3 m,).
+            amounts: correction of the pad nodes [m], see `Stimulus.given`, shape (3 m,); None computes it.
+        """
         load = (np.asarray(force, np.float64) / self.modulus).astype(np.float32)
         given = self.tables.loaded(load) if amounts is None else np.asarray(amounts, np.float32)
         return self.tables.state(load, given)
 
     def goal(self, moved: Floats32, less: Floats32) -> Array:
-        """Return the weighted displacement wanted of linear skin, shape (3 n,), for the target's and a frozen c."""
+        """Return the weighted target displacement for linear skin [m], shape (3 n,).
+
+        Args:
+            moved: displacement of the virtual touch by the law [m], shape (3 free,).
+            less: correction c, which is held constant [m], shape (3 free,).
+        """
         return (moved + less).astype(np.float64)[self.chosen] * self.weights
 
     def apart(self, first: Floats32, second: Floats32) -> float:
-        """Return the RMS over the compared nodes of how far two displacements are apart [m]."""
+        """Return the weighted RMS distance between two displacements over the compared nodes [m]."""
         off = (first - second).astype(np.float64)[self.chosen] * self.weights
         return float(np.sqrt(off @ off / (len(off) // 3)))
 
     def follow(self, law: LawSkin, before: LawState, forces: Callable[[Floats32], Array]) -> PinLook:
-        """Take turns between pin forces and the law, until it is satisfied.
+        """Alternate between pin forces and the law until the law's residual is small.
+
+        The loop also ends when no step lowers the residual further, or after `MOST_LOOKS` evaluations of the law. The
+        correction of least residual is then kept. If this residual is above `USABLE`, the result is that of linear
+        skin, and `law` returns to rest.
 
         Args:
-            law: to ask. before: its state at the frame before. forces: tells pin forces x [N] for a frozen c.
+            law: law of the skin; it takes up the state of this frame.
+            before: state of the law at the previous frame.
+            forces: function that returns the pin forces x [N], shape (pins,), for a correction c [m], shape (3 free,).
         """
         law.restore(before)
         law.begin(ahead=1.0 if law.settled else 0.0)

@@ -1,8 +1,8 @@
-"""How much each method would miss for one scene: all six side by side, on the matching mesh and on a finer one.
+"""Comparison of the six matching methods of pin arrays for one scene.
 
-On the mesh that the commands were computed with, DM2 is best by construction, which only checks the solver. The
-evidence is a finer mesh: there the target comes from contact solved anew, and the pins press with the commands of the
-matching mesh. It is reported whichever way it falls.
+On the mesh with which the commands were computed, DM2 has the least error by construction, so that its error only
+verifies the solver. A finer mesh gives independent evidence: contact is solved again on it for the target, and the pins
+press with the commands of the coarser mesh. Both errors are reported.
 
 Source: [S1] eq. 20 and 21
 """
@@ -34,18 +34,20 @@ from .pins import Matched, PinSetup, Weighting, make_solver, match, setup
 
 @dataclass(frozen=True)
 class MethodReport:
-    """One method over one scene; errors are RMS over the frames in contact.
+    """Errors of one method over one scene; they are RMS values over the frames in contact.
 
     Attributes:
-        displacement_error, displacement_peak: u_err [m]; the peak is the worst frame.
-        displacement_share: u_err over the same norm of the target's displacement.
+        method: the method.
+        displacement_error, displacement_peak: u_err, and its largest value in a frame [m].
+        displacement_share: u_err divided by the norm of the target's displacement.
         force_error: f_err [N].
-        shear_ratio, target_ratio: tangential over normal force, rendered and wanted, of the RMS forces.
-        normal_force, target_normal: RMS force along the pad's normal [N].
-        at_limit: most pins at their limit in one frame.
-        kkt: worst optimality of DM2 and FM2.
-        stress_share: error of the whole stress of the skin, over the target's.
-        finer_error, finer_share: as the first ones, with the commands on a finer mesh; NaN where none was given.
+        shear_ratio, target_ratio: ratio of the RMS tangential force to the RMS normal force, of pins and target.
+        normal_force, target_normal: RMS force along the pad's normal, of pins and target [N].
+        at_limit: largest number of pins at their limit in a frame.
+        kkt: largest KKT residual of DM2 and FM2.
+        finer_error, finer_share: u_err [m] of the commands on a finer mesh, and its share of the target; NaN without
+            one.
+        stress_share: error of the whole stress of the skin, relative to the target's.
     """
 
     method: Method
@@ -65,10 +67,11 @@ class MethodReport:
 
 
 class SceneReports(NamedTuple):
-    """All methods for every finger of a scene that wears a pin array and touches.
+    """Reports of all methods for the fingers of a scene that wear a pin array and touch something.
 
     Attributes:
-        reports: by finger's and device's name. findings: fingers that were left out, and doubts.
+        reports: reports by the names of finger and device.
+        findings: fingers that were left out, and doubts about the resolution.
     """
 
     reports: dict[str, tuple[MethodReport, ...]]
@@ -85,15 +88,22 @@ def compare(
     finer: SkinContact | None = None,
     where: str = "",
 ) -> tuple[MethodReport, ...]:
-    """Return one report per method for the touch of a finger's skin.
+    """Compare matching methods for the touch of one finger's skin.
 
     Args:
-        skin: skin with the mesh used for matching.
-        finer: the same scene felt by a finer mesh of the same finger.
-        where: whose skin it is, for errors.
+        skin: touch on the mesh with which commands are computed.
+        spec: preset of the pin array.
+        methods: methods to compare.
+        weighting: which nodes are compared, see `pins.setup`.
+        bounded: whether the limits of pin forces apply.
+        finer: touch of the same scene on a finer mesh of the same finger.
+        where: name of the finger, for errors.
+
+    Returns:
+        One report for each method.
 
     Raises:
-        DermisError: nothing was touched, or the finer mesh is none or felt another scene.
+        DermisError: nothing was touched, the mesh of `finer` is not finer, or its times are those of another scene.
     """
     where = where or spec.name
     if not len(skin.contact):
@@ -121,10 +131,15 @@ def compare(
 def compare_scene(
     scene: TactileScene, library: Library, *, finer: str = "", cache: Cache | None = None
 ) -> SceneReports:
-    """Compare all methods for every finger of a scene that wears a pin array; those that touch nothing are left out.
+    """Compare all methods for every finger of a scene that wears a pin array.
+
+    Fingers that touch nothing are left out.
 
     Args:
-        finer: accuracy of the mesh that the commands are judged on beside their own, such as 'fine'; '' for none.
+        scene: the scene.
+        library: library of presets.
+        finer: accuracy of a finer mesh on which the commands are judged as well, such as 'fine'; '' for none.
+        cache: cache of skins.
 
     Raises:
         DermisError: no finger wears a pin array, none of them touches anything, or there is no finer mesh of one.
@@ -177,7 +192,7 @@ def compare_scene(
 def doubts(
     skin: SkinContact, spec: DeviceSpec, *, weighting: Weighting = "all", where: str = ""
 ) -> tuple[Finding, ...]:
-    """Return the doubts about a comparison of all methods: a mesh that is coarser than the pins."""
+    """Return a warning if the mesh is coarser than the pins, for a comparison of all methods."""
     ready = setup(skin.model, spec, weighting)
     return pin_resolution.doubts(ready.matcher, ready.distribution, METHODS, where or spec.name)
 
@@ -187,7 +202,7 @@ def _named(scene: TactileScene, f: int) -> str:
 
 
 def _finer(nodes: int, others: int, where: str) -> None:
-    """Refuse a mesh that is no finer: commands judged on the mesh that they were made with prove nothing."""
+    """Raise an error if a mesh has no more free nodes than the one with which commands are computed."""
     if others <= nodes:
         raise DermisError(
             "the finer mesh is not finer than the one that the commands are made with",
@@ -201,9 +216,16 @@ def _finer(nodes: int, others: int, where: str) -> None:
 def _skins(
     scene: TactileScene, library: Library, wearers: Sequence[int], level: str, cache: Cache | None
 ) -> dict[int, SkinModel]:
-    """Return the skins of wearers, of their own accuracy or another, and of all other fingers that have one.
+    """Return the skins of all fingers whose touch must be solved, by finger.
 
-    The touches of the others are not asked for, but they may hold an object together with a wearer.
+    These are the wearers, and all other fingers with a simulated skin: they may hold an object together with a wearer.
+
+    Args:
+        scene: the scene.
+        library: library of presets.
+        wearers: indices of the fingers that wear a pin array.
+        level: accuracy of their meshes; '' for their own.
+        cache: cache of skins.
     """
     skins = {}
     for f, finger in enumerate(scene.fingers):
@@ -218,7 +240,15 @@ def _skins(
 
 
 def error_on(ready: PinSetup, skin: SkinContact, matched: Matched) -> Array:
-    """Return u_err of commands on another mesh than theirs, against that mesh's own target [m], shape (n,)."""
+    """Return u_err of commands on another mesh than their own [m], shape (n,).
+
+    The target is the touch that was solved on this mesh.
+
+    Args:
+        ready: matrices for this mesh.
+        skin: touch on this mesh.
+        matched: pin forces that were computed on another mesh.
+    """
     matcher = ready.matcher
     result = np.zeros(len(skin.times))
     targets = skin.force.reshape(len(skin.contact), -1).astype(np.float64)
@@ -228,7 +258,7 @@ def error_on(ready: PinSetup, skin: SkinContact, matched: Matched) -> Array:
 
 
 def table(reports: Sequence[MethodReport]) -> str:
-    """Return the reports as text in columns; lengths in um, forces in mN."""
+    """Return reports as a table in plain text; displacements in um, force errors in mN."""
     finer = bool(reports) and np.isfinite(reports[0].finer_error)
     head = (
         f"{'':4} {'u_err um':>9} {'peak um':>9} {'of target':>9} {'f_err mN':>9} {'normal N':>9} {'shear/normal':>13}"

@@ -1,9 +1,10 @@
-"""Which patterns of pins a skin's mesh can tell apart: the others are not asked for.
+"""Patterns of pin forces that a skin's mesh resolves.
 
-Pins that press by turns more and less put less pressure on skin than pins that press alike. How much less follows from
-the array: pressures of neighbours overlap. Where a mesh has fewer nodes than there are pins, some patterns put hardly
-anything on its nodes, and an inverse would press a hundred times as hard to get something out of them. Real skin
-answers to every pattern, so a mesh's answer to those is not about skin.
+A pattern in which neighbouring pins press alternately more and less makes less pressure on skin than one in which all
+pins press alike, because the pressures of neighbours overlap. How much less follows from the array. If a mesh has fewer
+nodes than the array has pins, some patterns put hardly any force on its nodes. A pseudoinverse would then use a hundred
+times the force to obtain an effect. Real skin responds to every pattern, so this response is an artefact of the mesh,
+and methods that invert leave such patterns out.
 """
 
 from __future__ import annotations
@@ -17,16 +18,16 @@ from ..devices.pin_array import PinContacts, PinLayout
 from ..errors import Finding
 from .deformation import RANK_TOLERANCE, Matcher, Method
 
-# A pattern counts as seen where its gain on the mesh is at least this share of the weakest one's on real skin; chosen
-# far enough below 1 that a mesh which sees all patterns, though not all alike, loses none.
+# A mesh resolves a pattern if its gain there is at least this share of the weakest pattern's gain on real skin. The
+# share is far below 1, so that no pattern is lost on a mesh that resolves all of them, if not equally well.
 SEEN = 0.1
 
 
 def weakest_gain(points: Array, directions: Array, spread: float) -> float:
-    """Return the gain of the weakest pattern of pins on skin over that of the strongest, free of any mesh.
+    """Return the ratio of the weakest to the strongest gain of a pattern of pins, on skin without a mesh.
 
-    A pattern's gain is the root mean square of its pressure over that of its forces. Pins press with Gaussians, of
-    which two at a distance d overlap by exp(-d^2 / 4 spread^2).
+    A pattern's gain is the RMS of its pressure divided by the RMS of its forces. The pressure of a pin is a Gaussian.
+    Two of these at a distance d overlap by exp(-d^2 / 4 spread^2).
 
     Args:
         points: points of action of the pins [m], shape (n, 3), n > 0.
@@ -39,19 +40,20 @@ def weakest_gain(points: Array, directions: Array, spread: float) -> float:
 
 
 def tolerance_of(pins: PinLayout, met: PinContacts) -> float:
-    """Return the share of the strongest pattern's gain below which a mesh does not see a pattern."""
+    """Return the gain below which a mesh does not resolve a pattern, as a share of the strongest gain."""
     if not met.hits.any():
         return RANK_TOLERANCE
     return max(RANK_TOLERANCE, SEEN * weakest_gain(met.points[met.hits], pins.directions[met.hits], pins.spread))
 
 
 def doubts(matcher: Matcher, distribution: Array, methods: Iterable[Method], where: str) -> tuple[Finding, ...]:
-    """Return a warning where a method inverts the effect of pins on a mesh that is coarser than they are.
+    """Return a warning if a method inverts the effect of pins on a mesh that is coarser than the pins.
 
     Args:
         matcher: matcher for the skin and the pins.
         distribution: the matrix A, shape (3 m, pins).
-        methods: those in use; DM2 and FM2 invert nothing.
+        methods: methods in use; DM2 and FM2 do not invert.
+        where: name of the finger or device, for the finding.
     """
     inverting = [m for m in methods if not m.endswith("2")]
     nodes, pins = int(distribution.reshape(-1, 3, matcher.pins).any(axis=(1, 2)).sum()), len(matcher.active)

@@ -1,4 +1,4 @@
-"""Platforms that a look-up table drives: their mechanism, and the motors that they have without couplings."""
+"""Platforms that a look-up table drives: mechanism, and motors without couplings."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def mechanism(spec: DeviceSpec) -> Mechanism:
     """Return the mechanism of a platform's preset.
 
     Raises:
-        DermisError: another kind of device, or a broken preset.
+        DermisError: the device is of another kind, or the preset is broken.
     """
     if not kind_of(spec).platform:
         raise DermisError(
@@ -35,38 +35,44 @@ def mechanism(spec: DeviceSpec) -> Mechanism:
 
 
 def original_channels(spec: DeviceSpec) -> tuple[Channel, ...]:
-    """Return the channels of the motors of the uncoupled device: those of its own, or those its couplings drive."""
+    """Return the channels of the original motors: the device's own, or those that its couplings drive."""
     coupling = coupling_of(spec)
     return spec.channels if coupling is None else coupling.channels
 
 
 def original_key(spec: DeviceSpec) -> str:
-    """Return the key of a device for tables: its mechanism and sweep, not how its motors are coupled or named."""
+    """Return the key of a device for tables, made from its mechanism and its sweep.
+
+    Couplings and the names of motors do not count.
+    """
     parts = {k: v for k, v in spec.parameters.items() if not k.startswith("coupling") and k != "knee_error"}
     ends = [(c.low, c.high) for c in original_channels(spec)]
     return hashlib.sha256(json.dumps([spec.kind, parts, ends], sort_keys=True, default=str).encode()).hexdigest()
 
 
 def mechanism_key(spec: DeviceSpec) -> str:
-    """Return the key of a device for rows of a table: its mechanism, not how far or finely it was swept."""
+    """Return the key of a device for rows of a table, made from its mechanism alone.
+
+    The range and the resolution of the sweep do not count.
+    """
     plain = {k: v for k, v in spec.parameters.items() if not k.startswith(("coupling", "sweep")) and k != "knee_error"}
     return hashlib.sha256(json.dumps([spec.kind, plain], sort_keys=True, default=str).encode()).hexdigest()
 
 
 def scale_of(spec: DeviceSpec) -> Array:
-    """Return the range of each original motor, SI, shape (motors,).
+    """Return the width of each original motor's range in SI units, shape (motors,).
 
     Raises:
-        DermisError: a motor without one.
+        DermisError: a motor has no range.
     """
     return np.array([high - low for low, high in map(ends_of, original_channels(spec))])
 
 
 def ends_of(channel: Channel) -> tuple[float, float]:
-    """Return a motor's range, SI.
+    """Return the lower and the upper end of a motor's range in SI units.
 
     Raises:
-        DermisError: it has none.
+        DermisError: the motor has no range.
     """
     if channel.low is None or channel.high is None:
         raise DermisError("a motor of a look-up table needs a range", where=f"channel '{channel.name}'")

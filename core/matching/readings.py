@@ -1,4 +1,4 @@
-"""Readings of the virtual sensor in the pulp: 19 electrodes and the pressure, in counts of 12 bits.
+"""Readings of a virtual sensor in the pulp: 19 electrodes and the pressure, 12 bits.
 
 Source: [S2] II and III (19 electrodes and DC pressure, 12 bits, 100 Hz)
 """
@@ -20,24 +20,25 @@ Counts = NDArray[np.uint16]
 
 CHANNELS = 20
 FULL_SCALE = 4095
-BITS = (8, 10, 12, 14, 16)  # of sensors that read whole counts
-WHOLE = 1e-3  # of a step: readings this near to a multiple of it are one; a file's nine digits leave less
-ROUNDING = 1e-12  # of the greatest reading: smaller differences between two are rounding's
-SATURATED = 0.05  # share of the samples that a channel may spend at an end of its scale
-# Chosen so that a platform pressed in by 2.4 mm at any tilt stays within the scale, and bulging skin does too.
-ELECTRODE_REST, ELECTRODE_GAIN = 1000.0, 6000.0  # counts, counts for tissue that is pressed to nothing
-PRESSURE_REST, PRESSURE_GAIN = 500.0, 0.12  # counts, counts a Pa of mean pressure on the pad
+BITS = (8, 10, 12, 14, 16)  # resolutions of sensors whose readings are whole counts
+WHOLE = 1e-3  # a reading counts as a multiple of a step within this share of it; files with nine digits deviate less
+ROUNDING = 1e-12  # differences below this share of the largest reading are rounding
+SATURATED = 0.05  # share of the samples at which a channel may be at an end of its scale
+# With these values, readings stay within the scale if a platform is pressed in by 2.4 mm at any tilt, and if skin
+# bulges.
+ELECTRODE_REST, ELECTRODE_GAIN = 1000.0, 6000.0  # counts at rest, and counts for tissue compressed to zero thickness
+PRESSURE_REST, PRESSURE_GAIN = 500.0, 0.12  # counts at rest, and counts per Pa of mean pressure on the pad
 
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """The sensor of one skin as a linear map and its quantisation.
+    """Virtual sensor of one skin: a linear map and its quantisation.
 
     Attributes:
-        matrix: counts for forces on the pad nodes of linear skin [1/N], the last row the pressure, shape (20, 3 m).
+        matrix: counts for forces on the pad nodes of linear skin [1/N], shape (20, 3 m). The last row is the pressure.
         rest: counts of untouched skin, shape (20,).
-        pad: counts for displacement of the pad nodes [1/m], shape (20, 3 m), on skin that follows a law; else None.
-        skin: that it is in, on skin that follows a law.
+        pad: counts for the displacement of the pad nodes [1/m], shape (20, 3 m); None for linear skin.
+        skin: model of the skin; None for linear skin.
     """
 
     matrix: Array
@@ -46,10 +47,11 @@ class Readings:
     skin: SkinModel | None = None
 
     def counts(self, force: NDArray[np.floating[Any]], amounts: NDArray[np.floating[Any]] | None = None) -> Array:
-        """Return exact counts of contact forces [N], (n, m, 3) to (n, 20).
+        """Return the counts before quantisation, shape (n, 20).
 
         Args:
-            amounts: see `Stimulus.given`, of skin that follows a law, shape (n, 3 m); from the forces where None.
+            force: contact forces on the pad nodes [N], shape (n, m, 3).
+            amounts: see `Stimulus.given`, for nonlinear skin, shape (n, 3 m); None computes them from the forces.
         """
         flat = np.asarray(force, np.float64).reshape(len(force), self.matrix.shape[1])
         out: Array = flat @ self.matrix.T + self.rest
@@ -67,7 +69,13 @@ class Readings:
         rng: np.random.Generator | None = None,
         amounts: NDArray[np.floating[Any]] | None = None,
     ) -> Counts:
-        """Return the readings: whole counts, with normal noise of a standard deviation [counts], within the scale."""
+        """Return readings: whole counts within the scale, shape (n, 20).
+
+        Args:
+            force, amounts: as for `counts`.
+            noise: standard deviation of the normal noise in each channel [counts].
+            rng: source of the noise; None for one with the seed 0.
+        """
         exact = self.counts(force, amounts)
         if noise > 0.0:
             exact = exact + noise * (rng or np.random.default_rng(0)).standard_normal(exact.shape)
@@ -75,15 +83,16 @@ class Readings:
 
 
 def quantised(counts: Array) -> Counts:
-    """Return whole counts within the 12 bits of the scale."""
+    """Round counts to whole numbers and clip them to the scale of 12 bits."""
     return np.clip(np.rint(counts), 0, FULL_SCALE).astype(np.uint16)
 
 
 def step_of(readings: NDArray[Any]) -> float:
-    """Return the step that all channels of readings share, shape (n, c): 1 of whole counts; 0 where there is none.
+    """Return the common quantisation step of all channels of readings, shape (n, c).
 
-    A converter's counts keep a common step when they are multiplied by one factor, and when constants are added to
-    channels. The step is the least difference between two values of a channel; all differences must be multiples of it.
+    Counts of a converter keep a common step if they are multiplied by one factor, and if a constant is added to a
+    channel. The step is the smallest difference between two values of a channel. All such differences must be multiples
+    of it. The step of integers is 1. Without a common step the result is 0.
     """
     if readings.dtype.kind in "ui":
         return 1.0
@@ -95,14 +104,21 @@ def step_of(readings: NDArray[Any]) -> float:
     multiples = gaps / gaps.min()
     if (np.abs(multiples - np.rint(multiples)) > WHOLE).any():
         return 0.0
-    return float((gaps / np.rint(multiples)).mean())  # the mean of many is more exact than the least of them
+    return float((gaps / np.rint(multiples)).mean())  # the mean of many estimates is more exact than one
 
 
 def in_steps(readings: NDArray[Any], origin: Array, step: float) -> Array:
-    """Return readings (n, c) as multiples of a step from an origin, shape (c,): whole numbers where they are.
+    """Return readings as multiples of a step from an origin, shape (n, c).
+
+    If all of them are whole up to `WHOLE`, they are rounded.
+
+    Args:
+        readings: shape (n, c).
+        origin: readings that become 0, shape (c,).
+        step: as of `step_of`.
 
     Raises:
-        ZeroDivisionError: there is no step.
+        ZeroDivisionError: the step is 0.
     """
     multiples = (np.asarray(readings, np.float64) - origin) / step
     whole = np.rint(multiples)
@@ -110,10 +126,14 @@ def in_steps(readings: NDArray[Any], origin: Array, step: float) -> Array:
 
 
 def at_the_end(readings: Array) -> Array:
-    """Return the share of time that each channel spends at an end of its scale, shape (c,), of readings (n, c).
+    """Return the share of samples at which each channel is at an end of its scale, shape (c,).
 
-    Whole counts, or counts times one factor, tell their scale, of 8 bits or as many more as they need. A channel that
-    rests at nought is not at an end there; readings that are fractional or below nought have no scale that is known.
+    The scale is known for whole counts, and for those times one factor: it is the smallest of `BITS` that holds them.
+    Zero does not count as an end for a channel whose first reading is zero. Other readings have no known scale, and the
+    result is 0.
+
+    Args:
+        readings: shape (n, c).
     """
     step = 1.0 if (readings == np.rint(readings)).all() else step_of(readings)
     if not step:
@@ -127,7 +147,7 @@ def at_the_end(readings: Array) -> Array:
 
 
 def saturated(counts: NDArray[Any]) -> int:
-    """Return how many readings (rows) have a channel at either end of the scale."""
+    """Return the number of readings, shape (n, c), with a channel at an end of the scale of 12 bits."""
     return int(((counts <= 0) | (counts >= FULL_SCALE)).any(axis=1).sum())
 
 

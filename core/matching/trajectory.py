@@ -1,11 +1,13 @@
-"""Trajectory: several ways through the same targets side by side, of which those are kept that leave least so far.
+"""Beam search for a device's trajectory through a sequence of targets.
 
-A search frame by frame takes the pose that is best now, with the friction that its own past left. Which side a disc
-leans to at first contact, and which nodes stick from then on, may cost more later than it gained. Here every way goes
-on as the search does; every few frames the best of them also set out anew from entries of the table that promise
-most, be they better at once or not. Ways that came to the same pose are one.
+A search frame by frame takes the best pose of each frame, with the friction state that earlier frames left. A choice
+that is best in one frame may cost more later: the side to which a disc tilts at first contact decides which nodes stick
+from then on. The beam search therefore follows several paths at once and keeps those with the least summed cost. Each
+path continues by the search of a frame. Every few frames, the best paths also branch: further searches start from poses
+of the table of starts, and their results are kept even if they are not better at once. Of paths that arrive at the same
+pose, only the best is kept.
 
-Source: [S0] 5.1 for the search of a frame; Lowerre 1976 for the beam
+Source: [S0] 5.1 for the search of a frame; Lowerre 1976 for the beam search
 """
 
 from __future__ import annotations
@@ -21,15 +23,22 @@ from ..devices.disc_device import scale_of
 from .onset import ALIKE
 from .stress import NOTHING, StressMatcher, ThimbleFrame
 
-WAYS = 8  # kept from frame to frame
-STARTS = 8  # that a way sets out from
-EVERY = 4  # frames between two times that ways set out anew
-PARENTS = 2  # of the ways that do
+WAYS = 8  # paths that are kept from frame to frame
+STARTS = 8  # entries of the table from which a path that branches is searched
+EVERY = 4  # frames from one branching to the next
+PARENTS = 2  # paths that branch
 
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """One way through the targets so far: its summed cost, its last frame, and the way before it."""
+    """One path through the targets so far, as a linked list.
+
+    Attributes:
+        cost: sum of the squared mismatch over the path's frames.
+        saved: state of the matcher after the last frame, see `StressMatcher.save`.
+        frame: the last frame.
+        before: the path without its last frame; None if that is its first.
+    """
 
     cost: float
     saved: tuple[Any, ...]
@@ -37,7 +46,7 @@ class Way:
     before: Way | None
 
     def frames(self) -> list[ThimbleFrame]:
-        """Return all frames, the first one first."""
+        """Return all frames in order of time."""
         out, way = [], self
         while True:
             out.append(way.frame)
@@ -48,11 +57,11 @@ class Way:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Result of a search for a trajectory.
+    """Result of a beam search.
 
     Attributes:
-        frames: frames of the trajectory with the least total residual.
-        best: for each target the frame that leaves least of it, whichever way it is on: the least residual of a pose.
+        frames: frames of the path with the least summed cost.
+        best: for each target, the frame of least mismatch on any path.
     """
 
     frames: list[ThimbleFrame]
@@ -62,12 +71,22 @@ class Trajectory:
 def trajectory(
     matching: StressMatcher, targets: Array, *, ways: int = WAYS, starts: int = STARTS, every: int = EVERY
 ) -> Generator[tuple[int, int], None, Trajectory]:
-    """Follow targets on several ways, shape (n, k) with n >= 1; yields targets done and in all.
+    """Search for the trajectory through a sequence of targets.
 
-    The matcher ends as it began.
+    The matcher returns to the state in which it was.
 
     Args:
-        ways, starts, every: how many are kept, how many set out anew, and after how many frames.
+        matching: matcher whose search of a frame is used.
+        targets: stimuli to approximate, shape (n, k), n >= 1.
+        ways: number of paths that are kept.
+        starts: number of entries of the table from which a path that branches is searched.
+        every: number of frames from one branching to the next.
+
+    Yields:
+        Number of finished targets and number of all targets.
+
+    Returns:
+        The trajectory.
 
     Raises:
         DermisError: see `StressMatcher.step`.
@@ -93,7 +112,7 @@ def trajectory(
 
 
 def _on(matching: StressMatcher, saved: tuple[Any, ...], before: Way | None, target: Array, start: Array | None) -> Way:
-    """Return a way, one target on."""
+    """Return a path extended by one target; `saved` is the matcher's state at its end."""
     matching.restore(saved)
     frame = matching.step(target, start=start)
     left = frame.stimulus - target
@@ -102,7 +121,7 @@ def _on(matching: StressMatcher, saved: tuple[Any, ...], before: Way | None, tar
 
 
 def _apart(found: list[Way], scale: Array, count: int) -> list[Way]:
-    """Return the ways that left least and ended in poses that are apart, the best first."""
+    """Return up to `count` paths of least cost that end in distinct poses, the best first."""
     out: list[Way] = []
     for way in sorted(found, key=lambda way: way.cost):
         if all(float(np.abs((way.frame.x - other.frame.x) / scale).max()) > ALIKE for other in out):

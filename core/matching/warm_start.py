@@ -1,4 +1,4 @@
-"""WarmStartTable: configurations all over a thimble's workspace and their stimuli, to start searches from."""
+"""WarmStartTable: configurations and their stimuli, from which searches start."""
 
 from __future__ import annotations
 
@@ -17,16 +17,18 @@ from ..skin.store import kept
 from ..surrogate.forward import ForwardModel
 
 TABLE_TILTS = np.radians([-24.0, -16.0, -8.0, 0.0, 8.0, 16.0, 24.0])
-TILTS_APART = np.radians(4.0)  # of starts: half of the grid
+TILTS_APART = np.radians(4.0)  # two starts differ by more than this in a tilt; half of the spacing of the grid
+# Depths beyond first contact [m].
 TABLE_DEPTHS = (0.05e-3, 0.15e-3, 0.35e-3, 0.7e-3, 1.1e-3, 1.5e-3)
 
 
 @dataclass(frozen=True, eq=False)
 class WarmStartTable:
-    """Poses all over the workspace and their stimuli from rest, to start searches from.
+    """Configurations all over a device's workspace, and the stimulus of each from rest.
 
     Attributes:
-        x: configurations, shape (t, n). depth: each beyond first contact [m], shape (t,).
+        x: configurations, shape (t, n).
+        depth: depth beyond first contact [m], shape (t,).
         direction: unit vector along the stimulus, shape (t, k).
         strength: norm of the stimulus, shape (t,).
     """
@@ -38,10 +40,16 @@ class WarmStartTable:
 
     @classmethod
     def of(cls, x: list[Array], depth: list[float], stimuli: list[Array], none: str) -> WarmStartTable:
-        """Return the table of these configurations.
+        """Return the table of some configurations.
+
+        Args:
+            x: configurations, shape (n,) each.
+            depth: depth of each beyond first contact [m].
+            stimuli: stimulus of each, shape (k,), not zero.
+            none: message of the error if there are no configurations.
 
         Raises:
-            DermisError: there are none, with these words.
+            DermisError: there are no configurations.
         """
         if not x:
             raise DermisError(none, where="thimble")
@@ -49,14 +57,28 @@ class WarmStartTable:
         return cls(np.array(x), np.array(depth), np.array(stimuli) / strength[:, None], strength)
 
     def configuration(self, row: int, strength: float) -> Array:
-        """Return an entry's tilt at the depth whose stimulus has a given strength, as a ball's has: depth^1.5."""
+        """Return the configuration of an entry, with its depth changed to suit another strength.
+
+        The strength of a stimulus is assumed to grow with depth^1.5, as for a ball by Hertz.
+
+        Args:
+            row: index of the entry.
+            strength: norm that the stimulus shall have.
+        """
         depth = self.depth[row] * (max(strength, 0.0) / self.strength[row]) ** (2.0 / 3.0)
         x: Array = self.x[row].copy()
         x[2] += self.depth[row] - min(max(depth, TABLE_DEPTHS[0] / 4), TABLE_DEPTHS[-1])
         return x
 
     def promising(self, target: Array, count: int) -> list[Array]:
-        """Return the configurations that promise most of a target, shape (k,), at tilts that are apart."""
+        """Return up to `count` configurations whose stimuli are most similar in direction to a target.
+
+        Their tilts differ by more than `TILTS_APART`. The most similar one is first.
+
+        Args:
+            target: stimulus to approximate, shape (k,), not zero.
+            count: largest number of configurations.
+        """
         size = float(np.sqrt(target @ target))
         alike = self.direction @ target / size
         chosen: list[int] = []
@@ -69,11 +91,17 @@ class WarmStartTable:
         return [self.configuration(row, size * float(alike[row])) for row in chosen]
 
 
-RECORDED_ROWS = 300  # of a recording, evenly chosen: more starts cost more in every frame
+RECORDED_ROWS = 300  # rows of a recording that are used, evenly chosen; more would slow down every frame
 
 
 def recorded_table(device: DiscDevice, contact: DiscContact, model: ForwardModel, x: Array) -> WarmStartTable:
-    """Return the table of a model that was learned from recorded configurations, shape (n, 3).
+    """Return the table of a model that was learned from a recording.
+
+    Args:
+        device: the mechanism.
+        contact: its disc and the skin, for the depths.
+        model: the learned model.
+        x: recorded configurations, shape (n, 3).
 
     Raises:
         DermisError: no recorded pose within the servo limits makes the channels change.
@@ -117,10 +145,15 @@ def warm_start_table(device: DiscDevice, contact: DiscContact, model: ForwardMod
 def kept_table(
     cache: Cache | None, key: str, device: DiscDevice, contact: DiscContact, model: ForwardModel
 ) -> WarmStartTable:
-    """Return the table of a forward model, from a cache where it is there; raises as `warm_start_table` does.
+    """Return the table of a forward model, from a cache if it is there.
 
     Args:
+        cache: the cache; None always computes the table.
         key: key of the cache entry, made from all inputs.
+        device, contact, model: as for `warm_start_table`.
+
+    Raises:
+        DermisError: as `warm_start_table`.
     """
 
     def made() -> dict[str, Array]:

@@ -87,7 +87,7 @@ def on_frame(scene: bpy.types.Scene) -> None:
         return
     try:
         step(bpy.context)
-    except Exception as error:  # a defect of ours must be seen, but not once a frame in the console
+    except Exception as error:  # the view shows it at every frame, the console only if it is of another kind
         if not isinstance(_live.failure, type(error)):
             traceback.print_exc()
         _live.failure = error

@@ -24,7 +24,7 @@ from ..preview import moment, skin_preview
 from ..preview.rows import goes_on
 from ..streaming import session
 
-BUDGET = 0.012  # [s] that a view waits at most, plus the step under way: a third of the time of a frame at 24 fps
+BUDGET = 0.012  # [s] that a view waits at most, plus the step under way; it is 29 % of a frame at 24 fps
 PAUSE = 0.001  # [s] between slices: Blender handles waiting events
 REST = 0.25  # [s] the scene rests once no frame and no change has come for this long
 
@@ -140,7 +140,7 @@ class Slices:
         return PAUSE if self._work is not None else None
 
     def _on_rest(self) -> float | None:
-        """Work out the frame at which the scene rests once more, finely; newer work sets this timer again."""
+        """Work out again, finely, the frame at which the scene rests. Newer work sets this timer again."""
         scene = self._scene()
         if scene is None or self._work is not None or not skin_preview.coarse() or followed(scene):
             return None

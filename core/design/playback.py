@@ -1,6 +1,6 @@
 """A track played back with the sensor in the device: target, estimate and measurement side by side, on one clock.
 
-The sensor's recorder can take a pulse along with the readings, which tells when the track began. The readings still lag
+The sensor's recorder can record a pulse too. The pulse tells when the track began. The readings still lag
 behind the track; this lag is the device's delay. Without a pulse the clocks are brought together by the readings
 themselves, and nobody can tell a delay from an offset of the clocks.
 
@@ -233,8 +233,8 @@ def as_text(found: Playback) -> str:
 def as_csv(found: Playback) -> str:
     """Return each difference as CSV.
 
-    One row has the relative RMS of all channels, one for each channel its mean and standard deviation, and one for each
-    component all three.
+    The first row of a difference has the relative RMS over all channels. Then each channel has a row with its mean and
+    standard deviation. Then each component has a row with relative RMS, mean and standard deviation.
     """
     lines = ["difference,of,relative_rms,mean,standard_deviation"]
     for each in found.differences:
@@ -250,7 +250,10 @@ def as_csv(found: Playback) -> str:
 
 
 def _commands(track: CommandTrack) -> Array:
-    """Return the commands that a table knows: those of the motors before they were coupled, or a thimble's poses."""
+    """Return the track in the table's commands.
+
+    For coupled motors these are the commands of the original motors; for a thimble, pitch, roll and distance.
+    """
     if track.spec.kind == "thimble":
         return np.column_stack([track.column(name) for name in ("pitch", "roll", "distance")])
     coupling = coupling_of(track.spec)

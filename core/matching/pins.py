@@ -142,7 +142,7 @@ def render(
     skipped = {"pin_frames_without_contact": count - len(skin.contact)}
     meta = {"method": str(method), "lead_s": f"{lead:.9g}"}
     if not len(skin.contact):  # nothing to match, so nothing to build
-        _layout(spec)  # refused now, not when something is touched
+        _layout(spec)  # a bad layout is refused now, not only when something is touched
         nothing = {name: np.zeros(len(times)) for name in _SIGNALS}
         return Rendered(
             CommandTrack(spec, times, np.zeros((len(times), len(spec.channels))), meta), nothing, (), skipped
@@ -188,10 +188,12 @@ class Matched:
 def make_solver(
     ready: PinSetup, spec: DeviceSpec, method: Method, times: Array | None, *, bounded: bool = True
 ) -> PinSolver:
-    """Return a solver with a device's limits: of force if `bounded`, and of speed if the device has such a limit.
+    """Return a solver that keeps a device's limits.
+
+    Forces are limited if `bounded`. Their change per second is limited if the device has such a limit.
 
     Args:
-        times: time of each frame [s]; None for a single frame, which has no speed.
+        times: time of each frame [s]; None for a single frame: the change of force is then not limited.
     """
     step = float(np.median(np.diff(times))) if times is not None and len(times) > 1 else 1.0 / spec.rate
     slew = None if times is None else min((c.slew for c in spec.channels if c.slew is not None), default=None)
@@ -274,7 +276,7 @@ _SIGNALS = (
 
 
 def _lead(parameters: Mapping[str, Any], spec: DeviceSpec) -> float:
-    """Return by how much the track leads the touch, so that the device's delay cancels [s]."""
+    """Return the lead of the track [s], which cancels the device's delay."""
     delay = float(spec.value("delay"))
     return delay if DEVICE["pin_lead"].of(parameters, spec.key) else 0.0
 

@@ -4,8 +4,8 @@ On each frame the friction state is fixed, the pose is searched for, and then th
 pose fixed (staggering). The search starts from a predicted pose: the Jacobian of the last search gives the step that
 compensates for the change of the target. At a new contact it starts from the most promising entries of a small table of
 poses. If the touch is still faint, each result is tested with a stronger copy of the target, and the result with the
-smallest residual in this test is kept. Later it starts from an entry of the table as well,
-whenever that predicts a better match.
+smallest residual in this test is kept. Later a second search starts from an entry of the
+table, if the entry predicts a better match.
 
 Source: [S0] 5.1 and eq. 1, whose norm is minimised through its square.
 """
@@ -41,8 +41,8 @@ MISTRUST = 0.5  # of the target: a learned model with a larger error at the pose
 WORTHWHILE = 0.05  # of the cost: the device moves to a distant minimum only for a larger gain
 # On nonlinear skin the search stops when the error of the predicted stimulus is below CLOSE times the target or LEFT
 # times the residual. CLOSE is the accuracy to which the law is solved. Suppose that the
-# correction by the law has an error of e times the residual. The final residual then rises by at most 2 e of itself,
-# near the best pose by at most e^2. For e = LEFT this is 0.25 %.
+# correction by the law is wrong by e times the residual. The final residual then rises by at most a factor 1 + 2 e.
+# Near the best pose it rises by at most a factor 1 + e^2: for e = LEFT, by 0.25 %.
 CLOSE, LEFT = 5e-3, 0.05
 MOST_LOOKS = 6  # largest number of evaluations of the nonlinear law in a frame
 # Share of the cost: if the predicted gain of a step is smaller, a learned model's linear prediction is accepted without
@@ -413,7 +413,7 @@ class StressMatcher:
         return part if share == 0.0 or self.device.feasible(part) else start + way
 
     def _rescued(self, target: Array, limits: ServoLimits, found: _Looked) -> _Looked:
-        """Repeat a search that is mistrusted with the direct model, and keep the better result."""
+        """Use the direct model to repeat a mistrusted search, and keep the better result."""
         learned, self.model = self.model, self.direct
         try:
             expected = np.zeros(self.model.size)

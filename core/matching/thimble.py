@@ -223,7 +223,7 @@ def render(
     The parameters of the use are described in `prepare`. The result has these signals, each of shape (n,):
 
     * 'contact': 1 if the target is a touch, else 0.
-    * 'mismatch': relative error in the method's own observation.
+    * 'mismatch': relative error of the quantity that the method compares.
     * 'stress_error': error of the whole stress, relative to the target's.
     * 'normal_force': sum of the device's forces along the finger's Z axis [N].
     * 'target_force': the same of the virtual touch [N].
@@ -321,7 +321,7 @@ def findings_of(found: ThimbleSequence, where: str) -> list[Finding]:
                 "rescued",
                 f"the surrogate was wrong and the direct search took its place in {share}",
                 where,
-                limit=f"a residual within {100 * MISTRUST:g} % of the surrogate's prediction",
+                limit=f"error of the surrogate <= {100 * MISTRUST:g} % of the target",
                 remedy="Adapt a surrogate from more movements, or use the direct method",
                 count=rescued,
             )

@@ -1,7 +1,7 @@
 """Trail: the last samples of a scene during playback, and the devices' commands up to the newest of them.
 
-Contact of the pads' centres is measured once a sample and kept. Every new sample changes the splines through the poses,
-but only near their end; before that they are settled. The devices' state is stored at the last settled sample. From it
+Contact of the pads' centres is measured once per sample, and kept. Every new sample changes the splines through the
+poses, but only near their end; before that they are settled. The devices' state is stored at the last settled sample. From it
 the later commands are computed anew with each sample, by the same code as in a bake. Devices that follow a simulated
 skin are left out; the skin preview computes them frame by frame.
 """
@@ -30,7 +30,7 @@ from .device_tracks import Renderer, renderer, usable
 # A new sample changes the path most at its end, and the change shrinks to about a quarter at every knot. So this many
 # samples before the end it is less than 1 % of the change at the end.
 SETTLED = 4
-SHOWN = 0.13  # length of the end of a track that is drawn, and so has to be returned [s]
+SHOWN = 0.13  # [s] the view draws the end of a track, at most this much of it, so `add` returns that end
 State = tuple[float, Mapping[Hashable, Any]]
 
 

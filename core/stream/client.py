@@ -19,16 +19,18 @@ from .request import request_of
 from .shared_state import MAX_VALUES, SharedState
 from .state import State
 
-QUIET = 1.0  # [s] a status older than this is reported; a sender writes one every 0.05 s, none while it reads a track
+QUIET = (
+    1.0  # [s] a status older than this is reported; a sender writes one every 0.05 s, none while it reads a track
+)
 UNSEEN = 0.5  # if the status has not been read for this long, the sender's silence is counted from the next reading [s]
 MAX_CLOSE_SECONDS = 0.2  # `close` waits this long for the sender, which then finishes alone [s]
 
 _ending: list[SenderClient] = []  # closed clients whose senders are still on the way to the safe state
-_lost: list[str] = []  # why streams ended with an error or perhaps not in the safe state; `connect` clears it
+_lost: list[str] = []  # reports: a stream failed, or a device may not be in its safe state; `connect` deletes them
 
 
 class SenderClient:
-    """A sender in a child process. When this process ends, the sender brings its device to the safe state and ends too.
+    """A sender in a child process. When its parent process ends, it brings its device to the safe state and ends too.
 
     Raises:
         DermisError: the process cannot be started.

@@ -376,9 +376,10 @@ class Surface:
         return triangles[np.unique(self.topology.parts[triangles], return_index=True)[1]]
 
     def _rays(self, tree: TriangleTree) -> TriangleTree | None:
-        """Return the triangles that rays are tested against: those that may be closest, `tree`.
+        """Return the triangles that rays are tested against: here the same in which the closest one is searched.
 
-        `NearSurface`, which has only the triangles near the skin, returns others, or None if no rays are needed.
+        `NearSurface` searches only the triangles near the skin. For rays it returns all triangles of the shape, or None
+        if no rays are needed.
         """
         return tree
 

@@ -32,8 +32,8 @@ from .sweeps import sweep
 
 __all__ = ["DEPTH_LIMIT", "TOLERANCE", "Compliance", "Linear", "PathSolver", "PathStep"]
 
-# Residual at which sweeps stop, see `Solution.residual`. It is so small that other starting forces change
-# the result by less than 1e-4 of it.
+# Residual at which sweeps stop, see `Solution.residual`. With this residual, other starting forces change the resulting
+# forces by less than 0.01 %.
 TOLERANCE = 3e-6
 # A frame whose residual is above this multiple of the tolerance is a finding.
 CHECK = 10.0
@@ -159,7 +159,7 @@ class PathSolver:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """Frames that did not converge or went too deep: the first frame and how often."""
+        """Frames that did not converge, went too deep or have two solutions: the first frame and how often."""
         return self.notes.findings()
 
     def idle(self, count: int = 1) -> PathStep:
@@ -266,7 +266,7 @@ class PathSolver:
 
     def look(self, bodies: Sequence[ContactBody]) -> NodeGaps:
         """Measure the next frame's gaps without solving the frame."""
-        bodies = tuple(bodies)  # the history compares by identity: passed this tuple again, it uses its result again
+        bodies = tuple(bodies)  # `ContactHistory` keeps anchors for this very tuple, so `offset` finds them
         return node_gaps(self.points, bodies, self.search_radius, self.bone, self._expected(bodies))
 
     def _expected(self, bodies: Sequence[ContactBody]) -> Expected:

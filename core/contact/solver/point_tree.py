@@ -3,7 +3,7 @@
 A cell is split along the finger, around the finger, or both ways. It is split in a direction if the object's surface
 normals turn in that direction, or if the gap is not linear over the cell. A cell on an edge of an object is therefore
 short across the edge and long along it. Normals and gap are found at four test points, which lie a little outside the
-cell's own corners, so an edge between two cells is detected by both.
+cell's own corners, so an object's edge between two cells is detected by both.
 
 A cell is merged only if normals and gap stay well below the limits for splitting. This hysteresis keeps cells from
 changing back and forth between frames.
@@ -45,9 +45,10 @@ MERGE = 0.6
 # OFTEN: number of halvings of a side after which SHARP is the limit instead of TURNED.
 # SHARP: difference of unit normals; only edges sharper than a right angle exceed it.
 OFTEN, SHARP = 2, 1.5
-# DEEP: if a cell's centre lies deeper than this in a body [m], it is moved out of it, along the cell's normal.
+# DEEP: depth of a cell's centre in a body [m] above which the cell's test points are moved out of the body, along the
+# cell's normal. The cell itself stays.
 # STEEP: this move is the depth divided by the cosine of the angle between the cell's inward normal and the body's
-# normal. A cosine below STEEP counts as STEEP, so a cell moves by at most depth / STEEP.
+# normal. A cosine below STEEP counts as STEEP, so test points move by at most depth / STEEP.
 DEEP, STEEP = 0.06e-3, 0.3
 CORNERS = 0.75  # distance of the test points from the cell's centre, as a share of each side; 0.5 is the cell's corner
 # An edge of a body beside the cell splits the cell as well, so cells are fine before the skin slides onto the edge.
@@ -58,7 +59,8 @@ BEYOND, EDGE = 0.4e-3, 0.9
 # area.
 # MARGIN: allowance for movement until the next survey [m].
 NEAR, MARGIN = 0.4, 0.1e-3
-# A cell's corners may be nearer to a body than its centre, by at most this share of the cell's longer side.
+# A cell's corners can be nearer to a body than its centre. So they are tested if the centre's gap is below the limit
+# for a contact point plus BESIDE times the cell's longer side.
 BESIDE = 0.35
 
 _NONE: Indices = np.zeros(0, dtype=np.int64)

@@ -138,7 +138,7 @@ class Maestro(Adapter):
             self._judge(errors, positions, now)
 
     def arm(self) -> None:
-        """Take commands, with `reads` only after the board has answered with its positions."""
+        """Take commands at once; if `reads` is set, only after the board has answered with its positions."""
         self.armed = not self.reads
         self._wants_arm = self._asks = self.reads
         self._misses, self._due = 0, -math.inf

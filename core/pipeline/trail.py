@@ -1,9 +1,9 @@
 """Trail: the last samples of a scene during playback, and the devices' commands up to the newest of them.
 
 Contact of the pads' centres is measured once per sample, and kept. Every new sample changes the splines through the
-poses, but only near their end; before that they are settled. The devices' state is stored at the last settled sample. From it
-the later commands are computed anew with each sample, by the same code as in a bake. Devices that follow a simulated
-skin are left out; the skin preview computes them frame by frame.
+poses, but only near their end; before that they are settled. The devices' state is stored at the last settled sample.
+From it the later commands are computed anew with each sample, by the same code as in a bake. Devices that follow a
+simulated skin are left out; the skin preview computes them frame by frame.
 """
 
 from __future__ import annotations

@@ -19,9 +19,7 @@ from .request import request_of
 from .shared_state import MAX_VALUES, SharedState
 from .state import State
 
-QUIET = (
-    1.0  # [s] a status older than this is reported; a sender writes one every 0.05 s, none while it reads a track
-)
+QUIET = 1.0  # [s] a status older than this is reported; a sender writes one every 0.05 s, none while it reads a track
 UNSEEN = 0.5  # if the status has not been read for this long, the sender's silence is counted from the next reading [s]
 MAX_CLOSE_SECONDS = 0.2  # `close` waits this long for the sender, which then finishes alone [s]
 

@@ -304,7 +304,7 @@ def _solve(
         )
         return SkinState(finger.name, None, np.zeros((0, 3)), note=note)
     begun = finger.name not in _live.paths
-    path = _path_of(f, finger, model, posed)
+    path = yield from _path_of(f, finger, model, posed)
     if again:
         path.stepper.restore(path.before)
     path.before = path.stepper.save()
@@ -335,7 +335,10 @@ def _stepped(stepper: core.contact.skin_stepper.SkinStepper, *, coarse: bool) ->
     return work
 
 
-def _path_of(f: int, finger: Any, model: Any, posed: core.contact.posed_scene.PosedScene) -> _FingerPath:
+def _path_of(
+    f: int, finger: Any, model: Any, posed: core.contact.posed_scene.PosedScene
+) -> Generator[None, None, _FingerPath]:
+    """Return the way of a finger; a new one is begun aside, since the skin's stiffness is looked at."""
     p = finger.parameters
     # a smooth skin whose table has been made since begins a new path
     waits, skin = skin_models.wants_pad(p), (model.key, model.tissue, model.material)
@@ -345,7 +348,7 @@ def _path_of(f: int, finger: Any, model: Any, posed: core.contact.posed_scene.Po
         _live.seen.clear()
         _live.kept.clear()
     if path is None or path.key != key:
-        stepper = core.contact.skin_stepper.SkinStepper(model, f, finger, posed)
+        stepper = yield from loading.aside(lambda: core.contact.skin_stepper.SkinStepper(model, f, finger, posed))
         path = _live.paths[finger.name] = _FingerPath(key, stepper, stepper.save())
     return path
 

@@ -124,7 +124,9 @@ def learn(state: SkinState, quantity: str) -> Iterator[None]:
         yield from loading.aside(
             lambda: (operator.strain_matrix, operator.volumetric_matrix, _reading_of(own, model.mesh, surface))
         )
-    yield from _below_of(own, surface).table.learn(state.points.cells)
+    pieces, end = _below_of(own, surface).table.learn(state.points.cells), object()
+    while (yield from loading.aside(lambda: next(pieces, end))) is not end:
+        pass
 
 
 def draw_of(state: SkinState, quantity: str, exaggeration: float = 1.0) -> Drawn:

@@ -119,6 +119,7 @@ def test_a_thimble_on_a_skin_that_nobody_has_made_says_what_it_waits_for(window,
         (core.skin.model, "condensed_pad"),
         (core.matching.description, "describe"),
         (core.matching.warm_start, "warm_start_table"),
+        (core.contact.skin_stepper.SkinStepper, "__init__"),
     ):
         before = getattr(module, name)
 
@@ -219,6 +220,11 @@ def test_a_jump_is_solved_aside_and_who_leaves_it_finds_everything_as_it_was(win
     scene.frame_set(29)
     work(lambda: rows() and shown.now(scene).frame == 29.0)
     held, begun, solving = threading.Event(), threading.Event(), core.contact.skin_stepper.SkinStepper.step
+    learning, learnt = core.skin.stress_table.StressTable._learn, []
+
+    def learn(table, roots) -> None:
+        learnt.extend((root, threading.current_thread()) for root in roots)
+        learning(table, roots)
 
     def slow(*given, **named):
         begun.set()
@@ -227,6 +233,7 @@ def test_a_jump_is_solved_aside_and_who_leaves_it_finds_everything_as_it_was(win
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(core.contact.skin_stepper.SkinStepper, "step", slow)
+        patch.setattr(core.skin.stress_table.StressTable, "_learn", learn)
         scene.frame_set(50)
         shown.on_frame(scene)
         while not begun.is_set():
@@ -238,7 +245,8 @@ def test_a_jump_is_solved_aside_and_who_leaves_it_finds_everything_as_it_was(win
         scene.frame_set(40)  # and somebody jumps elsewhere
         shown.on_frame(scene)
         held.set()
-    work(lambda: rows() and shown.now(scene).frame == 40.0)
+        work(lambda: rows() and shown.now(scene).frame == 40.0)
+    assert learnt and not any(thread is threading.main_thread() for _, thread in learnt)
     found = [state.force for state in skin_preview.own(scene)], rows()[0].values
     forget()
     work(lambda: rows() and shown.now(scene).frame == 40.0)

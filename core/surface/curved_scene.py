@@ -10,8 +10,7 @@ import numpy as np
 
 from ..errors import DermisError, Finding
 from ..scene.tactile_scene import ABSENT, Chunk, Mesh, TactileScene
-from .curved import TOLERANCE, CurvedMesh, curved_mesh, stretch_of
-from .shading import SHARP, corner_normals
+from .curved import SHARP, TOLERANCE, CurvedMesh, corner_normals, curved_mesh, stretch_of
 
 
 def curved_scene(scene: TactileScene, names: Sequence[str] = (), sharp: float = SHARP) -> TactileScene:

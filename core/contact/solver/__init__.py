@@ -10,8 +10,8 @@ notes            findings, each kind once
 path_solver      frame after frame along a path; path_step: one of them
 point_solver     the same on free points of a smooth pad, with
 point_tree       where they are, by a compiled survey (posed_records: its bodies; moved_skin: its skin)
-point_matrix     their compliance, and point_history, which come in whose place
-grip             the fingers that hold an object, and their grips
+point_matrix     their compliance, and succession, which come in whose place
+grip             the fingers that hold an object, their grips, and how far it is displaced
 balance          forces that also carry it
 grip_solver      the held object, frame after frame
 """

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...arrays import Array
 from .cone import natural_residual, project
-from .grip import Grip
+from .grip import Grip, cross_matrix
 
 TOLERANCE = 1e-8
 SLIDING_TOLERANCE = 1e-5
@@ -143,8 +143,3 @@ class _Give:
             self._more = more
         out: Array = self._vectors @ move
         return out
-
-
-def cross_matrix(v: Array) -> Array:
-    """Return the matrix of the cross product with a vector, shape (3, 3)."""
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

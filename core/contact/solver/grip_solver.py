@@ -22,8 +22,7 @@ from ...surface.plane import Plane
 from .balance import Balance, balance
 from .bodies import ContactBody, node_gaps
 from .cone import STICK, along
-from .grip import Grip, GripStep, HoldContext, HoldingFinger
-from .grip_displacement import NOWHERE, Displacement
+from .grip import NOWHERE, Displacement, Grip, GripStep, HoldContext, HoldingFinger
 from .notes import Notes
 from .solve import status_of
 

@@ -26,15 +26,14 @@ from .compliance import Linear, own_compliance
 from .history import ContactHistory
 from .law_skin import LawSkin
 from .moved_skin import MovedSkin
-from .over_edges import HELD, NOTHING, Freed, over_edges
+from .over_edges import HELD, NOTHING, Freed, over_edges, over_rims
 from .path_solver import BONE, DEPTH_LIMIT, TOLERANCE, PathSolver, PathStep
 from .point_gaps import passed_on
-from .point_history import Succession, succession
 from .point_reach import PointReach
 from .point_set import PointSet
 from .point_tree import MANY, OFTEN, PointTree
 from .posed_records import in_reach
-from .rims import over_rims
+from .succession import Succession, succession
 
 # Largest distance at which a body is found from the skin [m].
 REACH = 2.5e-3

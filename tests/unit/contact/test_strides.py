@@ -13,12 +13,11 @@ import numpy as np
 import pytest
 
 from core.arrays import Array
-from core.contact.between import between
 from core.contact.pad_sampler import PadSampler
 from core.contact.skin_contact import SkinContact, SkinStep
 from core.contact.skin_sampler import SkinSampler
 from core.contact.skin_stepper import SkinStepper
-from core.contact.strides import longest
+from core.contact.strides import between, longest
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
 from core.skin.finger_skin import of_tissue
 from core.skin.model import SkinModel, fingertip_skin

@@ -10,8 +10,7 @@ import pytest
 
 from core.design import coupled_preset, report
 from core.design import picture as picture
-from core.design.answer import Design, design
-from core.design.repetitions import scatter
+from core.design.answer import Design, design, scatter
 from core.design.synergies import RULES, components, knee, reduce, rendering_error
 from core.devices.coupling import coupling_of
 from core.devices.spec import from_preset

@@ -6,9 +6,8 @@ import pytest
 from core.errors import DermisError
 from core.experiment import fingertip, press
 from core.scene.tactile_scene import Mesh
-from core.surface.curved import TOLERANCE, _Refined, curved_mesh
+from core.surface.curved import TOLERANCE, _Refined, corner_normals, curved_mesh
 from core.surface.gap import Surface
-from core.surface.shading import corner_normals
 from core.surface.shapes import block, sphere
 from core.surface.topology import Topology
 

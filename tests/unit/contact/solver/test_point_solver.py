@@ -14,11 +14,11 @@ from scipy.spatial.transform import Rotation
 
 from core.contact.solver.bodies import AWAY, ContactBody, node_gaps, same_places
 from core.contact.solver.cone import OPEN
-from core.contact.solver.point_history import succession
 from core.contact.solver.point_matrix import PointMatrix
 from core.contact.solver.point_solver import PointSolver
 from core.contact.solver.point_tree import MOST
 from core.contact.solver.sub_stepper import SubStepper
+from core.contact.solver.succession import succession
 from core.presets import Library
 from core.shipped import BUILT_IN
 from core.skin.fingertip import fingertip_mesh

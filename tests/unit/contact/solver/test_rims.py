@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from core.contact.solver.bodies import BONE, ContactBody, node_gaps
-from core.contact.solver.rims import over_rims
+from core.contact.solver.over_edges import over_rims
 from core.surface.gap import Surface
 
 

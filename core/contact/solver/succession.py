@@ -1,4 +1,4 @@
-"""PointHistory: which points come in the place of which, when cells are split and merged.
+"""Succession: which points come in the place of which, when cells are split and merged.
 
 Force is passed on whole: a cell's goes to those that it overlaps, in proportion to the overlap, so that cells
 that are merged leave the sum of theirs.

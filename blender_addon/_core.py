@@ -11,7 +11,7 @@ PACKAGE: str = __package__  # of the add-on; the three-part name in an installed
 if TYPE_CHECKING:
     import core.cache
     import core.command_line.arguments
-    import core.command_line.findings
+    import core.command_line.messages
     import core.command_line.thimble
     import core.contact.posed_scene
     import core.contact.resultants

@@ -36,7 +36,7 @@ def main(arguments: Sequence[str]) -> int:
         return int(options.run(options))
     except DermisError as error:
         print(f"error: {error}", file=sys.stderr)
-        return core.command_line.findings.REFUSED
+        return core.command_line.messages.REFUSED
     except Exception:
         # Blender would go on to exit with status 0.
         traceback.print_exc()

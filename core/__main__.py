@@ -12,7 +12,7 @@ from importlib import import_module
 if __name__ == "__main__":  # before numpy loads; see skin/blas.py
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from .command_line.findings import REFUSED
+from .command_line.messages import REFUSED
 from .command_line.verbs import parser
 from .errors import DermisError
 from .files import check_folder, check_writable

@@ -7,7 +7,7 @@ from typing import Any, cast
 import bpy
 
 from ..polls import needs
-from ..results import plot_images, store, trusted
+from ..results import plots, store, trusted
 from .work import Work, counted
 
 SHOW_AFTER = 0.2  # [s]: a new window has no size before
@@ -24,7 +24,7 @@ class DERMIS_OT_show_plots(Work, bpy.types.Operator):
     def work(self, context: bpy.types.Context) -> str | None:
         """Draw them, and show one."""
         result = cast(store.Result, store.current(context.scene))
-        made = plot_images.make(result, trusted.spreads(context.scene, result.bake))
+        made = plots.make(result, trusted.spreads(context.scene, result.bake))
         if not made:
             return "The last bake has no tracks to plot"
         active = context.object.name_full if context.object is not None else ""

@@ -9,7 +9,7 @@ from bpy.props import StringProperty
 from .. import changes, jobs, redraw
 from ..devices import active_presets, thimble_adaptation, thimble_devices
 from ..polls import active_finger, needs
-from ..results import floors, store, thimble_plot
+from ..results import floors, plots, store
 from .work import File, active_device, listed
 
 
@@ -64,7 +64,7 @@ class DERMIS_OT_plot_thimble(File, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Draw and write it."""
-        return f"Wrote {thimble_plot.write(context.scene, context.object, self.path())}"
+        return f"Wrote {plots.write_stimuli(context.scene, context.object, self.path())}"
 
 
 @needs(lambda context: _searched(context) and store.current(context.scene) is not None, "Bake a finger with a thimble")

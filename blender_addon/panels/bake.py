@@ -11,8 +11,8 @@ from ..layouts import paragraph, properties
 from ..polls import needs
 from ..results import command_curves, store, trusted
 from ..viewport import shown
-from . import exported, summary
-from .main import DermisPanel, working
+from . import summary
+from .main import DermisPanel, export_box, working
 
 SEVERITY_ICONS = {"error": "CANCEL", "warning": "ERROR", "info": "INFO"}
 MAX_FINDINGS = 12
@@ -74,7 +74,7 @@ class DERMIS_PT_export(DermisPanel, bpy.types.Panel):
         column.enabled = store.state(context.scene) != "none"
         column.operator("dermis.export_tracks", icon="EXPORT")
         if store.state(context.scene) not in ("fresh", "earlier"):  # else it stands in the head
-            exported.box(layout, context.scene)
+            export_box(layout, context.scene)
         properties(layout, settings, "output_dir", "export_format", keys=False)
         rows = core.track.formats.FORMATS[settings.export_format].settings
         if rows:

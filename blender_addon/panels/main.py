@@ -5,12 +5,14 @@ from typing import Any
 import bpy
 
 from .. import jobs
+from ..hands import armatures
 from ..layouts import paragraph
 from ..polls import finger_at_hand
-from ..results import store
+from ..results import exported, store
 from ..viewport import shown
-from . import exported, hands, summary
+from . import summary
 
+_MOST_FILES = 4  # of an export that are listed by name
 _MOST_DOUBTS = 3  # at once; the others come when these are corrected
 
 
@@ -58,7 +60,7 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
         column = layout.column(align=True)
         column.scale_y = 1.2
         column.operator("dermis.add_finger", text="1.  Add a Finger", icon="VIEW_PAN")
-        hands.button(column, context)
+        attach_button(column, context)
         column.operator("dermis.choose_material", text="2.  Make an Object Touchable", icon="MATERIAL")
         last = column.row()
         last.enabled = False
@@ -72,7 +74,7 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
         if not there.fingers:
             paragraph(layout, context, "Next: add a finger.", "RIGHTARROW")
             layout.operator("dermis.add_finger", icon="VIEW_PAN")
-            hands.button(layout, context)
+            attach_button(layout, context)
         elif not there.touchables and not there.screens:
             paragraph(
                 layout,
@@ -102,7 +104,7 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
             row.operator("dermis.export_tracks", icon="EXPORT")
             row.prop(context.scene.dermis, "export_format", text="")
             row.prop(context.scene.dermis, "plots", text="", icon="IMAGE_DATA", toggle=True)
-            exported.box(layout, context.scene)
+            export_box(layout, context.scene)
             if state == "fresh":
                 return
         if state == "none":
@@ -148,6 +150,30 @@ def _doubts(layout: Any, context: bpy.types.Context) -> None:
         paragraph(column, context, f"{doubt.text}.".replace("?.", "?"), "ERROR")
         operator = column.operator("dermis.mend", text=doubt.remedy)
         operator.code, operator.name = doubt.code, doubt.name
+
+
+def attach_button(layout: Any, context: bpy.types.Context) -> None:
+    """Draw the button that attaches fingers, where an armature, its mesh, or a part of a hand is active."""
+    if armatures.part_of_hand(context.object):
+        layout.operator("dermis.attach_fingers", icon="BONE_DATA")
+
+
+def export_box(layout: Any, scene: bpy.types.Scene) -> None:
+    """Draw a box that lists the written files and opens their folder; nothing without files."""
+    last = exported.last(scene)
+    if last is None:
+        return
+    column = layout.box().column(align=True)
+    row = column.row(align=True)
+    number = len(last.files)
+    row.label(text=f"Wrote {number} file{'' if number == 1 else 's'}", icon="CHECKMARK")
+    row.operator("dermis.open_export", text="Open Folder", icon="FILE_FOLDER")
+    names = column.column(align=True)
+    names.active, names.scale_y = False, 0.8
+    for path in last.files[:_MOST_FILES]:
+        names.label(text=path.name, icon="BLANK1")
+    if number > _MOST_FILES:
+        names.label(text=f"and {number - _MOST_FILES} more", icon="BLANK1")
 
 
 CLASSES: tuple[type, ...] = (DERMIS_PT_main,)

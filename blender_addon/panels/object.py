@@ -9,8 +9,8 @@ from .._core import core
 from ..layouts import editable, own_presets, paragraph, properties, role
 from ..polls import finger_at_hand, needs
 from ..sampling import height_maps
-from . import design, hands, thimble
-from .main import DermisPanel
+from . import design, thimble
+from .main import DermisPanel, attach_button
 
 ICONS = {"FINGER": "VIEW_PAN", "TOUCHABLE": "MATERIAL", "SCREEN": "DESKTOP", "NONE": "OBJECT_DATA"}
 
@@ -32,7 +32,7 @@ class DERMIS_PT_object(DermisPanel, bpy.types.Panel):
             paragraph(layout, context, "Linked from another file: give it its role there.", "LIBRARY_DATA_DIRECT")
             return
         if role == "NONE":
-            hands.button(layout, context)
+            attach_button(layout, context)
             if obj.type == "ARMATURE":
                 return
             if obj.type != "MESH":

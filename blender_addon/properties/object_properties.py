@@ -13,13 +13,55 @@ from typing import Any
 import bpy
 from bpy.props import CollectionProperty, EnumProperty, IntProperty, PointerProperty, StringProperty
 
+from .. import choices
 from .._core import core
 from ..registration import registration
-from .device_properties import DermisDevice
-from .fields import OVERRIDE, apply, declared, touched, unfelt, values
-from .material_properties import DermisMaterial
+from .fields import OVERRIDE, apply, declare_one, declared, switch, touched, unfelt, values
 from .screen_properties import DermisScreen
 from .skin_properties import DermisSkin
+
+
+def _is_screen(_self: Any, obj: bpy.types.Object) -> bool:
+    return obj.dermis.role == "SCREEN"
+
+
+@declared(core.parameters.device.DEVICE)
+class DermisDevice(bpy.types.PropertyGroup):
+    """One device worn by a finger, or one screen device that it touches."""
+
+    identity: StringProperty(description="Identity that stays when names change", options={"HIDDEN"}, override=OVERRIDE)
+    preset: StringProperty(
+        name="Device",
+        description="Device preset, by its file name",
+        search=lambda _self, _context, text: choices.search("devices", text),
+        options=set(),
+        update=touched,
+        override=OVERRIDE,
+    )
+    enabled: switch("Enabled", "Bake a track for this device", True)
+    screen: PointerProperty(
+        name="Screen",
+        description="The touch screen that this finger touches; empty: every screen in the scene",
+        type=bpy.types.Object,
+        poll=_is_screen,
+        update=touched,
+        override=OVERRIDE,
+    )
+
+
+@declared(core.parameters.material.BODY)
+class DermisMaterial(bpy.types.PropertyGroup):
+    """Haptic material and behaviour of something that can be touched."""
+
+    preset: StringProperty(
+        name="Preset",
+        description="The preset that the values below were last taken from",
+        search=lambda _self, _context, text: choices.search("materials", text),
+        options=set(),
+        override=OVERRIDE,
+    )
+    curved: declare_one(core.parameters.material.CURVED)
+
 
 _rows = core.parameters
 

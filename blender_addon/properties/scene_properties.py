@@ -13,7 +13,28 @@ from .._core import core
 from ..registration import registration
 from .fields import declared, redrawn, touched, unfelt
 from .skin_properties import DermisSkinView
-from .thimble_view_properties import DermisThimbleView
+
+
+class DermisThimbleView(bpy.types.PropertyGroup):
+    """Display of thimbles in the 3D view beside their twin. A thimble's method is set on its device."""
+
+    split: BoolProperty(
+        name="Split View",
+        description="Show the skin as the thimble renders it beside the target, as maps of the pad. "
+        "Needs the finger's skin to be shown",
+        default=True,
+        options=set(),
+        update=redrawn,
+    )
+    workspace: BoolProperty(
+        name="Workspace",
+        description="Draw where the pointer under the disc can go, at several heights: each loop is "
+        "the largest tilt in every direction",
+        default=False,
+        options=set(),
+        update=redrawn,
+    )
+
 
 FORMATS = tuple((name, form.title, form.text) for name, form in core.track.formats.FORMATS.items())
 RANGES = (

@@ -26,7 +26,7 @@ from ..skin.finger_skin import of_tissue
 from ..skin.model import skin_from_parameters
 from ..skin.shape import shape_from_parameters
 from ..steps import in_words
-from .progress import drain_shown
+from .messages import drain_shown
 from .workers import executor_of, tell_unlike
 
 

@@ -20,8 +20,7 @@ from ..parameters.skin import DEFAULT_SKIN
 from ..presets import Library
 from ..scene import scene_file
 from ..skin.finger_skin import finger_skin
-from .findings import tell
-from .progress import drain_shown
+from .messages import drain_shown, tell
 
 
 def floor(options: argparse.Namespace) -> int:

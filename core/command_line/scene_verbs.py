@@ -116,7 +116,7 @@ def add_scenes(verbs: Any) -> None:
         help="how commands differ from tracks that an earlier engine made",
         description="Render a sampled scene and compare its commands with stored tracks of it, by finger, device and "
         "frame. Tracks name the engine that made them.",
-        run="command_line.migrate.migrate_report",
+        run="command_line.scenes.migrate_report",
         writes={"out": False},
     )
     add_verb(

@@ -1,4 +1,4 @@
-"""`python -m core render | curve | compare | trust`: verbs that read sampled scenes."""
+"""`python -m core render | curve | compare | trust | migrate-report`: verbs that read sampled scenes."""
 
 from __future__ import annotations
 
@@ -9,19 +9,20 @@ from pathlib import Path
 
 import numpy as np
 
-from ..comparison import device_comparison, report, trust_band
+from ..comparison import device_comparison, migration, report, trust_band
 from ..errors import DermisError
+from ..files import write_bytes
 from ..matching import pin_report
 from ..pipeline import shot, shots
 from ..pipeline.bake import Progress
+from ..pipeline.render import render as rendering
 from ..pipeline.skipping import told
 from ..presets import Library
 from ..scene import scene_file
 from ..scene.tactile_scene import TactileScene
 from ..surface.curved_scene import curved_scene
 from ..work.executor import JobExecutor
-from .findings import FAILED, REFUSED, tell
-from .progress import drain_shown
+from .messages import FAILED, REFUSED, drain_shown, tell
 from .workers import executor_of, tell_unlike
 
 
@@ -114,3 +115,17 @@ def _devices(options: argparse.Namespace, scene: TactileScene, library: Library)
     for path in report.write(found, options.out):
         print(path)
     return 0
+
+
+def migrate_report(options: argparse.Namespace) -> int:
+    """Say how the commands of a scene differ from stored tracks of it, which an earlier engine made."""
+    scene, library = scene_file.load(options.scene), Library(options.presets)
+    stored, unread = migration.stored_tracks(options.tracks)
+    bake = drain_shown(rendering(scene, library), quiet=options.quiet)
+    found, doubts = migration.migrations(bake, stored)
+    print(migration.table(found))
+    if options.out is not None:
+        write_bytes(options.out, migration.text(found).encode())
+        print(options.out)
+    changed = [one.finding(options.allow) for one in found]
+    return tell([*unread, *doubts, *(finding for finding in changed if finding is not None)], sys.stderr)

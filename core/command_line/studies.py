@@ -17,8 +17,7 @@ from ..studies import bump as bumps
 from ..studies import cap_force, method_sweep
 from ..sweep.run import run_sweep
 from ..sweep.spec import read
-from .findings import FAILED
-from .progress import drain_shown
+from .messages import FAILED, drain_shown
 from .workers import executor_of, tell_unlike
 
 

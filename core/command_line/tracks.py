@@ -16,7 +16,7 @@ from ..track import export as formats
 from ..track.command_track import CommandTrack
 from ..track.file_names import FileNames
 from ..track.formats import FORMATS
-from .findings import FAILED, REFUSED, tell
+from .messages import FAILED, REFUSED, tell
 
 
 def export(options: argparse.Namespace) -> int:

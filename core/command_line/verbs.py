@@ -32,6 +32,6 @@ def parser(program: str) -> argparse.ArgumentParser:
         "work",
         help="take jobs from a parent process (not for people)",
         description="Take jobs as JSON lines from standard input.",
-        run="command_line.work.run",
+        run="command_line.workers.work",
     )
     return made

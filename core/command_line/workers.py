@@ -1,4 +1,4 @@
-"""Executors for the work of a verb: processes of this machine or workers of a scheduler; and their messages."""
+"""Other processes for the work of a verb, on this machine or of a scheduler; their messages; the loop of such a one."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import sys
 
 from ..errors import DermisError
 from ..work.executor import JobExecutor
-from ..work.processes import ProcessExecutor, cores
+from ..work.processes import ProcessExecutor, cores, serve
 
 
 def executor_of(options: argparse.Namespace) -> JobExecutor:
@@ -45,3 +45,8 @@ def tell_unlike(executor: JobExecutor) -> None:
     """Report workers whose engine differs from this process in a way that may change the last digits of results."""
     for words in sorted(getattr(executor, "unlike", ())):
         print(f"warning: a worker has {words}: results agree with this machine's to some 1e-6", file=sys.stderr)
+
+
+def work(_options: argparse.Namespace) -> int:
+    """Take jobs of a parent process from standard input."""
+    return serve()

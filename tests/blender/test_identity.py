@@ -12,7 +12,7 @@ import pytest
 from blender_addon import changes, identity, reporting
 from blender_addon._core import Finding
 from blender_addon.preview import device_preview
-from blender_addon.results import command_curves, exported, plot_images, store
+from blender_addon.results import command_curves, exported, plots, store
 from blender_addon.streaming import streamed_track
 
 from .build import cube, finger, keys, span
@@ -234,11 +234,11 @@ def test_an_old_file_knows_fingers_by_name_and_says_so_once(scene: Any, tmp_path
 
 
 def test_plots_follow_too(scene: Any) -> None:
-    plots = plot_images.make(store.current(scene))
+    images = plots.make(store.current(scene))
     texture = bpy.data.textures.new("Shows A's", "IMAGE")
-    texture.image = plots["A.haptip"]
+    texture.image = images["A.haptip"]
     swap()
-    plot_images.make(store.current(scene))
+    plots.make(store.current(scene))
     assert texture.image.name == "Plot B.haptip"
 
 

@@ -11,7 +11,7 @@ import pytest
 from blender_addon import choices, panels, quantities
 from blender_addon.design import design_properties
 from blender_addon.panels import summary
-from blender_addon.properties import object_properties, scene_properties, skin_properties, thimble_view_properties
+from blender_addon.properties import object_properties, scene_properties, skin_properties
 from blender_addon.streaming import streaming_properties
 
 from .build import cube, finger, screen
@@ -51,7 +51,7 @@ def test_every_property_that_is_drawn_exists() -> None:
         streaming_properties.DermisStreamChannel,
         design_properties.DermisDesign,
         design_properties.DermisDesignTouch,
-        thimble_view_properties.DermisThimbleView,
+        scene_properties.DermisThimbleView,
     )
     known = {p.identifier for group in groups for p in group.bl_rna.properties}
     assert strings("prop", 1) and strings("prop", 1) <= known

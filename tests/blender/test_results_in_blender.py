@@ -12,7 +12,7 @@ import pytest
 
 from blender_addon import handlers, reporting
 from blender_addon.preferences import user_folder
-from blender_addon.results import exported, plot_images, recall, store, stored_skins
+from blender_addon.results import exported, plots, recall, store, stored_skins
 from blender_addon.timeline import strip
 from core.track import export as track_export
 
@@ -36,7 +36,7 @@ def pixels(image: bpy.types.Image) -> np.ndarray:
 
 def test_plots_are_images_of_their_tracks(demo: bpy.types.Scene) -> None:
     assert bpy.ops.dermis.show_plots() == {"FINISHED"}
-    images = {i.name.removeprefix("Plot "): i for i in bpy.data.images if plot_images.MARK in i}
+    images = {i.name.removeprefix("Plot "): i for i in bpy.data.images if plots.MARK in i}
     assert set(images) == {"Index.haptip", "Thumb.haptip", "Reader.electrovibration"}
     picture = pixels(images["Index.haptip"])
     assert picture.shape[1] == 1380 and picture[..., :3].std() > 0.05
@@ -44,11 +44,11 @@ def test_plots_are_images_of_their_tracks(demo: bpy.types.Scene) -> None:
 
 
 def test_another_request_replaces_the_plots_and_who_shows_them_goes_on(demo: bpy.types.Scene) -> None:
-    first = plot_images.make(store.current(demo))
+    first = plots.make(store.current(demo))
     number = len(bpy.data.images)
     texture = bpy.data.textures.new("Shows it", "IMAGE")
     texture.image = first["Index.haptip"]
-    again = plot_images.make(store.current(demo))
+    again = plots.make(store.current(demo))
     assert len(bpy.data.images) == number and texture.image == again["Index.haptip"]
     assert texture.image.name == "Plot Index.haptip"
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from core.__main__ import main
-from core.command_line.findings import REFUSED
+from core.command_line.messages import REFUSED
 from core.command_line.verbs import parser
 from core.errors import DermisError
 from core.files import check_writable

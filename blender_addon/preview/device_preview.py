@@ -3,11 +3,11 @@
 Where a fresh bake covers the frame, its track is read. Otherwise the frames visited last form a trail: a step forward
 extends it. If something changes while the frame stays, the trail's last sample is taken again. Shown frames are kept
 until something changes, so that they are there again on the way back. At a frame that was not visited, the trail
-continues from the latest state kept at most a quarter of a second before that frame. Without such a state (after a
-longer jump, or undo) a new trail starts from rest. The preview names the frame from which the trail continues. The
-engine renders the trail's end as it renders a bake; only the sampling is coarser, one sample a visited frame. Devices
-that follow a skin take another road, in `pin_preview`, `thimble_preview` and `platform_preview`: they match this one
-frame.
+continues from the latest kept state before that frame, if it is at most a quarter of a second earlier. Without such a
+state (after a longer jump, or undo) a new trail starts from rest. The preview names the frame from which the trail
+continues. The engine renders the trail's end as it renders a bake; only the sampling is coarser, one sample a visited
+frame. Devices that follow a skin take another road, in `pin_preview`, `thimble_preview` and `platform_preview`: they
+match this one frame.
 """
 
 from __future__ import annotations

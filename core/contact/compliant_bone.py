@@ -180,7 +180,7 @@ class CompliantBone:
         depth = step.depth(self.solver.points, self.solver.bone)
         depth = max(depth - spring, 0.0)
         if spring > 0 and depth > self._range.depth:
-            what = f"the finger sinks deeper than {self._tissue} skin is trusted"
+            what = f"the finger sinks too deep: {self._tissue} skin is not trusted at this depth"
             self._notes.warn(
                 "too-deep",
                 what,

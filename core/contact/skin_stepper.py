@@ -139,7 +139,7 @@ class SkinStepper:
     def around(self, approach: Approach, i: int, *, untouched: bool = False) -> list[ContactBody]:
         """Return every body that has come near so far, as it is at sample `i`, always in the same order.
 
-        A body that is out of reach, even of bulging skin, is returned as `AWAY`.
+        A body out of reach is returned as `AWAY`. The reach allows for the bulging of loaded skin.
 
         Args:
             untouched: do not test reach, so that every body whose bounding box is near gets its pose.

@@ -24,7 +24,9 @@ from ..track.command_track import CommandTrack
 from .recorded_table import rest_finding
 from .recordings import Recording, same_channels
 
-COMPONENTS = 3  # comparisons are drawn in this many of the target's components. Source: [S0] 6.1
+# Comparisons are drawn along this many principal components of the target; without a target, of the estimate.
+# Source: [S0] 6.1
+COMPONENTS = 3
 LATEST = 0.5  # longest delay of the device that is searched for [s]; a slower platform does not follow its track
 COARSE = 0.02  # step of the first search, over all lags [s]
 FINE = 1e-3  # step near its best lag [s]
@@ -42,7 +44,7 @@ class Difference:
         relative: root mean square of the difference, divided by that of the first series' distance from rest.
         mean, deviation: mean and standard deviation of the difference, by channel, in the readings' unit, shape
             (channels,).
-        by_component: relative RMS, mean and deviation of the difference in the target's components, (components, 3).
+        by_component: relative RMS, mean and deviation of the difference along each of `directions`, (components, 3).
     """
 
     name: str
@@ -93,7 +95,7 @@ class Playback:
     findings: tuple[Finding, ...]
 
     def series(self) -> dict[str, Array]:
-        """Return the components of each series' difference from rest, by its name; [S0] fig. 7 draws the same three."""
+        """Return each series' difference from rest along `directions`, by the name of the series."""
         given = {"target": self.target, "estimated": self.estimated, "measured": self.measured}
         return {name: (own - self.rest) @ self.directions for name, own in given.items() if own is not None}
 
@@ -223,7 +225,7 @@ def as_text(found: Playback) -> str:
     for each in found.differences:
         mean, deviation = each.absolute
         lines.append(f"{each.name:22s} {100 * each.relative:16.1f}   {mean:.4g} +- {deviation:.4g}")
-    lines += ["", "By component of the target (relative RMS [%], mean, standard deviation):"]
+    lines += ["", "By principal component (relative RMS [%], mean, standard deviation):"]
     for each in found.differences:
         shown = "; ".join(f"{100 * r:.1f}, {m:.4g}, {d:.4g}" for r, m, d in each.by_component.tolist())
         lines.append(f"{each.name:22s} {shown}")

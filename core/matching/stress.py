@@ -4,8 +4,8 @@ On each frame the friction state is fixed, the pose is searched for, and then th
 pose fixed (staggering). The search starts from a predicted pose: the Jacobian of the last search gives the step that
 compensates for the change of the target. At a new contact it starts from the most promising entries of a small table of
 poses. If the touch is still faint, each result is tested with a stronger copy of the target, and the result with the
-smallest residual in this test is kept. Later a second search starts from an entry of the
-table, if the entry predicts a better match.
+smallest residual in this test is kept. In later frames of a touch, a second search starts
+from an entry of the table if it predicts a better match.
 
 Source: [S0] 5.1 and eq. 1, whose norm is minimised through its square.
 """
@@ -39,10 +39,12 @@ NOTHING = 1e-12  # a target below this share of the table's strongest stimulus i
 PROMISE = 0.9  # a table entry is tried if its predicted mismatch is below this share of the present one
 MISTRUST = 0.5  # of the target: a learned model with a larger error at the pose that it chose is rejected
 WORTHWHILE = 0.05  # of the cost: the device moves to a distant minimum only for a larger gain
-# On nonlinear skin the search stops when the error of the predicted stimulus is below CLOSE times the target or LEFT
-# times the residual. CLOSE is the accuracy to which the law is solved. Suppose that the
-# correction by the law is wrong by e times the residual. The final residual then rises by at most a factor 1 + 2 e.
-# Near the best pose it rises by at most a factor 1 + e^2: for e = LEFT, by 0.25 %.
+# On nonlinear skin, searches and evaluations of the nonlinear law alternate within a frame. A search uses linear skin
+# and adds a correction: the stimulus by the law minus the stimulus on linear skin, both at the last pose. The iteration
+# ends when the error of the predicted stimulus is below CLOSE times the target or LEFT times the residual.
+# CLOSE: accuracy to which the law is solved.
+# LEFT: a correction that is wrong by e times the residual raises the final residual by at most a factor 1 + 2 e, near
+# the best pose by at most 1 + e^2: by 0.25 % for e = LEFT.
 CLOSE, LEFT = 5e-3, 0.05
 MOST_LOOKS = 6  # largest number of evaluations of the nonlinear law in a frame
 # Share of the cost: if the predicted gain of a step is smaller, a learned model's linear prediction is accepted without
@@ -160,9 +162,9 @@ class StressMatcher:
         self.rest_x = self._start_at(0.0, 0.0, -hover)
         self.table = warm_start_table(device, contact, self.model) if table is None else table
         self._foreseen = FORESEEN
-        # At a new contact several poses of the disc are tried. They are compared by a stronger target (see `onset`)
-        # only if the device has three freedoms: a disc with more can change its pose later. The stimulus needs more
-        # than three components too: a total force is alike for several poses.
+        # At a new contact several poses of the disc are tried. A stronger target (see `onset`) compares them under two
+        # conditions. The device has three freedoms: a disc with more can change its pose later. The stimulus has more
+        # than three components: a total force has only three, and is alike for several poses.
         sided = device.freedoms == 3 < self.model.size
         self._usual = AHEAD * float(np.median(self.table.strength)) if sided else 0.0
         self.reset()
@@ -313,7 +315,7 @@ class StressMatcher:
         return self._toward(descend(self.model.evaluate, target, start, self.device, self.limits), target, limits)
 
     def _toward(self, goal: Minimum, target: Array, limits: ServoLimits) -> Minimum:
-        """Return a better minimum, or the farthest pose on the way to it that the servos reach within one frame."""
+        """Return `goal` if the servos reach it within one frame, else the farthest pose on the way to it that the servos reach within one frame."""
         if self._allowed(goal.x, limits):
             return goal
         self._goal = goal.x
@@ -363,9 +365,9 @@ class StressMatcher:
     def _looked(self, target: Array, limits: ServoLimits, minimum: Minimum, expected: Array) -> _Looked:
         """Evaluate the law at the pose found, and search again while the result differs from the prediction.
 
-        If the residual by the law is not below the best so far, the step is halved. If that does not converge, the
-        pose of the smallest residual is kept. If the law has converged at no pose, the last evaluation is at the pose
-        of the last frame. The error of a learned model exceeds the gain of another search, so with such a model the law
+        If the residual by the law is not below the smallest so far, the step is shortened, to 1/2, 1/8 and 1/64 of its
+        length. If the step becomes too small, or after `MOST_LOOKS` evaluations, the pose with the smallest residual is
+        kept. If the law has converged at no pose, the last evaluation is at the pose of the previous frame. The error of a learned model exceeds the gain of another search, so with such a model the law
         is evaluated only once.
         """
         if self.contact.law is None or not self.follows_law:
@@ -374,8 +376,8 @@ class StressMatcher:
         size = float(np.linalg.norm(target))
         if self.model is not self.direct:
             self.direct.hold(self.state)
-        # state of the law, and pose, at the last accepted evaluation (at the start: in the previous frame); share: part
-        # of the step that is taken
+        # before, start: state of the law and pose at the last accepted evaluation; at first, those of the previous frame
+        # share: part of the step that is taken
         before, start, share = self.state.law, self.x, 1.0
         best: _Looked | None = None
         least, off = np.inf, 0.0
@@ -425,7 +427,7 @@ class StressMatcher:
         if np.linalg.norm(other.stimulus - target) >= np.linalg.norm(found.stimulus - target):
             return found
         self.rescues += 1
-        # the next frame uses the learned model again, so its own offset is kept
+        # the next frame uses the learned model again, so the correction of the learned model is kept
         return replace(other, rescued=True, looks=found.looks + other.looks, beyond=found.beyond)
 
     def _rendered_stimulus(self, solution: DiscSolution, minimum: Minimum | None) -> Array:

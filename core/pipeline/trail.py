@@ -38,7 +38,8 @@ class Kept(NamedTuple):
     """The end of a trail.
 
     Attributes:
-        chunks: the last samples. state: time at which the next window begins, and the devices' state there.
+        chunks: the last samples. state: time at which the next window begins, and the devices' state there. A window is
+            the time for which one call of `Trail.add` computes the commands.
         taken: number of samples up to here.
     """
 
@@ -164,7 +165,7 @@ class Trail:
 
 
 def _solve_motions(contact: PadContact) -> None:
-    """Solve together, which is faster, the motions of all fingers and bodies that come near each other."""
+    """Solve the motions of all fingers and bodies that come near each other, all at once: this is faster."""
     fingers, bodies = sorted({f for f, _ in contact.pairs}), sorted({b for _, b in contact.pairs})
     keys = [*(("finger", f) for f in fingers), *(("body", b) for b in bodies)]
     if keys:

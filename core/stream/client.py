@@ -19,7 +19,9 @@ from .request import request_of
 from .shared_state import MAX_VALUES, SharedState
 from .state import State
 
-QUIET = 1.0  # [s] a status older than this is reported; a sender writes one every 0.05 s, none while it reads a track
+# If a sender has written no status for longer than this, it is reported as stalled [s]. A sender writes a status every
+# 0.05 s, but none while it reads a track.
+QUIET = 1.0
 UNSEEN = 0.5  # if the status has not been read for this long, the sender's silence is counted from the next reading [s]
 MAX_CLOSE_SECONDS = 0.2  # `close` waits this long for the sender, which then finishes alone [s]
 
@@ -130,7 +132,7 @@ class SenderClient:
         return status or {"state": State.DISCONNECTED, "message": "", "armed": False}
 
     def _quiet(self) -> float:
-        """Return the time for which the sender has written no status if it exceeds `QUIET`, else 0 [s]."""
+        """Return the time since the sender's last status if this time exceeds `QUIET`, else 0 [s]."""
         now, number = time.monotonic(), self._shared.status_number
         if number != self._number or now - self._looked > UNSEEN:
             self._number, self._changed = number, now

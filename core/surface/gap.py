@@ -7,8 +7,8 @@ Which side a point is on:
 * A closed mesh of solids that run through each other, such as balls that were joined, is their union: the smallest of
   their gaps counts, and walls inside are not felt.
 * At a closed mesh that runs through itself in another way, or has folded faces, rays count how often it winds round the
-  point. Rays also decide if more than two faces share an edge, if faces disagree about the outside, or if two sheets
-  touch in a single point. The distance is still that to the closest triangle, even if this triangle lies inside.
+  point. If more than two faces share an edge, rays tell the side as well; likewise if faces disagree about the outside, or
+  if two sheets touch in a single point. The distance is still that to the closest triangle, even if this triangle lies inside.
 * At an open mesh (a plane, a cup of one layer) the gap is negative behind the faces. A queried point lies
   beside the sheet if its closest point is on the rim and it is not straight above or below that closest point. It
   then counts as outside, and its gap is positive.
@@ -197,7 +197,13 @@ class Surface:
             )
         if self.doubled:
             found.append(
-                Finding("info", "doubled-triangles", "triangles on others are ignored", where, count=self.doubled)
+                Finding(
+                    "info",
+                    "doubled-triangles",
+                    "triangles that lie on other triangles are ignored",
+                    where,
+                    count=self.doubled,
+                )
             )
         if self.topology.irregular_edges:
             found.append(
@@ -376,10 +382,10 @@ class Surface:
         return triangles[np.unique(self.topology.parts[triangles], return_index=True)[1]]
 
     def _rays(self, tree: TriangleTree) -> TriangleTree | None:
-        """Return the triangles that rays are tested against: here the same in which the closest one is searched.
+        """Return the tree of the triangles that rays are tested against: here the tree for the closest triangle.
 
-        `NearSurface` searches only the triangles near the skin. For rays it returns all triangles of the shape, or None
-        if no rays are needed.
+        `NearSurface` searches only the triangles near the skin. For rays it returns the tree of all triangles of the
+        shape, or None if no rays are needed.
         """
         return tree
 

@@ -49,8 +49,8 @@ DEPTH_LIMIT = 2e-3
 # In one frame skin bulges by no more than BULGE times its displacement in the last frame, plus MARGIN [m].
 BULGE, MARGIN = 1.5, 0.3e-3
 FOLDS = {
-    Fold.LEFT: "contact has two solutions here, one with the skin folded into itself; the other was used, which was "
-    "found by pressing straight in",
+    Fold.LEFT: "contact has two solutions here, one with the skin folded into itself; the other one, found by "
+    "pressing straight in, was used",
     Fold.KEPT: "only a solution with skin folded into itself was found: its forces are too large",
 }
 # Attributes that a frame changes, besides the history. Each is replaced, never changed in place.
@@ -455,9 +455,10 @@ class PathSolver:
         depth = step.depth(self.points, self.bone) if near else 0.0
         if depth > self.depth_limit:
             self.counters["deep"] += 1
+            skin = "linear" if self.law is None else "neo-Hookean"
             self.notes.warn(
                 "too-deep",
-                f"the finger sinks deeper than {'linear' if self.law is None else 'neo-Hookean'} skin is trusted",
+                f"the finger sinks too deep: {skin} skin is not trusted at this depth",
                 where,
                 value=f"{1e3 * depth:.2f} mm",
                 limit=f"<= {1e3 * self.depth_limit:g} mm",

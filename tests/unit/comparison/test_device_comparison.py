@@ -125,7 +125,7 @@ def test_what_is_told_of_a_touch_is_told_once_and_in_a_line(cache: Cache, monkey
     assert [f.code for f in found.findings].count("too-deep") == 1
     head = report.csv(found).splitlines()
     assert [line[:6] for line in head if not line.startswith("#")][0] == "device"
-    assert sum("sinks deeper" in line for line in head) == 1
+    assert sum("sinks too deep" in line for line in head) == 1
 
 
 @pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")

@@ -315,7 +315,7 @@ class StressMatcher:
         return self._toward(descend(self.model.evaluate, target, start, self.device, self.limits), target, limits)
 
     def _toward(self, goal: Minimum, target: Array, limits: ServoLimits) -> Minimum:
-        """Return `goal` if the servos reach it within one frame, else the farthest pose on the way to it that the servos reach within one frame."""
+        """Return `goal`, or the farthest pose on the way to it, if the servos do not reach it within one frame."""
         if self._allowed(goal.x, limits):
             return goal
         self._goal = goal.x
@@ -367,8 +367,8 @@ class StressMatcher:
 
         If the residual by the law is not below the smallest so far, the step is shortened, to 1/2, 1/8 and 1/64 of its
         length. If the step becomes too small, or after `MOST_LOOKS` evaluations, the pose with the smallest residual is
-        kept. If the law has converged at no pose, the last evaluation is at the pose of the previous frame. The error of a learned model exceeds the gain of another search, so with such a model the law
-        is evaluated only once.
+        kept. If the law has converged at no pose, the last evaluation is at the pose of the previous frame. The error
+        of a learned model exceeds the gain of another search, so with such a model the law is evaluated only once.
         """
         if self.contact.law is None or not self.follows_law:
             solution = self._contact_at(minimum.x)
@@ -376,7 +376,7 @@ class StressMatcher:
         size = float(np.linalg.norm(target))
         if self.model is not self.direct:
             self.direct.hold(self.state)
-        # before, start: state of the law and pose at the last accepted evaluation; at first, those of the previous frame
+        # before, start: state of the law and pose at the last accepted evaluation; at first of the previous frame
         # share: part of the step that is taken
         before, start, share = self.state.law, self.x, 1.0
         best: _Looked | None = None

@@ -20,6 +20,13 @@ from . import active_presets, skin_models
 
 WORKERS = max(1, min(2, (os.cpu_count() or 2) - 1))
 
+_swept = {"tables": 0}
+
+
+def tables_made() -> int:
+    """Return how many tables were made in this session: where it rises, a platform that waited may have its own."""
+    return _swept["tables"]
+
 
 def absolute(values: dict[str, Any]) -> dict[str, Any]:
     """Return a device's values with the path of its table for a process that knows no .blend."""
@@ -79,6 +86,7 @@ def make(obj: bpy.types.Object, device: Any) -> Generator[Any, None, Any]:
     steps = swept(spec, skin["skin"], skin["skin_level"], rows, skin["tissue"])
     model, made = yield from steps
     core.matching.lookup.keep_table(model, spec, rows, made)
+    _swept["tables"] += 1
     return made
 
 

@@ -23,8 +23,8 @@ class Ready(NamedTuple):
 
 
 _active: core.recent.Recent[tuple[int, int], ActiveDevices] = core.recent.Recent(4)  # by scene and edits
-# by finger, edits and tables of skins
-_ready: core.recent.Recent[tuple[int, int, int], Mapping[str, Ready]] = core.recent.Recent(1)
+# by finger, edits, tables of skins and tables of platforms
+_ready: core.recent.Recent[tuple[int, int, int, int], Mapping[str, Ready]] = core.recent.Recent(1)
 
 
 def active_devices(scene: bpy.types.Scene) -> ActiveDevices:
@@ -41,7 +41,7 @@ def of(obj: bpy.types.Object) -> Mapping[str, Ready]:
 
     Devices that the finger does not wear are left out, and all while its skin is being made.
     """
-    key = (obj.session_uid, changes.edits(), skin_models.tables_there())
+    key = (obj.session_uid, changes.edits(), skin_models.tables_there(), platform_devices.tables_made())
     if key in _ready:
         return _ready[key]
     found: dict[str, Ready] = {}

@@ -9,6 +9,7 @@ from ..polls import needs
 from ..preferences import library
 from ..preview import device_preview
 from ..results import store
+from .work import counted
 
 
 @needs(lambda context: context.mode in ("OBJECT", "POSE"), "Leave edit mode first")
@@ -32,8 +33,8 @@ class DERMIS_OT_bake(jobs.Job, bpy.types.Operator):
         result, taken = result
         found = baking.keep(scene, result, taken)
         tracks, skins = len(result.outputs), len(result.skins)
-        done = f"Baked {tracks} track{'' if tracks == 1 else 's'}"
-        done += f" and {skins} skin{'' if skins == 1 else 's'}." if skins else "."
+        parts = [counted(number, what) for number, what in ((tracks, "track"), (skins, "skin")) if number]
+        done = f"Baked {' and '.join(parts) or 'nothing'}."
         reporting.report_findings(self, found, f"Bake of {scene.name}", done)
         return {"FINISHED"}
 

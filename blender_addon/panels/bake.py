@@ -81,9 +81,9 @@ class DERMIS_PT_export(DermisPanel, bpy.types.Panel):
             own = getattr(settings, settings.export_format)
             properties(layout, own, *(row.saved for row in rows.values()), keys=False)
         properties(layout, settings, "plots", keys=False)
-        row = layout.row(align=True)
-        row.operator("dermis.export_scene", icon="FILE_CACHE")
-        row.operator("dermis.export_screen_maps", icon="TEXTURE")
+        column = layout.column(align=True)  # side by side, their names would be cut off
+        column.operator("dermis.export_scene", icon="FILE_CACHE")
+        column.operator("dermis.export_screen_maps", icon="TEXTURE")
 
 
 @needs(lambda context: store.current(context.scene) is not None or bool(context.scene.dermis.bake_key))

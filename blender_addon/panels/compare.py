@@ -23,9 +23,9 @@ class DERMIS_PT_compare(DermisPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the button, then a box a device, the best first."""
         layout = self.layout
-        row = layout.row(align=True)
-        row.operator("dermis.compare_devices", icon="SPREADSHEET")
-        row.operator("dermis.compare_devices", icon="PIVOT_CURSOR", text="With Floors").floors = True
+        column = layout.column(align=True)  # side by side, their names would be cut off
+        column.operator("dermis.compare_devices", icon="SPREADSHEET")
+        column.operator("dermis.compare_devices", icon="PIVOT_CURSOR", text="With Floors").floors = True
         found = compared.current(context.scene)
         if found is None:
             paragraph(layout, context, "One touch of the active finger through every device preset that fits it.")
@@ -41,8 +41,21 @@ class DERMIS_PT_compare(DermisPanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("dermis.open_comparison", icon="URL")
         row.operator("dermis.save_comparison", icon="EXPORT", text="Save")
-        for skipped in found.table["skipped"]:
-            paragraph(layout, context, f"{skipped['title']}: {skipped['why']}.", "INFO")
+        skipped(layout, context, found.table["skipped"])
+
+
+def skipped(layout: Any, context: bpy.types.Context, devices: "list[dict[str, Any]]") -> None:
+    """Name the devices that were left out, once a reason."""
+    for text in skipped_words(devices):
+        paragraph(layout, context, text, "INFO")
+
+
+def skipped_words(devices: "list[dict[str, Any]]") -> list[str]:
+    """Return a sentence a reason: the devices that it keeps out, and the reason."""
+    by_reason: dict[str, list[str]] = {}
+    for device in devices:
+        by_reason.setdefault(device["why"], []).append(device["title"])
+    return [f"{', '.join(titles)}: {why}." for why, titles in by_reason.items()]
 
 
 def _device(column: Any, row: dict[str, Any]) -> None:

@@ -8,7 +8,7 @@ from .. import changes
 from ..comparison import compared, told
 from ..layouts import paragraph
 from ..polls import needs
-from . import summary
+from . import compare, summary
 from .main import DermisPanel
 
 PAIRS = 4  # columns that fit; the saved table has all
@@ -54,8 +54,7 @@ class DERMIS_PT_told(DermisPanel, bpy.types.Panel):
         words = "Simulated: an ideal observer who knows the real touches. Guessing gives 50 %."
         paragraph(layout, context, words, "INFO")
         layout.operator("dermis.save_told", icon="EXPORT", text="Save")
-        for skipped in table["skipped"]:
-            paragraph(layout, context, f"{skipped['title']}: {skipped['why']}.", "INFO")
+        compare.skipped(layout, context, table["skipped"])
 
 
 def _line(column: Any, name: str, cells: list[str]) -> None:

@@ -15,6 +15,7 @@ from .skin_field import QUANTITIES, Drawn
 from .skin_shown import Shown, colour_table
 
 LEGEND_WIDTH, BAR, LINE, MARGIN, NARROW, COMPACT = 270, 11, 16, 11, 132, 98
+LETTERS = 40  # in a line of the legend: 42 of them can be wider than it is
 FOLDED = 22  # how tall a card of one line is [px at scale 1]
 ASPECT = 0.76  # of a map: its width over its height
 SOURCES = {"bake": paint.GREEN, "live": paint.BLUE, "stale": paint.ORANGE, "earlier": paint.ORANGE}
@@ -130,9 +131,9 @@ class Legend(NamedTuple):
         """Return the legend of skins; a short one says only the meaning of their colours. `said` stands elsewhere."""
         deep = any(s.too_deep or s.too_far for s in now.states)
         noted = next((s for s in now.states if s.note not in ("", said) and s.work != "rendered"), None)
-        off = paint.wrapped(skin_field.error_text(now.states), 42) if full else []
+        off = paint.wrapped(skin_field.error_text(now.states), LETTERS) if full else []
         own = "skin: " if said else ""  # both frames are the skin's, where devices began at another one
-        note = paint.wrapped(own + noted.note, 42) if noted is not None and full else []
+        note = paint.wrapped(own + noted.note, LETTERS) if noted is not None and full else []
         return cls(off, deep, note, noted.source if noted is not None else "")
 
     @property

@@ -104,7 +104,7 @@ def compare_devices(
             skipped.append(Skipped(key, title, str(error).rstrip(".")))
             continue
         if judged is None:
-            skipped.append(Skipped(key, title, "the touch does not use it"))
+            skipped.append(Skipped(key, title, _unused(library.device(key))))
         else:
             row = row_of(output, judged)
             if floors:
@@ -159,6 +159,11 @@ def row_of(output: Output, judged: Judged) -> Row:
     clipped = min(max(changed, judged.limited), 1.0)
     method = str(track.meta.get("method", ""))
     return Row(output.device, track.spec.name, track.spec.kind, method, judged, clipped, output.findings)
+
+
+def _unused(device: DeviceSpec) -> str:
+    """Return why the touch gives a device nothing to do."""
+    return "the touch does not press the skin" if device.follows_skin else "the touch does not use it"
 
 
 def _refusal(bake: Bake, key: str) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from blender_addon.comparison import compared
+from blender_addon.panels import compare
 from blender_addon.results import store
 
 from .build import keys, pressing
@@ -38,6 +39,13 @@ def test_a_child_compares_and_two_files_are_written(touching: bpy.types.Scene, t
     assert sorted(p.name for p in tmp_path.iterdir()) == ["Finger.devices.csv", "Finger.devices.html"]
     assert (tmp_path / "Finger.devices.html").read_bytes() == made.html
     assert bpy.ops.dermis.open_comparison() == {"FINISHED"}
+
+
+def test_a_reason_that_keeps_out_several_devices_is_told_once() -> None:
+    unpressed = "the touch does not press the skin"
+    left_out = [("Pins", unpressed), ("Coil", "the touch does not use it"), ("Thimble", unpressed)]
+    words = compare.skipped_words([{"title": title, "why": why} for title, why in left_out])
+    assert words == ["Pins, Thimble: the touch does not press the skin.", "Coil: the touch does not use it."]
 
 
 @pytest.mark.one_line("3.11", "the engine searches in a child; the rest of this file runs on both lines")

@@ -9,7 +9,7 @@ import pytest
 from blender_addon import baking, choices
 from blender_addon._core import core
 from blender_addon.demos import demo_motors, touches
-from blender_addon.devices import platform_devices
+from blender_addon.devices import platform_devices, readiness
 from blender_addon.preferences import library
 from blender_addon.preview import device_preview
 from blender_addon.preview import skin_preview as skins
@@ -130,6 +130,15 @@ def test_a_stopped_sweep_leaves_no_table_and_no_process(demo) -> None:
         next(steps)
     steps.close()
     assert set(work._owners) == before and platform_devices.missing(finger, device)
+
+
+def test_the_panel_knows_of_the_table_that_a_bake_made(demo) -> None:
+    scene, finger = demo
+    scene.frame_set(38)
+    skins.step(bpy.context)  # its skin is there
+    assert readiness.of(finger)["platform"] == (None, "")
+    assert bpy.ops.dermis.bake() == {"FINISHED"}
+    assert len(readiness.of(finger)["platform"].figures.commands) > 1
 
 
 def test_bake_makes_the_table_with_progress_and_export_passes_the_check(demo, tmp_path) -> None:

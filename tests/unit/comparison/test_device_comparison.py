@@ -101,6 +101,7 @@ def test_a_touch_in_the_air_is_refused_with_every_reason(cache: Cache) -> None:
     with pytest.raises(DermisError, match="no device fits this touch") as refused:
         drain(device_comparison.compare_devices(lifted, Library(), cache=cache))
     assert "the touch does not use it" in str(refused.value)
+    assert "the touch does not press the skin" in str(refused.value)
 
 
 def test_table_and_page(found: device_comparison.Comparison, tmp_path: Path) -> None:

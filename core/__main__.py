@@ -13,7 +13,7 @@ if __name__ == "__main__":  # before numpy loads; see skin/blas.py
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from .command_line.messages import REFUSED
-from .command_line.verbs import parser
+from .command_line.verbs import parser, renamed
 from .errors import DermisError
 from .files import check_folder, check_writable
 
@@ -29,7 +29,7 @@ LIBRARIES = {
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status: 0, 1 for findings of severity error, 2 for a refusal."""
-    options = parser(f"python -m {__package__}").parse_args(arguments)
+    options = parser(f"python -m {__package__}").parse_args(renamed(sys.argv[1:] if arguments is None else arguments))
     for stream in (sys.stdout, sys.stderr):  # a name may hold letters that the terminal lacks
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import sys
+from collections.abc import Sequence
 
 from ..version import version
 from .arguments import add_verb
@@ -13,6 +15,9 @@ from .stream_verbs import add_streams
 from .study_verbs import add_studies
 from .thimble_verbs import add_thimbles
 from .track_verbs import add_tracks
+
+# Verbs that were renamed: as they were written -> what they mean now.
+OLD_VERBS = {("thimble", "follow"): ("follow", "--device", "thimble_3rrs")}
 
 
 def parser(program: str) -> argparse.ArgumentParser:
@@ -35,3 +40,12 @@ def parser(program: str) -> argparse.ArgumentParser:
         run="command_line.workers.work",
     )
     return made
+
+
+def renamed(arguments: Sequence[str]) -> list[str]:
+    """Return a command line with the new name of its verb; say so on standard error where it had an old one."""
+    for old, new in OLD_VERBS.items():
+        if tuple(arguments[: len(old)]) == old:
+            print(f"'{' '.join(old)}' is '{' '.join(new)}' now", file=sys.stderr)
+            return [*new, *arguments[len(old) :]]
+    return list(arguments)

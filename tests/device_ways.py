@@ -1,0 +1,177 @@
+"""Whether devices push neo-Hookean skin into a second balance: driven roughly, and compared with pressing from rest.
+
+The rule, written before the outcomes of the final set were looked at:
+
+* A way of a disc (thimble, six legs): from .3 mm above the pad to two depths of 1 to 2.4 mm and back to .3 to .6 of
+  the second, each with another tilt of up to 27 degrees about two axes (six legs: shifts of 1.5 mm and yaw of 10
+  degrees as well), in 1, 2, 4 or 8 frames from end to end; what the device cannot reach is taken back by fifths of
+  tilt and shift. At each end the pose is held for four frames, since a disc's rim is asked for where the skin was in
+  the frame before (on linear skin, which has no second balance, that lag alone is up to 12 % of stress).
+* The same pose is reached from rest: straight in along the distance, by .05 mm a frame, and held for four frames.
+* Without friction: where both are settled, force (as a vector) and whole stress (all six components, weighted by
+  volume) are within 5 %; beyond that the way ended on another balance.
+* With friction .6 a touch has a past. It ended on a fold where the work of the forces at the points is below half of
+  that on the mesh (`law_skin.FOLDED`), or where a force is more than 1.5 times that from rest.
+* Rows of a platform's look-up table (cables, six legs; as `build` makes them, also by way of a deeper pose): the same
+  bounds against eight times as many parts of the way; rows that the law has not settled for are told already.
+* Pins: skin that followed a touch in 8 to 30 frames, against skin at rest that is loaded with the same pin forces by
+  sixteenths: whole stress within 5 % where both are settled.
+
+The final set: seeds from 1000 on. `python -m tests.device_ways KIND LEVEL COUNT` prints what a set gives.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.contact.solver.law_skin import FOLDED
+from core.devices.disc import DiscContact
+from core.devices.disc_device import DiscDevice, seated
+from core.devices.disc_pose import DiscSolution, FrictionState, placed
+from core.devices.first_contact import first_contact
+from core.skin.model import SkinModel
+from core.skin.observation import stress_vector
+from core.skin.stimulus import Stimulus
+
+Array = NDArray[np.float64]
+BOUND, LARGER, FINAL = 0.05, 1.5, 1000
+HELD, STEP = 4, 0.05e-3
+MOST_TILT, MOST_DEPTH = np.radians(27.0), 2.4e-3
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A state that a way led to beside the one from rest.
+
+    Attributes:
+        force, stress: how far off, relative to those from rest. larger: its force over that from rest.
+        work: of the forces where they act over that on the mesh; nan where that says nothing.
+        settled: whether both are.
+    """
+
+    force: float
+    stress: float
+    larger: float
+    work: float
+    settled: bool
+
+    def folded(self, friction: float) -> bool:
+        """Return whether the way ended on another balance, by the rule."""
+        if not self.settled:
+            return False
+        apart = max(self.force, self.stress) > BOUND if friction == 0.0 else self.larger > LARGER
+        return apart or self.work < FOLDED
+
+
+def disc_way(device: DiscDevice, contact: DiscContact, seed: int) -> tuple[list[Array], list[int]]:
+    """Return the configurations of a way, and which of them are ends of its parts."""
+    rng = np.random.default_rng(seed)
+    tilt = rng.uniform(-MOST_TILT, MOST_TILT, (4, 2))
+    deep = rng.uniform(1e-3, MOST_DEPTH, 2)
+    depth = [-0.3e-3, *deep, deep[1] * rng.uniform(0.3, 0.6)]
+    beside = rng.uniform(-1.0, 1.0, (4, 3)) * [1.5e-3, 1.5e-3, np.radians(10.0)]
+    frames = int(rng.choice([1, 2, 4, 8]))
+    keys = [_reached(device, contact, *each) for each in zip(tilt, depth, beside, strict=True)]
+    way, ends = [keys[0]], []
+    for a, b in zip(keys, keys[1:], strict=False):
+        way += [a + (b - a) * k / frames for k in range(1, frames + 1)]
+        ends.append(len(way) - 1)
+    return way, ends
+
+
+def _reached(device: DiscDevice, contact: DiscContact, tilt: Array, depth: float, beside: Array) -> Array:
+    for _ in range(40):
+        x = seated(device, *tilt, first_contact(device, contact, *tilt) - depth).copy()
+        x[3:] += beside[: len(x) - 3]
+        if device.feasible(x):
+            return x
+        tilt, beside = 0.8 * tilt, 0.8 * beside
+    raise AssertionError("the device reaches no pose at this depth")
+
+
+def followed(device: DiscDevice, contact: DiscContact, way: list[Array]) -> list[DiscSolution]:
+    """Return the contacts of configurations one after the other, as a device's frames are."""
+    state, out = FrictionState.rest(contact.count), []
+    for x in way:
+        contact.hold(state)
+        out.append(contact.solve(placed(device, device.pose(x))))
+        state = contact.settle(out[-1])
+    return out
+
+
+def from_rest(device: DiscDevice, contact: DiscContact, x: Array) -> DiscSolution:
+    """Return the contact at a configuration that is pressed straight in."""
+    out, way = np.array(x), [x]
+    while contact.gap(placed(device, device.pose(out))).min() <= 0.0:
+        out = out + STEP * np.eye(len(x))[2]
+        way.append(out)
+    return followed(device, contact, way[::-1] + [x] * HELD)[-1]
+
+
+def work_share(contact: DiscContact, found: DiscSolution) -> float:
+    """Return the work of the forces at the points over that on the mesh."""
+    if found.law is None or found.law.work == 0.0 or found.less is None:
+        return np.nan
+    force = found.spread(contact.count)
+    moved = (contact.compliance @ force.ravel()).reshape(-1, 3) - found.less
+    return float(np.vdot(force, moved)) / found.law.work
+
+
+def compared(skin: SkinModel, contact: DiscContact, here: DiscSolution, there: DiscSolution) -> Compared:
+    """Compare two contacts at one pose."""
+    forces = [contact.nodal(each) for each in (here, there)]
+    felt = [stress_vector(Stimulus(skin, f, None, s.amounts)) for f, s in zip(forces, (here, there), strict=True)]
+    total = [f.sum(axis=0) for f in forces]
+    settled = all(s.settled and s.converged for s in (here, there))
+    larger = float(np.linalg.norm(total[0]) / np.linalg.norm(total[1]))
+    return Compared(off(*total), off(*felt), larger, work_share(contact, here), settled)
+
+
+def off(a: Array, b: Array) -> float:
+    """Return how far one array is off another, relative to it."""
+    return float(np.linalg.norm(a - b) / max(float(np.linalg.norm(b)), 1e-12))
+
+
+def discs(kind: str, level: str, friction: float, seeds: range) -> list[Compared]:
+    """Return the comparisons at all ends of a set of ways, of the thimble or six legs."""
+    from core.devices.mechanism import mechanism_of
+    from core.devices.six_legs import SixLegs
+    from core.presets import Library
+    from core.skin.model import fingertip_skin
+    from core.surrogate.store import contact_of
+
+    spec = Library().device(kind)
+    device = mechanism_of(spec) if kind == "thimble_3rrs" else SixLegs.of(mechanism_of(spec), spec)
+    skin = fingertip_skin(level=level).with_law()
+    contact, out = contact_of(device, skin, friction), []
+    for seed in seeds:
+        way, ends = disc_way(device, contact, seed)
+        for end in ends:
+            here = followed(device, contact, way[: end + 1] + [way[end]] * HELD)[-1]
+            if here.touching:
+                out.append(compared(skin, contact, here, from_rest(device, contact, way[end])))
+                if out[-1].folded(friction) or not out[-1].settled:
+                    print(seed, end, way[end], out[-1], flush=True)
+    return out
+
+
+def main(kind: str, level: str, count: str) -> None:
+    """Print what a set gives."""
+    for friction in (0.0, 0.6):
+        found = discs(kind, level, friction, range(FINAL, FINAL + int(count)))
+        good = [c for c in found if c.settled]
+        print(
+            f"{kind} {level} friction {friction}: {len(found)} poses, {len(found) - len(good)} unsettled, "
+            f"{sum(c.folded(friction) for c in good)} on a fold; worst force {max(c.force for c in good):.4f}, "
+            f"stress {max(c.stress for c in good):.4f}, larger {max(c.larger for c in good):.3f}, "
+            f"work {min(c.work for c in good):.3f} to {max(c.work for c in good):.3f}",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -13,7 +13,7 @@ The rule, written before the outcomes of the final set were looked at:
 * With friction .6 a touch has a past. It ended on a fold where the work of the forces at the points is below half of
   that on the mesh (`law_skin.FOLDED`), or where a force is more than 1.5 times that from rest.
 * Rows of a platform's look-up table (cables, six legs; as `build` makes them, also by way of a deeper pose): the same
-  bounds against eight times as many parts of the way; rows that the law has not settled for are told already.
+  bounds, from .02 N on, against eight times as many parts of the way; rows that the law has not settled for are told.
 * Pins: skin that followed a touch in 8 to 30 frames, against skin at rest that is loaded with the same pin forces by
   sixteenths: whole stress within 5 % where both are settled.
 
@@ -28,18 +28,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from core.contact.solver.law_skin import FOLDED
+from core.contact.solver.law_skin import FOLDED, LawSkin
 from core.devices.disc import DiscContact
 from core.devices.disc_device import DiscDevice, seated
 from core.devices.disc_pose import DiscSolution, FrictionState, placed
 from core.devices.first_contact import first_contact
+from core.matching.deformation import METHODS, Method
 from core.skin.model import SkinModel
 from core.skin.observation import stress_vector
 from core.skin.stimulus import Stimulus
+from tests import touches
 
 Array = NDArray[np.float64]
 BOUND, LARGER, FINAL = 0.05, 1.5, 1000
 HELD, STEP = 4, 0.05e-3
+LIGHT = 0.02  # [N] below which a row's difference is not asked for
 MOST_TILT, MOST_DEPTH = np.radians(27.0), 2.4e-3
 
 
@@ -159,13 +162,94 @@ def discs(kind: str, level: str, friction: float, seeds: range) -> list[Compared
     return out
 
 
+def rows(kind: str, level: str, friction: float, count: int) -> list[Compared]:
+    """Return rows of a platform's table, pressed straight and by way of a deeper pose, beside ways of more parts."""
+    from core.design.collect import _deeper
+    from core.devices.press import STEPS, Press
+    from core.matching.platforms import mechanism
+    from core.matching.sweep import commands_swept, reached
+    from core.presets import Library
+    from core.skin.model import fingertip_skin
+    from core.surrogate.press_points import press_points
+
+    spec, skin = Library().device(kind), fingertip_skin(level=level).with_law()
+    points = press_points(skin)
+    straight, deeper = (commands_swept(each, points.positions, 4096) for each in (spec, _deeper(spec)))
+    within = np.flatnonzero(reached(spec, straight) & reached(spec, deeper))
+    some = np.random.default_rng(FINAL).permutation(within)[:count]
+    few, many = (Press(points, mechanism(spec), friction, steps=n) for n in (STEPS, 8 * STEPS))
+    there, out = many.press(straight[some]), []
+    for here in (few.press(straight[some]), few.press(straight[some], via=deeper[some])):
+        for row in np.flatnonzero(here.touching & there.touching).tolist():
+            assert here.amounts is not None and there.amounts is not None
+            pair = [(p.force[row].astype(float), p.amounts[row].astype(float)) for p in (here, there)]  # type: ignore[index]
+            felt = [stress_vector(Stimulus(skin, force, None, amounts)) for force, amounts in pair]
+            total = [force.sum(axis=0) for force, _ in pair]
+            larger = float(np.linalg.norm(total[0]) / max(float(np.linalg.norm(total[1])), 1e-12))
+            settled = here.left[row] == there.left[row] == 0.0
+            if np.linalg.norm(total[1]) < LIGHT:
+                continue
+            out.append(Compared(off(*total), off(*felt), larger, np.nan, bool(settled)))
+            if out[-1].folded(friction):
+                print(some[row], straight[some[row]], total, out[-1], flush=True)
+    return out
+
+
+def pins(level: str, method: Method, seeds: range) -> list[Compared]:
+    """Return skin under pins that followed touches, at every frame beside skin at rest under the same forces."""
+    from core.matching import pins as pin_matching
+    from core.matching.deformation import PinSolver
+    from core.presets import Library
+    from core.skin.model import fingertip_skin
+
+    skin = fingertip_skin(level=level).with_law()
+    ready = pin_matching.setup(skin, Library().device("pin_array_128"))
+    out = []
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        made = (touches.ball_roll, touches.flat_press, touches.edge_press, touches.slide, touches.cup)[rng.integers(5)]
+        touch = made(int(rng.integers(8, 31)))
+        path = touches.solver_on(skin)
+        solver = PinSolver(ready.matcher, method, force_limit=0.4)
+        for i in range(len(touch.position)):
+            step = path.step(touch.bodies(i))
+            if not step.nodal.any():
+                solver.reset()
+                continue
+            found = solver.step(step.nodal.ravel(), step.amounts)
+            assert found.look is not None
+            force, law = ready.matcher.pressed(found.x), LawSkin.of(skin)
+            assert law is not None
+            for part in range(1, 17):
+                law.begin()
+                for _ in range(80):
+                    law.look(part / 16.0 * force)
+                    if law.settled or law.lost:
+                        break
+            felt = [stress_vector(Stimulus(skin, force, None, a)) for a in (found.look.amounts, law.amounts)]
+            settled = found.look.settled and law.settled
+            out.append(Compared(0.0, off(*felt), 1.0, np.nan, settled))
+            if out[-1].folded(0.0) or not settled:
+                print(method, touch.name, len(touch.position), i, found.look.settled, law.settled, out[-1], flush=True)
+    return out
+
+
 def main(kind: str, level: str, count: str) -> None:
     """Print what a set gives."""
-    for friction in (0.0, 0.6):
-        found = discs(kind, level, friction, range(FINAL, FINAL + int(count)))
+    sets = (0.0, 0.6) if kind != "pin_array_128" else METHODS
+    for each in sets:
+        if isinstance(each, str):
+            found, friction = pins(level, each, range(FINAL, FINAL + int(count))), 0.0
+        else:
+            friction = each
+            found = (
+                discs(kind, level, friction, range(FINAL, FINAL + int(count)))
+                if kind != "cable_platform" and not kind.endswith("_table")
+                else rows(kind.removesuffix("_table"), level, friction, int(count))
+            )
         good = [c for c in found if c.settled]
         print(
-            f"{kind} {level} friction {friction}: {len(found)} poses, {len(found) - len(good)} unsettled, "
+            f"{kind} {level} {each}: {len(found)} poses, {len(found) - len(good)} unsettled, "
             f"{sum(c.folded(friction) for c in good)} on a fold; worst force {max(c.force for c in good):.4f}, "
             f"stress {max(c.stress for c in good):.4f}, larger {max(c.larger for c in good):.3f}, "
             f"work {min(c.work for c in good):.3f} to {max(c.work for c in good):.3f}",

@@ -12,6 +12,8 @@ The rule, written before the outcomes of the final set were looked at:
   volume) are within 5 %; beyond that the way ended on another balance.
 * With friction .6 a touch has a past. It ended on a fold where the work of the forces at the points is below half of
   that on the mesh (`law_skin.FOLDED`), or where a force is more than 1.5 times that from rest.
+* Commands that were searched for a touch of 8 to 30 frames, by stress, total force and geometry, with friction .6: the
+  same bounds, at every frame that presses with .02 N or more.
 * Rows of a platform's look-up table (cables, six legs; as `build` makes them, also by way of a deeper pose): the same
   bounds, from .02 N on, against eight times as many parts of the way; rows that the law has not settled for are told.
 * Pins: skin that followed a touch in 8 to 30 frames, against skin at rest that is loaded with the same pin forces by
@@ -23,6 +25,7 @@ The final set: seeds from 1000 on. `python -m tests.device_ways KIND LEVEL COUNT
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -139,17 +142,60 @@ def off(a: Array, b: Array) -> float:
     return float(np.linalg.norm(a - b) / max(float(np.linalg.norm(b)), 1e-12))
 
 
-def discs(kind: str, level: str, friction: float, seeds: range) -> list[Compared]:
-    """Return the comparisons at all ends of a set of ways, of the thimble or six legs."""
+def device_of(kind: str) -> DiscDevice:
+    """Return the thimble, or six legs."""
     from core.devices.mechanism import mechanism_of
     from core.devices.six_legs import SixLegs
+    from core.devices.thimble import mechanism
     from core.presets import Library
-    from core.skin.model import fingertip_skin
-    from core.surrogate.store import contact_of
 
     spec = Library().device(kind)
-    device = mechanism_of(spec) if kind == "thimble_3rrs" else SixLegs.of(mechanism_of(spec), spec)
-    skin = fingertip_skin(level=level).with_law()
+    return mechanism(spec) if kind == "thimble_3rrs" else SixLegs.of(mechanism_of(spec), spec)
+
+
+def skin_of(level: str) -> SkinModel:
+    """Return neo-Hookean skin of a level; pressed at the nodes of its mesh where that ends in '-nodes'."""
+    from core.skin.model import fingertip_skin
+
+    skin = fingertip_skin(level=level.removesuffix("-nodes")).with_law()
+    return skin.on_nodes if level.endswith("-nodes") else skin
+
+
+def rough_touch(seed: int) -> touches.Touch:
+    """Return a touch in few frames."""
+    rng = np.random.default_rng(seed)
+    made = (touches.ball_roll, touches.flat_press, touches.edge_press, touches.slide, touches.cup)[rng.integers(5)]
+    return made(int(rng.integers(8, 31)))
+
+
+def searched(kind: str, level: str, method: str, seeds: range) -> list[Compared]:
+    """Return the comparisons at all commands that were searched for rough touches."""
+    from core.matching.thimble import Follower, matcher
+
+    device, skin, out = device_of(kind), skin_of(level), []
+    for seed in seeds:
+        touch = rough_touch(seed)
+        path = touches.solver_on(skin)
+        following = Follower(matcher(device, skin, method, friction=0.6), skin, method)
+        for i in range(len(touch.position)):
+            step = path.step(touch.bodies(i))
+            frame = following.step(step.nodal, step.amounts)
+            contact = following.matching.contact
+            if frame.touching and np.linalg.norm(contact.nodal(frame.solution).sum(axis=0)) >= LIGHT:
+                saved = following.matching.save()
+                there = from_rest(device, contact, frame.x)
+                following.matching.restore(saved)
+                out.append(compared(skin, contact, frame.solution, there))
+                if out[-1].folded(0.6) or not out[-1].settled:
+                    print(method, touch.name, len(touch.position), i, frame.x, frame.unsettled, out[-1], flush=True)
+    return out
+
+
+def discs(kind: str, level: str, friction: float, seeds: range) -> list[Compared]:
+    """Return the comparisons at all ends of a set of ways, of the thimble or six legs."""
+    from core.surrogate.store import contact_of
+
+    device, skin = device_of(kind), skin_of(level)
     contact, out = contact_of(device, skin, friction), []
     for seed in seeds:
         way, ends = disc_way(device, contact, seed)
@@ -162,21 +208,20 @@ def discs(kind: str, level: str, friction: float, seeds: range) -> list[Compared
     return out
 
 
-def rows(kind: str, level: str, friction: float, count: int) -> list[Compared]:
+def rows(kind: str, level: str, friction: float, seeds: range) -> list[Compared]:
     """Return rows of a platform's table, pressed straight and by way of a deeper pose, beside ways of more parts."""
     from core.design.collect import _deeper
     from core.devices.press import STEPS, Press
     from core.matching.platforms import mechanism
     from core.matching.sweep import commands_swept, reached
     from core.presets import Library
-    from core.skin.model import fingertip_skin
     from core.surrogate.press_points import press_points
 
-    spec, skin = Library().device(kind), fingertip_skin(level=level).with_law()
+    spec, skin = Library().device(kind), skin_of(level)
     points = press_points(skin)
     straight, deeper = (commands_swept(each, points.positions, 4096) for each in (spec, _deeper(spec)))
     within = np.flatnonzero(reached(spec, straight) & reached(spec, deeper))
-    some = np.random.default_rng(FINAL).permutation(within)[:count]
+    some = np.random.default_rng(seeds[0]).permutation(within)[: len(seeds)]
     few, many = (Press(points, mechanism(spec), friction, steps=n) for n in (STEPS, 8 * STEPS))
     there, out = many.press(straight[some]), []
     for here in (few.press(straight[some]), few.press(straight[some], via=deeper[some])):
@@ -200,15 +245,12 @@ def pins(level: str, method: Method, seeds: range) -> list[Compared]:
     from core.matching import pins as pin_matching
     from core.matching.deformation import PinSolver
     from core.presets import Library
-    from core.skin.model import fingertip_skin
 
-    skin = fingertip_skin(level=level).with_law()
+    skin = skin_of(level)
     ready = pin_matching.setup(skin, Library().device("pin_array_128"))
     out = []
     for seed in seeds:
-        rng = np.random.default_rng(seed)
-        made = (touches.ball_roll, touches.flat_press, touches.edge_press, touches.slide, touches.cup)[rng.integers(5)]
-        touch = made(int(rng.integers(8, 31)))
+        touch = rough_touch(seed)
         path = touches.solver_on(skin)
         solver = PinSolver(ready.matcher, method, force_limit=0.4)
         for i in range(len(touch.position)):
@@ -234,19 +276,20 @@ def pins(level: str, method: Method, seeds: range) -> list[Compared]:
     return out
 
 
-def main(kind: str, level: str, count: str) -> None:
-    """Print what a set gives."""
-    sets = (0.0, 0.6) if kind != "pin_array_128" else METHODS
-    for each in sets:
-        if isinstance(each, str):
-            found, friction = pins(level, each, range(FINAL, FINAL + int(count))), 0.0
-        else:
-            friction = each
-            found = (
-                discs(kind, level, friction, range(FINAL, FINAL + int(count)))
-                if kind != "cable_platform" and not kind.endswith("_table")
-                else rows(kind.removesuffix("_table"), level, friction, int(count))
-            )
+def main(kind: str, level: str, count: str, *what: str) -> None:
+    """Print what a set gives: of the ways of a disc, of 'searched' commands, of 'rows' of tables, or of pins."""
+    seeds = range(FINAL, FINAL + int(count))
+    sets: dict[str, tuple[float, Callable[[], list[Compared]]]] = {}
+    if kind == "pin_array_128":
+        sets = {m: (0.0, lambda m=m: pins(level, m, seeds)) for m in METHODS}  # type: ignore[misc]
+    elif "searched" in what:
+        sets = {m: (0.6, lambda m=m: searched(kind, level, m, seeds)) for m in ("stress", "force", "geometry")}  # type: ignore[misc]
+    else:
+        for f in (0.0, 0.6):
+            run = rows if "rows" in what else discs
+            sets[f"friction {f}"] = f, lambda f=f, run=run: run(kind, level, f, seeds)  # type: ignore[misc]
+    for each, (friction, made) in sets.items():
+        found = made()
         good = [c for c in found if c.settled]
         print(
             f"{kind} {level} {each}: {len(found)} poses, {len(found) - len(good)} unsettled, "

@@ -154,10 +154,18 @@ def device_of(kind: str) -> DiscDevice:
 
 
 def skin_of(level: str) -> SkinModel:
-    """Return neo-Hookean skin of a level; pressed at the nodes of its mesh where that ends in '-nodes'."""
-    from core.skin.model import fingertip_skin
+    """Return neo-Hookean skin of a level, pressed at the nodes of its mesh where that ends in '-nodes'.
 
-    skin = fingertip_skin(level=level.removesuffix("-nodes")).with_law()
+    A skin's preset may stand before it: 'thumb_medium/draft'.
+    """
+    from core.presets import Library
+    from core.skin.model import fingertip_skin, skin_from_parameters
+
+    preset, _, quality = level.removesuffix("-nodes").rpartition("/")
+    if preset:
+        skin = skin_from_parameters(Library().skin(preset), level=quality).with_law()
+    else:
+        skin = fingertip_skin(level=quality).with_law()
     return skin.on_nodes if level.endswith("-nodes") else skin
 
 

@@ -19,6 +19,12 @@ The rule, written before the outcomes of the final set were looked at:
 * Pins: skin that followed a touch in 8 to 30 frames, against skin at rest that is loaded with the same pin forces by
   sixteenths: whole stress within 5 % where both are settled.
 
+The outcome: none of 1222 poses of discs (draft and standard), 280 searched for the thimble, 184 for six legs, 668 rows
+of tables and 384 frames of pins ended on a fold. Without friction force is at most .6 % off and stress 1.6 %; the work
+is .97 to 3.8 of that on the mesh. Two poses pass the bound of 1.5 (1.58, seed 1083, and 1.51): they are friction's past,
+for linear skin, which has no fold, has 1.53 and 1.47 there. Pins that are clamped (DM1, FM1) often do not settle; this
+is told. With forces that keep their moment beyond the mesh, as once, 11 of 58 poses of six legs were on a fold.
+
 The final set: seeds from 1000 on. `python -m tests.device_ways KIND LEVEL COUNT` prints what a set gives.
 """
 

@@ -239,8 +239,8 @@ def _rendered(
 
 
 def _header(sample: core.scene.tactile_scene.TactileScene) -> core.scene.tactile_scene.TactileScene:
-    """Return the header of a trail, for devices that nothing else shows."""
-    # Skins have a path of their own, in `skin_preview`, and so have the devices that follow one.
+    """Return a trail's header. It keeps only the devices that do not follow a skin, and hides the skins."""
+    # `skin_preview` shows skins, and `FOLLOWERS` show the devices that follow a skin.
     fingers = tuple(
         replace(
             f,

@@ -172,7 +172,7 @@ class SkinStepper:
         return AWAY if (self._proximity.measure(b, i, approach.poses, mesh, body) > reach).all() else body
 
     def _before(self, i: int) -> list[ContactBody] | None:
-        """Return the same bodies at the sample before, however far away; None if their poses there are not known."""
+        """Return all bodies of `around` at the sample before `i`, however far away; None if a pose is not known."""
         pose = self._scene.finger_before(self.index, i)
         seen = [] if pose is None else [self._scene.seen_before(*pose, b, i) for b in self._order]
         known = [body for body in seen if body is not None]

@@ -136,7 +136,7 @@ def playback(
     shift, correlation = _shift(times, estimated, clock, measured, span)
     if correlation < ALIKE:
         raise DermisError(
-            "the recording does not overlap this track in time",
+            "the recording does not match this track at any delay that was tried",
             where=f"recording '{recording.name}'",
             value=f"correlation {correlation:.2f}",
             limit=f">= {ALIKE:g}",
@@ -188,7 +188,10 @@ def playback(
 
 
 def rising_edge(times: Array, pulse: Array) -> tuple[float, float]:
-    """Return when a pulse first rises through the middle of its range, and half the time between its two samples [s].
+    """Return when a pulse first rises through the middle of its range, and the uncertainty of this time [s].
+
+    The uncertainty is half the time between the last sample before the rise and the first sample after it.
+
 
     Raises:
         DermisError: the pulse never rises, or it is high from the first sample on.

@@ -317,8 +317,8 @@ def _findings(series: dict[str, Array], ready: PinSetup, matched: Matched, frame
             Finding(
                 "warning",
                 "law-unsettled",
-                "the neo-Hookean law did not converge under the pins: where the remaining error is above "
-                f"{100 * USABLE:g} %, displacement and stress errors are those of linear tissue",
+                "the neo-Hookean law did not converge under the pins: in frames with a remaining error "
+                f"above {100 * USABLE:g} %, displacement and stress errors are those of linear tissue",
                 "pin array",
                 f"remaining error: {100 * min(float(matched.unsettled.max()), 1.0):.0f} % of the forces",
                 f"convergence within {MOST_LOOKS} evaluations of the law",

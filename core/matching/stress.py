@@ -43,8 +43,8 @@ WORTHWHILE = 0.05  # of the cost: the device moves to a distant minimum only for
 # and adds a correction: the stimulus by the law minus the stimulus on linear skin, both at the last pose. The iteration
 # ends when the error of the predicted stimulus is below CLOSE times the target or LEFT times the residual.
 # CLOSE: accuracy to which the law is solved.
-# LEFT: a correction that is wrong by e times the residual raises the final residual by at most a factor 1 + 2 e, near
-# the best pose by at most 1 + e^2: by 0.25 % for e = LEFT.
+# LEFT: if a correction is wrong by e times the residual, the final residual grows by at most a factor 1 + 2 e. Near the
+# best pose it grows by at most a factor 1 + e^2, which is 0.25 % for e = LEFT.
 CLOSE, LEFT = 5e-3, 0.05
 MOST_LOOKS = 6  # largest number of evaluations of the nonlinear law in a frame
 # Share of the cost: if the predicted gain of a step is smaller, a learned model's linear prediction is accepted without
@@ -122,7 +122,8 @@ class StressMatcher:
         table: poses to start from; None computes it.
 
     Attributes:
-        rescues: frames since the last reset in which a learned model was wrong and the direct search took its place.
+        rescues: number of frames in which a learned model was wrong and the direct search took its place; `reset`
+            sets it to 0.
         follows_law: whether the nonlinear law of a skin is used, if it has one.
 
     Raises:
@@ -162,9 +163,9 @@ class StressMatcher:
         self.rest_x = self._start_at(0.0, 0.0, -hover)
         self.table = warm_start_table(device, contact, self.model) if table is None else table
         self._foreseen = FORESEEN
-        # At a new contact several poses of the disc are tried. A stronger target (see `onset`) compares them under two
-        # conditions. The device has three freedoms: a disc with more can change its pose later. The stimulus has more
-        # than three components: a total force has only three, and is alike for several poses.
+        # At a new contact several poses of the disc are tried. A stronger target (see `onset`) compares them only if
+        # two conditions hold. The device must have three freedoms: a disc with more can change its pose later. The
+        # stimulus must have more than three components: several poses have the same total force.
         sided = device.freedoms == 3 < self.model.size
         self._usual = AHEAD * float(np.median(self.table.strength)) if sided else 0.0
         self.reset()
@@ -376,7 +377,7 @@ class StressMatcher:
         size = float(np.linalg.norm(target))
         if self.model is not self.direct:
             self.direct.hold(self.state)
-        # before, start: state of the law and pose at the last accepted evaluation; at first of the previous frame
+        # before, start: state of the law and pose at the last accepted evaluation, initially of the previous frame
         # share: part of the step that is taken
         before, start, share = self.state.law, self.x, 1.0
         best: _Looked | None = None

@@ -30,7 +30,7 @@ from .device_tracks import Renderer, renderer, usable
 # A new sample changes the path most at its end, and the change shrinks to about a quarter at every knot. So this many
 # samples before the end it is less than 1 % of the change at the end.
 SETTLED = 4
-SHOWN = 0.13  # [s] the view draws the end of a track, at most this much of it, so `add` returns that end
+SHOWN = 0.13  # [s] the view draws at most this much of a track's end; by default the trail keeps at least as much
 State = tuple[float, Mapping[Hashable, Any]]
 
 

@@ -175,7 +175,7 @@ class SenderClient:
             self._shared.write_request(self._request)
 
     def wait(self, state: str, seconds: float = 5.0) -> dict[str, Any]:
-        """Wait for a state, giving signs of life meanwhile; for scripts and tests, never for a user interface.
+        """Wait for a state. No heartbeat is sent meanwhile. For scripts and tests, never for a user interface.
 
         Raises:
             DermisError: the state was not reached in this time.

@@ -272,7 +272,7 @@ class Surface:
     def side_of(self, point: Array) -> int:
         """Return +1 where a point [m], shape (3,), is in front of the closest faces, -1 where it is behind.
 
-        For open surfaces this decides from which side a finger touches: ask for its bone.
+        For open surfaces this decides from which side a finger touches: pass a point inside its bone.
         """
         found = self.query(np.asarray(point, dtype=np.float64).reshape(1, 3))
         if found.triangle[0] < 0:
@@ -368,7 +368,9 @@ class Surface:
     def _kernel_body(
         self, tree: TriangleTree, slabs: Array, room: bool | None = None, other: KernelBody | None = None
     ) -> KernelBody:
-        """Return triangles for the kernels. For closed ones rays tell the sides, until a test shows them needless.
+        """Return the record of some triangles for the kernels.
+
+        In a closed surface rays tell the sides, until a test shows that no rays are needed.
 
         Args:
             room: whether these triangles are inside out. None takes the answer for the whole surface.
@@ -383,7 +385,9 @@ class Surface:
         return triangles[np.unique(self.topology.parts[triangles], return_index=True)[1]]
 
     def _rays(self, tree: TriangleTree) -> TriangleTree | None:
-        """Return the tree of the triangles that rays are tested against: here the tree for the closest triangle.
+        """Return the tree of the triangles against which rays are tested.
+
+        Here the same tree also finds the closest triangle.
 
         `NearSurface` searches only the triangles near the skin. For rays it returns the tree of all triangles of the
         shape, or None if no rays are needed.

@@ -321,7 +321,7 @@ class CommandTrack:
                 )
 
     def _finding(self, code: str, what: str, place: str, bad: NDArray[np.bool_], values: Array, limit: str) -> Finding:
-        """Return one finding for all bad samples, with the frame of the first and the largest absolute value."""
+        """Return one finding for all bad samples: frame of the first, and the value that is farthest from zero."""
         rows = np.flatnonzero(bad)
         sizes = np.abs(values[rows])
         worst = float(values[rows[int(np.argmax(np.where(np.isnan(sizes), np.inf, sizes)))]])

@@ -107,7 +107,7 @@ class PathSolver:
         refuse_indefinite(c, name)
         extent = np.sort(np.ptp(self.points, axis=0))
         spacing = float(np.sqrt(max(extent[-1] * extent[-2], 1e-12) / m))
-        # skin bulges by no more than the body is pressed in, so nodes farther away are not touched
+        # skin bulges by no more than an object is pressed in, so nodes beyond this radius are not touched
         self.search_radius = max(2.5 * spacing, 2.5e-3)
         self.history = ContactHistory(m)
         self._zero = np.zeros((m, 3))

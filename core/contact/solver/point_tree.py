@@ -45,10 +45,11 @@ MERGE = 0.6
 # OFTEN: number of halvings of a side after which SHARP is the limit instead of TURNED.
 # SHARP: difference of unit normals; only edges sharper than a right angle exceed it.
 OFTEN, SHARP = 2, 1.5
-# DEEP: depth of a cell's centre in a body [m] above which the cell's test points are moved out of the body, along the
-# cell's normal. The cell itself stays.
-# STEEP: this move is the depth divided by the cosine of the angle between the cell's inward normal and the body's
-# normal. A cosine below STEEP counts as STEEP, so test points move by at most depth / STEEP.
+# DEEP: depth of a cell's centre in a body [m] above which the cell's test points are moved out of the body. The
+# cell itself stays.
+# They move along the cell's inward normal, by the depth divided by the cosine of the angle between this normal and the
+# body's normal.
+# STEEP: least value used for this cosine, so test points move by at most depth / STEEP.
 DEEP, STEEP = 0.06e-3, 0.3
 CORNERS = 0.75  # distance of the test points from the cell's centre, as a share of each side; 0.5 is the cell's corner
 # An edge of a body beside the cell splits the cell as well, so cells are fine before the skin slides onto the edge.
@@ -59,8 +60,8 @@ BEYOND, EDGE = 0.4e-3, 0.9
 # area.
 # MARGIN: allowance for movement until the next survey [m].
 NEAR, MARGIN = 0.4, 0.1e-3
-# A cell's corners can be nearer to a body than its centre. So they are tested if the centre's gap is below the limit
-# for a contact point plus BESIDE times the cell's longer side.
+# A cell's corners can be nearer to a body than its centre. So a cell is tested for splitting already if its centre's
+# gap is below the limit for a contact point plus BESIDE times the cell's longer side.
 BESIDE = 0.35
 
 _NONE: Indices = np.zeros(0, dtype=np.int64)

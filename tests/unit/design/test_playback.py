@@ -122,7 +122,7 @@ def test_what_cannot_be_compared_is_refused(played, tmp_path, capsys):
     for arguments, said in (
         ((track, read, *words), "another number of channels"),  # the pulse is no channel
         ((track, read, *words, "--sync", "nothing"), "no such column"),
-        ((track, str(tmp_path / "other.csv"), *words, "--sync", "ttl"), "does not overlap this track"),
+        ((track, str(tmp_path / "other.csv"), *words, "--sync", "ttl"), "does not match this track"),
         ((str(tmp_path / "none.csv"), read, *words, "--sync", "ttl"), "cannot be read"),
     ):
         assert main(["validate", *arguments]) == 2

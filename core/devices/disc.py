@@ -1,19 +1,19 @@
-"""A rigid disc against the skin: contact forces for a pose of the disc, and how they change with the pose.
+"""Contact of a rigid disc with the skin: forces for a pose, and their derivative with respect to it.
 
-The disc's material moves with it, so what sticks is sheared when the disc tilts, shifts or turns. What friction
-remembers is a `FrictionState`: for every point of the skin near the disc the place of the disc that it sticks to. It is
-fixed while poses are tried and renewed by `DiscContact.settle` once a pose is chosen (staggering). How far the rim
-falls away under a point is asked where the skin is, not where it would be untouched: at the anchor of a point that
-sticks, else where the last step left it, as in `contact.solver.history`.
+The disc's material moves with the disc, so sticking skin is sheared when the disc tilts, shifts or turns. The history
+of friction is a `FrictionState`: for every point of the skin near the disc, the point of the disc to which it is
+anchored. The state is held constant while poses are tried, and updated by `DiscContact.settle` for the chosen pose
+(staggering). The gap at the rounded rim is computed at the position of the deformed skin: at the anchor of a sticking
+point, else where the last step left the point, as in `contact.solver.history`.
 
-A pose is tried by solving the frictional contact on the condensed compliance with a semi-smooth Newton method. With a
-rigid flat disc all points share one normal, Coulomb's projection is homogeneous of degree one, and the Newton system
-reduces to A f = -D b with A = (I - D) / r + D C. The same factors give the exact derivative (implicit
-differentiation): in a frame that turns with the disc the law does not change, so with the turning part taken out,
-h = df - Omega f obeys A h = -D (C Omega f - Omega C f + db'), where db' is the change of b as the disc sees it.
+Contact at a pose is solved on the condensed compliance by a semi-smooth Newton method. All points of a rigid flat disc
+have the same normal, and Coulomb's projection is homogeneous of degree one, so the Newton system reduces to A f = -D b
+with A = (I - D) / r + D C. The same factors give the exact derivative by implicit differentiation: in a frame that
+turns with the disc the law does not change. Without the turning part, h = df - Omega f therefore obeys
+A h = -D (C Omega f - Omega C f + db'), where db' is the change of b in the disc's frame.
 
-Skin that follows the neo-Hookean law gives way less than linear skin by an offset c, which is frozen while poses are
-tried: b is less by it. `solve` finds the contact at one pose by the law itself (`DiscLaw`).
+The displacement of neo-Hookean skin is that of linear skin minus a correction c. While poses are tried, c is constant
+and is subtracted from b. `DiscContact.solve` solves contact at one pose by the law itself (`DiscLaw`).
 
 Source: [S0] 3.1 (rigid disc on the skin), 3.4 and 5.1 (friction state); Alart and Curnier 1991.
 """
@@ -36,16 +36,18 @@ from .disc_pose import FALLBACK_TOLERANCE, TOLERANCE, Disc, DiscPose, DiscSoluti
 from .poses import crossing
 from .press_problem import PressPoints
 
-MAX_STEPS = 10
-MAX_ROUNDS = 24  # of contact and the law by turns, at one pose
+MAX_STEPS = 10  # Newton steps at one pose
+MAX_ROUNDS = 24  # alternations between contact and the nonlinear law at one pose
 _UNIT, _NO_LAW = np.eye(3), np.zeros((0, 3, 3))
 _STICKS, _SLIPS = np.int8(STICK), np.int8(SLIP)
-NEAR, MARGIN = 0.9e-3, 0.3e-3  # candidates have gaps below NEAR; they are chosen anew when others come to MARGIN
+# The candidates for contact are the points with gaps below NEAR [m]. They are chosen again as soon as the gap of
+# another point is below MARGIN [m].
+NEAR, MARGIN = 0.9e-3, 0.3e-3
 
 
 @dataclass(frozen=True, eq=False)
 class _Factors:
-    """LU factors of a Newton step, and which points it was for."""
+    """LU factors of a Newton step, its active and slipping points, and the derivative of their projection."""
 
     lower: Array
     pivots: NDArray[np.int32]
@@ -56,7 +58,7 @@ class _Factors:
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """Compliance between points that touch, (3 a, 3 a), which are told by a key, and its LU factors."""
+    """Compliance between touching points, shape (3 a, 3 a), and its LU factors; `key` identifies the points."""
 
     key: bytes
     matrix: Array
@@ -67,12 +69,13 @@ class _Block:
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """What the disc sees of all points at a pose, in its own frame.
+    """Positions of all points in the disc's frame at a pose.
 
     Attributes:
-        local: where they are untouched, shape (m, 3).
-        across: where they are on the disc when its rim is asked for, shape (m, 2). reach: how far out, shape (m,).
-        gap: of the untouched points, shape (m,).
+        local: positions of the undeformed points [m], shape (m, 3).
+        across: positions of the deformed points in the disc's plane, for the gap at the rim [m], shape (m, 2).
+        reach: their distance from the disc's axis [m], shape (m,).
+        gap: gap of the undeformed points, with the rim at `across` [m], shape (m,).
     """
 
     local: Array
@@ -85,30 +88,31 @@ class DiscContact:
     """Contact of one skin with a disc, pose after pose.
 
     Args:
-        points: of the skin, that carry forces: of the smooth skin, or the nodes of its mesh.
-        disc: radius and rim.
-        friction: Coulomb's coefficient.
+        points: points of the skin that carry forces: points of the smooth skin, or the nodes of its mesh.
+        disc: surface of the disc.
+        friction: Coulomb coefficient.
 
     Attributes:
-        solved, fallbacks: how many poses were solved, and for how many Newton's method was not enough.
-        law: of skin that follows it; None where skin is linear.
+        solved: number of poses that were solved.
+        fallbacks: number of poses for which Newton's method did not converge.
+        law: nonlinear law of the skin; None for linear skin.
     """
 
     def __init__(self, points: PressPoints, disc: Disc, friction: float) -> None:
         self.points, self.disc, self.friction = points, disc, float(friction)
         self.compliance, self.positions, self.count = points.compliance, points.positions, len(points.positions)
         self.law = None if points.law is None else DiscLaw(points.law, points.modulus, points.nodal)
-        self._less: Array | None = None  # by how much less than linear skin the points give way, frozen
-        # weighs displacement against force: between the softest and the stiffest point, as in the iteration
+        self._less: Array | None = None  # the correction c at the points, constant while poses are tried
+        # Weight of displacement against force in the projection: the stiffness of a point of median compliance.
         self._stiffness = 1.0 / float(np.median(np.diag(self.compliance)))
         self.near: NDArray[np.intp] = np.zeros(0, np.intp)
         self._built: Array | None = None
         self._rest_positions = np.zeros((0, 3))
         self._block: _Block | None = None
-        self._guess: tuple[Array, Array, Array] | None = None  # a configuration, forces there and their slope
-        self._all = np.concatenate([self.positions, self.positions])  # the points untouched, and where they were last
-        self._rest4, self._places4 = np.ones((0, 4)), np.ones((0, 4))  # the candidates, with a one each
-        self.choice = 0  # counts how often the candidates were chosen, for those who keep tables by them
+        self._guess: tuple[Array, Array, Array] | None = None  # a configuration, its forces and their derivative
+        self._all = np.concatenate([self.positions, self.positions])  # undeformed positions, and last ones
+        self._rest4, self._places4 = np.ones((0, 4)), np.ones((0, 4))  # the candidates in homogeneous coordinates
+        self.choice = 0  # number of choices of candidates, so that tables for them can be kept
         self.solved = self.fallbacks = 0
         from scipy.linalg.lapack import dgetrf, dgetrs
 
@@ -116,9 +120,10 @@ class DiscContact:
         self.hold(FrictionState.rest(self.count))
 
     def hold(self, state: FrictionState) -> None:
-        """Fix the friction state for the poses that follow.
+        """Set the friction state for the following poses.
 
-        What is found then depends on nothing that was solved before, be it by rounding: the candidates are the state's.
+        The candidates are then those of the state. Results therefore do not depend on poses that were solved before,
+        not even by rounding.
         """
         self.state = state
         np.add(self.positions, state.moved, out=self._all[self.count :])
@@ -131,7 +136,7 @@ class DiscContact:
         self._take(near)
 
     def go_on(self, state: LawState | None) -> None:
-        """Let skin with a law give way as at a state of it, None at rest: what was solved since led astray."""
+        """Go back to a state of the nonlinear law, None for rest, after solutions that did not lead to convergence."""
         assert self.law is not None
         self.law.go_on(state)
         self._less = self.law.less
@@ -142,17 +147,18 @@ class DiscContact:
         return self._fallen(local[:, :2]) - local[:, 2]
 
     def _fallen(self, across: Array) -> Array:
-        """Return how far the disc's rim has fallen away at places in its plane [m], shape (m,)."""
+        """Return the depth of the rounded rim below the face at positions in the disc's plane [m], shape (m,)."""
         over = np.maximum(np.sqrt(across[:, 0] ** 2 + across[:, 1] ** 2) - self.disc.radius, 0.0)
         return over * over * (0.5 / self.disc.rounding)
 
     def solve(self, pose: DiscPose, known: DiscSolution | None = None) -> DiscSolution:
-        """Return the contact at a pose from the friction state that is held, of skin with a law by the law.
+        """Solve contact at a pose, on nonlinear skin by its law.
 
-        The offset is then the one that the law wants at this pose.
+        The friction state is that of `hold`. On nonlinear skin, contact and the law alternate until the law converges.
 
         Args:
-            known: what `tried` returned of this pose last; it serves where the offset has not changed since.
+            pose: pose of the disc.
+            known: result of `tried` for this pose; it is used if the correction has not changed since.
         """
         law = self.law
         if law is None:
@@ -168,13 +174,13 @@ class DiscContact:
                 law.take_best()
                 lost = True
             self._less = law.less
-            if lost:  # no step leads nearer: this is where least was left
+            if lost:  # no step lowers the residual: this is the solution for the best correction
                 found = self.tried(pose)
                 break
         return replace(found, amounts=law.amounts, law=law.save(), less=self._less)
 
     def tried(self, pose: DiscPose) -> DiscSolution:
-        """Return the contact at a pose with the offset frozen that skin with a law has; linear skin's is exact."""
+        """Solve contact at a pose with a constant correction c; on linear skin the result is exact."""
         seen = self._seen(pose)
         self._choose(seen)
         self.solved += 1
@@ -185,7 +191,7 @@ class DiscContact:
             return DiscSolution(pose, self.near, zero, offset, np.zeros_like(change), nothing, 0.0, 0, "none")
         guess = self._held_force
         if self._guess is not None:
-            # forces move with the disc to first order: nearly always the right points stick and slip at once
+            # The forces are extrapolated to first order, so that the guess nearly always has the right status.
             at, guess, slope = self._guess
             guess = guess + slope @ (pose.x - at)
         force, w, slope, status, residual, steps = self._newton(pose, offset, change, guess)
@@ -202,7 +208,7 @@ class DiscContact:
         return DiscSolution(pose, self.near, force, w, slope, status, residual, steps, method, less=self._less)
 
     def _solved_otherwise(self, pose: DiscPose, offset: Array, start: Array) -> Solution:
-        """Return what a slower way finds."""
+        """Solve contact by Gauss-Seidel sweeps, which are slower than Newton's method but more robust."""
         b = offset if self._less is None else offset - self._less[self.near]
         normals = np.tile(pose.normal, (len(offset), 1))
         return solve_contact(
@@ -219,9 +225,9 @@ class DiscContact:
         return (spread[:, columns] @ solution.force[loaded].ravel()).reshape(-1, 3)
 
     def settle(self, solution: DiscSolution) -> FrictionState:
-        """Return the friction state after a step that ended in this solution.
+        """Return the friction state after a step that ended in a solution.
 
-        A point that sticks keeps its anchor, one that slips takes it along, one that is open hovers over it.
+        A sticking point keeps its anchor. The anchors of slipping and of open points are moved to where the points are.
         """
         pose = solution.pose
         local = (self.positions - pose.centre) @ pose.rotation
@@ -246,7 +252,18 @@ class DiscContact:
     def _newton(
         self, pose: DiscPose, offset: Array, change: Array, guess: Array, steps: int = MAX_STEPS
     ) -> tuple[Array, Array, Array, NDArray[np.int8], float, int]:
-        """Newton's method on the forces, and their derivatives from its last factors."""
+        """Solve by Newton's method.
+
+        Args:
+            pose: pose of the disc.
+            offset, change: offset b of the candidates and its derivative, see `_offsets`.
+            guess: forces to start from [N], shape (s, 3).
+            steps: largest number of steps.
+
+        Returns:
+            Forces [N], shape (s, 3), displacements w [m], shape (s, 3), derivative of the forces, shape (s, 3, n),
+            status, shape (s,), residual, and number of steps.
+        """
         normal, r, mu, size = pose.normal, self._stiffness, self.friction, len(offset)
         untouched = offset
         if self._less is not None:
@@ -264,7 +281,7 @@ class DiscContact:
             np.maximum(length, 1e-300, out=length)
             pushed = np.maximum(vn, 0.0)
             share = np.minimum(mu * pushed / length, 1.0)
-            if step:  # a guess is no candidate
+            if step:  # the guess itself is not a result
                 wanted = tangent * share[:, None] + pushed[:, None] * normal
                 miss = (wanted - force).ravel()
                 weight = max(float(np.vdot(wanted, wanted)), float(np.vdot(force, force)))
@@ -291,7 +308,7 @@ class DiscContact:
                 matrix[slips] = law @ matrix[slips]
                 matrix.reshape(len(active), 3, len(active), 3)[slips, :, slips] += (_UNIT - law) / r
                 right[slips] = (law @ right[slips, :, None])[:, :, 0]
-                # the transpose is in Fortran order already, which saves a copy
+                # The transpose is in Fortran order, which avoids a copy.
                 lower, pivots, info = self._factorise(matrix.reshape(3 * len(active), -1).T, overwrite_a=True)
                 sound = info == 0
             if not sound:
@@ -304,7 +321,15 @@ class DiscContact:
         return force, w, slope, status, residual, step
 
     def _slope(self, pose: DiscPose, factors: _Factors | None, force: Array, moved: Array, change: Array) -> Array:
-        """Differentiate the forces by the configuration with the factors of the last Newton step, (s, 3, n)."""
+        """Return the derivative of the forces with respect to the configuration, shape (s, 3, n).
+
+        Args:
+            pose: pose of the disc.
+            factors: factors of the last Newton step; None if nothing touches.
+            force: forces [N], shape (s, 3).
+            moved: displacement by the forces [m], shape (s, 3).
+            change: derivative of the offset, shape (s, 3, n).
+        """
         slope = np.zeros_like(change)
         if factors is None:
             return slope
@@ -313,7 +338,7 @@ class DiscContact:
         right = change[active]
         right[:, :, :count] -= (moved[active] @ turn).reshape(-1, count, 3).transpose(0, 2, 1)
         turned = None
-        if len(slips):  # what sticks all over turns with the disc by itself
+        if len(slips):  # without slip, these terms cancel
             turned = (force[active] @ turn).reshape(-1, count, 3).transpose(0, 2, 1)  # Omega f
             block = self._active_block(active).matrix
             right[:, :, :count] += (block @ turned.reshape(-1, count)).reshape(-1, 3, count)
@@ -325,7 +350,7 @@ class DiscContact:
         return slope
 
     def _seen(self, pose: DiscPose) -> _Seen:
-        """Return what the disc sees at a pose: a point that sticks stays where it is on the disc."""
+        """Return the positions of all points in the disc's frame; a sticking point stays at its anchor."""
         both = (self._all - pose.centre) @ pose.rotation
         local, across = both[: self.count], both[self.count :, :2]
         across[self._stuck] = self._stuck_at
@@ -335,19 +360,24 @@ class DiscContact:
         return _Seen(local, across, reach, over * over * (0.5 / self.disc.rounding) - local[:, 2])
 
     def _offsets(self, pose: DiscPose, seen: _Seen) -> tuple[Array, Array]:
-        """Relative displacement without force, (s, 3), and its derivative but for turning with the disc, (s, 3, n)."""
+        """Return the offset b of the candidates and its derivative without the turning part.
+
+        Returns:
+            Relative displacement without force [m], shape (s, 3), and its derivative with respect to the configuration,
+            shape (s, 3, n).
+        """
         turn, near, n = pose.rotation, self.near, len(pose.spin)
         out = seen.local.take(near, axis=0)
         out[:, :2] -= self._anchor
         out[:, 2] = -seen.gap[near]
         motion = -pose.motion().transpose(2, 1, 0).reshape(4, 3 * n)
         move = (self._rest4 @ motion).reshape(-1, 3, n)
-        if not self._all_anchored:  # what was never touched has nothing to be sheared from
+        if not self._all_anchored:  # a point without an anchor has no slip
             loose = ~self._anchored
             out[loose, :2] = 0.0
             move[loose] = turn[:, 2:] * (turn[:, 2] @ move[loose])[:, None]
         slides = ((seen.reach[near] > self.disc.radius) & ~self._sticking).nonzero()[0]
-        if len(slides):  # past the rim, which falls away
+        if len(slides):  # points beyond the flat face, whose gap changes along the rounded rim
             reach, across = seen.reach[near[slides]], seen.across[near[slides]]
             steep = (reach - self.disc.radius) / (self.disc.rounding * reach)
             outwards = (across * steep[:, None]) @ turn[:, :2].T
@@ -356,14 +386,14 @@ class DiscContact:
         return out @ turn.T, move
 
     def _choose(self, seen: _Seen) -> None:
-        """Choose the candidates anew if others come close."""
+        """Choose the candidates again if another point comes close."""
         close = seen.gap < MARGIN
         if len(self.near) and np.count_nonzero(close[self.near]) == np.count_nonzero(close):
             return
         self._take(np.flatnonzero(seen.gap < NEAR))
 
     def _take(self, near: NDArray[np.intp]) -> None:
-        """Take these candidates, with what the friction state says of them."""
+        """Set the candidates, with their part of the friction state."""
         if near is not self.near and not np.array_equal(near, self.near):
             self.choice += 1
             self._built = self._block = None
@@ -386,14 +416,14 @@ class DiscContact:
 
     @property
     def _matrix(self) -> Array:
-        """Compliance between the candidates, built when something touches."""
+        """Compliance between the candidates [m/N], shape (3 s, 3 s); built when something touches."""
         if self._built is None:
             rows = _degrees(self.near)
             self._built = np.ascontiguousarray(self.compliance[np.ix_(rows, rows)])
         return self._built
 
     def _active_block(self, active: NDArray[np.intp]) -> _Block:
-        """Return what is known of points that touch, from the step before where they are the same."""
+        """Return compliance and factors of the active points; those of the last step if the points are the same."""
         key = active.tobytes()
         if self._block is None or self._block.key != key:
             rows = _degrees(active)
@@ -404,13 +434,20 @@ class DiscContact:
 
 
 def _degrees(points: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return where the components of some points are, x, y, z each, shape (3 k,)."""
+    """Return the indices of the x, y and z components of points, shape (3 k,)."""
     out: NDArray[np.intp] = (3 * points[:, None] + np.arange(3)).ravel()
     return out
 
 
 def _projection_slope(normal: Array, direction: Array, friction: float, share: Array) -> Array:
-    """Derivative of Coulomb's projection at slipping points, shape (k, 3, 3)."""
+    """Return the derivative of Coulomb's projection at slipping points, shape (k, 3, 3).
+
+    Args:
+        normal: unit normal, shape (3,).
+        direction: unit vectors of the tangential part, shape (k, 3).
+        friction: friction coefficient.
+        share: factor by which the projection shortens the tangential part, shape (k,).
+    """
     nn = normal[:, None] * normal
     out: Array = direction[:, :, None] * (friction * normal - share[:, None] * direction)[:, None, :]
     out += nn + share[:, None, None] * (_UNIT - nn)

@@ -1,7 +1,7 @@
-"""DiscDevice: whatever carries a rigid disc under the finger pad, by however many joints.
+"""DiscDevice: interface of devices that carry a rigid disc under the finger pad.
 
-A configuration begins with pitch, roll [rad] and distance [m]; devices with more freedom add shifts of the disc along
-the pad, x and y in the finger's frame [m], and its yaw [rad].
+A configuration begins with pitch, roll [rad] and distance [m]. Devices with six joints add two shifts of the disc along
+the pad, in x and y of the finger's frame [m], and its yaw [rad].
 """
 
 from __future__ import annotations
@@ -14,84 +14,88 @@ from numpy.typing import ArrayLike
 from ..arrays import Array
 from .linkage import PlatformPose
 
-LATERAL = ("shift x", "shift y", "yaw")  # what more than three values of a configuration say
+LATERAL = ("shift x", "shift y", "yaw")  # names of the values of a configuration after the first three
 
 
 class DiscDevice(Protocol):
-    """What a search for a pose of the disc must know of a device: joints stand for servos' angles or legs' lengths."""
+    """Device as a search for a pose uses it; its n joints are angles of servos or lengths of legs."""
 
     @property
     def freedoms(self) -> int:
-        """Number of values in a configuration, n: as many as there are joints."""
+        """Number n of values in a configuration, which is the number of joints."""
         ...
 
     @property
     def disc_radius(self) -> float:
-        """Of the surface that touches the skin [m]."""
+        """Radius of the surface that touches the skin [m]."""
         ...
 
     @property
     def platform_radius(self) -> float:
-        """Length that makes shifts comparable with turns [m]."""
+        """Length by which shifts are divided to compare them with angles [m]."""
         ...
 
     @property
     def mount(self) -> Array:
-        """Base frame in the finger's frame, shape (4, 4)."""
+        """Pose of the base in the finger's frame, shape (4, 4)."""
         ...
 
     @property
     def servo_limits(self) -> tuple[Array, Array]:
-        """Lowest and highest value of every joint, from neutral, shape (n,) each."""
+        """Lowest and highest value of every joint from neutral [rad or m], shape (n,) each."""
         ...
 
     @property
     def servo_speed(self) -> float:
-        """Of the slowest joint [rad/s, or m/s of legs]."""
+        """Speed of the slowest joint [rad/s, or m/s for legs]."""
         ...
 
     def forward(self, angles: ArrayLike, start: ArrayLike) -> Array:
-        """Return the configuration near `start` in which the joints have these values from neutral.
+        """Return the configuration near `start` at which the joints have given values, shape (n,).
+
+        Args:
+            angles: values of the joints from neutral [rad or m], shape (n,).
+            start: configuration to start from, shape (n,).
 
         Raises:
-            DermisError: there is none.
+            DermisError: there is no such configuration.
         """
         ...
 
     def pose(self, x: ArrayLike) -> PlatformPose:
-        """Return where the disc is, in the base's frame; three values of x are level in all others."""
+        """Return the pose of the disc in the base's frame; values that x lacks after the third are zero."""
         ...
 
     def joints(self, x: ArrayLike) -> tuple[Array, Array]:
-        """Return the joints' values from neutral, shape (n,), and their derivative by x, shape (n, n).
+        """Return the joints' values from neutral, shape (n,), and their derivatives with respect to x, shape (n, n).
 
         Raises:
-            DermisError: the device cannot reach.
+            DermisError: the device cannot reach the configuration.
         """
         ...
 
     def constraints(self, x: ArrayLike, low: Array, high: Array) -> tuple[Array, Array]:
-        """Return c(x) >= 0 and dc/dx within limits of the joints; see `gauss_newton.ServoLimits`."""
+        """Return constraints c(x) >= 0 and their derivative for limits of the joints, see `ServoLimits`."""
         ...
 
     def holds(self, x: Array, low: Array, high: Array) -> bool:
-        """Return whether the device reaches x within limits of its joints and holds the disc firmly there."""
+        """Return whether the device reaches x within limits of its joints, away from singular poses."""
         ...
 
     def feasible(self, x: ArrayLike) -> bool:
-        """Return the same for the whole range of the joints."""
+        """Return `holds` for the whole range of the joints."""
         ...
 
 
 def seated(device: DiscDevice, pitch: float, roll: float, distance: float) -> Array:
-    """Return the configuration of a tilt and a distance in the middle of all other freedom, shape (n,)."""
+    """Return the configuration of a tilt [rad] and a distance [m], with all other values zero, shape (n,)."""
     x = np.zeros(device.freedoms)
     x[:3] = pitch, roll, distance
     return x
 
 
 def scale_of(device: DiscDevice) -> Array:
-    """Return what configurations are divided by to be angles, shape (n,): lengths by the platform's radius."""
+    """Return the scale of each value of a configuration, shape (n,): the platform's radius for lengths, else 1."""
     scale = np.ones(device.freedoms)
     scale[2:5] = device.platform_radius
     return scale

@@ -1,7 +1,7 @@
-"""DiscLaw: skin that follows the neo-Hookean law under a disc: what it gives way less than linear skin at the points.
+"""DiscLaw: correction of linear skin for the neo-Hookean law at the points under a disc.
 
-Contact is solved on linear skin with an offset c; the law then says which c the displacement wants. From frame to frame
-c is expected to go on changing as it did, and what looks taught of the law goes along.
+Contact is solved on linear skin with a constant correction c. The law is then evaluated and gives the next c, see
+`LawSkin`. A frame starts from the c that is extrapolated from the last two frames.
 """
 
 from __future__ import annotations
@@ -12,14 +12,15 @@ from ..skin.law_tables import LawTables
 
 
 class DiscLaw:
-    """The law on the points of one skin.
+    """Neo-Hookean law at the points of one skin.
 
     Args:
-        tables: of its mesh. modulus: E alpha [Pa].
-        nodal: forces on the nodes for forces on the points, shape (3 m, 3 n); None where they are the nodes.
+        tables: tables of the skin's mesh.
+        modulus: Young's modulus times the personal stiffness factor, E alpha [Pa].
+        nodal: maps forces on the points to forces on the pad nodes, shape (3 m, 3 n); None if the points are the nodes.
 
     Attributes:
-        rounds: how often the law was evaluated.
+        rounds: number of evaluations of the law.
     """
 
     def __init__(self, tables: LawTables, modulus: float, nodal: Array | None) -> None:
@@ -28,28 +29,28 @@ class DiscLaw:
 
     @property
     def less(self) -> Array:
-        """By how much less than linear skin the points give way now, c [m], shape (n, 3)."""
+        """The current correction c at the points [m], shape (n, 3): displacement of linear skin minus own."""
         c = self._skin.beyond
-        # forces and displacement of points do the same work as those of the nodes
+        # The transpose of the map of forces: work at the points equals work at the nodes.
         return c if self._nodal is None else (c.ravel() @ self._nodal).reshape(-1, 3)
 
     @property
     def amounts(self) -> Array:
-        """The same at the pad nodes, for the last forces, shape (3 m,)."""
+        """The correction c at the pad nodes for the last forces [m], shape (3 m,)."""
         return self._skin.amounts
 
     @property
     def settled(self) -> bool:
-        """Whether the law has what it wants."""
+        """Whether the residual of the law is within the tolerance."""
         return self._skin.settled
 
     @property
     def left(self) -> float:
-        """What the law leaves of the last forces, over their own energy."""
+        """Residual of the law at its last evaluation, relative to the forces' own energy."""
         return self._skin.left
 
     def begin(self, state: LawState | None) -> None:
-        """Begin a frame after a state; None at rest."""
+        """Begin a frame from the state after the last one; None for rest."""
         if state is None:
             self._skin.reset()
         else:
@@ -57,22 +58,26 @@ class DiscLaw:
         self._skin.begin(ahead=1.0 if self._skin.settled else 0.0)
 
     def go_on(self, state: LawState | None) -> None:
-        """Go back to a state, with its offset as it is; None at rest."""
+        """Go back to a state without extrapolation of its correction; None for rest."""
         if state is None:
             self._skin.reset()
         else:
             self._skin.restore(state)
 
     def look_anew(self) -> None:
-        """Forget how near the law was in this frame: the next look is at another pose."""
+        """Forget the best residual of this frame, because the next evaluation is at another pose."""
         self._skin.look_anew()
 
     def take_best(self) -> None:
-        """Go to the offset that left least at this pose."""
+        """Use the correction of least residual at this pose."""
         self._skin.take_best()
 
     def look(self, force: Array) -> bool:
-        """Ask the law about forces on the pad nodes [N], shape (m, 3); return whether no step leads nearer."""
+        """Evaluate the law for forces on the pad nodes [N], shape (m, 3).
+
+        Returns:
+            Whether no step lowers the law's residual any further.
+        """
         self.rounds += 1
         self._skin.look(force)
         return self._skin.lost

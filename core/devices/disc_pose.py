@@ -1,4 +1,4 @@
-"""DiscPose, Disc and what contact with it is described by: a pose, a surface, friction's memory, a solution.
+"""Data of contact with a rigid disc: its pose, its surface, the friction state and a solution.
 
 Source: [S0] 3.1 (rigid disc on the skin), 3.4 (friction state)
 """
@@ -21,19 +21,21 @@ from .disc_device import DiscDevice
 from .linkage import PlatformPose
 from .poses import crossing
 
-TOLERANCE = 1e-6  # of the natural residual, relative to the forces
-FALLBACK_TOLERANCE = 1e-8
-ROUNDING = 1.0e-3  # [m] radius by which the disc's rim falls away
+TOLERANCE = 1e-6  # largest residual of Newton's method, relative to the forces
+FALLBACK_TOLERANCE = 1e-8  # largest residual of the slower method
+ROUNDING = 1.0e-3  # [m] radius of the disc's rounded rim
 
 
 @dataclass(frozen=True)
 class DiscPose:
-    """A pose of the disc in the finger's frame, with its derivatives by the device's configuration.
+    """Pose of the disc in the finger's frame, with its derivatives with respect to the configuration.
 
     Attributes:
-        rotation: disc to finger, shape (3, 3). The side that touches faces -Z of the disc.
-        centre: [m], shape (3,).
-        spin: row j is the rotation vector for a unit of x_j, shape (n, 3). shift: column j moves the centre, (3, n).
+        rotation: rotation from the disc's frame to the finger's, shape (3, 3). The touching face looks along -Z of the
+            disc.
+        centre: position of the disc's centre [m], shape (3,).
+        spin: derivative of the rotation: row j is the rotation vector per unit of x_j, shape (n, 3).
+        shift: derivative of the centre: column j is for x_j, shape (3, n).
         x: the configuration, shape (n,).
     """
 
@@ -45,16 +47,19 @@ class DiscPose:
 
     @property
     def normal(self) -> Array:
-        """Out of the disc, into the finger, shape (3,)."""
+        """Unit normal out of the disc, into the finger, shape (3,)."""
         return -self.rotation[:, 2]
 
     @property
     def turning(self) -> int:
-        """How many of a configuration's first values may turn the disc: pitch and roll, or of more than three all."""
+        """Number of the first values of a configuration that may turn the disc: 2 of 3, or all of more."""
         return 2 if len(self.spin) == 3 else len(self.spin)
 
     def motion(self) -> Array:
-        """Return how the disc moves with its configuration: at a place p by motion_j @ (p, 1), shape (n, 3, 4)."""
+        """Return the derivative of the disc's movement with respect to its configuration, shape (n, 3, 4).
+
+        A point p of the disc moves by `motion[j] @ (p, 1)` per unit of x_j.
+        """
         out = np.empty((len(self.spin), 3, 4))
         turns = out[:, :, :3]
         turns[:] = crossing(self.spin)
@@ -64,17 +69,18 @@ class DiscPose:
 
 
 def placed(device: DiscDevice, pose: PlatformPose) -> DiscPose:
-    """Return a platform's pose in the finger's frame."""
+    """Transform a platform's pose from the base's frame to the finger's."""
     turn, origin = device.mount[:3, :3], device.mount[:3, 3]
     return DiscPose(turn @ pose.rotation, turn @ pose.centre + origin, pose.spin @ turn.T, turn @ pose.d_centre, pose.x)
 
 
 @dataclass(frozen=True, eq=False)
 class Disc(Plane):
-    """The disc as a surface for the path solver, in its own frame: flat up to `radius`, then rounded off.
+    """Surface of the disc in its own frame: flat up to `radius`, then rounded.
 
     Attributes:
-        radius, rounding: [m].
+        radius: radius of the flat face [m].
+        rounding: radius of the rounded rim [m].
     """
 
     normal: Array = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
@@ -83,7 +89,7 @@ class Disc(Plane):
     rounding: float = ROUNDING
 
     def query(self, points: Array, search_radius: float = np.inf) -> GapQuery:
-        """Return gap, closest point and normal of each point; the normal of the rim is that of the face."""
+        """Return gap, closest point and normal of each point [m], shape (n, 3); the rim has the normal of the face."""
         over = np.maximum(np.hypot(points[:, 0], points[:, 1]) - self.radius, 0.0)
         gap = -points[:, 2] + over**2 / (2 * self.rounding)
         n = len(gap)
@@ -94,22 +100,22 @@ class Disc(Plane):
         return GapQuery(np.where(near, gap, np.inf), normal, point, triangle, np.zeros((n, 3)), np.zeros(n, bool))
 
     def body(self, pose: DiscPose, friction: float) -> ContactBody:
-        """Return the disc as something to touch, at a pose."""
+        """Return the disc at a pose as a contact body with a friction coefficient."""
         return ContactBody(self, pose.rotation, pose.centre, friction)
 
 
 @dataclass(frozen=True, eq=False)
 class FrictionState:
-    """What friction remembers of the path so far.
+    """Friction state after a step: the history of the contact.
 
     Attributes:
-        anchored: points of the skin with an anchor, shape (m,).
-        anchor: the point of the disc that each sticks to, x and y in the disc's frame [m], shape (m, 2).
-        force: on the skin at the end of the last step [N], shape (m, 3).
-        sticking: points that the disc carries along, shape (m,).
-        moved: how far the points were from rest then [m], shape (m, 3).
-        last: the contact that the last step ended in, from which the next one is guessed.
-        law: of skin that follows it, at the end of the last step; None at rest.
+        anchored: whether each point of the skin has an anchor, shape (m,).
+        anchor: anchor of each point, x and y in the disc's frame [m], shape (m, 2).
+        force: force on each point at the end of the last step [N], shape (m, 3).
+        sticking: whether each point sticks, shape (m,).
+        moved: displacement of the points at the end of the last step [m], shape (m, 3).
+        last: contact at the end of the last step, from which the first guess of the next one is made.
+        law: state of the nonlinear law at the end of the last step; None at rest and on linear skin.
     """
 
     anchored: NDArray[np.bool_]
@@ -122,7 +128,7 @@ class FrictionState:
 
     @classmethod
     def rest(cls, count: int) -> FrictionState:
-        """Return the state of skin that touched nothing yet."""
+        """Return the state of `count` points before any contact."""
         nothing = np.zeros((count, 3))
         return cls(np.zeros(count, bool), np.zeros((count, 2)), nothing, np.zeros(count, bool), nothing)
 
@@ -132,16 +138,19 @@ class DiscSolution:
     """Contact with the disc at one pose.
 
     Attributes:
-        pose: of the disc.
-        near: the points of the skin that may touch, shape (s,); all others carry no force.
-        force: on them [N], shape (s, 3). displacement: w = C f + b of them [m], shape (s, 3).
-        slope: derivative of the forces by the configuration, column j of point i at [i, :, j], shape (s, 3, n).
+        pose: pose of the disc.
+        near: indices of the points of the skin that may touch, shape (s,); all others carry no force.
+        force: force on these points [N], shape (s, 3).
+        displacement: relative displacement w = C f + b of these points [m], shape (s, 3).
+        slope: derivative of the forces with respect to the configuration, shape (s, 3, n).
         status: OPEN, STICK or SLIP, shape (s,).
-        residual: |f - P(f - w / rho)| / |f|. iterations: Newton steps.
-        method: 'none', 'newton', or 'fallback' where Newton did not settle.
-        amounts: of skin with a law by how much less than linear skin the pad nodes give way [m], shape (3 m,), see
-            `Stimulus.given`; None where the law was not asked.
-        law: its state there. less: the same as `amounts` at the points, that the contact was solved with, shape (n, 3).
+        residual: |f - P(f - w / rho)| / |f|.
+        iterations: number of Newton steps and of iterations of the fallback.
+        method: 'none' (nothing touches), 'newton', or 'fallback' if Newton's method did not converge.
+        amounts: correction c of nonlinear skin at the pad nodes [m], see `Stimulus.given`, shape (3 m,); None if the
+            law was not evaluated.
+        law: state of the nonlinear law; None if it was not evaluated.
+        less: correction c at all points with which contact was solved [m], shape (points, 3); None on linear skin.
     """
 
     pose: DiscPose
@@ -159,12 +168,12 @@ class DiscSolution:
 
     @property
     def converged(self) -> bool:
-        """Whether the forces obey the laws of contact."""
+        """Whether the forces obey Coulomb's law within the tolerance."""
         return self.residual <= max(TOLERANCE, 10 * FALLBACK_TOLERANCE)
 
     @property
     def settled(self) -> bool:
-        """Whether the law of skin that follows one has what it wants, too."""
+        """Whether the residual of the nonlinear law is within its tolerance; True if it was not evaluated."""
         return self.law is None or self.law.left <= LAW_TOLERANCE
 
     @property

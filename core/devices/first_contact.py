@@ -1,4 +1,4 @@
-"""First contact: where the disc first meets the skin, and how the device sits on a person who says so."""
+"""First contact of the disc with the skin, and calibration of the mounting by it."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from .thimble import Thimble
 
 
 def first_contact(device: DiscDevice, contact: DiscContact, pitch: float = 0.0, roll: float = 0.0) -> float:
-    """Return the distance z [m] at which the disc, so tilted, first meets the undeformed skin."""
+    """Return the distance z at which the disc with a given tilt [rad] first meets the undeformed skin [m]."""
     z = 0.0
-    for _ in range(3):  # exact at once but for the rim, which shifts a little with z
+    for _ in range(3):  # the first step would be exact without the rim, which shifts a little with z
         pose = placed(device, device.pose((pitch, roll, z)))
         gap = float(contact.gap(pose).min())
         z -= gap / -float(pose.shift[:, 2] @ pose.normal)
@@ -22,12 +22,14 @@ def first_contact(device: DiscDevice, contact: DiscContact, pitch: float = 0.0, 
 
 
 def calibrated(device: Thimble, contact: DiscContact, felt: Array) -> Thimble:
-    """Return the device mounted as it sits on a person, from the servo angles at which the disc is first felt.
+    """Return a device mounted as on a person, from the servo angles at which the person first feels the disc.
+
+    The mounting is shifted along the base's axis until the model first touches at this pose.
 
     Args:
-        felt: servo angles from neutral [rad], shape (3,), at the first contact that the person reports.
-
-    The mounting moves along the base's axis until the model first touches in that very pose.
+        device: the thimble.
+        contact: contact of its disc with the person's skin.
+        felt: servo angles from neutral at first contact [rad], shape (3,).
 
     Raises:
         DermisError: no pose of the platform has these angles.

@@ -1,11 +1,12 @@
-"""Forward kinematics of a 3-RRS platform: the pose that servo angles hold it in, by a guarded Newton iteration.
+"""Forward kinematics of a 3-RRS platform: pose from servo angles by Newton's method.
 
-With a servo's angle q its knee stands still, and the rod says all there is to say of its leg:
+For a servo angle q, the position of the knee is known, and the length L2 of the rod gives one equation for each leg:
 
     |(r, h) - L1 (cos q, sin q)|^2 = L2^2
 
-which is smooth at any pose, where the servo's angle of a pose is not: its slope grows without bound as the leg
-stretches. The determinant of the three rods' slopes is the singularity margin but for its scale.
+This equation is smooth at every pose. The servo angle as a function of the pose is not: its derivative grows without
+bound as the leg stretches. The determinant of the three equations' derivatives is the singularity margin up to a
+factor.
 """
 
 from __future__ import annotations
@@ -17,20 +18,23 @@ from ..arrays import Array
 from ..errors import DermisError
 from .linkage import Linkage
 
-TOLERANCE = 1e-13  # of the platform's radius, or radians, that a last step is at most
+TOLERANCE = 1e-13  # length of a step at which the iteration ends: tilt [rad], distance over the platform's radius
 STEPS = 40
-LONGEST = 0.25  # [rad] of tilt, or of distance over the platform's radius: longer ones jump over singular poses
-SHORTEST = 1e-3  # share of a step
-FINEST = 1 / 256  # of the way from the start to the angles wanted, where the direct way gets stuck
+LONGEST = 0.25  # longest step, in the same units; a longer one could jump over a singular pose
+SHORTEST = 1e-3  # shortest share of a step that is tried
+FINEST = 1 / 256  # shortest part of the path from the start to the wanted angles, if the direct iteration fails
 
 
 def configuration(linkage: Linkage, angles: ArrayLike, start: ArrayLike) -> Array:
-    """Return the configuration x that servo angles [rad] hold the platform in, on the level pose's side.
+    """Return the configuration of the platform for servo angles, shape (3,).
 
-    Beyond a singular pose the same angles belong to another pose, which the platform never gets to.
+    The configuration is on the same side of the singular poses as the level pose. Beyond a singular pose, the same
+    angles belong to another pose, which the platform cannot reach.
 
     Args:
-        start: a pose on that side, to begin with.
+        linkage: links of the platform.
+        angles: servo angles [rad], shape (3,).
+        start: configuration on that side to start from, shape (3,).
 
     Raises:
         DermisError: no such configuration was found.
@@ -53,14 +57,17 @@ def configuration(linkage: Linkage, angles: ArrayLike, start: ArrayLike) -> Arra
 
 
 def _bent(linkage: Linkage, angles: Array, x: Array) -> bool:
-    """Return whether all knees point to their side; on the other one a leg closes too."""
+    """Return whether all knees point to the side of `Linkage.bend`; legs can also close on the other side."""
     planes = linkage.leg_planes(linkage.pose(x))
     sides = (h * np.cos(q) - r * np.sin(q) for (r, h, _, _), q in zip(planes, angles.tolist(), strict=True))
     return all(linkage.bend * side > 0.0 for side in sides)
 
 
 def _rods(linkage: Linkage, angles: Array, x: Array) -> tuple[Array, Array]:
-    """Return by how much each rod would have to be longer, over the platform's radius, shape (3,), and the slopes."""
+    """Return the residuals of the three rods' equations, shape (3,), and their derivatives, shape (3, 3).
+
+    A residual is the missing length of a rod, divided by the platform's radius.
+    """
     size, rod = linkage.platform_radius, linkage.rod
     miss, slopes = [], []
     for (r, h, dr, dh), q in zip(linkage.leg_planes(linkage.pose(x)), angles.tolist(), strict=True):
@@ -72,8 +79,8 @@ def _rods(linkage: Linkage, angles: Array, x: Array) -> tuple[Array, Array]:
 
 
 def _closed(linkage: Linkage, angles: Array, x: Array) -> Array | None:
-    """Return the configuration near x at which the rods fit; None where the way there is barred."""
-    scale = np.array([1.0, 1.0, linkage.platform_radius])  # keeps tilt and distance alike
+    """Solve the rods' equations from x by a damped Newton method; None if it does not converge."""
+    scale = np.array([1.0, 1.0, linkage.platform_radius])  # makes tilt and distance comparable
     miss, slopes = _rods(linkage, angles, x)
     for _ in range(STEPS):
         if not linkage.side * np.linalg.det(slopes) > 0.0:

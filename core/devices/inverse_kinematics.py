@@ -1,7 +1,7 @@
-"""Inverse kinematics of a 3-RRS platform: the servo angles at a configuration, with its singularity margin at no cost.
+"""Inverse kinematics of a 3-RRS platform: servo angles and singularity margin from a configuration.
 
-A leg's joint stands at r outwards of its servo and at height h. With the platform's normal a, which turns it without
-torsion, and m = a.e of the leg's direction e:
+The joint of a leg on the platform lies at a distance r outwards of its servo and at a height h. The platform has the
+normal a and turns without torsion. With m = a.e for the direction e of the leg:
 
     r = rp (3/2 - a_z / 2 - 2 m^2 / (1 + a_z)) - rb        h = distance - rp m
 
@@ -15,17 +15,22 @@ import math
 from ..errors import DermisError
 from .linkage import LEGS, Linkage
 
-# Cosine of the angle between crank and leg, in a leg that reaches: 0.08 degrees from stretched or folded. Nearer than
-# that no servo tells a pose from its neighbours, and the slopes of its angle, which grow without bound, mean nothing.
+# Largest cosine of the angle between crank and leg, 0.08 degrees from a stretched or folded leg. Nearer to these, a
+# servo's angle hardly determines the pose, and its derivative grows without bound.
 BENT = 1.0 - 1e-6
-UPRIGHT = 1.5 * math.sqrt(3.0)  # the determinant of a level platform on upright rods
+UPRIGHT = 1.5 * math.sqrt(3.0)  # determinant for a level platform on upright rods, by which the margin is divided
 
 
 def inverse_kinematics(linkage: Linkage, pitch: float, roll: float, distance: float) -> tuple[list[float], float]:
-    """Return the servos' angles from neutral [rad] and the singularity margin, as plain numbers.
+    """Return the servos' angles from neutral [rad] and the singularity margin, as Python floats.
+
+    Args:
+        linkage: links of the platform.
+        pitch, roll: tilt of the platform [rad].
+        distance: distance of the platform from the base [m].
 
     Raises:
-        DermisError: a leg cannot reach, or is all but stretched or folded.
+        DermisError: a leg cannot reach the platform, or is nearly stretched or folded.
     """
     cp, sp, cr, sr = math.cos(pitch), math.sin(pitch), math.cos(roll), math.sin(roll)
     up, up_pitch, up_roll = cp * cr, -sp * cr, -cp * sr
@@ -45,7 +50,7 @@ def inverse_kinematics(linkage: Linkage, pitch: float, roll: float, distance: fl
             raise DermisError("a leg cannot reach the platform", where=f"thimble, leg {len(angles) + 1}")
         angle = math.atan2(h, r) - bend * math.acos(stretched / whole)
         angles.append(angle - linkage.servo_zero)
-        out, rise = r - crank * math.cos(angle), h - crank * math.sin(angle)  # the rod, of length L2
+        out, rise = r - crank * math.cos(angle), h - crank * math.sin(angle)  # vector along the rod, of length L2
         curve = bent * m * across - 0.5
         rows.append(
             (

@@ -1,7 +1,7 @@
-"""Kinds of device: one row says all that must be known before a mechanism is loaded.
+"""Kinds of device: one entry for each, with all data that are needed before a mechanism is loaded.
 
-Everything else reads its row here: which file judges a preset and which renders a track, what a preset may set, which
-channels it can fill, whether a finger is in it. `core/README.md`, *A new device*, has the other places.
+An entry names the file that checks a preset and the one that renders a track, the parameters of a preset, its channels,
+and whether a finger is inside the device. `core/README.md`, *A new device*, lists all other places to change.
 """
 
 from __future__ import annotations
@@ -22,17 +22,18 @@ class Kind:
     """One kind of device.
 
     Attributes:
-        mechanism: what reads a preset, and refuses one that it cannot be made from: file and function in `devices/`.
-        renderer: the file in `matching/` whose `render` makes its track.
-        parameters: what a preset may set. settings: the rows of `parameters/device.py` that the renderer reads.
-        channels: that it can fill by name, with their units; whichever a preset has where empty.
-        count: how many channels a preset has: a number, or the parameters whose product it is; any where 0.
-        worn: a finger is in it, and must be let go: a preset states a safe pose.
-        follows_skin: `render` takes what the finger's whole skin feels, besides the touch of its pad.
-        platform: its motors have ranges, may be coupled, and a look-up table says what they do.
-        drawn: as what Blender shows it; as its name and values alone where empty.
-        sine: the channels of amplitude and frequency of a sinusoid that drives it; empty where none does.
-        wave: the channel that is itself a voltage over time; '' where none is.
+        mechanism: file and function in `devices/` that read a preset and raise an error for an invalid one.
+        renderer: file in `matching/` whose function `render` makes the track.
+        parameters: parameters of a preset.
+        settings: names of the rows of `parameters/device.py` that the renderer reads.
+        channels: names and units of the channels that it can fill; empty if a preset may name any.
+        count: number of channels of a preset, or the parameters whose product it is; 0 for any number.
+        worn: whether a finger is inside the device and must be released. A preset then states a safe pose.
+        follows_skin: whether `render` uses the contact of the finger's whole skin, besides that of its pad.
+        platform: whether its motors have ranges, may be coupled, and are commanded by a look-up table.
+        drawn: form in which Blender shows the device; empty for its name and values alone.
+        sine: channels of amplitude and frequency of a sinusoid that drives the device; empty if there is none.
+        wave: channel that is a voltage over time; '' if there is none.
     """
 
     mechanism: str
@@ -62,7 +63,7 @@ def _needed(name: str, unit: str, size: int | None = None) -> Parameter:
 
 
 def _told(name: str, unit: str) -> Parameter:
-    """A figure of the device that no mechanism needs, but people and senders want."""
+    """Return a parameter that no mechanism needs, but people and senders do."""
     return Parameter(name=name, unit=unit, low=0.0)
 
 

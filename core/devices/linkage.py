@@ -1,12 +1,12 @@
-"""Linkage of a 3-RRS platform: where it stands for a configuration, and which servo angles hold it there.
+"""Linkage of a 3-RRS platform: its pose and its servo angles for a configuration.
 
 Three identical legs stand 120 degrees apart. Each is a crank of length L1 on a servo, a rod of length L2 and a ball
 joint on the platform, and stays in its own vertical plane. That constraint makes the platform shift and yaw when it
 tilts; both are part of its pose here.
 
 The base frame has its origin at the base's centre and +Z from the base to the platform. A configuration is
-x = (pitch, roll, distance): pitch about X, roll about Y, distance of the platform from the base. The pose is what that
-gives: a rotation and a centre.
+x = (pitch, roll, distance): pitch about X, roll about Y, and distance of the platform from the base. A pose is the
+rotation and the position of the platform's centre that result.
 
 Source: [S0] 3.1 with the kinematics of the project's corrections (closed form of the 3-RRS).
 """
@@ -29,13 +29,14 @@ LEGS = tuple((math.cos(a), math.sin(a)) for a in (0.0, 2 * math.pi / 3, 4 * math
 
 @dataclass(frozen=True)
 class PlatformPose:
-    """Pose of a platform in the base frame, with its derivatives by a configuration that begins with (pitch, roll,
-    distance).
+    """Pose of a platform in the base frame, with its derivatives with respect to the configuration.
 
     Attributes:
-        rotation: shape (3, 3). centre: [m], shape (3,).
-        spin: how it turns: dR/dx_i = spin_i x R, row i, shape (n, 3). d_centre: column i, shape (3, n).
-        x: the configuration, shape (n,).
+        rotation: rotation from the platform's frame to the base's, shape (3, 3).
+        centre: position of the platform's centre [m], shape (3,).
+        spin: derivative of the rotation, row i for x_i: dR/dx_i = spin_i x R, shape (n, 3).
+        d_centre: derivative of the centre, column i for x_i, shape (3, n).
+        x: the configuration, which begins with pitch, roll and distance, shape (n,).
     """
 
     rotation: Array
@@ -47,14 +48,14 @@ class PlatformPose:
 
 @dataclass(frozen=True)
 class Linkage:
-    """The links of a 3-RRS platform.
+    """Dimensions of a 3-RRS platform.
 
     Attributes:
-        platform_radius, base_radius: of the joints' circles [m].
-        crank, rod: L1 and L2 [m].
+        platform_radius, base_radius: radii of the circles of joints [m].
+        crank, rod: lengths L1 and L2 [m].
         servo_zero: servo angle at neutral [rad].
-        bend: +1 where the legs' knees point outwards, -1 inwards.
-        side: +1 where the level platform hangs on its rods, -1 where it stands on them: the sign of the determinant.
+        bend: +1 if the legs' knees point outwards, -1 if inwards.
+        side: +1 if the level platform hangs on its rods, -1 if it stands on them; the sign of the determinant.
     """
 
     platform_radius: float
@@ -67,7 +68,7 @@ class Linkage:
 
     def pose(self, x: ArrayLike) -> PlatformPose:
         """Return the platform's pose at x = (pitch, roll, distance), with parasitic shift and yaw."""
-        # plain floats: arrays of three elements cost more than the arithmetic on them
+        # Python floats are faster here than NumPy arrays of three elements.
         at = np.array(x, dtype=np.float64)
         pitch, roll, distance = at.tolist()
         cp, sp, cr, sr = math.cos(pitch), math.sin(pitch), math.cos(roll), math.sin(roll)
@@ -77,7 +78,7 @@ class Linkage:
         yaw_pitch = (d * -cp * sr + n * sp) * scale
         yaw_roll = (d * -sp * cr + n * sr) * scale
         c, s = math.cos(yaw), math.sin(yaw)
-        axis = (sr, -sp * cr, cp * cr)  # the platform's normal, which yaw turns about
+        axis = (sr, -sp * cr, cp * cr)  # the platform's normal, about which yaw turns
         first, second = (cr, sp * sr, -cp * sr), (0.0, cp, sp)
         u = [c * a + s * b for a, b in zip(first, second, strict=True)]
         v = [c * b - s * a for a, b in zip(first, second, strict=True)]
@@ -100,22 +101,22 @@ class Linkage:
         )
 
     def leg_margins(self, x: ArrayLike) -> Array:
-        """Return per leg how far it is from being stretched or folded: >= 0 where it closes, shape (3,)."""
+        """Return the margin of each leg to being stretched or folded, shape (3,); negative if it cannot reach."""
         legs = self.leg_planes(self.pose(x))
         distance = np.array([math.hypot(r, h) for r, h, _, _ in legs])
         return 1.0 - np.abs((self.crank**2 + distance**2 - self.rod**2) / (2 * self.crank * distance))
 
     def servo_angles(self, x: ArrayLike) -> tuple[Array, Array]:
-        """Return servo angles [rad], shape (3,), and their derivatives by x, shape (3, 3).
+        """Return servo angles [rad], shape (3,), and their derivatives with respect to x, shape (3, 3).
 
         Raises:
-            DermisError: a leg cannot reach.
+            DermisError: a leg cannot reach the platform.
         """
         angles, slopes = self.angles_from_neutral(self.pose(x))
         return np.array(angles) + self.servo_zero, np.array(slopes)
 
     def angles_from_neutral(self, pose: PlatformPose) -> tuple[list[float], list[list[float]]]:
-        """Return the servos' angles from neutral [rad] at a pose, and their derivatives, as plain numbers."""
+        """Return the servos' angles from neutral [rad] at a pose, and their derivatives, as Python floats."""
         angles, slopes = [], []
         crank, rod = self.crank, self.rod
         for leg, (r, h, dr, dh) in enumerate(self.leg_planes(pose)):
@@ -134,13 +135,18 @@ class Linkage:
             angles.append(math.atan2(h, r) - self.bend * math.acos(cosine) - self.servo_zero)
             slope = self.bend * (squared - crank * crank + rod * rod) / (2 * crank * squared)
             slope /= distance * math.sqrt(1.0 - cosine * cosine)
-            # d atan2 = (r dh - h dr) / d^2, and the knee bends with the distance, d' = (r dr + h dh) / d
+            # d atan2 = (r dh - h dr) / d^2, and the angle of the knee depends on d, with d' = (r dr + h dh) / d.
             by_r, by_h = slope * r - h / squared, slope * h + r / squared
             slopes.append([by_r * a + by_h * b for a, b in zip(dr, dh, strict=True)])
         return angles, slopes
 
     def leg_planes(self, pose: PlatformPose) -> list[tuple[float, float, list[float], list[float]]]:
-        """Joints in their legs' planes: distance r outwards of the servo and height h, with slopes by x."""
+        """Return the joint of each leg in the leg's plane.
+
+        Returns:
+            For each leg: distance r outwards of the servo [m], height h [m], and the derivatives of both with respect
+            to x.
+        """
         (ux, vx, _), (uy, vy, _), (uz, vz, _) = pose.rotation.tolist()
         x, y, z = pose.centre.tolist()
         shifts, spins = pose.d_centre.tolist(), pose.spin.tolist()

@@ -1,4 +1,4 @@
-"""Poses of a platform, and the algebra of small turns."""
+"""Poses of a platform, and rotations from rotation vectors."""
 
 from __future__ import annotations
 
@@ -9,12 +9,18 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 
-FAR, TURN = 6e-3, 0.25  # a step of a search may go [m] and turn [rad]: beyond, cables change between taut and slack
+# Largest shift [m] and turn [rad] of a step of a search. In longer steps, cables could change between taut and slack.
+FAR, TURN = 6e-3, 0.25
 
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """Poses of a platform in the finger's frame: rotation (n, 3, 3), centre [m] (n, 3)."""
+    """Poses of a platform in the finger's frame.
+
+    Attributes:
+        rotation: rotations from the platform's frame to the finger's, shape (n, 3, 3).
+        centre: positions of the platform's centre [m], shape (n, 3).
+    """
 
     rotation: Array
     centre: Array
@@ -27,19 +33,19 @@ class Poses:
         return Poses(self.rotation[rows], self.centre[rows])
 
     def moved(self, twist: Array) -> Poses:
-        """Return the poses after a small movement about the finger's origin: shift [m], turn [rad], shape (n, 6)."""
+        """Return the poses after a movement about the finger's origin: shift [m] and turn [rad], shape (n, 6)."""
         turn = rotation(twist[:, 3:])
         return Poses(turn @ self.rotation, np.einsum("nij,nj->ni", turn, self.centre) + twist[:, :3])
 
 
 def limited(twist: Array) -> Array:
-    """Return movements (shift, turn), shape (n, 6), of which none goes farther than `FAR` or turns more than `TURN`."""
+    """Scale down movements (shift, turn), shape (n, 6), that exceed `FAR` or `TURN` in a component."""
     size = np.maximum(np.abs(twist[:, :3]).max(axis=1) / FAR, np.abs(twist[:, 3:]).max(axis=1) / TURN)
     return np.asarray(twist / np.maximum(size, 1.0)[:, None])
 
 
 def inverted(matrices: Array) -> Array:
-    """Return the inverses of matrices, shape (n, k, k); of one that has none, no numbers: that row has no balance."""
+    """Return the inverses of matrices, shape (n, k, k); NaN for a singular matrix."""
     try:
         return np.asarray(np.linalg.inv(matrices), np.float64)
     except np.linalg.LinAlgError:
@@ -50,7 +56,7 @@ def inverted(matrices: Array) -> Array:
 
 
 def rotation(vectors: Array) -> Array:
-    """Return rotation matrices of rotation vectors [rad], shape (n, 3) to (n, 3, 3)."""
+    """Return the rotation matrices, shape (n, 3, 3), of rotation vectors [rad], shape (n, 3)."""
     angle = np.sqrt((vectors**2).sum(axis=1))[:, None, None]
     small = angle < 1e-6
     safe = np.where(small, 1.0, angle)
@@ -61,7 +67,7 @@ def rotation(vectors: Array) -> Array:
 
 
 def crossing(vectors: Array) -> Array:
-    """Return the matrices S with S a = v x a, shape (..., 3) to (..., 3, 3)."""
+    """Return the matrices S with S a = v x a, shape (..., 3, 3), of vectors v, shape (..., 3)."""
     return (vectors @ _CROSS).reshape(*vectors.shape, 3)
 
 

@@ -1,4 +1,4 @@
-"""The contact problem of a platform under a pad: the skin as batches of rows need it, and what carries the disc."""
+"""Contact problem of a platform under a finger pad, for batches of commands."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .poses import Poses
 
 
 class Carrier(Protocol):
-    """What carries a platform."""
+    """Mechanism that carries a platform."""
 
     @property
     def disc_radius(self) -> float:
@@ -29,18 +29,25 @@ class Carrier(Protocol):
         ...
 
     def carry(self, commands: Array, start: Poses) -> Poses:
-        """Return where the platform is without load, for commands (n, motors), found from poses nearby."""
+        """Return the poses of the platform without load.
+
+        Args:
+            commands: commands of the motors, shape (n, motors).
+            start: poses nearby to start from.
+        """
         ...
 
     def give(self, commands: Array, poses: Poses, *, first: bool) -> tuple[Array, Array] | None:
-        """Return what carries the platform at poses that need not be in balance; None where it is rigid.
+        """Return the mechanism's forces on the platform and its compliance; None for a rigid mechanism.
 
         Args:
-            first: poses are a first guess, from which nobody should conclude that a cable hangs slack.
+            commands: commands of the motors, shape (n, motors).
+            poses: poses of the platform, which need not be in equilibrium.
+            first: whether the poses are a first guess. Cables then do not count as slack.
 
         Returns:
-            Force [N] and moment about the finger's origin [N m] on the platform, shape (n, 6), and P, its movement
-            (shift, turn) for a load, symmetric, shape (n, 6, 6).
+            Force [N] and moment about the finger's origin [N m] on the platform, shape (n, 6), and its movement (shift,
+            turn) for a load, symmetric, shape (n, 6, 6).
         """
         ...
 
@@ -51,13 +58,14 @@ class Carrier(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class PressPoints:
-    """Points of a pad that carry the press of something flat.
+    """Points of a finger pad that carry forces when a flat face presses.
 
     Attributes:
-        positions: of undeformed skin in the finger's frame [m], shape (n, 3).
-        compliance: between them, symmetric [m/N], shape (3 n, 3 n).
-        nodal: forces on the nodes of the skin's mesh for forces on them, shape (3 m, 3 n); None where they are these.
-        law: that the skin's tissue follows; None where it is linear. modulus: E alpha [Pa].
+        positions: points of the undeformed skin in the finger's frame [m], shape (n, 3).
+        compliance: compliance between them, symmetric [m/N], shape (3 n, 3 n).
+        nodal: maps forces on the points to forces on the pad nodes, shape (3 m, 3 n); None if the points are the nodes.
+        law: tables of the nonlinear law of the tissue; None for linear tissue.
+        modulus: Young's modulus times the personal stiffness factor, E alpha [Pa].
     """
 
     positions: Array
@@ -78,31 +86,33 @@ class PressPoints:
 
 
 class PressProblem:
-    """One skin under one platform.
+    """Contact of one skin with one platform.
 
-    Vectors are by component, all x first, so that each component of a batch is one block of columns.
+    Vectors are ordered by component: all x, then all y, then all z. Each component of a batch is then one block of
+    columns.
 
     Args:
-        compliance: of points of the skin [m/N], shape (3 m, 3 m).
-        positions: those points, undeformed, in the finger's frame [m], shape (m, 3).
-        carrier: what carries the platform.
-        friction: Coulomb's coefficient.
+        compliance: compliance between points of the skin [m/N], shape (3 m, 3 m).
+        positions: these points, undeformed, in the finger's frame [m], shape (m, 3).
+        carrier: mechanism that carries the platform.
+        friction: Coulomb coefficient.
 
     Attributes:
-        rho: penalty of the alternating method [N/m].
-        own: of each component, where it is among those of all points by point, shape (3 m,).
-        exact, compliance: C by component, in double and in single precision.
-        jacobian: movement of the points with the platform's (shift, turn).
-        inverse: (C + rho I)^-1, and that times the jacobian J beside it, float32; spread: the latter alone, transposed.
+        rho: weight of the identity that is added to C in the alternating method [m/N].
+        own: index of each component in the order by point, among those of all points, shape (3 m,).
+        exact, compliance: C in the order by component, in double and in single precision, shape (3 m, 3 m).
+        jacobian: J, movement of the points for (shift, turn) of the platform, shape (3 m, 6).
+        inverse: (C + rho I)^-1 and (C + rho I)^-1 J side by side, float32, shape (3 m, 3 m + 6).
+        spread: transpose of (C + rho I)^-1 J, float32, shape (6, 3 m).
         gram: J' (C + rho I)^-1 J, shape (6, 6).
 
     Raises:
-        DermisError: a compliance that is not positive definite.
+        DermisError: the compliance is not positive definite.
     """
 
     def __init__(self, compliance: Array, positions: Array, carrier: Carrier, friction: float) -> None:
         m = len(positions)
-        # by component, so that each component of a batch is one block of columns
+        # the order by component
         order = np.arange(3 * m).reshape(m, 3).T.ravel()
         ends = np.linalg.eigvalsh(compliance)[[0, -1]]
         if not ends[0] > 0.0:
@@ -115,7 +125,7 @@ class PressProblem:
         self.positions, self.carrier, self.friction, self.count, self.rho = positions, carrier, friction, m, rho
         x, y, z = positions.T
         o, e = np.zeros(m), np.ones(m)
-        # how a node of the platform moves: shift + turn x position
+        # Movement of a point of the platform: shift + turn x position.
         self.jacobian = np.concatenate(
             [
                 np.column_stack([e, o, o, o, z, -y]),
@@ -131,11 +141,11 @@ class PressProblem:
         self.spread = np.ascontiguousarray(spread.T, np.float32)
 
     def columns(self, points: Indices) -> Indices:
-        """Return where some points' components are in what is by component, shape (3 k,)."""
+        """Return the indices of points' components in the order by component, shape (3 k,)."""
         return np.concatenate([points, self.count + points, 2 * self.count + points])
 
     def part(self, points: Indices) -> PressProblem:
-        """Return the problem of some points, the others being free."""
+        """Return the contact problem of some points; the others carry no force."""
         made, own = copy(self), self.columns(points)
         made.own = self.own[own]
         made._set(self.exact[np.ix_(own, own)], self.positions[points], self.carrier, self.friction, self.rho)

@@ -1,4 +1,4 @@
-"""Limits of a thimble's servos: the tighter of what the mechanism and what the servos' own channels allow."""
+"""Limits of a thimble's servos: the tighter of those of the mechanism and of the channels."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ SERVOS = ("servo_1", "servo_2", "servo_3")
 
 
 def servo_bounds(spec: DeviceSpec, servo_range: float) -> Array | None:
-    """Return the lowest and highest angle of every servo from neutral [rad], shape (2, 3).
+    """Return the lowest and the highest angle of every servo from neutral [rad], shape (2, 3).
 
-    A pose is three angles at once: one that is cut off later, channel by channel, leaves another pose.
+    A search for a pose must know these limits, because a pose changes if a single angle is clipped afterwards.
 
     Args:
-        servo_range: of the mechanism, to either side of neutral [rad].
+        spec: preset of the thimble.
+        servo_range: range of the mechanism to either side of neutral [rad].
 
     Returns:
-        None where no channel is narrower than that.
+        The limits; None if no channel is narrower than the mechanism.
 
     Raises:
-        DermisError: a channel that leaves its servo no range.
+        DermisError: a channel leaves its servo no range.
     """
     low, high = np.full(3, -servo_range), np.full(3, servo_range)
     for channel in spec.channels:
@@ -43,7 +44,7 @@ def servo_bounds(spec: DeviceSpec, servo_range: float) -> Array | None:
 
 
 def servo_speed(spec: DeviceSpec, speed: float) -> float:
-    """Return the speed that every servo can keep [rad/s], given the mechanism's."""
+    """Return the speed that every servo can reach [rad/s]: the mechanism's, or that of a slower channel."""
     slews = [c.slew for c in spec.channels if c.name in SERVOS and c.slew is not None]
     slower = [slew for slew in slews if slew < speed * (1 - 1e-12)]
     return min(slower, default=speed)

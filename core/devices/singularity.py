@@ -1,12 +1,12 @@
-"""Singularity margin: how far a 3-RRS platform is from giving way although all three servos are held.
+"""Singularity margin of a 3-RRS platform, and its derivative.
 
-Where the rods' grip on the platform loses rank, one set of servo angles belongs to two poses at once, and the platform
-moves freely from one towards the other. Such singular poses lie within the servos' range, at 30 degrees of tilt and
-more; a device must stay on the side of its level pose.
+At a singular pose, the platform can move although all three servos are held, because the constraints of the rods are
+linearly dependent. Singular poses lie within the servos' range, at tilts of 30 degrees and more. A device must stay on
+the same side of them as its level pose.
 
-With a leg's joint at r outwards of its servo and at height h, both as `inverse_kinematics` has them, the rod of unit
-direction l feels a movement of the platform through l . d(r, h); the margin is the determinant of the three legs'
-answers, 1 for a level platform on upright rods.
+The joint of a leg lies at a distance r outwards of its servo and at a height h, see `inverse_kinematics`. A movement of
+the platform changes the length of a rod with unit direction l by l . d(r, h). The margin is the determinant of these
+changes of the three rods; it is 1 for a level platform on upright rods.
 
 Source: [S0] 3.1 with the kinematics of the project's corrections; Gosselin and Angeles 1990 for the kind of singularity
 """
@@ -23,16 +23,22 @@ from .linkage import LEGS, Linkage
 
 
 def singularity_margin(linkage: Linkage, pitch: float, roll: float, distance: float) -> tuple[float, Array]:
-    """Return the singularity margin of a configuration and its derivative by (pitch, roll, distance), shape (3,).
+    """Return the singularity margin of a configuration and its derivative, shape (3,).
+
+    Args:
+        linkage: links of the platform.
+        pitch, roll: tilt of the platform [rad].
+        distance: distance of the platform from the base [m].
 
     Raises:
-        DermisError: a leg cannot reach.
+        DermisError: a leg cannot reach the platform.
     """
     angles, _ = inverse_kinematics(linkage, pitch, roll, distance)
     cp, sp, cr, sr = math.cos(pitch), math.sin(pitch), math.cos(roll), math.sin(roll)
     ex, ey = np.array(LEGS).T
     angle, size = np.array(angles) + linkage.servo_zero, linkage.platform_radius
-    # by (pitch, roll, distance / rp); lengths over rp. First and second derivatives of a_z and of m, one row a leg
+    # First and second derivatives of a_z and of m with respect to (pitch, roll, distance / rp), one row for each leg.
+    # Lengths are divided by rp.
     az, az_1 = cp * cr, np.array([-sp * cr, -cp * sr, 0.0])
     az_2 = np.array([[-cp * cr, sp * sr, 0.0], [sp * sr, -cp * cr, 0.0], [0.0, 0.0, 0.0]])
     m, none = sr * ex - sp * cr * ey, np.zeros(3)
@@ -55,7 +61,7 @@ def singularity_margin(linkage: Linkage, pitch: float, roll: float, distance: fl
     crank, rod = linkage.crank / size, linkage.rod / size
     sine, cosine = np.sin(angle), np.cos(angle)
     out, rise = (r - crank * cosine) / rod, (h - crank * sine) / rod
-    answer = out[:, None] * r_1 + rise[:, None] * h_1  # of each rod to each movement
+    answer = out[:, None] * r_1 + rise[:, None] * h_1  # change of each rod's length by each movement
     q_1 = answer / (crank * (rise * cosine - out * sine))[:, None]
     out_1, rise_1 = (r_1 + crank * sine[:, None] * q_1) / rod, (h_1 - crank * cosine[:, None] * q_1) / rod
     answer_1 = (

@@ -1,4 +1,4 @@
-"""DeviceSpec: what a device preset says, in SI, and the channels that a command track for it has."""
+"""DeviceSpec: a device preset in SI units, with the channels of a command track for it."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from ..units import UNITS, quantity, setting
 from .kinds import KINDS
 
 DEVICE_SCHEMA = "dermis-device 1"
-MAX_REPEAT = 4096  # channels that one entry may stand for
-NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")  # what stands in file headers as it is
+MAX_REPEAT = 4096  # largest number of channels of one entry
+NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")  # names of channels, which are written to file headers unchanged
 CHANNEL = ("name", "unit", "actuator", "low", "high", "slew", "rest", "repeat", "description", "source")
 WIRE = ("bandwidth", "bits_per_sample", "bits_per_channel")
 
@@ -27,13 +27,13 @@ class Channel:
     """One named command of a device.
 
     Attributes:
-        name: unique within the device, such as 'pulley_1'.
+        name: name, unique within the device, such as 'pulley_1'.
         unit: SI unit of the values.
-        low, high: allowed range [unit]; None where there is no limit.
-        slew: largest change a second [unit/s]; None where there is no limit.
-        rest: the value at which the device is at rest; what is safe is stated apart.
-        actuator: which physical actuator it drives (two channels of one track may not share one);
-            '' for a channel that only informs, such as a tactor position.
+        low, high: allowed range [unit]; None for no limit.
+        slew: largest change in a second [unit/s]; None for no limit.
+        rest: value at which the device is at rest; the safe pose is stated separately.
+        actuator: physical actuator that the channel drives; two channels of one track cannot drive the same. '' for a
+            channel that only informs, such as a tactor position.
     """
 
     name: str
@@ -47,18 +47,21 @@ class Channel:
 
 @dataclass(frozen=True)
 class DeviceSpec:
-    """A device preset, read.
+    """Device preset in SI units.
 
     Attributes:
-        key: the preset's file stem. name: for people. kind: which mechanism file drives it.
+        key: stem of the preset's file name.
+        name: name for people.
+        kind: kind of device, see `kinds.KINDS`.
         rate: command rate [Hz].
-        channels: in the order of the track's columns.
-        parameters: the mechanism's quantities in SI and its plain settings. Two channels that share a round range
-            are named by `range_disc` (a list of two) and `range_disc_radius`, in the channels' unit.
-        link_budget: `bandwidth` of the link [bit/s] (0 or absent: unknown), `bits_per_sample` that every sample costs
-            (address, check, time) and `bits_per_channel` that each channel with an actuator adds; 'wire' in files.
+        channels: channels in the order of the track's columns.
+        parameters: quantities of the mechanism in SI units, and its other settings. `range_disc` (a list of two names)
+            and `range_disc_radius` (in the channels' unit) give two channels a common round range.
+        link_budget: `bandwidth` of the link [bit/s], 0 or absent if it is not known; `bits_per_sample`, the cost of
+            every sample for address, check and time; and `bits_per_channel`, the cost of each channel with an actuator.
+            The group is named 'wire' in files.
         source: the preset as read, for its hash and its sources.
-        stated_hash: the hash that a track file states, where the preset itself is not at hand.
+        stated_hash: hash that a track file states if the preset itself is not available; '' otherwise.
 
     >>> from dermis import Library
     >>> spec = Library().device("haptip")
@@ -81,19 +84,19 @@ class DeviceSpec:
 
     @property
     def worn(self) -> bool:
-        """Return whether a finger is in the device: it must state how it lets go, and 'at rest' does not say so."""
+        """Whether a finger is inside the device, so that the preset must state a safe pose."""
         return self.kind in KINDS and KINDS[self.kind].worn
 
     @property
     def follows_skin(self) -> bool:
-        """Return whether its track is made from what the finger's whole skin feels."""
+        """Whether its track is made from the contact of the finger's whole skin."""
         return self.kind in KINDS and KINDS[self.kind].follows_skin
 
     def value(self, name: str) -> Any:
-        """Return a parameter of the device's kind, in SI; what holds where the preset does not say.
+        """Return a parameter of the device in SI units, or its default if the preset does not state it.
 
         Raises:
-            DermisError: it is missing, of another kind, or out of range.
+            DermisError: the parameter is required and missing, has a wrong type, or is out of range.
         """
         row, where = KINDS[self.kind].parameters[name], f"device preset '{self.key}'"
         if row.required and name not in self.parameters:
@@ -109,7 +112,11 @@ class DeviceSpec:
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def channel(self, name: str) -> Channel:
-        """Return a channel by name."""
+        """Return a channel by name.
+
+        Raises:
+            DermisError: the device has no such channel.
+        """
         for channel in self.channels:
             if channel.name == name:
                 return channel
@@ -121,11 +128,15 @@ class DeviceSpec:
 def from_preset(key: str, preset: Mapping[str, Any]) -> DeviceSpec:
     """Read a device preset.
 
-    Quantities are `{"value", "unit", "source"}`; strings, booleans and lists of strings pass as they are.
+    Quantities are objects `{"value", "unit", "source"}`. Strings, booleans and lists of strings are kept unchanged.
+
+    Args:
+        key: stem of the preset's file name.
+        preset: content of the file.
 
     Raises:
-        DermisError: another schema, a missing field, an unknown unit, a channel's field that is unknown, two channels
-            of one name, limits that leave no value, a rest outside of them, a range disc of channels that do not exist.
+        DermisError: the schema or a unit is unknown, a field is missing or unknown, two channels have one name, limits
+            are crossed, a rest value is outside the limits, or the range disc names channels that do not exist.
     """
     where = f"device preset '{key}'"
     if not isinstance(preset, Mapping):
@@ -160,7 +171,7 @@ def from_preset(key: str, preset: Mapping[str, Any]) -> DeviceSpec:
 
 
 def _rate(entry: Any, where: str) -> float:
-    """Return the commands a second [Hz]: no more of them than a stream sends, for a track has a sample for each."""
+    """Return the command rate [Hz]; it must not exceed the largest rate of a stream."""
     rate, most = positive(_number(entry, where), where), STREAM["rate"].high
     if most is not None and rate > most:
         raise DermisError("more commands a second than are sent", where=where, value=rate, limit=f"<= {most:g} Hz")
@@ -168,23 +179,24 @@ def _rate(entry: Any, where: str) -> float:
 
 
 def repeated_names(spec: DeviceSpec) -> dict[str, tuple[str, ...]]:
-    """Return the channels that one entry stands for, by its name with {}: 'pin_{}' to 'pin_001', 'pin_002' ..."""
+    """Return the names of repeated channels by the name of their entry: 'pin_{}' to 'pin_001', 'pin_002', ..."""
     entries = [e for e in spec.source.get("channels", ()) if "repeat" in e]
     return {e["name"]: tuple(one["name"] for one in _repeated(e, spec.key)) for e in entries}
 
 
 def positive(value: float, where: str) -> float:
-    """Return a value that must be above zero."""
+    """Return a value, or raise an error if it is not above zero."""
     if not value > 0:
         raise DermisError("must be above zero", where=where, value=value, limit="> 0")
     return value
 
 
 def range_disc(spec: DeviceSpec) -> tuple[int, int, float] | None:
-    """Return the columns of the two channels that share a round range, and its radius; None where there is none.
+    """Return the columns of the two channels with a common round range, and its radius; None without one.
 
     Raises:
-        DermisError: not two channels of this device with one unit, or a radius that is not above zero.
+        DermisError: the range disc does not name two channels of the device with one unit, or its radius is not above
+            zero.
     """
     names, radius = spec.parameters.get("range_disc"), spec.parameters.get("range_disc_radius")
     if names is None and radius is None:
@@ -229,7 +241,7 @@ def _link_budget(entries: Mapping[str, Any], where: str) -> dict[str, float]:
 
 
 def _repeated(entry: Mapping[str, Any], where: str) -> list[Mapping[str, Any]]:
-    """Spell out an entry with "repeat": n, whose name and actuator hold {} for the numbers 1 to n, padded alike."""
+    """Expand an entry with "repeat": n; {} in its name and actuator becomes 1 to n, with leading zeros."""
     if "repeat" not in entry:
         return [entry]
     count, name = entry["repeat"], str(entry.get("name", ""))
@@ -261,7 +273,7 @@ def _channel(entry: Mapping[str, Any], where: str) -> Channel:
         units = ", ".join(dict.fromkeys(si for si, _ in UNITS.values()))
         raise DermisError("a channel's unit must be SI", where=place, value=entry["unit"], limit=units)
     unknown = sorted(set(entry) - set(CHANNEL))
-    if unknown:  # a limit that is misspelt would be none
+    if unknown:  # a misspelt limit would not limit anything
         raise DermisError("unknown field", where=place, value=", ".join(unknown), limit=", ".join(CHANNEL))
     given = {k: entry[k] for k in ("low", "high", "slew", "rest") if entry.get(k) is not None}
     limits = {k: _in_unit(field, entry["unit"], f"{place}, {k}") for k, field in given.items()}
@@ -277,7 +289,7 @@ def _channel(entry: Mapping[str, Any], where: str) -> Channel:
 
 
 def _in_unit(field: Any, unit: str, where: str) -> float:
-    """Read a limit; a bare number is in the channel's unit, for a slew in that unit a second."""
+    """Read a limit; a plain number is in the channel's unit, or for a slew in this unit per second."""
     value = _number(field, where)
     wanted = f"{unit}/s" if where.endswith(", slew") else unit
     if isinstance(field, Mapping) and UNITS[field["unit"]][0] != wanted:

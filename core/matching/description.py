@@ -1,8 +1,9 @@
-"""Description: the few components of stress that a device can make on a skin, which targets and poses are compared by.
+"""Description: the stress components by which a device's poses are compared with targets.
 
-They are found from movements that a device is tried with. That takes seconds, so descriptions of the skins and devices
-that ship lie beside the presets. Such a file names the sources that it was computed by, with a digest of what they
-said. When one of them has changed since, the file is not used, and the description is computed again.
+They are the principal components of the stress that a device makes on a skin during simulated movements. To find them
+takes seconds, so the descriptions of shipped skins and devices are shipped beside the presets. Each file names the
+source files that computed it and has a digest of their text. If one of these files has changed since, the description
+is not used but computed again.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ from ..surrogate.store import contact_of, device_key
 from ..surrogate.subspace import TOLERANCE
 from ..version import version
 
-DESCRIPTOR_MOVEMENTS = 240  # enough for the subspace: more change its size by one component at most
+DESCRIPTOR_MOVEMENTS = 240  # number of movements; more change the size of the subspace by one component at most
 SCHEMA = "dermis-description 1"
 SHIPPED = BUILT_IN / "skins"
 CORE = Path(__file__).resolve().parents[1]
@@ -46,7 +47,10 @@ _movements: Recent[tuple[str, str, str, str, float, int], Dataset] = Recent(1)
 
 
 def movements_of(device: DiscDevice, skin: SkinModel, friction: float) -> Dataset:
-    """Return what a device does to a skin between random configurations; the last is kept, since a floor asks again."""
+    """Return simulated movements of a device on a skin between random configurations.
+
+    The last result is kept, because the search for a floor uses it again.
+    """
     key = (skin.key, pressed_on(skin), repr(skin.material), device_key(device), friction, DESCRIPTOR_MOVEMENTS)
     return _movements.make(
         key, lambda: drain(record(device, contact_of(device, skin.linear, friction), DESCRIPTOR_MOVEMENTS))
@@ -54,10 +58,18 @@ def movements_of(device: DiscDevice, skin: SkinModel, friction: float) -> Datase
 
 
 def describe(device: DiscDevice, skin: SkinModel, friction: float, tolerance: float = TOLERANCE) -> Descriptors:
-    """Return the descriptors of a device on a skin, kept in memory for the next finger of the same kind."""
+    """Return the descriptors of a device on a skin; they are kept in memory for other fingers of the same kind.
+
+    Args:
+        device: the mechanism.
+        skin: model of the skin; its stiffness does not count.
+        friction: friction coefficient between disc and skin.
+        tolerance: as for `descriptors`.
+    """
 
     def made() -> Descriptors:
-        # no part of the key: movements end at a force, so that without one stiffness for all the first finger decided
+        # Movements end at a force, so they depend on stiffness, which is not in the key. With a nominal stiffness, the
+        # result does not depend on which finger is computed first.
         nominal = skin.with_material(young=TISSUE["young"].default, alpha=1.0)
         data = movements_of(device, nominal, friction)
         return descriptors(data, skin.stress_components(), tolerance=tolerance)
@@ -66,7 +78,7 @@ def describe(device: DiscDevice, skin: SkinModel, friction: float, tolerance: fl
 
 
 def observation_of(device: DiscDevice, skin: SkinModel, friction: float) -> Array:
-    """Return the observation matrix of `describe`: one that ships, one from the cache, or a new one; (k, 3 m)."""
+    """Return the observation matrix of a device on a skin, shape (k, 3 m): shipped, from the cache, or computed."""
     shipped = shipped_of(device, skin, friction)
     if shipped is not None:
         return shipped
@@ -78,7 +90,7 @@ def observation_of(device: DiscDevice, skin: SkinModel, friction: float) -> Arra
 
 
 def description_key(device: DiscDevice, skin: SkinModel, friction: float) -> str:
-    """Return the key of a description: everything that it depends on but the engine's sources."""
+    """Return the key of a description, made from all its inputs except the engine's source files."""
     points = pressed_on(skin)
     smooth = ""
     if points == "points" and skin.shape is not None:
@@ -89,17 +101,20 @@ def description_key(device: DiscDevice, skin: SkinModel, friction: float) -> str
 
 
 def shipped_name(device: DiscDevice, skin: SkinModel, friction: float) -> str:
-    """Return the name of the file in which a description ships."""
+    """Return the file name of a shipped description."""
     return f"description_{description_key(device, skin, friction)[:16]}.npz"
 
 
 def write_shipped(
     path: Path, device: DiscDevice, skin: SkinModel, friction: float, matrix: Array, sources: Iterable[str]
 ) -> None:
-    """Write a description that ships.
+    """Write a description to be shipped.
 
     Args:
-        sources: files of the engine that the matrix was computed by, relative to its folder, with slashes.
+        path: file to write.
+        device, skin, friction: inputs of the description.
+        matrix: its observation matrix, shape (k, 3 m).
+        sources: paths of the source files that computed the matrix, relative to the engine's folder, with slashes.
     """
     names = sorted(sources)
     meta = {
@@ -112,19 +127,22 @@ def write_shipped(
 
 
 def shipped_of(device: DiscDevice, skin: SkinModel, friction: float) -> Array | None:
-    """Return the matrix of the description that ships, None where none does or none may be used."""
+    """Return the observation matrix of a shipped description, shape (k, 3 m); None if there is no valid one."""
     path = SHIPPED / shipped_name(device, skin, friction)
     return read_shipped(path, description_key(device, skin, friction), 3 * skin.pad_count) if path.is_file() else None
 
 
 def read_shipped(path: Path, key: str, size: int) -> Array | None:
-    """Return the matrix of a description that ships, shape (k, size).
-
-    None where it is damaged or of another skin, device or friction, and where the sources that it was computed by have
-    changed.
+    """Read the observation matrix of a shipped description.
 
     Args:
-        key: see `description_key`.
+        path: file to read.
+        key: key that it must have, see `description_key`.
+        size: number of columns that it must have.
+
+    Returns:
+        The matrix, shape (k, size); None if the file is damaged, has another key, or was computed by source files that
+        have changed since.
     """
     try:
         arrays = read_npz(path)
@@ -140,7 +158,7 @@ def read_shipped(path: Path, key: str, size: int) -> Array | None:
 
 @cache
 def digest_of(names: tuple[str, ...]) -> str:
-    """Return a digest of what sources of the engine say, '' where one is missing; line ends do not count."""
+    """Return a digest of the text of source files; '' if one is missing. Line ends do not count."""
     sha = hashlib.sha256()
     for name in names:
         place = PurePosixPath(name)

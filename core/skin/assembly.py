@@ -1,4 +1,4 @@
-"""Stiffness of linear tetrahedra, with averaged nodal pressure or plain."""
+"""Stiffness matrix of linear tetrahedra, plain or with averaged nodal pressure."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ ELEMENTS: tuple[Element, ...] = ("anp", "p1")
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """What stiffness and stress need of a mesh, once.
+    """Geometry of a mesh, for stiffness and stress.
 
     Attributes:
-        gradients: of the four shape functions of each element [1/m], shape (e, 4, 3).
-        volumes: [m^3], shape (e,).
-        nodal_volumes: a quarter of the elements around each node [m^3], shape (n,).
-        divergence: takes nodal displacements (3 n) to the nodal volume average of div u (n), sparse (n, 3 n).
+        gradients: gradients of the four shape functions of each element [1/m], shape (e, 4, 3).
+        volumes: volume of each element [m^3], shape (e,).
+        nodal_volumes: a quarter of the volume of the elements around each node [m^3], shape (n,).
+        divergence: maps nodal displacements to the volume average of div u around each node, sparse, shape (n, 3 n).
     """
 
     gradients: Array
@@ -38,13 +38,13 @@ class Geometry:
 
 
 def geometry(mesh: TetraMesh) -> Geometry:
-    """Return gradients, volumes and the averaged divergence of a mesh."""
+    """Return the geometry of a mesh."""
     from scipy.sparse import coo_array
 
     corners = mesh.nodes[mesh.tetrahedra]
     edges = corners[:, 1:] - corners[:, :1]
     volumes = mesh.volumes
-    # rows of the inverse Jacobian by cross products: no solver, and exact for axis-parallel elements
+    # The rows of the inverse Jacobian are cross products of edges, which is exact for axis-parallel elements.
     inverse = np.stack([np.cross(edges[:, (i + 1) % 3], edges[:, (i + 2) % 3]) for i in range(3)], axis=1)
     inverse /= 6.0 * volumes[:, None, None]
     gradients = np.concatenate([-inverse.sum(axis=1, keepdims=True), inverse], axis=1)
@@ -62,13 +62,20 @@ def geometry(mesh: TetraMesh) -> Geometry:
 
 
 def stiffness(mesh: TetraMesh, material: Elastic, element: Element = "anp", shape: Geometry | None = None) -> csr_array:
-    """Return the stiffness of all nodes [N/m], sparse (3 n, 3 n), degrees of freedom in the order x, y, z by node.
+    """Return the stiffness matrix of all nodes [N/m], sparse, shape (3 n, 3 n).
 
-    'anp' takes the pressure of each node from the volume average of div u around it, W = sum_e V mu e:e +
-    sum_a V_a lambda/2 J_a^2, and does not lock near incompressibility; 'p1' is the plain tetrahedron, for comparison.
+    Degrees of freedom are x, y and z of each node. The element 'anp' computes the pressure at each node from the volume
+    average of div u around it: W = sum_e V mu e:e + sum_a V_a lambda/2 J_a^2. It does not lock for nearly
+    incompressible tissue. The element 'p1' is the plain tetrahedron, for comparison.
+
+    Args:
+        mesh: mesh of the tissue.
+        material: its material.
+        element: 'anp' or 'p1'.
+        shape: geometry of the mesh; None computes it.
 
     Raises:
-        DermisError: an unknown element.
+        DermisError: the element is unknown.
     """
     from scipy.sparse import coo_array, diags_array
 
@@ -96,5 +103,5 @@ def stiffness(mesh: TetraMesh, material: Elastic, element: Element = "anp", shap
 
 
 def degrees(nodes: NDArray[np.integer]) -> NDArray[np.int64]:
-    """Return the degrees of freedom of nodes, x, y, z each, shape (3 len(nodes),)."""
+    """Return the indices of the degrees of freedom x, y and z of nodes, shape (3 len(nodes),)."""
     return (3 * np.asarray(nodes, np.int64)[:, None] + np.arange(3)).ravel()

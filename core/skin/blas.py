@@ -1,8 +1,9 @@
-"""One BLAS thread: numpy and scipy each bring a BLAS with a pool of its own, and the pools fight over the cores.
+"""Restriction of BLAS to one thread.
 
-Two threads made a product of a 900 x 900 matrix with a vector 33 times slower on two shared cores. Child processes get
-OPENBLAS_NUM_THREADS=1 before numpy loads; inside Blender numpy is loaded already, so the count is set in the library
-and restored afterwards.
+NumPy and SciPy each have a BLAS with its own thread pool, and the pools compete for the cores. On two shared cores, two
+threads made the product of a 900 x 900 matrix with a vector 33 times slower. Child processes get OPENBLAS_NUM_THREADS=1
+before NumPy is loaded. Inside Blender NumPy is loaded already, so the number of threads is set in the library and
+restored afterwards.
 """
 
 from __future__ import annotations
@@ -18,17 +19,18 @@ if TYPE_CHECKING:
 
 
 _lock = threading.Lock()
-_held = 0  # blocks that run, in whichever thread
-_limit: Any = None  # of threadpoolctl, while the libraries are held at one thread
-_holder: threading.Thread | None = None  # the thread that set it: from another one the libraries take no count
+_held = 0  # number of running blocks in all threads
+_limit: Any = None  # the limit of threadpoolctl while it is set
+_holder: threading.Thread | None = None  # the thread that set the limit, which alone can restore it
 
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Hold the BLAS of numpy and scipy at one thread while a block runs, then give each back what it had.
+    """Restrict the BLAS of NumPy and SciPy to one thread while a block runs.
 
-    Blocks may be nested and may run in several threads: the first one sets the count, which takes a fifth of a
-    millisecond, and the last one restores it. Where that one may not, the next block of the thread that set it does.
+    Blocks may be nested and may run in several threads. The first block sets the limit, which takes a fifth of a
+    millisecond, and the last one restores the number of threads. Only the thread that set the limit can restore it. If
+    the last block runs in another thread, the next block of the former restores it.
     """
     global _held, _limit, _holder
     with _lock:
@@ -57,8 +59,8 @@ def _restore() -> None:
 
 @cache
 def pools() -> ThreadpoolController:
-    """Return what holds the thread pools of every BLAS. Looking them up takes milliseconds, so it is done once."""
-    import scipy.linalg  # noqa: F401  (so that its library is there to be found)
+    """Return the controller of all BLAS thread pools, which takes milliseconds to find and is kept."""
+    import scipy.linalg  # noqa: F401  (loads its library, so that it is found)
     from threadpoolctl import ThreadpoolController
 
     return ThreadpoolController().select(user_api="blas")

@@ -1,4 +1,4 @@
-"""Condensation: the compliance of the pad nodes, by a block-tridiagonal factorisation along the finger."""
+"""Static condensation of a stiffness matrix to the pad nodes, by block-tridiagonal factorisation."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ Index = NDArray[np.integer]
 
 @dataclass(frozen=True, eq=False)
 class Condensed:
-    """What a unit force on the pad does.
+    """Result of a condensation: displacement for unit forces on the pad.
 
     Attributes:
-        compliance: displacement of the pad for force on the pad, symmetric positive definite, shape (3 m, 3 m).
-        response: displacement of all nodes given for force on the pad, transposed, float32, shape (3 m, 3 n);
-            None where it was not asked for. Row by row, so that a force on few nodes reads few rows.
+        compliance: displacement of the pad nodes, symmetric positive definite [m/N], shape (3 m, 3 m).
+        response: displacement of all nodes of the matrix, one row for each force, float32 [m/N], shape (3 m, 3 n); None
+            if it was not requested. Forces on few nodes read few rows.
     """
 
     compliance: Array
@@ -35,16 +35,17 @@ class Condensed:
 def condense(matrix: csr_array, pad: Index, *, response: bool = False) -> Condensed:
     """Condense a stiffness matrix to some of its nodes.
 
-    The nodes are sorted into breadth-first levels, in which the matrix is block tridiagonal; dense Cholesky level by
-    level gives K = L L', one forward sweep Y = L^-1 B over the pad's unit loads B, and C = Y' Y.
+    The nodes are sorted into breadth-first levels, for which the matrix is block tridiagonal. Dense Cholesky
+    factorisation of one level after the other gives K = L L'. A forward sweep Y = L^-1 B over the pad's unit loads B
+    then gives C = Y' Y.
 
     Args:
-        matrix: symmetric positive definite, without fixed nodes, three degrees a node, shape (3 n, 3 n).
-        pad: nodes to keep, in the order of the result, shape (m,).
-        response: also sweep back, for the displacement of all nodes.
+        matrix: stiffness without fixed nodes, symmetric positive definite [N/m], shape (3 n, 3 n).
+        pad: indices of the nodes to keep, in the order of the result, shape (m,).
+        response: whether to compute the displacement of all nodes as well, by a backward sweep.
 
     Raises:
-        DermisError: the matrix is not positive definite: the tissue is not held, or an element is broken.
+        DermisError: the matrix is not positive definite, because the tissue is not held or an element is invalid.
     """
     with one_thread():
         return _condense(matrix, pad, response)
@@ -120,7 +121,7 @@ def _sweep_back(
     back: Index,
     out: NDArray[np.float32],
 ) -> None:
-    """Solve L' U = Y level by level from the last, and write U transposed, in the caller's order."""
+    """Solve L' U = Y from the last level to the first, and write U' to `out`, in the order of the caller."""
     from scipy.linalg.blas import dgemm, dtrsm
 
     size = len(out)
@@ -137,13 +138,18 @@ def _sweep_back(
 
 
 def breadth_first_levels(matrix: csr_array, pad: Index) -> list[Index]:
-    """Return the nodes of a matrix in levels in which it is block tridiagonal, in the order that costs least."""
+    """Return the nodes of a matrix in levels for which it is block tridiagonal, in the order of least cost.
+
+    Args:
+        matrix: sparse matrix with three rows for each node, shape (3 n, 3 n).
+        pad: indices of the pad nodes, shape (m,).
+    """
     return _best_levels(*_node_graph(matrix), pad)
 
 
 def _node_graph(matrix: csr_array) -> tuple[Index, Index]:
-    """Return row starts and columns of the matrix's graph of nodes."""
-    # Rows of one node have the same pattern up to zeros that cancelled: take the union of the three.
+    """Return the graph of the matrix's nodes, as row starts and columns."""
+    # The three rows of a node have the same pattern, except for entries that cancelled. The union of them is used.
     from scipy.sparse import csr_array as csr
 
     blocks = matrix.tobsr(blocksize=(3, 3))
@@ -153,13 +159,13 @@ def _node_graph(matrix: csr_array) -> tuple[Index, Index]:
 
 
 def _best_levels(starts: Index, columns: Index, pad: Index) -> list[Index]:
-    """Return the breadth-first levels that cost least, over some roots far apart and both directions."""
+    """Return the breadth-first levels of least cost, for several distant roots and both directions."""
     count = len(starts) - 1
     roots: list[int] = []
     levels = _levels(starts, columns, int(np.asarray(pad)[0]))
     candidates = []
     for _ in range(4):
-        # a node of the last level is far from all that came before; walk between the ends of the mesh
+        # A node of the last level is far from the root, so that the roots alternate between the ends of the mesh.
         root = int(levels[-1][0])
         if root in roots:
             root = int(levels[-1][-1])
@@ -175,7 +181,7 @@ def _best_levels(starts: Index, columns: Index, pad: Index) -> list[Index]:
 
 
 def _levels(starts: Index, columns: Index, root: int) -> list[Index]:
-    """Return the nodes by their distance from a root; parts that it does not reach follow as levels of their own."""
+    """Return the nodes in levels of distance from a root; parts without connection follow as further levels."""
     seen = np.zeros(len(starts) - 1, bool)
     out: list[Index] = []
     front = np.array([root])
@@ -194,7 +200,7 @@ def _levels(starts: Index, columns: Index, root: int) -> list[Index]:
 
 
 def _cost(levels: list[Index], is_pad: NDArray[np.bool_]) -> float:
-    """Return multiplications of the factorisation and the forward sweep, up to a factor."""
+    """Return the number of multiplications of the factorisation and the forward sweep, up to a factor."""
     total, active = 0.0, 0
     for i, level in enumerate(levels):
         n = len(level)

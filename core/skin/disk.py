@@ -1,4 +1,4 @@
-"""DiskQuads: the fingertip's chart, a disk of quadrilaterals that is finest at the pad, and how cells are split."""
+"""DiskQuads: disk of quadrilaterals in the chart of a fingertip, finest at the pad."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from ..errors import DermisError
 
 Complex = NDArray[np.complex128]
 
-# The fine block in the chart, whose radius is 1: its half width, and how far it runs back from the pad's centre and
-# forward over the tip.
+# Fine block in the chart, whose radius is 1: half its width, and its extent back from the pad's centre and forward over
+# the tip.
 PAD_HALF, PAD_BACK, PAD_FRONT = 0.17, 0.19, 0.26
-PAD_BULGE = 0.10  # bows the block's sides outward, so that its corners come nearer to the ideal 120 degrees
+PAD_BULGE = 0.10  # outward bow of the block's sides, so that its corners are nearer to the ideal 120 degrees
 
-# Five tetrahedra of a hexahedron whose vertices 0, 2, 5, 7 (first) or 1, 3, 4, 6 (second) are of the even colour.
+# Five tetrahedra of a hexahedron whose vertices 0, 2, 5, 7 (first) or 1, 3, 4, 6 (second) have colour 0.
 _SPLIT = (
     ((0, 2, 7, 5), (1, 2, 0, 5), (3, 0, 2, 7), (4, 7, 5, 0), (6, 5, 7, 2)),
     ((3, 1, 6, 4), (3, 0, 1, 4), (3, 1, 2, 6), (4, 6, 5, 1), (6, 4, 7, 3)),
@@ -26,14 +26,15 @@ _SPLIT = (
 
 @dataclass(frozen=True)
 class DiskQuads:
-    """A disk of quadrilaterals: a square in the middle and rings around it.
+    """Disk of quadrilaterals: a block in the middle, and rings around it.
 
     Attributes:
         chart: vertices in the unit disk, shape (v,).
-        quads: counter-clockwise in the chart, shape (q, 4).
-        colour: 0 or 1; every edge joins both, so that diagonals between vertices of colour 0 agree across cells.
+        quads: vertices of each quadrilateral, counter-clockwise in the chart, shape (q, 4).
+        colour: 0 or 1 for each vertex, shape (v,). The ends of each edge differ in colour, so that diagonals between
+            vertices of colour 0 match in adjacent cells.
         rim: vertices on the rim, counter-clockwise.
-        mirror: the vertex at the complex conjugate of each.
+        mirror: index of the vertex at the complex conjugate of each vertex, shape (v,).
     """
 
     chart: Complex
@@ -44,10 +45,15 @@ class DiskQuads:
 
 
 def disk_quads(across: int, along: int, rings: int) -> DiskQuads:
-    """Return a graded disk of quadrilaterals, symmetric under conjugation.
+    """Return a graded disk of quadrilaterals that is symmetric under complex conjugation.
+
+    Args:
+        across, along: numbers of cells of the block across and along the finger. They are even, so that vertices lie in
+            the mirror plane.
+        rings: number of rings.
 
     Raises:
-        DermisError: an odd or too small number of cells (the mirror plane needs vertices on it), no rings.
+        DermisError: a number of cells is odd or below 2, or there are no rings.
     """
     for label, cells in (("across", across), ("along", along)):
         if cells < 2 or cells % 2:
@@ -114,13 +120,13 @@ def _growth(first: float, count: int) -> float:
 
 
 def mirrored(points: Array, mirror: Indices32) -> Array:
-    """Return points made exactly symmetric in x, so that rounding cannot tell left from right."""
+    """Return points that are made exactly symmetric in x, without differences by rounding, shape (v, 3)."""
     other = points[mirror] * np.array([-1.0, 1.0, 1.0])
     return 0.5 * (points + other)
 
 
 def split_quads(quads: Indices32, colour: NDArray[np.integer]) -> Indices32:
-    """Split quadrilaterals along the diagonal between vertices of colour 0, shape (2 q, 3)."""
+    """Split quadrilaterals into triangles along the diagonal between vertices of colour 0, shape (2 q, 3)."""
     even = colour[quads[:, 0]] == 0
     a, b, c, d = quads.T
     first = np.where(even[:, None], np.stack([a, b, c], 1), np.stack([a, b, d], 1))
@@ -129,7 +135,14 @@ def split_quads(quads: Indices32, colour: NDArray[np.integer]) -> Indices32:
 
 
 def split_hexahedra(hexahedra: Indices32, colour: NDArray[np.integer]) -> Indices32:
-    """Split hexahedra into five tetrahedra each, conforming where `colour` is a two-colouring of the edges' ends."""
+    """Split hexahedra into five tetrahedra each, shape (5 h, 4).
+
+    The result is conforming if the ends of each edge differ in `colour`.
+
+    Args:
+        hexahedra: vertices of each, shape (h, 8).
+        colour: 0 or 1 for each vertex.
+    """
     even = colour[hexahedra[:, 0]] == 0
     out = np.empty((len(hexahedra), 5, 4), np.int32)
     out[even] = hexahedra[even][:, np.array(_SPLIT[0])]

@@ -1,4 +1,4 @@
-"""Tetrahedral meshes as files: a skin of one's own, from any mesher. The format is described in presets/skins."""
+"""Reader of tetrahedral meshes from files; presets/skins describes the format."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ _OPTIONAL = ("pad", "surface")
 
 
 def load_mesh(path: Path) -> TetraMesh:
-    """Read a tetrahedral mesh with its fixed and pad nodes from .npz or .json.
+    """Read a tetrahedral mesh with its fixed nodes and pad nodes from an .npz or .json file.
 
     Raises:
-        DermisError: the file cannot be read, a field is missing or of another shape, or the mesh is refused (see
-            `check_mesh`): inverted or flat elements, hanging nodes, overlapping elements, nothing that holds it.
+        DermisError: the file cannot be read, a field is missing or has another shape, or the mesh is invalid: inverted
+            or flat elements, hanging nodes, overlapping elements, or parts that are not held (see `check_mesh`).
     """
     path = Path(path)
     where = f"skin mesh '{path.name}'"
@@ -102,6 +102,6 @@ def _indices(value: Any, columns: int, where: str, name: str, count: int) -> NDA
 
 
 def _skin_faces(tetrahedra: NDArray[np.int32], fixed: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the boundary without the faces that bone or nail hold at all three corners."""
+    """Return the boundary faces without those whose three corners are fixed, shape (t, 3)."""
     faces = boundary_faces(tetrahedra)
     return faces[~np.isin(faces, fixed).all(axis=1)]

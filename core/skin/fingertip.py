@@ -1,4 +1,4 @@
-"""The graded mesh of a fingertip: a shell of hexahedra from bone to skin, each split into five tetrahedra."""
+"""Graded mesh of a fingertip: hexahedra from bone to skin, each split into five tetrahedra."""
 
 from __future__ import annotations
 
@@ -12,17 +12,19 @@ from .mesh import TetraMesh, pad_nodes, tetra_volumes
 from .quality import check_mesh
 from .shape import FingertipShape
 
-DEPTH_GROWTH = 2.0  # thickness of the layer at the bone over that at the skin, under the pad; less where tissue is thin
+# Ratio of the thickness of the layer at the bone to that at the skin, under the pad. It is smaller where tissue is
+# thin.
+DEPTH_GROWTH = 2.0
 
 
 @dataclass(frozen=True)
 class Level:
-    """How fine a mesh is.
+    """Resolution of a mesh.
 
     Attributes:
-        across, along: cells of the fine block across and along the pad, both even.
-        rings: rings of cells from the block to the cut end.
-        layers: from bone to skin.
+        across, along: numbers of cells of the fine block across and along the pad, both even.
+        rings: number of rings of cells from the block to the cut end.
+        layers: number of layers from bone to skin.
     """
 
     across: int
@@ -45,16 +47,18 @@ LEVELS: dict[str, Level] = {
 
 
 def fingertip_mesh(shape: FingertipShape | None = None, level: str | Level = "standard") -> TetraMesh:
-    """Return the mesh of a fingertip, graded towards the pad and mirror-symmetric in x, bit for bit.
+    """Return the mesh of a fingertip, finest at the pad and exactly symmetric in x.
 
-    Bone surface and nail are fixed. Pad nodes are those of the palmar skin, without the rim of the cut end.
+    The nodes on the bone's surface and under the nail are fixed. The pad nodes are those of the palmar skin without the
+    rim of the cut end.
 
     Args:
-        level: 'draft' (about 1.6k tetrahedra), 'standard' (6.4k), 'fine' (26k), 'reference' (88k, for tests), or
-            a `Level`.
+        shape: the fingertip; None for the default lengths.
+        level: 'draft' (about 1.6k tetrahedra), 'standard' (6.4k), 'fine' (26k), 'reference' (88k, for tests), or a
+            `Level`.
 
     Raises:
-        DermisError: an unknown level, or lengths so far out of proportion that the tissue would fold.
+        DermisError: the level is unknown, or the tissue would fold because lengths do not fit each other.
     """
     shape = shape or FingertipShape()
     if isinstance(level, str):
@@ -90,7 +94,7 @@ def fingertip_mesh(shape: FingertipShape | None = None, level: str | Level = "st
 
 
 def _check_volumes(mesh: TetraMesh, shape: FingertipShape) -> None:
-    """Refuse, in the words of the shape, what folds the layers between bone and skin."""
+    """Raise an error that names the fingertip's lengths if the layers between bone and skin fold."""
     folded = int((tetra_volumes(mesh.nodes, mesh.tetrahedra) <= 0).sum())
     if folded:
         names = ("width", "thickness", "length", "tip", "bone_width", "bone_thickness", "bone_bed", "bone_margin")

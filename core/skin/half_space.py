@@ -1,7 +1,9 @@
-"""What a force on the skin of an elastic half-space does: Boussinesq, Cerruti and Love in closed form, for E = 1.
+"""Closed-form solutions for forces on an elastic half-space with E = 1, by Boussinesq, Cerruti and Love.
 
-Displacement between pieces of the skin is compiled (`core/kernels/half_space.c`). Below the skin, the foot of a point
-stands in for the plane. Johnson, Contact Mechanics, chapter 3; Love, Phil. Trans. A 228 (1929).
+The displacement of pieces of skin is compiled code (`core/kernels/half_space.c`). For a point below the skin, the plane
+of the half-space is the tangent plane at the foot of the point.
+
+Source: Johnson, Contact Mechanics, chapter 3; Love, Phil. Trans. A 228 (1929)
 """
 
 from __future__ import annotations
@@ -23,17 +25,18 @@ STRESS_PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))  # xx, yy, zz, y
 
 
 def surface_kernel(field: Patches, source: Patches, poisson: float, dtype: type = np.float64) -> NDArray[Any]:
-    """Return the displacement of pieces of skin for forces on others at E = 1.
+    """Return the displacement of pieces of skin for unit forces on other pieces, for E = 1.
 
-    Transposed when field and source are exchanged, to rounding.
+    If field and source are exchanged, the result is transposed up to rounding.
 
     Args:
-        field: where skin moves, I pieces. source: what carries the forces, J pieces.
-        poisson: ratio.
-        dtype: of the answer, float32 or float64; the work is in double precision.
+        field: I pieces whose displacement is computed.
+        source: J pieces that carry forces.
+        poisson: Poisson's ratio.
+        dtype: type of the result, float32 or float64. The computation is in double precision.
 
     Returns:
-        [1/m], shape (I, 3, J, 3).
+        Displacement [1/m], shape (I, 3, J, 3).
     """
     out: NDArray[Any] = np.empty((len(field), 3, len(source), 3), dtype)
     kept: list[NDArray[Any]] = []
@@ -45,21 +48,22 @@ def surface_kernel(field: Patches, source: Patches, poisson: float, dtype: type 
 
 
 def _record(pieces: Patches, kept: list[NDArray[Any]]) -> records.PatchesRecord:
-    """Return a record of pieces, and keep its arrays in a list."""
+    """Return a record of pieces for the kernels; the arrays to which it points are added to `kept`."""
     arrays = [np.ascontiguousarray(v) for v in (pieces.positions, pieces.normals, pieces.sides, pieces.areas)]
     kept += arrays
     return records.PatchesRecord(len(pieces), *map(address, arrays))
 
 
 class Beneath:
-    """Points below the skin, and what forces on the skin do there at E = 1.
+    """Displacement and stress at points below the skin for forces on it, for E = 1.
 
-    Nine numbers say what happens at a point: displacement x, y, z and stress xx, yy, zz, yz, xz, xy.
+    The nine components at a point are displacement x, y, z and stress xx, yy, zz, yz, xz, xy.
 
     Args:
-        feet: points of the skin, shape (k, 3) [m]. normals: outward unit normals there, shape (k, 3).
-        depths: below the skin along the normal [m], above zero, shape (k,).
-        poisson: ratio.
+        feet: points of the skin above the points [m], shape (k, 3).
+        normals: outward unit normals at the feet, shape (k, 3).
+        depths: depths below the skin along the normals [m], above zero, shape (k,).
+        poisson: Poisson's ratio.
     """
 
     def __init__(self, feet: Array, normals: Array, depths: Array, poisson: float) -> None:
@@ -80,20 +84,25 @@ class Beneath:
         return len(self.depths)
 
     def kernel(self, positions: Array) -> Array:
-        """Return what unit forces at points of the skin do at every probe [1/m and 1/m^2], shape (k, 9, J, 3)."""
+        """Return displacement [1/m] and stress [1/m^2] for unit forces at points of the skin, shape (k, 9, J, 3).
+
+        Args:
+            positions: points at which the forces act [m], shape (J, 3).
+        """
         probe = np.repeat(np.arange(len(self)), len(positions))
         local = _point_force(self._places(probe, np.tile(positions, (len(self), 1))), self.poisson)
         local = local.reshape(len(self), len(positions), 9, 3) @ self.frames[:, None]
         return (self._turn @ local.transpose(0, 2, 1, 3).reshape(len(self), 9, -1)).reshape(len(self), 9, -1, 3)
 
     def sum(self, probe: Indices, positions: Array, forces: Array) -> Array:
-        """Return what forces on the skin do at the probes, over pairs of a probe and a force.
+        """Return displacement and stress at the points, summed over pairs of a point and a force.
 
         Args:
-            probe: of each pair, shape (n,). positions, forces: of each pair [m, N], shape (n, 3).
+            probe: index of the point of each pair, shape (n,).
+            positions, forces: position [m] and force [N] of each pair, shape (n, 3) each.
 
         Returns:
-            Displacement at E = 1 Pa [m] and stress [Pa], shape (k, 9).
+            Displacement for E = 1 Pa [m] and stress [Pa], shape (k, 9).
         """
         local = _point_force(self._places(probe, positions), self.poisson)
         done = (local @ (self.frames[probe] @ forces[:, :, None]))[:, :, 0]
@@ -101,7 +110,10 @@ class Beneath:
         return (self._turn @ total[:, :, None])[:, :, 0]
 
     def _places(self, probe: Indices, positions: Array) -> Array:
-        """Return where probes lie as seen from points of the skin: the chord in the plane, and the true depth."""
+        """Return the points relative to the forces, in the frame of each point's tangent plane [m], shape (n, 3).
+
+        The distance in the plane is the length of the chord along the curved skin; the depth is the true one.
+        """
         chord = self.feet[probe] - positions
         x, y = _dot(chord, self.frames[probe, 0]), _dot(chord, self.frames[probe, 1])
         flat = np.hypot(x, y)
@@ -110,7 +122,12 @@ class Beneath:
 
 
 def _point_force(place: Array, poisson: float) -> Array:
-    """Return displacement (E = 1) and stress at places (n, 3) for unit forces at the origin of z > 0, (n, 9, 3)."""
+    """Return displacement (E = 1) and stress for unit forces at the origin of the half-space z > 0, shape (n, 9, 3).
+
+    Args:
+        place: positions in the half-space [m], shape (n, 3).
+        poisson: Poisson's ratio.
+    """
     x, y, z = place.T
     free = 1.0 - 2.0 * poisson
     r = np.sqrt(x * x + y * y + z * z)

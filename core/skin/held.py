@@ -1,8 +1,8 @@
-"""Whether bone holds a mesh: what could move without being deformed would yield to any force without end.
+"""Check that the fixed nodes of a mesh exclude motion without deformation.
 
-Elements that share faces move as one where nothing is deformed; those that share only an edge or a node can turn about
-it. So the motions without deformation are those of such parts as rigid bodies, and they are none where fixed nodes and
-nodes shared by parts leave no motion: exactly where the stiffness matrix can be inverted.
+The stiffness matrix can be inverted exactly if no part of the mesh can move without being deformed. Elements that share
+a face move together as one rigid part. Parts that share only an edge or a node can turn about it. The check therefore
+looks for motions of the parts as rigid bodies that fixed nodes and shared nodes allow.
 """
 
 from __future__ import annotations
@@ -14,15 +14,19 @@ from ..arrays import Array
 from ..errors import DermisError
 from .mesh import FACES, TetraMesh
 
-MOST_PARTS = 300  # that are looked into; a mesh of more is none
-LOOSE = 1e-12  # of the stiffest motion's hold, squared lever arms
+MOST_PARTS = 300  # largest number of parts of a valid mesh
+LOOSE = 1e-12  # a motion counts as free if its constraint is below this share of the strongest one
 
 
 def check_held(mesh: TetraMesh, where: str) -> None:
-    """Refuse a mesh of which a part can move without being deformed.
+    """Raise an error if a part of a mesh can move without being deformed.
+
+    Args:
+        mesh: mesh to check.
+        where: name of the mesh, for the error.
 
     Raises:
-        DermisError: names the part, its fixed nodes and where it hangs on the rest.
+        DermisError: a part is loose. The error names the part, its fixed nodes and the nodes that it shares.
     """
     part = parts_by_face(mesh)
     count = int(part.max()) + 1
@@ -43,7 +47,7 @@ def check_held(mesh: TetraMesh, where: str) -> None:
     for p in range(count):
         own = levers[fixed & (on == p)]
         hold[p, :, p] += np.einsum("nki,nkj->ij", own, own)
-    main = np.repeat(first, times)  # the first part that a node belongs to, which its others must follow
+    main = np.repeat(first, times)  # first part that contains the node, with which its other parts must move
     for i in np.flatnonzero(shared & (np.arange(len(node)) != main)).tolist():
         joint = ((on[i], levers[i]), (on[main[i]], -levers[main[i]]))
         for p, a in joint:
@@ -57,7 +61,7 @@ def check_held(mesh: TetraMesh, where: str) -> None:
 
 
 def parts_by_face(mesh: TetraMesh) -> NDArray[np.int64]:
-    """Return the part that each element belongs to, hanging together by faces, shape (e,)."""
+    """Return the index of the part of each element, shape (e,); a part is connected by shared faces."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -71,7 +75,15 @@ def parts_by_face(mesh: TetraMesh) -> NDArray[np.int64]:
 
 
 def _levers(nodes: Array, node: NDArray[np.integer], on: NDArray[np.integer], count: int) -> Array:
-    """Return how nodes move with the shift and turn of their part about its middle, per its size, shape (n, 3, 6)."""
+    """Return the movement of nodes for shift and turn of their part, shape (n, 3, 6).
+
+    A part turns about its centre, and turns are multiplied by its size.
+
+    Args:
+        nodes: positions [m], shape (all, 3).
+        node, on: index of each node and of its part, shape (n,) each.
+        count: number of parts.
+    """
     sizes = np.bincount(on, minlength=count)
     middle = np.stack([np.bincount(on, nodes[node, k], count) for k in range(3)], axis=1) / sizes[:, None]
     way = nodes[node] - middle[on]
@@ -87,7 +99,7 @@ def _levers(nodes: Array, node: NDArray[np.integer], on: NDArray[np.integer], co
 def _refusal(
     mesh: TetraMesh, mine: NDArray[np.bool_], fixed: NDArray[np.integer], shared: NDArray[np.integer], where: str
 ) -> DermisError:
-    """Say which part is loose, and why."""
+    """Return the error for a loose part."""
     x, y, z = 1e3 * mesh.nodes[mesh.tetrahedra[mine]].mean(axis=(0, 1))
     bone = f"{len(fixed)} of its nodes are fixed"
     if len(fixed) > 1:

@@ -1,8 +1,8 @@
-"""LawTables: the neo-Hookean law on the mesh that a skin is solved on, with what its stiffness at rest makes of forces.
+"""LawTables: neo-Hookean law of a skin's mesh, with its linear response and its residual.
 
-Forces F on the pad of tissue at E = 1 displace it by u = K^-1 F - c, with K the stiffness at rest; the law holds where
-K^-1 R(u) = K^-1 F, R the forces that hold u. c is what stiffening takes: the nodes give way by so much less than linear
-tissue's. What a touch keeps of it is its part on the pad, from which the rest is found again.
+Forces F on the pad of tissue with E = 1 displace it by u = K^-1 F - c. K is the stiffness at rest, and the correction c
+is the difference to linear tissue. The law holds if K^-1 R(u) = K^-1 F, where R(u) are the forces that hold the
+displacement u. A touch stores only the part of c on the pad, from which the rest of u is computed again.
 """
 
 from __future__ import annotations
@@ -25,16 +25,17 @@ from .rest_factor import RestFactor
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-KEPT = 8  # states whose displacement is kept: what is shown is asked for where contact was solved
-TOLERANCE, STEPS = 2e-3, 80  # of what is left where a state is found again, and the steps towards it
+KEPT = 8  # number of states whose displacement is kept, so that results of solved contact can be shown at once
+TOLERANCE, STEPS = 2e-3, 80  # residual at which a state counts as found again, and the largest number of steps
 
 
 class Miss(NamedTuple):
-    """How far a displacement is from what the law has for its forces.
+    """Residual of the law for a displacement and its forces.
 
     Attributes:
-        way: by which c is to change, at rest's stiffness, and pull: the forces of that, shapes (3 free,).
-        left: the energy of both, root of its share of the forces' own.
+        way: change of c by the stiffness at rest, K^-1 (R(u) - F), shape (3 free,).
+        pull: forces of this change, R(u) - F, shape (3 free,).
+        left: norm of the residual in energy: square root of |way . pull| / |K^-1 F . F|.
     """
 
     way: Floats32
@@ -43,44 +44,53 @@ class Miss(NamedTuple):
 
 
 class LawTables:
-    """The law of one mesh; all vectors are of its free nodes, x, y, z each, at E = 1, in single precision.
+    """Neo-Hookean law on one mesh.
+
+    Vectors contain x, y and z of each free node, shape (3 free,), or of each pad node, shape (3 m,). They are in single
+    precision and for E = 1.
 
     Args:
-        mesh: the tissue. poisson: ratio.
-        response: tells `SkinModel.unit_response`.
+        mesh: mesh of the tissue.
+        poisson: Poisson's ratio.
+        response: function that returns `SkinModel.unit_response`.
+
+    Attributes:
+        pad: indices of the pad's components in a vector of the free nodes, shape (3 m,).
     """
 
     def __init__(self, mesh: TetraMesh, poisson: float, response: Callable[[], Floats32]) -> None:
         self.mesh, self.law = mesh, MeshLaw(mesh, poisson)
         self._poisson, self._response = poisson, response
         self._free = degrees(mesh.free)
-        self.pad = np.searchsorted(self._free, degrees(mesh.pad))  # of a vector
+        self.pad = np.searchsorted(self._free, degrees(mesh.pad))
         self._inner = np.setdiff1d(np.arange(len(self._free)), self.pad)
         self._states: Recent[bytes, Floats32] = Recent(KEPT)
-        # pad nodes that carried force last, their degrees and rows of the response
+        # Pad nodes that carried force at the last call, their degrees of freedom, and their rows of the response.
         self._touched: tuple[Any, ...] = np.zeros(0, bool), np.zeros(0, np.int64), np.zeros((0, len(self._free)))
 
     @property
     def size(self) -> int:
-        """Length of a vector."""
+        """Length of a vector of the free nodes."""
         return len(self._free)
 
     def pulled(self, force: Floats32) -> Floats32:
-        """Return how forces on the pad nodes displace linear tissue, shapes (3 m,) to (3 free,)."""
+        """Return the displacement of linear tissue K^-1 F, shape (3 free,), for forces on the pad, shape (3 m,)."""
         touched = force.reshape(-1, 3).any(axis=1)
         if 2 * np.count_nonzero(touched) >= len(self.mesh.pad):
             return np.asarray(force @ self._response())
-        if not np.array_equal(touched, self._touched[0]):  # what touches seldom changes from look to look
+        if not np.array_equal(touched, self._touched[0]):  # the loaded nodes rarely change between calls
             rows = degrees(np.flatnonzero(touched))
             self._touched = touched, rows, self._response()[rows]
         _, rows, response = self._touched
         return np.asarray(force[rows] @ response)
 
     def miss(self, moved: Floats32, pulled: Floats32, force: Floats32) -> Miss:
-        """Return what a displacement is off under forces on the pad.
+        """Return the residual of the law.
 
         Args:
-            moved: u, shape (3 free,). pulled: of the forces, as `pulled` says. force: on the pad nodes, shape (3 m,).
+            moved: displacement u, shape (3 free,).
+            pulled: displacement of linear tissue for the same forces, see `pulled`, shape (3 free,).
+            force: forces F on the pad nodes, shape (3 m,).
         """
         pull = self.forces(moved)
         way = self._rest.solve(pull) - pulled
@@ -89,38 +99,51 @@ class LawTables:
         return Miss(way, pull, (abs(float(way @ pull)) / max(own, 1e-30)) ** 0.5)
 
     def forces(self, moved: Floats32) -> Floats32:
-        """Return R: the forces that hold a displacement, shapes (3 free,) to (3 free,)."""
+        """Return R(u), the forces that hold a displacement, shape (3 free,)."""
         return self.law.forces(self.nodes(moved)).reshape(-1)[self._free]
 
     def nodes(self, moved: Floats32) -> Floats32:
-        """Return the displacement of all nodes, shape (n, 3)."""
+        """Return the displacement of all nodes, shape (n, 3), from that of the free ones, shape (3 free,)."""
         out = np.zeros(self.mesh.nodes.size, np.float32)
         out[self._free] = moved
         return out.reshape(-1, 3)
 
     def remember(self, force: Floats32, beyond: Floats32, moved: Floats32) -> None:
-        """Keep the displacement of a state, see `state`; light forces of all kinds share the c that is none at all."""
+        """Keep the displacement of a state for `state`.
+
+        Args:
+            force: forces on the pad nodes, shape (3 m,). They are a part of the key, because light forces all have c =
+            0.
+            beyond: correction c at the pad nodes, shape (3 m,).
+            moved: displacement, shape (3 free,).
+        """
         key = force.tobytes() + beyond.tobytes()
         self._states.pop(key, None)
         self._states.make(key, lambda: moved)
 
     def state(self, force: Floats32, beyond: Floats32) -> Floats32:
-        """Return the displacement under forces on the pad that gives way by so much less, (3 m,) each to (3 free,)."""
+        """Return the displacement for forces and corrections at the pad nodes, shape (3 free,).
+
+        Args:
+            force: forces on the pad nodes, shape (3 m,).
+            beyond: correction c at the pad nodes, shape (3 m,).
+        """
         return self._states.make(force.tobytes() + beyond.tobytes(), lambda: self._held(force, beyond))
 
     def _held(self, force: Floats32, beyond: Floats32) -> Floats32:
-        """Find what is beneath a pad that is held where it lies."""
+        """Compute the displacement below the pad for a given displacement of the pad."""
         start = self.pulled(force)
         start[self.pad] -= beyond
         if len(self._inner):
-            start[self._inner] -= self._beneath.solve((self._matrix @ start)[self._inner])  # linear tissue beneath it
+            start[self._inner] -= self._beneath.solve((self._matrix @ start)[self._inner])  # start from linear tissue
         return self.held(start)[0]
 
     def held(self, start: Floats32, tolerance: float | None = None) -> tuple[Floats32, float]:
-        """Return the displacement by the law of tissue whose pad stays where it lies, and what is left of its balance.
+        """Return the equilibrium by the law for a given displacement of the pad, shape (3 free,), and its residual.
 
         Args:
-            start: a displacement with this pad, shape (3 free,). tolerance: of what is left, see `Miss.left`.
+            start: displacement to start from, whose part on the pad is held, shape (3 free,).
+            tolerance: residual at which the iteration ends, see `Miss.left`; None for `TOLERANCE`.
         """
         held, out = start[self.pad], start.copy()
         if not held.any() or not len(self._inner):
@@ -138,9 +161,12 @@ class LawTables:
         return out, left
 
     def loaded(self, force: Floats32) -> Floats32:
-        """Return by how much less a pad gives way to forces that nothing else is known of, shapes (3 m,) to (3 m,).
+        """Return the correction c at the pad nodes for forces on them, shape (3 m,).
 
-        Under dead loads tissue may be unstable: then it is what came nearest to a balance.
+        Tissue may have no stable equilibrium under constant forces. The result is then the iterate of least residual.
+
+        Args:
+            force: forces on the pad nodes, shape (3 m,).
         """
         pulled = self.pulled(force)
         if not force.any():
@@ -154,11 +180,11 @@ class LawTables:
         return beyond[self.pad]
 
     def stress(self, moved: Floats32) -> Array:
-        """Return the Cauchy stress of the elements, shape (e, 6)."""
+        """Return the Cauchy stress of the elements for E = 1, xx, yy, zz, yz, xz, xy, shape (e, 6)."""
         return self.law.stress(self.nodes(moved))
 
     def energy(self, moved: Floats32) -> float:
-        """Return the strain energy."""
+        """Return the strain energy for E = 1 Pa [J]."""
         return self.law.energy(self.nodes(moved))
 
     @cached_property
@@ -183,9 +209,15 @@ class LawTables:
 def _relaxed(
     x: Floats32, miss: Callable[[Floats32], tuple[Floats32, Floats32, float]], tolerance: float
 ) -> tuple[Floats32, float]:
-    """Return where little is left, or the least that was found, and what that is."""
+    """Iterate until the residual is within a tolerance; return the best iterate and its residual.
+
+    Args:
+        x: iterate to start from.
+        miss: function that returns the basic step, its forces and the residual of an iterate, see `Relaxation.next`.
+        tolerance: residual at which the iteration ends.
+    """
     steps = Relaxation()
-    with np.errstate(over="ignore", invalid="ignore"):  # of a step too far, which is taken back
+    with np.errstate(over="ignore", invalid="ignore"):  # a step may be too long; it is undone then
         for _ in range(STEPS):
             way, pull, left = miss(x)
             following = steps.next(x, way, pull, left)

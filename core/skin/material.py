@@ -1,4 +1,4 @@
-"""Elastic: the linear isotropic material of the pulp."""
+"""Elastic: linear isotropic material of the pulp."""
 
 from __future__ import annotations
 
@@ -9,10 +9,15 @@ from ..parameters.skin import TISSUE
 
 @dataclass(frozen=True)
 class Elastic:
-    """A linear isotropic material.
+    """Linear isotropic material; `parameters/skin.py` has the ranges and the sources of its values.
 
     Attributes:
-        young: Young's modulus E [Pa]. poisson: ratio. alpha: personal factor on E. See `parameters/skin.py`.
+        young: Young's modulus E [Pa].
+        poisson: Poisson's ratio.
+        alpha: personal stiffness factor, by which E is multiplied.
+
+    Raises:
+        DermisError: a value is out of range.
     """
 
     young: float = TISSUE["young"].default
@@ -35,7 +40,7 @@ class Elastic:
 
     @property
     def unit(self) -> Elastic:
-        """The same Poisson's ratio with a modulus of 1 Pa: modulus only scales, so everything costly is done for it."""
+        """The same material with a modulus of 1 Pa; results of costly computations for it are only scaled."""
         return replace(self, young=1.0, alpha=1.0)
 
 

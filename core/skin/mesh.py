@@ -1,4 +1,4 @@
-"""TetraMesh: soft tissue as tetrahedra, with the nodes that bone and nail hold and those that may touch."""
+"""TetraMesh: tetrahedral mesh of soft tissue, with its fixed nodes and its pad nodes."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 
-FACES = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))  # of a tetrahedron, counter-clockwise from outside
-PAD_TILT = -0.1  # skin whose outward normal has a smaller Z may touch
+FACES = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))  # faces of a tetrahedron, counter-clockwise from outside
+PAD_TILT = -0.1  # skin belongs to the pad if the Z component of its outward unit normal is smaller
 
 
 @dataclass(frozen=True, eq=False)
 class TetraMesh:
-    """A tetrahedral mesh of soft tissue, with the nodes that are held and those that may touch.
+    """Tetrahedral mesh of soft tissue.
 
     Attributes:
-        nodes: [m] in the finger's frame, shape (n, 3).
-        tetrahedra: node indices, positively oriented, shape (e, 4), int32.
-        fixed: nodes that bone and nail hold, rising, shape (f,), int32.
-        pad: nodes that may touch, rising, none of them fixed, shape (m,), int32.
+        nodes: positions in the finger's frame [m], shape (n, 3).
+        tetrahedra: node indices of each element, with positive volume, shape (e, 4), int32.
+        fixed: indices of the nodes that bone and nail hold, rising, shape (f,), int32.
+        pad: indices of the nodes that may touch objects, rising, none of them fixed, shape (m,), int32.
         surface: triangles of the skin, counter-clockwise from outside, shape (t, 3), int32.
-        name: what to call it in messages.
+        name: name of the mesh in messages.
     """
 
     nodes: Array
@@ -45,7 +45,7 @@ class TetraMesh:
 
     @cached_property
     def free(self) -> Indices32:
-        """Nodes that can move, rising, shape (n - f,)."""
+        """Indices of the nodes that are not fixed, rising, shape (n - f,)."""
         held = np.zeros(len(self.nodes), bool)
         held[self.fixed] = True
         return np.flatnonzero(~held).astype(np.int32)
@@ -64,23 +64,23 @@ class TetraMesh:
 
     @property
     def pad_vectors(self) -> Array:
-        """A third of the skin around each pad node as vectors out of it [m^2], shape (m, 3)."""
+        """Area vector of each pad node: a third of those of the triangles around it [m^2], shape (m, 3)."""
         return np.asarray(self._node_vectors[self.pad])
 
     @cached_property
     def pad_areas(self) -> Array:
-        """A third of the skin around each pad node [m^2], shape (m,)."""
+        """Area of skin of each pad node: length of its area vector [m^2], shape (m,)."""
         return np.linalg.norm(self.pad_vectors, axis=1)
 
     @cached_property
     def pad_normals(self) -> Array:
-        """Outward unit normal at each pad node, area-weighted, shape (m, 3)."""
+        """Outward unit normal of each pad node: direction of its area vector, shape (m, 3)."""
         vectors = self.pad_vectors
         return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
     @cached_property
     def averaging(self) -> csr_array:
-        """Takes values per element to their volume average around each node, sparse (n, e)."""
+        """Matrix that maps values of elements to their volume average around each node, sparse, shape (n, e)."""
         from scipy.sparse import csr_array as csr
 
         count = len(self.tetrahedra)
@@ -100,7 +100,12 @@ class TetraMesh:
 
 
 def pad_nodes(mesh: TetraMesh, exclude: NDArray[np.integer] | None = None) -> Indices32:
-    """Return the free nodes of the palmar skin: those whose outward normal points well away from the nail."""
+    """Return the free nodes of the palmar skin, by `PAD_TILT`, rising, shape (m,).
+
+    Args:
+        mesh: mesh with its skin and its fixed nodes.
+        exclude: indices of nodes that do not belong to the pad.
+    """
     vectors = mesh._node_vectors
     length = np.linalg.norm(vectors, axis=1)
     palmar = (length > 0) & (vectors[:, 2] < PAD_TILT * length)
@@ -117,7 +122,7 @@ def tetra_volumes(nodes: Array, tetrahedra: Indices32) -> Array:
 
 
 def boundary_faces(tetrahedra: Indices32) -> Indices32:
-    """Return the faces that belong to one tetrahedron only, counter-clockwise from outside, shape (b, 3)."""
+    """Return the faces that belong to a single tetrahedron, counter-clockwise from outside, shape (b, 3)."""
     faces = tetrahedra[:, FACES].reshape(-1, 3)
     _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
     return faces[np.sort(first[count == 1])].astype(np.int32)

@@ -1,9 +1,9 @@
-"""MeshLaw: the forces of neo-Hookean tissue at E = 1, node by node, compiled, in a fraction of a millisecond.
+"""MeshLaw: forces, stress and energy of neo-Hookean tissue with E = 1 on a mesh, by compiled code.
 
-W = sum_e V_e mu/2 (I1 - 3 - 2 ln J_e) + sum_a V_a lambda/2 (ln J_a)^2, J_a the volume average of J around node a, in
-single precision. It is told in the gradient H of displacement, F = 1 + H: of J - 1 = tr H + ... no large numbers
-cancel, so that a light touch is as right as a deep one. `tests/exact/neo_hookean.py` has the same law in double
-precision, with its tangent.
+The strain energy is W = sum_e V_e mu/2 (I1 - 3 - 2 ln J_e) + sum_a V_a lambda/2 (ln J_a)^2, where J_a is the volume
+average of J around node a. It is evaluated in single precision in a fraction of a millisecond. The kernel uses the
+gradient H of the displacement, F = 1 + H. In J - 1 = tr H + ... no large numbers cancel, so that small deformations are
+as accurate as large ones. `tests/exact/neo_hookean.py` has the same law in double precision, with its tangent.
 """
 
 from __future__ import annotations
@@ -24,17 +24,19 @@ from .assembly import geometry
 from .material import lame
 from .mesh import TetraMesh
 
-# Below it ln J goes on as its parabola: an element that a step would turn inside out is hard, and its force is finite.
+# Below this J, ln J is continued by its second-order expansion. An element that a step would invert is then stiff, and
+# its forces are finite.
 FLATTEST = 0.06
 
 
 class MeshLaw:
-    """The law on a mesh.
+    """Neo-Hookean law on a mesh.
 
-    A displacement that is not finite has forces and stress that are not finite either.
+    For a displacement that is not finite, forces and stress are not finite either.
 
     Args:
-        mesh: the tissue at rest. poisson: ratio.
+        mesh: mesh of the tissue at rest.
+        poisson: Poisson's ratio.
     """
 
     def __init__(self, mesh: TetraMesh, poisson: float) -> None:
@@ -42,23 +44,23 @@ class MeshLaw:
         self._lame = lame(1.0, poisson)
 
     def forces(self, displacement: Floats32) -> Floats32:
-        """Return the forces that hold a displacement of the nodes [m], shapes (n, 3) to (n, 3)."""
+        """Return the forces for E = 1 Pa that hold a displacement of the nodes [m], shape (n, 3) [N]."""
         out = np.empty(self.mesh.nodes.shape, np.float32)
         self._evaluate(displacement, force=address(out))
         return out
 
     def stress(self, displacement: Floats32) -> Array:
-        """Return the Cauchy stress mu (b - 1) / J + p of the elements, xx, yy, zz, yz, xz, xy, shape (e, 6)."""
+        """Return the Cauchy stress mu (b - 1) / J + p of the elements for E = 1, xx, yy, zz, yz, xz, xy, (e, 6)."""
         out = np.empty((len(self.mesh.tetrahedra), 6))
         self._evaluate(displacement, stress=address(out))
         return out
 
     def energy(self, displacement: Floats32) -> float:
-        """Return the strain energy."""
+        """Return the strain energy for E = 1 Pa [J]."""
         return float(self._evaluate(displacement, stored=1).energy)
 
     def flattest(self, displacement: Floats32) -> float:
-        """Return the least J of the elements."""
+        """Return the smallest J of all elements."""
         return float(self._evaluate(displacement).flattest)
 
     def _evaluate(self, displacement: Floats32, **wanted: int) -> records.LawRecord:
@@ -84,7 +86,7 @@ class MeshLaw:
 
     @cached_property
     def tables(self) -> tuple[NDArray[Any], ...]:
-        """Corners, slopes, volumes and the volume around each node, as `kernels.h` wants them."""
+        """Corners, gradients, volumes and nodal volumes in the layout of `kernels.h`."""
         mesh = self.mesh
         around = np.bincount(mesh.tetrahedra.ravel(), np.repeat(mesh.volumes, 4), minlength=len(mesh.nodes))
         slopes = geometry(mesh).gradients[:, 1:].reshape(-1, 9)
@@ -95,7 +97,7 @@ class MeshLaw:
 
 
 def _blocks(values: NDArray[Any]) -> NDArray[Any]:
-    """Return values of the elements in blocks, the last filled up with copies, shape (e, k) to (blocks, k, lanes)."""
+    """Arrange values of elements, shape (e, k), in blocks, shape (blocks, k, lanes); copies fill the last block."""
     count, width = values.shape
     filled = np.minimum(np.arange(-(-count // records.LANES) * records.LANES), count - 1)
     return np.ascontiguousarray(values[filled].reshape(-1, records.LANES, width).transpose(0, 2, 1))

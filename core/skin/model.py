@@ -1,4 +1,4 @@
-"""SkinModel: a fingertip condensed to the nodes that may touch. Made once per skin, kept on disk."""
+"""SkinModel: compliance of a fingertip, condensed to the pad nodes and kept in a cache."""
 
 from __future__ import annotations
 
@@ -33,30 +33,29 @@ Floats = NDArray[np.floating[Any]]
 
 _laws: Recent[str, LawTables] = Recent(8)
 
-MODEL_VERSION = 1  # part of every key: raise it whenever mesh, assembly or condensation changes
+MODEL_VERSION = 1  # part of every key; to be raised whenever mesh, assembly or condensation changes
 
 
 @dataclass(frozen=True, eq=False)
 class SkinModel:
-    """A linear skin, condensed to its pad.
+    """Model of a fingertip's skin: its linear response, condensed to the pad nodes.
 
-    Forces are those on the skin [N], displacements [m], both in the finger's frame, x, y, z by pad node in the order of
-    `mesh.pad`; (m, 3) and (3 m,) are both accepted. Nothing but `compliance` and what follows from it assumes that
-    skin is linear: what its tissue's law adds is an offset (see `Stimulus`, which goes through these methods only).
+    Forces act on the skin [N]. Forces and displacements [m] are in the finger's frame, with x, y and z of each pad node
+    in the order of `mesh.pad`; shapes (m, 3) and (3 m,) are both accepted. Displacement, stress and energy are those of
+    linear skin. The correction by a nonlinear law is an offset, which `Stimulus` adds.
 
     Attributes:
-        mesh: the tissue.
-        material: E, Poisson's ratio and alpha. E and alpha only scale.
+        mesh: mesh of the tissue.
+        material: Young's modulus E, Poisson's ratio and the personal stiffness factor alpha.
         element: 'anp' (averaged nodal pressure) or 'p1'.
-        unit_compliance: displacement of the pad for force on it at E = 1 Pa, symmetric positive definite [1/m],
-            shape (3 m, 3 m).
-        key: what the model depends on besides E and alpha, 64 hexadecimal digits.
-        cache: where larger tables go, or None.
-        shape: the fingertip that was meshed, whose skin is smooth; None for any other mesh.
-        follows_law: its tissue follows the neo-Hookean law, node by node (`law`). What is said of displacement, stress
-            and energy here is of linear skin: `Stimulus` adds the rest.
-        rounded_key: as `key`, of lengths to the nanometre, so that a length is the same in metres and in millimetres;
-            '' of any other mesh.
+        unit_compliance: displacement of the pad nodes for forces on them for E = 1 Pa, symmetric positive definite
+            [1/m], shape (3 m, 3 m).
+        key: hash of all inputs except E and alpha, 64 hexadecimal digits.
+        cache: cache for larger tables, or None.
+        shape: the parametric fingertip that was meshed, which has a smooth surface; None for any other mesh.
+        follows_law: whether the tissue follows the neo-Hookean law (`law`).
+        rounded_key: as `key`, with lengths rounded to a nanometre, so that a length has the same key in metres and in
+            millimetres; '' for any other mesh.
     """
 
     mesh: TetraMesh
@@ -81,12 +80,12 @@ class SkinModel:
 
     @property
     def tissue(self) -> str:
-        """What its tissue is: 'linear' or 'neo_hookean'."""
+        """Model of the tissue: 'linear' or 'neo_hookean'."""
         return NEO_HOOKEAN if self.follows_law else LINEAR
 
     @property
     def positions(self) -> Array:
-        """Pad nodes at rest [m], shape (m, 3)."""
+        """Positions of the pad nodes at rest [m], shape (m, 3)."""
         return self.mesh.nodes[self.mesh.pad]
 
     @property
@@ -96,21 +95,21 @@ class SkinModel:
 
     @property
     def areas(self) -> Array:
-        """Skin that belongs to each pad node [m^2], shape (m,)."""
+        """Area of skin of each pad node [m^2], shape (m,)."""
         return self.mesh.pad_areas
 
     @cached_property
     def compliance(self) -> Array:
-        """Displacement of the pad for force on it [m/N], shape (3 m, 3 m)."""
+        """Displacement of the pad nodes for forces on them [m/N], shape (3 m, 3 m)."""
         return self.unit_compliance / self.material.modulus
 
     @cached_property
     def compliance32(self) -> NDArray[np.float32]:
-        """`compliance` in single precision, for iterations that a float64 residual checks afterwards."""
+        """`compliance` in single precision, for iterations whose residual is then verified in double precision."""
         return self.compliance.astype(np.float32)
 
     def with_material(self, *, young: float | None = None, alpha: float | None = None) -> SkinModel:
-        """Return the same skin of another stiffness: no work, all tables are shared."""
+        """Return the same skin with another stiffness; all tables are shared."""
         material = replace(
             self.material,
             young=self.material.young if young is None else young,
@@ -123,12 +122,12 @@ class SkinModel:
         return other
 
     def with_law(self) -> SkinModel:
-        """Return the same skin of tissue that follows the neo-Hookean law: no work, tables are shared."""
+        """Return the same skin with neo-Hookean tissue; all tables are shared."""
         return self if self.follows_law else self._like(follows_law=True)
 
     @cached_property
     def linear(self) -> SkinModel:
-        """The same skin of linear tissue: no work, tables are shared."""
+        """The same skin with linear tissue; all tables are shared."""
         return self._like(follows_law=False) if self.follows_law else self
 
     def _like(self, **changed: Any) -> SkinModel:
@@ -138,19 +137,25 @@ class SkinModel:
 
     @cached_property
     def on_nodes(self) -> SkinModel:
-        """The same skin without its smooth surface: what presses it is solved at the nodes of its mesh."""
+        """The same skin without its smooth surface, so that contact is solved at the nodes of its mesh."""
         return self._like(shape=None)
 
     def _share(self, other: SkinModel, *tables: str) -> None:
-        """Let another model use the tables that were made."""
+        """Share tables that have been computed with another model."""
         other.__dict__.update({name: self.__dict__[name] for name in tables if name in self.__dict__})
 
     def pad_displacement(self, force: Floats) -> Array:
-        """Return the displacement of the pad nodes, shape (m, 3)."""
+        """Return the displacement of the pad nodes for forces on them [m], shape (m, 3)."""
         return self._pad_displacement(self._force(force)).reshape(-1, 3)
 
     def displacement(self, force: Floats) -> Array:
-        """Return the displacement of all nodes, shape (n, 3); the pad's is exact, the others' to float32."""
+        """Return the displacement of all nodes [m], shape (n, 3).
+
+        That of the pad nodes is in double precision, that of all others in single precision.
+
+        Args:
+            force: forces on the pad nodes [N], shape (m, 3) or (3 m,).
+        """
         from scipy.linalg.blas import sgemv  # numpy may come without a BLAS
 
         flat = self._force(force)
@@ -159,12 +164,12 @@ class SkinModel:
         if len(active) == 0:
             return out
         rows = self.unit_response
-        if 2 * len(active) < self.pad_count:  # most of a pad is not touched: read only what is
+        if 2 * len(active) < self.pad_count:  # read only the rows of loaded nodes
             chosen = degrees(active)
             rows, flat32 = rows[chosen], flat[chosen]
         else:
             flat32 = flat
-        # scaled in float64 before and after, so that single precision sees numbers near one
+        # Forces are scaled in double precision, so that the product in single precision is with numbers near one.
         scale = float(np.abs(flat32).max())
         moved = sgemv(1.0, rows.T, (flat32 / scale).astype(np.float32))
         out[self.mesh.free] = moved.astype(np.float64).reshape(-1, 3) * (scale / self.material.modulus)
@@ -172,7 +177,7 @@ class SkinModel:
         return out
 
     def stress(self, force: Floats) -> Array:
-        """Return the stress of each element in the nail's frame [Pa], xx, yy, zz, yz, xz, xy, shape (e, 6)."""
+        """Return the stress of each element in the finger's frame [Pa], xx, yy, zz, yz, xz, xy, shape (e, 6)."""
         return self.operator.stress(self.displacement(force))
 
     def energy(self, force: Floats) -> float:
@@ -186,7 +191,7 @@ class SkinModel:
 
     @cached_property
     def operator(self) -> StressOperator:
-        """From displacement to stress."""
+        """Operator from displacement to stress."""
         return StressOperator(self.mesh, self.material, self.element)
 
     @cached_property
@@ -196,9 +201,9 @@ class SkinModel:
 
     @cached_property
     def unit_response(self) -> NDArray[np.float32]:
-        """Displacement of the free nodes for force on the pad at E = 1 Pa, transposed [1/m], shape (3 m, 3 free).
+        """Displacement of the free nodes, one row for each force on the pad, for E = 1 Pa [1/m], shape (3 m, 3 free).
 
-        Computed or read from the cache when first asked for.
+        It is read from the cache or computed at its first use.
         """
         key = cache_key(self.key, "response")
         if self.cache is not None:
@@ -214,24 +219,25 @@ class SkinModel:
 
     @cached_property
     def law(self) -> LawTables:
-        """The neo-Hookean law on this mesh, which fingers that are alike share."""
+        """Tables of the neo-Hookean law on this mesh, which equal fingers share."""
         return _laws.make(self.key, lambda: LawTables(self.mesh, self.material.poisson, lambda: self.unit_response))
 
     def stress_components(self, count: int | None = None, forces: Floats | None = None) -> Array:
-        """Return W: few numbers whose norm is the stress's, sigma_k = W f.
+        """Return a matrix W of stress components: the norm of W f is that of the stress for forces f.
 
-        The 2-norm of W f equals the volume-weighted L2 norm of the stress (shear counted twice) [Pa m^1.5], exactly
-        with all 3 m components and nearly with the `count` that matter most.
+        The 2-norm of W f equals the volume-weighted L2 norm of the stress, in which shear counts twice [Pa m^1.5]. This
+        is exact with all 3 m components, and approximate with the `count` principal ones.
 
         Args:
-            count: components to keep; all where None.
-            forces: samples that say what matters [N], shape (s, 3 m); unit forces on each node where None.
+            count: number of components; None for all.
+            forces: sample forces whose principal components are kept [N], shape (s, 3 m); None for unit forces on each
+                node.
 
         Returns:
-            shape (count, 3 m).
+            W, shape (count, 3 m).
 
         Raises:
-            DermisError: more components than there are.
+            DermisError: `count` is not between 1 and 3 m.
         """
         size = 3 * self.pad_count
         count = size if count is None else count
@@ -248,7 +254,10 @@ class SkinModel:
 
     @cached_property
     def unit_stress(self) -> Array:
-        """Return H (3 m, 3 m) with |H f| the stress norm of f; stress does not depend on E when forces are given."""
+        """Matrix H for which |H f| is the stress norm of forces f, shape (3 m, 3 m).
+
+        For given forces, stress does not depend on E.
+        """
         from scipy.linalg import eigh
 
         weighted = StressOperator(self.mesh, self.material.unit, self.element).weighted_matrix
@@ -266,7 +275,7 @@ class SkinModel:
     def _pad_displacement(self, flat: Array) -> Array:
         from scipy.linalg.blas import dgemv
 
-        return dgemv(1.0, self.compliance.T, flat)  # symmetric, and in the order that BLAS wants without a copy
+        return dgemv(1.0, self.compliance.T, flat)  # the transpose of a symmetric matrix avoids a copy
 
     def _force(self, force: Floats) -> Array:
         flat = np.ascontiguousarray(force, np.float64).reshape(-1)
@@ -288,13 +297,17 @@ def fingertip_skin(
     element: Element = "anp",
     cache: Cache | None = None,
 ) -> SkinModel:
-    """Return the skin of a parametric fingertip, from the cache where it is there.
+    """Return the skin of a parametric fingertip, computed or read from a cache.
 
     Args:
-        level: 'draft', 'standard', 'fine' or 'reference'.
+        shape: the fingertip; None for the default lengths.
+        material: material of the tissue; None for the default.
+        level: resolution of the mesh: 'draft', 'standard', 'fine' or 'reference'.
+        element: 'anp' or 'p1'.
+        cache: cache of skins; None always computes the skin.
 
     Raises:
-        DermisError: an unknown level or element, or a shape that cannot be meshed.
+        DermisError: the level or the element is unknown, or the shape cannot be meshed.
     """
     shape, material = shape or FingertipShape(), material or Elastic()
     made = _cached(
@@ -305,7 +318,7 @@ def fingertip_skin(
 
 
 def _told(lengths: Mapping[str, float], level: str) -> str:
-    """Return what a fingertip's mesh depends on."""
+    """Return the inputs of a fingertip's mesh as text, for its key."""
     if level not in LEVELS:
         raise DermisError("unknown accuracy", where="skin", value=level, limit=", ".join(LEVELS))
     return json.dumps({"shape": dict(lengths), "level": asdict(LEVELS[level])}, sort_keys=True)
@@ -318,10 +331,16 @@ def _key_of(what: str, material: Elastic, element: Element) -> str:
 def mesh_skin(
     mesh: TetraMesh, material: Elastic | None = None, *, element: Element = "anp", cache: Cache | None = None
 ) -> SkinModel:
-    """Return the skin of any tetrahedral mesh, from the cache where it is there.
+    """Return the skin of any tetrahedral mesh, computed or read from a cache.
+
+    Args:
+        mesh: mesh of the tissue.
+        material: material of the tissue; None for the default.
+        element: 'anp' or 'p1'.
+        cache: cache of skins; None always computes the skin.
 
     Raises:
-        DermisError: the mesh cannot be solved on (see `check_mesh`).
+        DermisError: the mesh is invalid (see `check_mesh`).
     """
     check_mesh(mesh)
     return _cached(mesh.hash, mesh.name, lambda: mesh, material or Elastic(), element, cache)
@@ -330,10 +349,16 @@ def mesh_skin(
 def skin_from_parameters(
     parameters: Mapping[str, Any], *, level: str = "standard", cache: Cache | None = None, where: str = "skin"
 ) -> SkinModel:
-    """Return the skin that parameters describe, in SI: lengths of `FingertipShape` or 'mesh', young, poisson, alpha.
+    """Return the skin that parameters describe.
+
+    Args:
+        parameters: lengths of `FingertipShape` [m] or 'mesh' (path of a file), and 'young' [Pa], 'poisson', 'alpha'.
+        level: resolution of the mesh of a fingertip.
+        cache: cache of skins.
+        where: name of the finger, for errors.
 
     Raises:
-        DermisError: an unknown parameter, values out of range, or a mesh that cannot be used (see `own_mesh`).
+        DermisError: a parameter is unknown, a value is out of range, or the mesh cannot be used (see `own_mesh`).
     """
     shape, material = shape_and_material(parameters, where)
     if shape is None:
@@ -345,23 +370,25 @@ def skin_from_parameters(
 
 
 def is_kept(parameters: Mapping[str, Any], *, level: str, cache: Cache, where: str = "skin") -> bool:
-    """Return whether the skin that parameters describe, and its table of responses, lie in a cache.
+    """Return whether the skin that parameters describe and its table of responses are in a cache.
+
+    For a mesh of the user's own the result is True, because the key of such a mesh requires reading it.
 
     Raises:
-        DermisError: an unknown parameter or level, or values out of range.
+        DermisError: a parameter or the level is unknown, or a value is out of range.
     """
     shape, material = shape_and_material(parameters, where)
     if shape is None:
-        return True  # a mesh of one's own is hashed to know its key: whoever reads it finds out
+        return True
     key = _key_of(_told(asdict(shape), level), material, "anp")
     return cache.get(key) is not None and cache.get(cache_key(key, "response")) is not None
 
 
 def shape_and_material(parameters: Mapping[str, Any], where: str = "skin") -> tuple[FingertipShape | None, Elastic]:
-    """Return the fingertip that a skin's parameters describe, None where they name a mesh, and its tissue.
+    """Return the fingertip and the tissue that a skin's parameters describe; None for a mesh of the user's own.
 
     Raises:
-        DermisError: an unknown parameter, or values out of range.
+        DermisError: a parameter is unknown, or a value is out of range.
     """
     if not isinstance(parameters, Mapping):
         raise DermisError("the skin's parameters are no object", where=where, value=type(parameters).__name__)
@@ -395,10 +422,14 @@ def _cached(
 
 
 def condensed_pad(mesh: TetraMesh, material: Elastic, element: Element, *, response: bool = False) -> Condensed:
-    """Return what forces on the pad of a mesh do at E = 1, and with `response` what they do to all free nodes."""
+    """Condense a mesh to its pad nodes, for E = 1 Pa; with `response`, also for the free nodes, see `condense`.
+
+    Raises:
+        DermisError: the equations cannot be solved in double precision.
+    """
     free = degrees(mesh.free)
     matrix = stiffness(mesh, material.unit, element)[free][:, free]
     try:
         return condense(matrix, np.searchsorted(mesh.free, mesh.pad), response=response)
-    except DermisError as error:  # the mesh is held, or `check_mesh` had refused it: numbers are too far apart
+    except DermisError as error:  # `check_mesh` found the mesh held, so rounding errors are the cause
         raise unsolvable(mesh, material.poisson) from error

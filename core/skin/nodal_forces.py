@@ -1,11 +1,11 @@
-"""NodalForces: forces on the smooth skin as forces on the nodes of a mesh, with the same sum and the same moment.
+"""NodalForces: forces on the smooth skin as forces on mesh nodes, with the same sum and moment.
 
-The smooth pad reaches up to 6 mm farther than the pad of a mesh. On linear skin a force out there keeps its moment,
-with forces up to twice its size on three nodes, one against the other. Tissue that follows a law is hardened by those,
-and its correction would come back to the smooth skin as often larger again: more than the whole compliance there (5
-times on a draft mesh), and skin was held on a fold by the forces that pressed it there. So on such skin a force out
-there acts at the rim of the mesh's pad, and skin there stiffens as the rim does: up to 4.5 mm above the pad's middle,
-no mode of the correction is more than 1.5 times its compliance (1.2 on a standard mesh).
+The smooth pad extends up to 6 mm beyond the pad of a mesh. On linear skin, a force in this region keeps its moment:
+three nodes carry opposed forces of up to twice its size. Nonlinear tissue would stiffen under these opposed forces, and
+its correction would be magnified again on the way back to the smooth skin. It then exceeded the whole compliance there
+(5 times on a draft mesh), and folded skin was held by the forces that pressed it. On nonlinear skin, a force in this
+region therefore acts at the rim of the mesh's pad, and the skin there stiffens like the rim. Up to 4.5 mm above the
+middle of the pad, no mode of the correction then exceeds 1.5 times the compliance (1.2 times on a standard mesh).
 """
 
 from __future__ import annotations
@@ -23,25 +23,27 @@ from .mesh import TetraMesh
 from .pad_chart import PadChart
 from .row_table import RowTable
 
-NEAREST = 12  # triangles of the pad, by their centres, of which one is taken for a cell
+NEAREST = 12  # number of nearest triangles, by their centres, among which that of a cell is chosen
 
 Floats = NDArray[np.floating[Any]]
-_ROW = np.dtype([("nodes", np.int64, 3), ("weights", np.float64, (3, 3, 3))])  # of each cell
+_ROW = np.dtype([("nodes", np.int64, 3), ("weights", np.float64, (3, 3, 3))])  # one for each cell
 
 
 class NodalForces:
-    """Takes forces on cells of a smooth pad to the pad nodes of a mesh, and displacement of the nodes to the cells.
+    """Map between cells of a smooth pad and the pad nodes of a mesh.
 
-    A cell's force goes to the three nodes of the triangle that it lies over. It does not lie in the triangle's plane:
-    forces on the same nodes that have no sum make up for the moment. Both ways are each other's transpose, so that
-    work is the same on both sides.
+    The force on a cell is distributed to the three nodes of the triangle below it. The cell is not in the plane of the
+    triangle, so additional forces on the same nodes, whose sum is zero, supply the missing moment. Displacements are
+    mapped from nodes to cells by the transpose, so that the work is the same on both sides.
 
     Args:
-        mesh: of the same fingertip. chart: its smooth pad.
-        follows_law: forces beyond the pad of the mesh act at its rim, and keep their sum alone.
+        mesh: mesh of the fingertip.
+        chart: smooth pad of the same fingertip.
+        follows_law: whether forces beyond the pad of the mesh act at its rim. They then keep their sum but not their
+            moment.
 
     Raises:
-        DermisError: the mesh has no triangle whose corners are all on the pad.
+        DermisError: no triangle of the mesh has all corners on the pad.
     """
 
     def __init__(self, mesh: TetraMesh, chart: PadChart, follows_law: bool = False) -> None:
@@ -57,24 +59,24 @@ class NodalForces:
 
     @classmethod
     def of(cls, mesh: TetraMesh, chart: PadChart, follows_law: bool = False) -> NodalForces:
-        """Return the one of a mesh and a chart; it is kept, since fingers that are alike share it."""
+        """Return the map for a mesh and a chart, which is kept and shared by fingers of one shape."""
         key = id(mesh), id(chart), follows_law  # it holds both, so no other has their ids
         return _made.make(key, lambda: cls(mesh, chart, follows_law))
 
     def spread(self, cells: Indices, force: Floats) -> Array:
-        """Return the forces on the pad nodes [N], shape (m, 3), for forces on cells, shape (n, 3)."""
+        """Return the forces on the pad nodes [N], shape (m, 3), for forces on cells [N], shape (n, 3)."""
         nodes, weights = self._weights(cells)
         on = np.einsum("nkab,nb->nka", weights, np.asarray(force, np.float64)).reshape(-1, 3)
         count = len(self.mesh.pad)
         return np.stack([np.bincount(nodes.reshape(-1), on[:, k], count) for k in range(3)], axis=1)
 
     def gather(self, cells: Indices, displacement: Floats) -> Array:
-        """Return the displacement of cells [m], shape (n, 3), for that of the pad nodes, shape (m, 3)."""
+        """Return the displacement of cells [m], shape (n, 3), for that of the pad nodes [m], shape (m, 3)."""
         nodes, weights = self._weights(cells)
         return np.einsum("nkab,nka->nb", weights, np.asarray(displacement, np.float64)[nodes])
 
     def _weights(self, cells: Indices) -> tuple[Indices, Array]:
-        """Return the three nodes of each cell, shape (n, 3), and what of its force goes to each, (n, 3, 3, 3)."""
+        """Return the nodes of each cell, shape (n, 3), and the matrices from its force to theirs, (n, 3, 3, 3)."""
         found = self._table[np.asarray(cells)]
         return found["nodes"], found["weights"]
 
@@ -103,9 +105,10 @@ class NodalForces:
         return found
 
     def _nearest(self, points: Array) -> Indices:
-        """Return the triangles whose centres are nearest to points, the nearest first, shape (n, few).
+        """Return the triangles whose centres are nearest to points, the nearest first, shape (n, `NEAREST`).
 
-        All are measured: a cell is asked for once, and a tree of so few costs a tenth of a second to be loaded.
+        All distances are computed. Each cell is located only once, and to load a search tree would take a tenth of a
+        second.
         """
         apart = np.zeros((len(points), len(self._triangles)))
         for k in range(3):
@@ -124,7 +127,7 @@ class NodalForces:
 
 
 def _barycentric(corners: Array, points: Array) -> Array:
-    """Return barycentric coordinates of the feet of points on triangles' planes, shape (..., 3)."""
+    """Return barycentric coordinates of points' projections on the planes of triangles, shape (..., 3)."""
     a, b = corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :]
     normal = np.cross(a, b)
     to = points - corners[..., 0, :]
@@ -135,7 +138,7 @@ def _barycentric(corners: Array, points: Array) -> Array:
 
 
 def _cross(vectors: Array) -> Array:
-    """Return the matrices that take w to v x w, shape (..., 3, 3)."""
+    """Return the matrices of the map from w to v x w, shape (..., 3, 3), of vectors v, shape (..., 3)."""
     out = np.zeros((*vectors.shape, 3))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         out[..., k, j] = vectors[..., i]

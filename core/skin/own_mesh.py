@@ -1,4 +1,4 @@
-"""A skin of one's own, as a finger's parameters name it: a mesh file, and what it held when the scene was sampled."""
+"""Mesh of a user's own skin, from the file that a finger's parameters name."""
 
 from __future__ import annotations
 
@@ -17,16 +17,20 @@ def digest(path: Path) -> str:
     """Return the SHA-256 of a file.
 
     Raises:
-        DermisError: it cannot be read.
+        DermisError: the file cannot be read.
     """
     return hashlib.sha256(read_bytes(path)).hexdigest()
 
 
 def own_mesh(parameters: Mapping[str, Any], where: str) -> TetraMesh:
-    """Return the mesh that 'mesh' (a path) names; 'mesh_hash', where it is given, must be its SHA-256.
+    """Return the mesh of the file that a finger's parameters name.
+
+    Args:
+        parameters: 'mesh' (path of the file) and optionally 'mesh_hash' (SHA-256 that the file must have).
+        where: name of the finger, for errors.
 
     Raises:
-        DermisError: the file cannot be read, is refused (see `load_mesh`), or is another one by now.
+        DermisError: the file cannot be read, is invalid (see `load_mesh`), or has another hash.
     """
     path = Path(str(parameters["mesh"]))
     wanted = str(parameters.get("mesh_hash", ""))

@@ -1,8 +1,8 @@
-"""PadChart: the smooth skin that may touch, and a tree of cells over it.
+"""PadChart: the smooth skin of a finger pad, with a tree of cells over it.
 
-The mesh of a fingertip has corners and its nodes lie a millimetre apart; what touches an edge or a coin's rim must be
-finer, and the smooth skin that the mesh was made from has points wherever they are wanted. The chart unrolls that skin
-along the finger (`FingertipShape.skin` of the exponential of a complex number), where cells are nearly square.
+The nodes of a fingertip's mesh lie a millimetre apart. Contact with an edge or the rim of a coin requires a finer
+resolution, which the smooth surface of the fingertip allows at any point. The chart unrolls this surface along the
+finger (`FingertipShape.skin` of the exponential of a complex number), so that its cells are nearly square.
 """
 
 from __future__ import annotations
@@ -20,22 +20,23 @@ from .mesh import PAD_TILT
 from .shape import FingertipShape
 from .tiles import Tiles
 
-CELL_SIDES = (0.8e-3, 0.4e-3, 0.2e-3, 0.1e-3)  # [m] of the tree's levels, about: each halves the one above
-ROOTS = 8  # times the side of level 0, of the squares that level 0 is split from: the chart narrows towards the tip
-LARGEST = 1.2  # times its nominal side that a cell of level 0 may have
-CUT_MARGIN = 2.0e-3  # [m] next to the cut end, where skin is no pad: meshes keep as far from it
-_STEP = 1e-5  # of the chart, for derivatives: both errors are near 1e-10
+CELL_SIDES = (0.8e-3, 0.4e-3, 0.2e-3, 0.1e-3)  # nominal sides of the cells of each level [m]
+# Level 0 is obtained by splitting squares of this many times its side, because the chart narrows towards the tip.
+ROOTS = 8
+LARGEST = 1.2  # largest side of a cell of level 0, relative to its nominal side
+CUT_MARGIN = 2.0e-3  # margin at the cut end that does not belong to the pad [m], as in meshes
+_STEP = 1e-5  # step of numerical derivatives in the chart; truncation and rounding errors are near 1e-10
 
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """Pieces of skin: the cells of a tree, or any of them.
+    """Pieces of the smooth skin, such as the cells of a tree.
 
     Attributes:
-        positions: centres on the smooth skin [m], shape (n, 3).
-        normals: outward unit normals there, shape (n, 3).
-        sides: the two sides of each piece as vectors in its tangent plane [m], shape (n, 2, 3).
-        areas: [m^2], shape (n,).
+        positions: centres of the pieces [m], shape (n, 3).
+        normals: outward unit normals at the centres, shape (n, 3).
+        sides: two side vectors of each piece in its tangent plane [m], shape (n, 2, 3).
+        areas: areas of the pieces [m^2], shape (n,).
     """
 
     positions: Array
@@ -48,7 +49,7 @@ class Patches:
 
     @cached_property
     def extent(self) -> tuple[Array, Array, Array]:
-        """The shorter side of each piece, the longer one, and the side of a square as large [m], shape (n,) each."""
+        """Shorter side, longer side, and side of a square of equal area of each piece [m], shape (n,) each."""
         lengths = np.linalg.norm(self.sides, axis=2)
         return lengths.min(axis=1), lengths.max(axis=1), np.sqrt(self.areas)
 
@@ -59,17 +60,17 @@ class Patches:
 
 @dataclass(frozen=True, eq=False)
 class PadChart:
-    """A fingertip's pad as a smooth surface with a tree of cells.
+    """Pad of a fingertip as a smooth surface with a tree of cells.
 
-    Cells of level 0 come first, then the four children of each in the same order, and so on: cell i of a level has its
-    children at 4 i, 4 i + 1, ... of the next. After all levels come bars, see `Tiles`.
+    The cells of level 0 come first, then their children in the same order, and so on. Cell i of a level has its four
+    children at 4 i to 4 i + 3 of the next level. Bars come after all levels, see `Tiles`.
 
     Attributes:
         shape: the fingertip.
-        places: centres in the chart, shape (n, 2): logarithm of the distance along the finger (0 at the pad's centre,
-            rising to the cut end), angle round it (0 at the pad's centre, rising to -X).
-        halves: half the sides in the chart, shape (n, 2).
-        starts: where each level begins, and the bars, shape (levels + 1,).
+        places: centres of the cells in the chart, shape (n, 2): logarithm of the distance along the finger (0 at the
+            pad's centre, rising to the cut end), and angle around it (0 at the pad's centre, rising to -X).
+        halves: half the sides of the cells in the chart, shape (n, 2).
+        starts: index of the first cell of each level, and of the first bar, length levels + 1.
     """
 
     shape: FingertipShape
@@ -79,21 +80,23 @@ class PadChart:
 
     @classmethod
     def of(cls, shape: FingertipShape, levels: int = len(CELL_SIDES)) -> PadChart:
-        """Build the tree of a shape's pad: the same cells for the same shape.
+        """Build the tree of cells of a fingertip's pad.
 
         Args:
-            levels: of the tree, 1 to 4.
+            shape: the fingertip.
+            levels: number of levels, 1 to 4.
 
         Raises:
-            DermisError: no such number of levels.
+            DermisError: the number of levels is out of range.
         """
         if not 1 <= levels <= len(CELL_SIDES):
             raise DermisError("no such number of levels", where="pad", value=levels, limit=f"1 to {len(CELL_SIDES)}")
         side = CELL_SIDES[0]
-        # steps that are squares beside the pad's centre, where the skin's metric is the tip and the mean half section
+        # Steps that are squares on the skin near the pad's centre. The metric there is the length of the tip along the
+        # finger, and the mean half section around it.
         around = 0.25 * shape.width + 0.5 * shape.height_palm
         half = 0.5 * ROOTS * side / np.array([shape.tip, around])
-        rows = 1 + np.arange(int(np.ceil((shape.reach + 4.0) / (2 * half[0]))))  # to where e^-4 is left of the tip
+        rows = 1 + np.arange(int(np.ceil((shape.reach + 4.0) / (2 * half[0]))))  # up to e^-4 of the tip's length
         columns = 1 + np.arange(int(np.ceil(0.5 * np.pi / (2 * half[1]))))
         columns = np.concatenate([-columns[::-1], columns - 1])
         a, b = np.meshgrid(shape.reach - (2 * rows - 1) * half[0], (2 * columns + 1) * half[1], indexing="ij")
@@ -120,23 +123,23 @@ class PadChart:
 
     @cached_property
     def cells(self) -> Patches:
-        """All cells of the tree, and all bars."""
+        """Pieces of skin of all cells and bars."""
         return _patches(self.shape, self.places, self.halves)
 
     @cached_property
     def tiles(self) -> Tiles:
-        """How cells and bars lie in each other."""
+        """Relations between cells and bars."""
         return Tiles(self.starts)
 
     @cached_property
     def levels(self) -> NDArray[np.int8]:
-        """The level of each cell, 0 the coarsest; -1 for bars, shape (n,)."""
+        """Level of each cell, shape (n,): 0 for the coarsest, -1 for bars."""
         levels = np.repeat(np.arange(len(self.starts) - 1, dtype=np.int8), np.diff(self.starts))
         return np.concatenate([levels, np.full(len(self.places) - len(levels), -1, np.int8)])
 
     @cached_property
     def beside(self) -> Indices:
-        """The cell of level 0 at and around each of it, their number where there is none, shape (n, 3, 3)."""
+        """Cells of level 0 around each of them, shape (n, 3, 3); n if there is none."""
         from scipy.spatial import cKDTree
 
         places, halves = self.places[self.base], self.halves[self.base]
@@ -148,14 +151,14 @@ class PadChart:
 
     @property
     def base(self) -> Indices:
-        """The cells of level 0, which cover the pad."""
+        """Indices of the cells of level 0, which cover the pad."""
         return np.arange(self.starts[1])
 
     def children(self, cells: Indices) -> Indices:
         """Return the four children of each cell, shape (n, 4).
 
         Raises:
-            DermisError: a cell of the finest level, or a bar.
+            DermisError: one is a cell of the finest level or a bar.
         """
         level = self.levels[cells]
         if len(level) and (level.max() + 2 >= len(self.starts) or level.min() < 0):
@@ -167,15 +170,15 @@ class PadChart:
         return first[:, None] + np.arange(4)
 
     def parent(self, cells: Indices) -> Indices:
-        """Return the parent of each cell, -1 for those of level 0, shape (n,)."""
+        """Return the parent of each cell, shape (n,); -1 for those of level 0."""
         level = self.levels[cells]
         starts = np.array(self.starts)
         return np.where(level > 0, starts[level - 1] + (cells - starts[level]) // 4, -1)
 
     def descendants(self, cells: Indices, level: int) -> tuple[Indices, Indices]:
-        """Return the cells that cover some cells down to a level, and which of them each one lies in.
+        """Return the cells of a level that cover given cells, and the position in `cells` of the cell of each.
 
-        Cells of that level or finer stand for themselves.
+        Cells that are of this level or finer are returned themselves.
         """
         found, owner = np.asarray(cells), np.arange(len(cells))
         while (coarse := self.levels[found] < level).any():
@@ -189,8 +192,9 @@ class PadChart:
         """Return points and normals at four corners of each cell, each shape (n, 4, 3).
 
         Args:
-            reach: from the centre, in sides of the cell. Beyond 0.5 the corners of neighbours overlap, so that
-                nothing slips through between them.
+            cells: indices of the cells, shape (n,).
+            reach: distance of the corners from the centre, in sides of the cell. Above 0.5 the areas of neighbours
+                overlap, so that no object passes between them unnoticed.
         """
         signs = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
         places = self.places[cells][:, None] + 2 * reach * signs * self.halves[cells][:, None]
@@ -199,18 +203,24 @@ class PadChart:
         return points, vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
     def points(self, places: Array) -> Array:
-        """Return points of the smooth skin at places of the chart [m], shape (n, 2) to (n, 3)."""
+        """Return points of the smooth skin [m], shape (n, 3), at places of the chart, shape (n, 2)."""
         return _skin(self.shape, places)
 
     def surface(self, places: Array) -> Patches:
-        """Return the smooth skin at places of the chart, shape (n, 2); sides and areas per unit of the chart."""
+        """Return pieces of the smooth skin at places of the chart, shape (n, 2), of unit size in the chart."""
         return _patches(self.shape, places, np.full_like(places, 0.5))
 
     def project(self, points: Array) -> tuple[Array, Array]:
-        """Return the place of the chart that each point lies under, shape (n, 2), and its depth below the skin [m].
+        """Project points onto the smooth skin.
+
+        Args:
+            points: points near the pad [m], shape (n, 3).
+
+        Returns:
+            Place of each point's foot in the chart, shape (n, 2), and its depth below the skin [m], shape (n,).
 
         Raises:
-            DermisError: a point that lies under no single place: too deep, or far from the pad.
+            DermisError: the foot of a point is not unique, because the point is too deep or far from the pad.
         """
         from scipy.spatial import cKDTree
 
@@ -234,14 +244,14 @@ class PadChart:
         )
 
     def with_levels(self, levels: int) -> PadChart:
-        """Return the same tree without its finest levels."""
+        """Return the tree with the coarsest `levels` levels alone."""
         count, starts = self.starts[levels], self.starts[: levels + 1]
         places, halves = _with_bars(self.places[:count], self.halves[:count], starts)
         return replace(self, places=places, halves=halves, starts=starts)
 
 
 def _frame(shape: FingertipShape, places: Array) -> tuple[Array, Array, Array]:
-    """Return points of the skin and its derivatives along and around the finger, each shape (..., 3)."""
+    """Return points of the skin, and its derivatives along and around the finger in the chart, shape (..., 3) each."""
 
     def slope(along: float, around: float) -> Array:
         return (_skin(shape, places, along, around) - _skin(shape, places, -along, -around)) / (2 * _STEP)
@@ -250,7 +260,7 @@ def _frame(shape: FingertipShape, places: Array) -> tuple[Array, Array, Array]:
 
 
 def _skin(shape: FingertipShape, places: Array, along: float = 0.0, around: float = 0.0) -> Array:
-    """Return points of the skin [m] beside places of the chart, shape (..., 2) to (..., 3)."""
+    """Return points of the skin [m], shape (..., 3), at places of the chart, shape (..., 2), plus an offset."""
     p = np.exp(-shape.reach)
     plane = np.exp(places[..., 0] + along + 1j * (places[..., 1] + around))
     return shape.skin(p * (plane - 1.0) / (1.0 - p * p * plane))
@@ -274,7 +284,7 @@ def _with_bars(places: Array, halves: Array, starts: Sequence[int]) -> tuple[Arr
 
 
 def quarters(places: Array, halves: Array) -> tuple[Array, Array]:
-    """Return the middles and half the sides of the four quarters of squares of the chart, (n, 2) to (4 n, 2) each."""
+    """Return the centres and half the sides of the quarters of squares in the chart, shape (4 n, 2) each."""
     signs = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
     children = places[:, None] + 0.5 * signs * halves[:, None]
     return children.reshape(-1, 2), np.repeat(0.5 * halves, 4, axis=0)

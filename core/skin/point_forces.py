@@ -1,4 +1,4 @@
-"""PointForces: the forces of a touch on cells of the smooth pad, and what is felt beneath them."""
+"""PointForces: forces of a touch on cells of the smooth pad, and the stress below them."""
 
 from __future__ import annotations
 
@@ -12,17 +12,18 @@ from .surface_compliance import SurfaceCompliance
 
 @dataclass(frozen=True, eq=False)
 class PointForces:
-    """What presses on points of the smooth skin.
+    """Forces of a touch on points of the smooth skin.
 
-    A force on a mesh's node is felt as if it were spread over the elements around it, which tells nothing as near to
-    the skin as Meissner's and Merkel's endings lie. Beneath points stress is known in closed form, but for a smooth
-    remainder.
+    The stress of a mesh is that of forces spread over the elements around a node. It is not valid as near to the skin
+    as Meissner and Merkel endings are. Below points, stress is known in closed form up to a smooth remainder.
 
     Attributes:
-        surface: the smooth pad. cells: of its tree, that carry force, shape (n,). None lies within another, but where
-            two touches are mixed.
-        force: on them in the finger's frame [N], shape (n, 3).
-        amounts: how much of each pattern skin that stiffens is displaced by, shape (k,); None of linear skin.
+        surface: the smooth pad.
+        cells: indices of its cells that carry force, shape (n,). No cell is within another, except in a mixture of two
+            touches.
+        force: forces on these cells in the finger's frame [N], shape (n, 3).
+        amounts: correction of nonlinear skin at the pad nodes [m], see `Stimulus.given`, shape (3 m,); None for linear
+            skin.
     """
 
     surface: SurfaceCompliance
@@ -34,11 +35,11 @@ class PointForces:
         """Return the stress below some points of the skin [Pa], xx, yy, zz, yz, xz, xy, shape (k, 6).
 
         Args:
-            positions: on the skin, or next to it as nodes of a mesh are [m], shape (k, 3).
-            depths: below the smooth skin [m], above zero, shape (k,).
+            positions: points on or near the skin, such as the nodes of a mesh [m], shape (k, 3).
+            depths: depths below the smooth skin [m], above zero, shape (k,).
 
         Raises:
-            DermisError: a position that is far from the pad.
+            DermisError: a position is far from the pad.
         """
         positions, which = np.unique(positions, axis=0, return_inverse=True)
         places, _ = self.surface.chart.project(positions)

@@ -1,4 +1,4 @@
-"""How good a tetrahedral mesh is, and which ones are refused."""
+"""Checks of tetrahedral meshes."""
 
 from __future__ import annotations
 
@@ -10,17 +10,19 @@ from ..errors import DermisError
 from .held import check_held
 from .mesh import FACES, TetraMesh, tetra_volumes
 
-MIN_RELATIVE_VOLUME = 1e-6  # of the cube of an element's longest edge; flatter ones ruin the stiffness matrix
+# Smallest volume of an element, relative to the cube of its longest edge. Flatter ones make the stiffness matrix
+# ill-conditioned.
+MIN_RELATIVE_VOLUME = 1e-6
 _PAIRS = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 
 
 def check_mesh(mesh: TetraMesh) -> None:
-    """Refuse a mesh that cannot be solved on.
+    """Raise an error if contact cannot be solved on a mesh.
 
     Raises:
-        DermisError: not finite, an index outside, an inverted or flat element, a node that no element uses, faces
-            shared by three elements, a part that bone does not hold (see `check_held`), pad nodes that are fixed,
-            inside or without a side, no pad.
+        DermisError: a node is not finite or not used, an index is out of range, an element is inverted or flat, a face
+            belongs to more than two elements, a part is not held (see `check_held`), there are no pad nodes, or a pad
+            node is fixed, not on the surface or without a defined normal.
     """
     where = f"skin mesh '{mesh.name}'"
     nodes, tetrahedra = mesh.nodes, mesh.tetrahedra
@@ -64,7 +66,7 @@ def check_mesh(mesh: TetraMesh) -> None:
 
 
 def unsolvable(mesh: TetraMesh, poisson: float) -> DermisError:
-    """Return the refusal of a mesh whose equations cannot be solved, in the words of its elements."""
+    """Return the error for a mesh whose equations cannot be solved; it names the worst element."""
     corners = mesh.nodes[mesh.tetrahedra]
     longest = np.max([np.linalg.norm(corners[:, j] - corners[:, i], axis=1) for i, j in _PAIRS], axis=0)
     shapes = 6.0 * np.sqrt(2.0) * mesh.volumes / longest**3
@@ -102,10 +104,10 @@ def _check_elements(nodes: Array, tetrahedra: NDArray[np.integer], where: str) -
 
 
 def _check_hanging(nodes: Array, border: NDArray[np.integer], where: str) -> None:
-    """Refuse a node that lies within an edge of another element's boundary face without belonging to it."""
+    """Raise an error if a node lies on an edge of another element's boundary face but is not one of its ends."""
     edges = np.unique(np.concatenate([border[:, [0, 1]], border[:, [1, 2]], border[:, [0, 2]]]), axis=0)
     points = np.unique(border)
-    # In a conforming mesh only nodes of the boundary could hang: sort them along x and test each edge's neighbours.
+    # Only nodes of the boundary can hang. They are sorted along x, so that each edge is tested with few of them.
     order = points[np.argsort(nodes[points, 0], kind="stable")]
     x = nodes[order, 0]
     size = np.ptp(nodes, axis=0).max()

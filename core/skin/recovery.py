@@ -1,8 +1,10 @@
-"""Values of elements brought to points: a quadratic by least squares over the elements around each point.
+"""Recovery of fields at points from values of elements, by a local quadratic least-squares fit.
 
-An average over the elements around a node smears what is as small as an element, and next to the skin, where all of
-them lie to one side, it is the value of a place deeper in. A local fit (after Zienkiewicz and Zhu 1992) has neither
-fault: it gives every quadratic field back.
+An average over the elements around a node smooths details of the size of an element. Next to the skin, where all
+elements lie on one side, the average is the value of a deeper point. A local fit avoids both errors, since it is exact
+for quadratic fields.
+
+Source: after Zienkiewicz and Zhu 1992
 """
 
 from __future__ import annotations
@@ -17,19 +19,20 @@ from .mesh import TetraMesh
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-# Elements about a point. A quadratic in space has ten terms. The five tetrahedra of a cell are off in five ways that
-# nearly cancel, so a cell counts once; sixteen cells leave room for the fit to smooth what is left.
+# Number of elements for the fit at a point. A quadratic polynomial in space has ten terms. The errors of the five
+# tetrahedra of a cell nearly cancel, so a cell counts as one sample; sixteen cells are enough to smooth the rest.
 AROUND = 80
-PER_TERM = 2  # elements that each term of a fit needs at least; with fewer the fit is linear, then constant
-GAIN = 4.0  # times that a fit may enlarge what elements are off by; else its order is lower
-_AT_ONCE = 512  # points that are fitted together
+PER_TERM = 2  # least number of elements for each term of a fit; with fewer, the fit is linear or constant
+GAIN = 4.0  # largest factor by which a fit may amplify errors of elements; otherwise its order is reduced
+_AT_ONCE = 512  # number of points that are fitted together
 
 
 def fitted(mesh: TetraMesh, points: Array) -> csr_array:
-    """Return what takes values of the elements to values at points in the tissue, sparse (k, e).
+    """Return the matrix that maps values of elements to values at points in the tissue, sparse, shape (k, e).
 
     Args:
-        mesh: the tissue. points: [m], shape (k, 3).
+        mesh: mesh of the tissue.
+        points: positions of the points [m], shape (k, 3).
     """
     from scipy.sparse import csr_array as csr
     from scipy.spatial import cKDTree
@@ -46,10 +49,14 @@ def fitted(mesh: TetraMesh, points: Array) -> csr_array:
 
 
 def _weights(x: Array, apart: Array, volumes: Array) -> Array:
-    """Return the weights of elements at x from each point [m], shape (k, n, 3) to (k, n): of the highest fit that fits.
+    """Return the weights of elements in the fit at each point, shape (k, n).
+
+    The order of the fit is the highest that `PER_TERM` and `GAIN` allow.
 
     Args:
-        apart: their distance [m], shape (k, n). volumes: [m^3], shape (k, n).
+        x: positions of the elements relative to the point [m], shape (k, n, 3).
+        apart: their distances from the point [m], shape (k, n).
+        volumes: volumes of the elements [m^3], shape (k, n).
     """
     reach = np.maximum(apart.max(axis=1, keepdims=True), 1e-300)
     share = np.sqrt(volumes / volumes.max(axis=1, keepdims=True)) * np.exp(-((apart / reach) ** 2))
@@ -57,7 +64,7 @@ def _weights(x: Array, apart: Array, volumes: Array) -> Array:
     terms = [np.ones_like(apart), *np.moveaxis(x, 2, 0)]
     terms += [x[..., i] * x[..., j] for i, j in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))]
     out = share**2 / (share**2).sum(axis=1, keepdims=True)
-    for size in (4, 10):  # of a linear fit, and of a quadratic one
+    for size in (4, 10):  # number of terms of a linear fit, and of a quadratic one
         if PER_TERM * size <= apart.shape[1]:
             matrix = np.stack(terms[:size], axis=2) * share[:, :, None]
             found = np.linalg.pinv(matrix, rcond=1e-6)[:, 0] * share

@@ -1,4 +1,8 @@
-"""Relaxation: steps towards a balance with the stiffness at rest, which learn from each other what that leaves out."""
+"""Relaxation: fixed-point iteration with Anderson acceleration, for equilibrium by a nonlinear law.
+
+The basic step solves with the stiffness at rest. Anderson acceleration corrects it by the differences between earlier
+steps, which contain the stiffening of the tissue.
+"""
 
 from __future__ import annotations
 
@@ -6,43 +10,51 @@ import numpy as np
 
 from ..arrays import Floats32
 
-# Of the way that the stiffness at rest asks for. Tissue that is pressed 2 mm is up to four times as stiff in places:
-# half of the way never leads farther off, and what is soft is then learned.
+# Initial share of the basic step that is taken. Tissue that is pressed 2 mm deep is up to four times as stiff in
+# places. With half of the step the iteration does not diverge, and Anderson acceleration makes up for soft directions.
 SHARE = 0.5
-LEARNED, HANDED = 16, 8  # steps that a next one learns from, and those of them that come from another balance at most
-FIRM = 3e-2  # of a step's size, below which what it taught is noise
-WORSE, LEAST = 3.0, 0.02  # what is left may grow so much before the way back, and a share so small leads nowhere
+# Largest number of differences for Anderson acceleration, and how many of them may come from another equilibrium.
+LEARNED, HANDED = 16, 8
+FIRM = 3e-2  # regularisation: parts of a difference below this share of its size count as noise
+# If the residual exceeds the best one by the first factor, the iteration goes back to the best iterate and halves the
+# share of the step. It stops if the share is below the second value.
+WORSE, LEAST = 3.0, 0.02
 
 
-# From one step to the next: how x, the way that was asked for from there and the forces of that changed.
+# Difference between two steps: changes of x, of the basic step `way` and of its forces `pull`.
 Taught = tuple[Floats32, Floats32, Floats32]
 
 
 class Relaxation:
-    """One balance, sought from some x on (Anderson 1965, least in the energy's own norm).
+    """Iteration for one equilibrium, with Anderson acceleration in the norm of the energy.
 
     Args:
-        learned: what another balance near this one taught.
+        learned: differences between steps of a similar equilibrium.
 
     Attributes:
-        lost: no step leads nearer. best: the x that left least, and what it left, inf where that is no number.
-        learned: what steps taught, the last of them last.
+        lost: whether no step lowers the residual any further.
+        best: iterate of least residual, and this residual, which is inf if it is not a number; None before the first.
+        learned: differences between steps, the latest last.
+
+    Source: Anderson 1965
     """
 
     def __init__(self, learned: tuple[Taught, ...] = ()) -> None:
         self._share = SHARE
         self.learned = learned[-HANDED:]
         self._last: tuple[Floats32, Floats32, Floats32] | None = None
-        self._way: Floats32 | None = None  # from the best
+        self._way: Floats32 | None = None  # basic step from the best iterate
         self.best: tuple[Floats32, float] | None = None
         self.lost = False
 
     def next(self, x: Floats32, way: Floats32, pull: Floats32, left: float) -> Floats32:
-        """Return where to look next.
+        """Return the next iterate, shape (n,).
 
         Args:
-            x: where it was looked now, shape (n,). way: that the stiffness at rest asks for from there, shape (n,).
-            pull: the forces of that, K way, shape (n,). left: how far from balance x is.
+            x: present iterate, shape (n,).
+            way: basic step at x, by the stiffness K at rest, shape (n,).
+            pull: forces of the basic step, K way, shape (n,).
+            left: residual at x.
         """
         if not np.isfinite(left):
             left = np.inf
@@ -54,7 +66,7 @@ class Relaxation:
             self.lost = self._share < LEAST
             assert self._way is not None
             return self.best[0] + np.float32(self._share) * self._way
-        if left == np.inf:  # from the first: there is no way back
+        if left == np.inf:  # at the first iterate: there is none to go back to
             self.lost = True
             return x
         if self._last is not None:
@@ -66,7 +78,7 @@ class Relaxation:
             return x + share * way
         gone, ways, pulls = (np.array(rows) for rows in zip(*self.learned, strict=True))
         gram = (ways @ pulls.T).astype(np.float64)
-        own = np.diag(gram)  # not above zero where it is rounding alone, which teaches nothing
+        own = np.diag(gram)  # not above zero if the difference is rounding alone
         scale = np.where(own > 0.0, 1.0 / np.sqrt(np.maximum(own, 1e-300)), 0.0)
         firm = 0.5 * (gram + gram.T) * scale[:, None] * scale + FIRM * np.eye(len(gram))
         mix = (scale * np.linalg.solve(firm, scale * (pulls @ way))).astype(np.float32)

@@ -1,9 +1,9 @@
-"""Remainder: what a fingertip does beyond a half-space, a smooth field of low rank.
+"""Remainder: difference between the compliance of a fingertip and that of a half-space.
 
-A force on the skin moves what is near as if the skin had no other side, and what is far as bone, nail and shape allow.
-The first is known in closed form (`half_space`); the rest is smooth, so few functions of the place hold it. It is
-fitted once to the condensation of a fine mesh, by the pairs of nodes that are far enough apart for the mesh to be
-right about them.
+Near a force, skin is displaced as on a half-space, which is known in closed form (`half_space`). Far from it, the
+displacement depends on bone, nail and shape. The difference is smooth, so that few functions of the position represent
+it. It is fitted once to the condensed compliance of a fine mesh. The fit uses pairs of nodes that are far enough apart
+for the mesh to be accurate.
 """
 
 from __future__ import annotations
@@ -29,30 +29,30 @@ if TYPE_CHECKING:
     from .condense import Condensed
     from .mesh import TetraMesh
 
-LENGTH = 4e-3  # [m] over which the remainder changes: l of the kernel exp(-r^2 / 2 l^2)
-CENTRES = 96  # of the Gaussians that the functions are made of
-RANK = 50  # functions that hold the remainder on the skin
-LOW_RANK = 30  # of them, the smoothest, hold it below the skin
-FAR = 1.5e-3  # [m] beyond which a mesh is believed; nearer, its nodes and elements show
-ROUNDS = 12  # in which what is nearer is filled in from the fit
-DEPTHS = (0.6e-3, 1.2e-3, 2.0e-3, 3.0e-3)  # [m] below the skin, where the fine mesh is read
-DEGREE = 2  # of the polynomial in the depth
-PROBES = 160  # places at most at which it is read for each depth
-STEPS = 1 + ROUNDS + len(DEPTHS)  # that making one is told in, the first of them the condensation
-_AT_ONCE = 200  # rows of large tables that are worked on together
+LENGTH = 4e-3  # length l of the Gaussians exp(-r^2 / 2 l^2) [m], over which the remainder changes
+CENTRES = 96  # number of Gaussians of which the functions are combined
+RANK = 50  # number of functions for the remainder on the skin
+LOW_RANK = 30  # number of the smoothest of these functions for the remainder below the skin
+FAR = 1.5e-3  # distance of two nodes above which the mesh is accurate [m]
+ROUNDS = 12  # rounds of the fit, in which values for nearer pairs are replaced by those of the fit
+DEPTHS = (0.6e-3, 1.2e-3, 2.0e-3, 3.0e-3)  # depths below the skin at which the fine mesh is evaluated [m]
+DEGREE = 2  # degree of the polynomial in the depth
+PROBES = 160  # largest number of points for each depth
+STEPS = 1 + ROUNDS + len(DEPTHS)  # steps of progress of a fit; the first is the condensation
+_AT_ONCE = 200  # number of rows of large tables that are computed together
 
 
 @dataclass(frozen=True, eq=False)
 class Remainder:
-    """The displacement and stress that forces on the skin cause beyond a half-space's, at E = 1.
+    """Displacement and stress for forces on the skin minus those of a half-space, for E = 1.
 
     Attributes:
-        centres: of Gaussians of the length `LENGTH` [m], shape (c, 3).
-        mixing: makes functions out of them, the smoothest first, shape (c, rank).
-        surface: D, the displacement of the skin is phi_i D phi_j' f_j [1/m]: (rank, 3, rank, 3), symmetric.
-        beneath: displacement [1/m] and stress [1/m^2] below the skin, a polynomial of the depth in mm: power, function
-            at the foot, what (displacement x, y, z, stress xx, yy, zz, yz, xz, xy), function at the force, its
-            component: (powers, low, 9, low, 3).
+        centres: centres of Gaussians of the length `LENGTH` [m], shape (c, 3).
+        mixing: coefficients of the functions phi, the smoothest first, shape (c, rank).
+        surface: D [1/m], symmetric, shape (rank, 3, rank, 3). The displacement of the skin is phi_i D phi_j' f_j.
+        beneath: displacement [1/m] and stress [1/m^2] below the skin as a polynomial of the depth in mm, shape (powers,
+            low, 9, low, 3). The axes are the power of the depth, the function at the foot, the component (displacement
+            x, y, z and stress xx, yy, zz, yz, xz, xy), the function at the force, and the component of the force.
     """
 
     centres: Array
@@ -66,15 +66,16 @@ class Remainder:
         return self.mixing.shape[1]
 
     def functions(self, positions: Array) -> Floats32:
-        """Return the functions phi at points of the skin, shape (n, rank)."""
+        """Return the functions phi at points of the skin [m], shape (n, 3); shape of the result (n, rank)."""
         return (_gaussians(positions, self.centres) @ self.mixing).astype(np.float32)
 
     def below(self, phi_feet: Floats32, depths: Array, moments: Array) -> Array:
         """Return displacement (E = 1) and stress below the skin, shape (k, 9).
 
         Args:
-            phi_feet: functions at the feet of the probes, shape (k, rank). depths: [m], shape (k,).
-            moments: phi' f, forces summed under each function [N], shape (rank, 3).
+            phi_feet: functions at the feet of the points, shape (k, rank).
+            depths: depths of the points [m], shape (k,).
+            moments: sums phi' f of the forces weighted with each function [N], shape (rank, 3).
         """
         low = self.beneath.shape[1]
         fields_ = np.einsum("pkclb,lb->pkc", self.beneath, moments[:low])
@@ -82,12 +83,12 @@ class Remainder:
         return np.einsum("np,nk,pkc->nc", powers, phi_feet[:, :low], fields_)
 
     def write(self, path: Path) -> None:
-        """Write it as plain arrays."""
+        """Write the remainder to an .npz file."""
         write_npz(path, {field.name: getattr(self, field.name) for field in fields(self)})
 
     @classmethod
     def read(cls, path: Path) -> Remainder:
-        """Read what `write` wrote.
+        """Read a remainder from a file of `write`.
 
         Raises:
             DermisError: the file cannot be read, or its arrays do not fit together.
@@ -107,14 +108,23 @@ class Remainder:
 def fit_remainder(
     chart: PadChart, mesh: TetraMesh, condensed: Condensed, poisson: float
 ) -> Generator[tuple[int, int], None, Remainder]:
-    """Fit the remainder of a fingertip to a fine mesh of it; yields (done, STEPS), from 1.
+    """Fit the remainder of a fingertip to its compliance on a fine mesh.
 
     Args:
-        chart: of the same shape. mesh: of it. condensed: at E = 1, with the response. poisson: ratio.
+        chart: chart of the fingertip.
+        mesh: fine mesh of the same fingertip.
+        condensed: condensation of the mesh for E = 1, with the response.
+        poisson: Poisson's ratio.
+
+    Yields:
+        Number of finished steps, from 1, and `STEPS`.
+
+    Returns:
+        The remainder.
     """
     places, _ = chart.project(mesh.nodes[mesh.pad])
     skin = chart.surface(places)
-    skin = Patches(skin.positions, skin.normals, 1e-6 * skin.sides, 1e-12 * skin.areas)  # nodes are points
+    skin = Patches(skin.positions, skin.normals, 1e-6 * skin.sides, 1e-12 * skin.areas)  # nodes have no extent
     centres = _spread(chart.cells.positions[chart.base], CENTRES)
     left, scale, right = np.linalg.svd(_gaussians(skin.positions, centres), full_matrices=False)
     rank = min(RANK, len(scale))
@@ -143,7 +153,7 @@ def fit_remainder(
 def _fit_beneath(
     mesh: TetraMesh, condensed: Condensed, skin: Patches, phi: Array, poisson: float
 ) -> Generator[tuple[int, int], None, Floats32]:
-    """Fit displacement and stress below the skin, depth by depth, then a polynomial through the depths."""
+    """Fit displacement and stress at each depth below the skin, and a polynomial in the depth to the results."""
     from .stress import locate
 
     response = condensed.response
@@ -175,7 +185,10 @@ def _fit_beneath(
 
 
 def _reading(mesh: TetraMesh, element: NDArray[Any], weights: Array, poisson: float) -> csr_array:
-    """Return what takes displacement of the free nodes to displacement and nodal-averaged stress at probes, E = 1."""
+    """Return the matrix from the free nodes' displacement to displacement and stress at points, for E = 1.
+
+    Stress is averaged at the nodes and interpolated.
+    """
     from scipy.sparse import csr_array as csr
     from scipy.sparse import eye_array, kron, vstack
 
@@ -212,7 +225,10 @@ def _squares(first: Array, second: Array) -> Array:
 
 
 def _spread(points: Array, count: int) -> Array:
-    """Return some of the points, each as far as can be from those before it; the first is next to the origin."""
+    """Return up to `count` of the points, evenly spread.
+
+    The first is nearest to the origin; each further one is farthest from all before it.
+    """
     chosen = [int(np.argmin(np.einsum("ij,ij->i", points, points)))]
     far = _squares(points, points[chosen])[:, 0]
     while len(chosen) < min(count, len(points)):

@@ -1,4 +1,4 @@
-"""RestFactor: what forces on the nodes do to tissue at rest, for one vector after another, in single precision."""
+"""RestFactor: solver for the stiffness of tissue at rest, in single precision."""
 
 from __future__ import annotations
 
@@ -20,18 +20,19 @@ from .condense import breadth_first_levels
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-ROWS, LANES = 4, 8  # of a strip of an inverse, see rest.c
+ROWS, LANES = 4, 8  # layout of the strips of an inverse, see rest.c
 
 
 class RestFactor:
-    """K^-1 as a product, K the stiffness of some nodes, three degrees each.
+    """Factorisation of a stiffness matrix K for products with K^-1.
 
-    Nodes are sorted into breadth-first levels, in which K is block tridiagonal. What each level has after those before
-    it are eliminated is inverted once, and a half of it read twice a product, in the order in which it lies in memory:
-    that is ten times as quick as solving with sparse triangles.
+    The nodes are sorted into breadth-first levels, for which K is block tridiagonal. The Schur complement of each level
+    is inverted once. A solve reads one triangle of each inverse twice, in the order of memory, which is ten times as
+    fast as a solve with sparse triangular factors.
 
     Args:
-        matrix: symmetric positive definite, shape (3 n, 3 n). pad: nodes that the levels begin or end at, shape (m,).
+        matrix: stiffness matrix, symmetric positive definite, shape (3 n, 3 n).
+        pad: indices of the nodes at which the levels begin or end, shape (m,).
     """
 
     def __init__(self, matrix: csr_array, pad: Indices) -> None:
@@ -50,7 +51,7 @@ class RestFactor:
             self._eliminate(permuted, ends)
 
     def _couple(self, permuted: csr_array, level: Indices, slots: Indices) -> None:
-        """Keep the stiffness between each level and the next."""
+        """Store the blocks of the matrix between each level and the next."""
         permuted.sort_indices()
         entries = permuted.tocoo()
         ahead = level[entries.row] + 1 == level[entries.col]
@@ -59,7 +60,7 @@ class RestFactor:
         self._rows = np.searchsorted(slots[entries.row[ahead]], np.arange(len(self._order) + 1)).astype(np.int64)
 
     def _eliminate(self, permuted: csr_array, ends: Indices) -> None:
-        """Invert what each level has after those before it are eliminated."""
+        """Invert the Schur complement of each level."""
         inverses, self._diagonals = [], np.zeros(len(self._order), np.float32)
         inverse = coupling = None
         for i, start in enumerate(self._starts[:-1]):
@@ -76,7 +77,7 @@ class RestFactor:
         self._inverses = np.concatenate(inverses)
 
     def solve(self, force: Floats32) -> Floats32:
-        """Return K^-1 force, shapes (3 n,)."""
+        """Return K^-1 force, shape (3 n,)."""
         force, out = np.ascontiguousarray(force, np.float32), np.empty(self.size, np.float32)
         if force.shape != out.shape:
             raise DermisError("forces do not fit the tissue", where="skin", value=force.shape, limit=str(out.shape))
@@ -89,16 +90,19 @@ class RestFactor:
 
     @property
     def slots(self) -> int:
-        """Length of a vector whose levels are filled up."""
+        """Length of a vector in which each level is padded to a multiple of `LANES`."""
         return len(self._order)
 
     def record(
         self, force: Floats32, moved: Floats32, room: Floats32, place: Callable[[NDArray[Any]], int] = address
     ) -> records.RestRecord:
-        """Return the record of a solve; it points to its arrays, shapes (3 n,), (3 n,), (3 slots,).
+        """Return the record of a solve for the kernels, which points to the arrays.
 
         Args:
-            place: tells where an array begins.
+            force: right-hand side, shape (3 n,).
+            moved: solution, shape (3 n,).
+            room: work space, shape (3 slots,).
+            place: function that returns the address of an array.
         """
         return records.RestRecord(
             self.size,
@@ -114,7 +118,7 @@ class RestFactor:
 
 
 def _strips(inverse: Floats32, size: int) -> list[Floats32]:
-    """Return what is below the diagonal, filled up to a size, in strips as `rest.c` reads them."""
+    """Return the lower triangle without the diagonal, padded to `size`, in the strips that `rest.c` reads."""
     below = np.zeros((size, size), np.float32)
     below[: len(inverse), : len(inverse)] = np.tril(inverse, -1)
     out = []

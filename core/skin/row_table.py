@@ -1,8 +1,8 @@
-"""RowTable: a table of which few rows are ever asked for, made when they are.
+"""RowTable: table whose rows are computed at their first use.
 
-A product of matrices rounds a row by how many others are multiplied with it, and by its place among them. Rows that
-come of one are made with the same neighbours always: what a row is then depends neither on who asked for others before,
-nor on the process.
+The rounding of a row in a matrix product depends on the number of rows in the product and on its place among them. Rows
+may therefore be computed in fixed groups. The value of a row then does not depend on earlier requests or on the
+process.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 
 from ..arrays import Indices
 
-GROWTH = 1.5  # of the room, where it is too small
+GROWTH = 1.5  # factor by which the memory grows if it is too small
 
 
 class RowTable:
-    """Rows by number, each worked out once.
+    """Table whose rows are computed at their first use and then kept.
 
-    Room is taken for those only that were asked for: memory that is merely reserved is not always free, since systems
-    give it in pages of 2 MB, and rows that are used lie far apart.
+    Memory is allocated only for rows that were requested. To reserve memory for all rows would not be free: operating
+    systems assign it in pages of up to 2 MB, and the rows that are used lie far apart.
 
     >>> import numpy as np
     >>> squares = RowTable(100, lambda rows: print("made", rows) or rows**2)
@@ -32,18 +32,19 @@ class RowTable:
     array([ 9, 25,  9])
 
     Args:
-        count: how many there could be. make: works some out, by their numbers, shape (n,): values, shape (n, ...).
-        together: n, always, and which: those of one multiple of it up to the next.
+        count: number of rows.
+        make: function that computes rows, shape (n, ...), from their indices, shape (n,).
+        together: size of the groups in which rows are computed; a group begins at a multiple of it.
     """
 
     def __init__(self, count: int, make: Callable[[Indices], NDArray[Any]], *, together: int = 1) -> None:
         self._make, self._used, self._together = make, 0, together
-        self._lock = threading.Lock()  # skins of several fingers share a table, and threads read them
+        self._lock = threading.Lock()  # fingers share tables, and several threads read them
         self._place = np.full(count, -1, dtype=np.int32)
         self._rows: NDArray[Any] | None = None
 
     def __getitem__(self, index: Indices) -> NDArray[Any]:
-        """Return some rows, shape (n, ...)."""
+        """Return rows by their indices, shape (n, ...)."""
         place = self._place[index]
         missing = place < 0
         if self._rows is None or missing.any():
@@ -53,13 +54,13 @@ class RowTable:
         return np.asarray(self._rows[place])
 
     def places(self, index: Indices) -> tuple[NDArray[Any], Indices]:
-        """Return a table and where in it some rows are, shape (n,); nothing is copied."""
+        """Return an array that contains given rows, without copying, and their positions in it, shape (n,)."""
         with self._lock:
             rows = self._added(index)
             return rows, self._place[index].astype(np.int64)
 
     def _added(self, index: Indices) -> NDArray[Any]:
-        """Return all rows, those that were asked for among them; another thread may have added them meanwhile."""
+        """Return the array of all computed rows after those that were requested are in it."""
         missing = self._place[index] < 0
         if self._rows is not None and not missing.any():
             return self._rows

@@ -1,4 +1,4 @@
-"""FingertipShape: the outside of a fingertip and the bone within it, as smooth functions of a few lengths."""
+"""FingertipShape: surfaces of a fingertip and of its bone, as smooth functions of a few lengths."""
 
 from __future__ import annotations
 
@@ -12,26 +12,31 @@ from ..arrays import Array
 from ..errors import DermisError
 from ..parameters.skin import LENGTHS
 
-# How far the pulp narrows behind the pad's centre, as a fraction of the half section. The palm recedes towards the
-# crease of the joint; the sides and the back run almost straight.
+# Narrowing of the finger behind the pad's centre, as a fraction of the half section. The palmar side recedes towards
+# the crease of the joint; the sides and the back are almost straight.
 WAIST_PALM, WAIST_SIDE, WAIST_BACK = 0.12, 0.05, 0.02
-PALM_SHARE = 0.54  # of the thickness, from the pad to the height where the finger is widest
-MIN_TISSUE = 0.4e-3  # [m] least soft tissue between bone and skin that elements can fill without slivers
+PALM_SHARE = 0.54  # height of the widest section above the pad, as a share of the thickness
+MIN_TISSUE = 0.4e-3  # least thickness of tissue between bone and skin that can be meshed without slivers [m]
 
 
 @dataclass(frozen=True)
 class FingertipShape:
-    """The lengths of a fingertip, all in m. Origin at the pad's centre, +Y to the tip, +Z to the nail.
+    """Lengths of a fingertip [m].
+
+    The origin is at the pad's centre, +Y points to the tip and +Z to the nail.
 
     Attributes:
-        width, thickness: of the finger at the pad's centre, along X and Z.
-        length: from the cut end to the tip, along Y.
-        tip: from the pad's centre to the tip, along Y.
-        nail_width, nail_length: of the nail, which ends `nail_margin` before the tip.
-        nail_margin: from the tip back to the nail's front edge, along Y.
-        bone_width, bone_thickness: of the distal phalanx's shaft.
-        bone_bed: soft tissue between the bone and the back of the finger.
-        bone_margin: soft tissue between the bone's end and the tip, along Y.
+        width, thickness: size of the finger at the pad's centre, along X and Z.
+        length: length from the cut end to the tip, along Y.
+        tip: length from the pad's centre to the tip, along Y.
+        nail_width, nail_length: size of the nail.
+        nail_margin: length from the tip back to the nail's front edge, along Y.
+        bone_width, bone_thickness: size of the shaft of the distal phalanx.
+        bone_bed: thickness of tissue between the bone and the back of the finger.
+        bone_margin: thickness of tissue between the bone's end and the tip, along Y.
+
+    Raises:
+        DermisError: a length is not above zero, or lengths do not fit each other.
     """
 
     width: float = LENGTHS["width"].default
@@ -69,27 +74,27 @@ class FingertipShape:
 
     @property
     def height_palm(self) -> float:
-        """Height of the widest part above the pad [m]."""
+        """Height of the widest section above the pad [m]."""
         return self.thickness * PALM_SHARE
 
     @property
     def height_back(self) -> float:
-        """Height of the back above the widest part [m]."""
+        """Height of the back above the widest section [m]."""
         return self.thickness * (1.0 - PALM_SHARE)
 
     @property
     def pulp(self) -> float:
-        """Soft tissue between the pad's centre and the bone [m]."""
+        """Thickness of tissue between the pad's centre and the bone [m]."""
         return self.thickness - self.bone_bed - self.bone_thickness
 
     @property
     def reach(self) -> float:
-        """Natural logarithm of the outer radius of the chart's plane: how many tip lengths lie behind the pad."""
+        """Length behind the pad's centre divided by the tip's; logarithm of the chart's outer radius."""
         return (self.length - self.tip) / self.tip
 
     @classmethod
     def scaled(cls, width: float, thickness: float, length: float, **lengths: float) -> FingertipShape:
-        """Return a fingertip of other outer lengths [m]; what is not given keeps its proportion to them."""
+        """Return a fingertip of other outer lengths [m]; lengths that are not given are scaled with them."""
         base = cls()
         along, across, up = length / base.length, width / base.width, thickness / base.thickness
         own = {
@@ -108,8 +113,8 @@ class FingertipShape:
         """Return points of the skin.
 
         Args:
-            chart: points of the closed unit disk: 0 is the pad's centre, the rim is the cut end, the imaginary
-                axis runs along -X and the negative real axis over the tip to the nail.
+            chart: points of the closed unit disk. 0 is the pad's centre, and the rim is the cut end. The imaginary axis
+                points along -X, and the negative real axis leads over the tip to the nail.
 
         Returns:
             Points [m], shape (..., 3).
@@ -124,12 +129,12 @@ class FingertipShape:
         return np.stack([x, self.tip * axial, z], axis=-1)
 
     def bone(self, chart: NDArray[np.complex128]) -> Array:
-        """Return points of the bone's surface for points of the chart, as `skin` does, shape (..., 3)."""
+        """Return points of the bone's surface for points of the chart [m], see `skin`, shape (..., 3)."""
         radius, angle, axial = self._tube(chart)
         half = 0.5 * self.bone_width
         centre = self.tip - self.bone_margin - half
-        # Behind the head each point of the bone approaches the section of its point of the skin, so that the layers
-        # between them are not sheared where the tissue is thin.
+        # Behind the head, a point of the bone approaches the cross-section of the skin's point. The layers between them
+        # are then not sheared where the tissue is thin.
         behind = np.maximum(-axial, 0.0)
         y = half * np.maximum(axial, 0.0) - self.tip * behind + centre * (1.0 - behind / self.reach) ** 2
         middle = self.thickness - self.bone_bed - 0.5 * self.bone_thickness
@@ -138,16 +143,16 @@ class FingertipShape:
         return np.stack([x, y, z], axis=-1)
 
     def under_nail(self, points: Array) -> NDArray[np.bool_]:
-        """Return which points of the skin the nail covers, shape (...)."""
+        """Return whether the nail covers points of the skin [m], shape (..., 3); shape of the result (...)."""
         x, y, z = points[..., 0], points[..., 1], points[..., 2]
         front = self.tip - self.nail_margin
         along = (y <= front) & (y >= front - self.nail_length)
         return along & (np.abs(x) <= 0.5 * self.nail_width) & (z > self.height_palm)
 
     def _tube(self, chart: NDArray[np.complex128]) -> tuple[Array, NDArray[np.complex128], Array]:
-        """Return section radius [1], direction round the axis (1 is the palm) and axial place (1 at the tip)."""
-        # Conformal, so cells stay nearly square: a Moebius map of the disk brings the pad to the middle, the
-        # logarithm unrolls the tube behind it, and the stereographic projection closes the tip.
+        """Return relative radius of the section, direction around the axis (1: palm), axial position (1: tip)."""
+        # The map is conformal, so that cells stay nearly square. A Moebius map of the disk brings the pad to the
+        # middle, the logarithm unrolls the tube behind it, and a stereographic projection closes the tip.
         p = np.exp(-self.reach)
         plane = (chart + p) / (1.0 + p * chart) / p
         size = np.abs(plane)
@@ -169,10 +174,10 @@ class FingertipShape:
 
 
 def shape_from_parameters(parameters: dict[str, Any], *, where: str = "fingertip") -> FingertipShape:
-    """Return the shape that named lengths [m] give; lengths not named keep their proportion.
+    """Return the shape for named lengths [m]; other lengths are scaled, see `FingertipShape.scaled`.
 
     Raises:
-        DermisError: an unknown name, or lengths that do not fit together.
+        DermisError: a name is unknown, or lengths do not fit each other.
     """
     for name in parameters:
         if name not in LENGTHS:
@@ -183,5 +188,12 @@ def shape_from_parameters(parameters: dict[str, Any], *, where: str = "fingertip
 
 
 def _waist(q2: Array, drop: Array | float) -> Array:
-    """Narrow a section behind the pad: the pad's curvature runs on smoothly (to second order) and then levels off."""
+    """Return the factor that narrows a section behind the pad.
+
+    At the pad's centre it continues the curvature of the pad to second order. Far behind, it approaches 1 - drop.
+
+    Args:
+        q2: square of the axial position behind the pad's centre.
+        drop: narrowing far behind the pad.
+    """
     return 1.0 - 0.5 * q2 / (1.0 + q2 / (2.0 * np.asarray(drop)))

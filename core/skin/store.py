@@ -1,4 +1,4 @@
-"""How a condensed skin, and what follows from it, lies in the cache. What cannot be read is computed again."""
+"""Storage of skin models and tables in the cache; unreadable entries are computed again."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def write_model(path: Path, mesh: TetraMesh, compliance: Array) -> None:
 
 
 def read_model(path: Path) -> dict[str, NDArray[Any]] | None:
-    """Read a model; None where the file is gone or damaged, so that it is computed again."""
+    """Read the mesh and the compliance of a model; None if the file is missing or damaged."""
     try:
         with opened_npz(path) as archive:
             arrays = archive.arrays((*MESH_ARRAYS, "compliance"))
@@ -45,10 +45,13 @@ def read_model(path: Path) -> dict[str, NDArray[Any]] | None:
 def kept(
     cache: Cache | None, key: str, shapes: Mapping[str, Shape], make: Callable[[], Mapping[str, Array]]
 ) -> Mapping[str, NDArray[Any]]:
-    """Return arrays in double precision by name: from the cache, or made, and put there for every other process.
+    """Return arrays in double precision by name, from the cache or computed and stored there.
 
     Args:
-        key: what they depend on, see `cache_key`. shapes: theirs.
+        cache: the cache; None always computes the arrays.
+        key: key of the cache entry, made from all inputs, see `cache_key`.
+        shapes: shape of each array; None stands for any length.
+        make: function that computes the arrays.
     """
     path = None if cache is None else cache.get(key)
     found = None if path is None else read_arrays(path, shapes, np.float64)
@@ -56,22 +59,23 @@ def kept(
         return found
     made = make()
     if cache is not None:
-        with suppress(DermisError):  # a folder that cannot be written costs the time again, and nothing else
+        with suppress(DermisError):  # if the folder cannot be written, the arrays are computed again next time
             cache.put(key, lambda part: write_arrays(part, made))
     return made
 
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write arrays by name."""
+    """Write arrays by name to an .npz file."""
     with zipfile.ZipFile(path, "w", allowZip64=True) as archive:
         for name, array in arrays.items():
             put_array(archive, name, array)
 
 
 def read_arrays(path: Path, shapes: Mapping[str, Shape], kind: type = np.float32) -> dict[str, NDArray[Any]] | None:
-    """Read arrays; None where the file is gone or damaged, or they are of other shapes or another kind.
+    """Read arrays by name; None if the file is missing or damaged, or a shape or type differs.
 
-    Read whole, not mapped: a mapped file that shrinks or whose disk vanishes ends the process, and Blender with it.
+    The file is read into memory and not mapped. If a mapped file is truncated or its disk is removed, the operating
+    system ends the process, and Blender with it.
     """
     try:
         with opened_npz(path) as archive:
@@ -87,11 +91,11 @@ def _fits(array: NDArray[Any], shape: Shape) -> bool:
 
 
 def write_table(path: Path, table: NDArray[Any]) -> None:
-    """Write one array."""
+    """Write one array to an .npz file."""
     write_arrays(path, {"table": table})
 
 
 def read_table(path: Path, shape: Shape, kind: type = np.float32) -> NDArray[Any] | None:
-    """Read a table; None where `read_arrays` gives none."""
+    """Read an array from a file of `write_table`; None as for `read_arrays`."""
     found = read_arrays(path, {"table": shape}, kind)
     return None if found is None else found["table"]

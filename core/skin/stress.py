@@ -1,4 +1,4 @@
-"""Stress in the pulp: per element, at receptor depth, and in few components for matching."""
+"""Stress in the pulp: in each element, and at the depths of receptors."""
 
 from __future__ import annotations
 
@@ -22,20 +22,25 @@ if TYPE_CHECKING:
 Floats = NDArray[np.floating[Any]]
 
 COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
-# Depth below the skin of SA1, RA and PC afferents, as fitted to their responses [m].
+# Depths of SA1, RA and PC afferents below the skin, as fitted to their responses [m].
 # Source: TouchSim; Saal, Delhaye, Rayhaun and Bensmaia 2017
 RECEPTOR_DEPTHS = (0.3e-3, 1.6e-3, 2.0e-3)
 _PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 _SHEAR_WEIGHT = np.array([1.0, 1.0, 1.0, np.sqrt(2.0), np.sqrt(2.0), np.sqrt(2.0)])
-INSIDE = 1e-9  # how far a barycentric coordinate may be below zero for a point on a face
+INSIDE = 1e-9  # a point counts as inside an element if no barycentric coordinate is below minus this
 
 
 @dataclass(frozen=True, eq=False)
 class StressOperator:
-    """From nodal displacement to stress, for one mesh, material and element.
+    """Operator from nodal displacement to stress, for one mesh, material and element.
 
-    Stress is in the finger's frame, which is the nail's: components xx, yy, zz, yz, xz, xy. With averaged nodal
-    pressure, an element's pressure is the mean of its nodes', as in the stiffness.
+    Components of stress are xx, yy, zz, yz, xz, xy in the finger's frame. With averaged nodal pressure, the pressure of
+    an element is the mean of that at its nodes, as in the stiffness matrix.
+
+    Attributes:
+        mesh: mesh of the tissue.
+        material: its material.
+        element: 'anp' or 'p1'.
     """
 
     mesh: TetraMesh
@@ -43,7 +48,7 @@ class StressOperator:
     element: Element = "anp"
 
     def with_material(self, material: Elastic) -> StressOperator:
-        """Return the operator of another material on the same mesh, sharing what does not depend on it."""
+        """Return the operator for another material on the same mesh; common tables are shared."""
         other = StressOperator(self.mesh, material, self.element)
         shared = ("geometry", "strain_matrix", "mean", "volumetric_matrix", "weights")
         other.__dict__.update({name: self.__dict__[name] for name in shared if name in self.__dict__})
@@ -51,12 +56,12 @@ class StressOperator:
 
     @cached_property
     def geometry(self) -> Geometry:
-        """Gradients and volumes of the mesh."""
+        """Geometry of the mesh."""
         return geometry(self.mesh)
 
     @cached_property
     def strain_matrix(self) -> csr_array:
-        """From displacement (3 n) to tensor strain (6 e, by element), sparse."""
+        """Matrix from displacement to the strain tensor of each element, sparse, shape (6 e, 3 n)."""
         from scipy.sparse import coo_array
 
         g, tetra = self.geometry.gradients, self.mesh.tetrahedra.astype(np.int64)
@@ -73,7 +78,7 @@ class StressOperator:
 
     @cached_property
     def mean(self) -> csr_array:
-        """Takes the mean of the corners of each element, sparse (e, n)."""
+        """Matrix from values of nodes to their mean in each element, sparse, shape (e, n)."""
         from scipy.sparse import csr_array as csr
 
         count = len(self.mesh.tetrahedra)
@@ -82,7 +87,7 @@ class StressOperator:
 
     @cached_property
     def volumetric_matrix(self) -> csr_array:
-        """From displacement (3 n) to the element's div u, averaged over its nodes for 'anp', sparse (e, 3 n)."""
+        """Matrix from displacement to div u of each element, averaged over nodes for 'anp', sparse, shape (e, 3 n)."""
         from scipy.sparse import csr_array as csr
 
         count = len(self.mesh.tetrahedra)
@@ -99,7 +104,7 @@ class StressOperator:
         return (trace @ self.strain_matrix).tocsr()
 
     def stress(self, displacement: Floats) -> Array:
-        """Return the stress of each element [Pa] for nodal displacement [m], shape (n, 3) to (e, 6)."""
+        """Return the stress of each element [Pa], shape (e, 6), for nodal displacements [m], shape (n, 3)."""
         first, shear = self.material.lame
         u = _flat(displacement)
         out = 2.0 * shear * (self.strain_matrix @ u).reshape(-1, 6)
@@ -107,7 +112,10 @@ class StressOperator:
         return out
 
     def energy_density(self, displacement: Floats) -> Array:
-        """Return the strain energy density of each element [J/m^3]; times the volumes it sums to half the work."""
+        """Return the strain energy density of each element [J/m^3], shape (e,).
+
+        Its sum, weighted with the volumes, is half of the work of the forces.
+        """
         first, shear = self.material.lame
         u = _flat(displacement)
         strain = (self.strain_matrix @ u).reshape(-1, 6)
@@ -119,16 +127,13 @@ class StressOperator:
 
     def _dilatation(self, u: Array) -> Array:
         if self.element == "anp":
-            # through the nodes: a tenth of the work of the product matrix
+            # Two products, with the nodes between them, take a tenth of the time of one with `volumetric_matrix`.
             return self.mean @ (self.geometry.divergence @ u)
         return self.volumetric_matrix @ u
 
     @cached_property
     def matrix(self) -> csr_array:
-        """From displacement (3 n) to stress (6 e), sparse.
-
-        Only its products with few columns are ever needed; the full operator on forces is never formed.
-        """
+        """Matrix from displacement to stress, sparse, shape (6 e, 3 n)."""
         from scipy.sparse import csr_array as csr
 
         first, shear = self.material.lame
@@ -139,25 +144,25 @@ class StressOperator:
 
     @cached_property
     def weighted_matrix(self) -> csr_array:
-        """`matrix`, scaled so that the 2-norm of what it gives is the volume-weighted L2 norm of the stress."""
+        """`matrix`, scaled so that the 2-norm of its product is the volume-weighted L2 norm of the stress."""
         from scipy.sparse import diags_array
 
         return (diags_array(self.weights.ravel()) @ self.matrix).tocsr()
 
     @cached_property
     def weights(self) -> Array:
-        """Factors that make the 2-norm of the stresses their volume-weighted L2 norm [m^1.5], shape (e, 6)."""
+        """Weights by which the 2-norm of stresses is their volume-weighted L2 norm [m^1.5], shape (e, 6)."""
         return np.sqrt(self.geometry.volumes)[:, None] * _SHEAR_WEIGHT
 
 
 def von_mises(stress: Array) -> Array:
-    """Return the equivalent stress [Pa] of stresses (..., 6)."""
+    """Return the von Mises stress [Pa], shape (...), of stresses [Pa], shape (..., 6)."""
     xx, yy, zz, yz, xz, xy = np.moveaxis(stress, -1, 0)
     return np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * (yz**2 + xz**2 + xy**2))
 
 
 def stored(stress: Array, material: Elastic) -> Array:
-    """Return the strain energy density that linear tissue has at stresses, (..., 6) to (...,) [J/m^3]."""
+    """Return the strain energy density of linear tissue [J/m^3], shape (...), for stresses [Pa], shape (..., 6)."""
     square = np.einsum("...i,i->...", stress * stress, _SHEAR_WEIGHT**2)
     trace = stress[..., :3].sum(axis=-1)
     young, poisson = material.modulus, material.poisson
@@ -165,20 +170,20 @@ def stored(stress: Array, material: Elastic) -> Array:
 
 
 def nodal_average(mesh: TetraMesh, values: Array) -> Array:
-    """Return the volume average at each node of values per element, shape (e, ...) to (n, ...)."""
+    """Return the volume average at each node, shape (n, ...), of values of the elements, shape (e, ...)."""
     count = len(mesh.tetrahedra)
     return (mesh.averaging @ values.reshape(count, -1)).reshape(len(mesh.nodes), *values.shape[1:])
 
 
 @dataclass(frozen=True, eq=False)
 class Probes:
-    """Points in the tissue at which stress is read.
+    """Points in the tissue at which stress is evaluated.
 
     Attributes:
-        points: [m], shape (k, 3).
-        reading: takes values of the elements to values at the points, sparse (k, e); see `recovery.fitted`.
-        depth: below the skin [m], shape (k,); nan where unknown.
-        pad: which pad node (by its place in the pad) each lies under, shape (k,); -1 where none.
+        points: positions [m], shape (k, 3).
+        reading: matrix from values of elements to values at the points, sparse, shape (k, e), see `recovery.fitted`.
+        depth: depth below the skin [m], shape (k,); nan if it is not known.
+        pad: position in `mesh.pad` of the node above each point, shape (k,); -1 for none.
     """
 
     points: Array
@@ -187,13 +192,13 @@ class Probes:
     pad: NDArray[np.int64]
 
     def read(self, values: Array) -> Array:
-        """Return element values at the probes, (e, ...) to (k, ...)."""
+        """Return values at the points, shape (k, ...), from values of the elements, shape (e, ...)."""
         flat = self.reading @ values.reshape(len(values), -1)
         return np.asarray(flat.reshape(len(self.points), *values.shape[1:]))
 
 
 def receptor_probes(mesh: TetraMesh, depths: Sequence[float] = RECEPTOR_DEPTHS) -> Probes:
-    """Return probes under every pad node at receptor depths [m]; points in bone or outside are left out."""
+    """Return the points below each pad node at receptor depths [m], without those in bone or outside."""
     points = (mesh.nodes[mesh.pad][None] - np.asarray(depths)[:, None, None] * mesh.pad_normals[None]).reshape(-1, 3)
     depth = np.repeat(np.asarray(depths, float), len(mesh.pad))
     pad = np.tile(np.arange(len(mesh.pad)), len(depths))
@@ -202,7 +207,10 @@ def receptor_probes(mesh: TetraMesh, depths: Sequence[float] = RECEPTOR_DEPTHS) 
 
 
 def locate(mesh: TetraMesh, points: Array) -> tuple[NDArray[np.int64], Array]:
-    """Return the tetrahedron that holds each point (-1 outside) and the barycentric coordinates in it."""
+    """Return the element that contains each point, shape (k,), and its barycentric coordinates, shape (k, 4).
+
+    The index of the element is -1 for a point outside the mesh.
+    """
     from scipy.spatial import cKDTree
 
     corners = mesh.nodes[mesh.tetrahedra]
@@ -223,7 +231,7 @@ def locate(mesh: TetraMesh, points: Array) -> tuple[NDArray[np.int64], Array]:
         todo = todo[~found]
         if near == len(corners):
             break
-        # elongated elements have distant centres: look at eight times as many, last at all
+        # Elongated elements have distant centres. Eight times as many are tested next, and finally all.
         near = min(8 * near, len(corners))
         if near * len(todo) > 20_000_000 and len(todo) > 1:
             half = len(todo) // 2

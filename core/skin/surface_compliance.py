@@ -1,7 +1,7 @@
-"""SurfaceCompliance: how a fingertip gives way between free points of its smooth skin, and what is felt beneath.
+"""SurfaceCompliance: compliance between points of a fingertip's smooth skin, and stress below it.
 
-Displacement for force is that of a half-space, in closed form, plus a smooth remainder of low rank, fitted once to a
-fine mesh. Points are cells of the pad's tree, as fine as a touch wants them and no finer: nothing here has a mesh.
+The displacement for a force is that of a half-space in closed form, plus a smooth remainder of low rank, which was
+fitted to a fine mesh once. The points are centres of cells of the pad's tree, at the resolution that a touch requires.
 """
 
 from __future__ import annotations
@@ -20,25 +20,26 @@ from .pad_chart import PadChart, Patches
 from .remainder import Remainder
 from .row_table import RowTable
 
-SPREAD = 0.7  # times a probe's depth that pieces above it may measure; larger ones pass their force to their children
-ABOVE = 2.0  # sides of a piece (and depths) within which it is above a probe
+# A cell near a point below the skin passes its force to its children if its side exceeds this many times the depth.
+SPREAD = 0.7
+ABOVE = 2.0  # a cell counts as near within this many times the sum of its side and the depth
 _PAIRS_AT_ONCE = 200_000
-_ROWS_AT_ONCE = 40  # whose tables stay in a processor's cache
+_ROWS_AT_ONCE = 40  # number of rows whose tables fit into the processor's cache
 
 Floats = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceCompliance:
-    """The compliance between cells of a pad, symmetric positive definite among those that do not overlap.
+    """Compliance between cells of a pad, symmetric positive definite for cells that do not overlap.
 
-    Forces [N] and displacements [m] are in the finger's frame. E and alpha only scale.
+    Forces [N] and displacements [m] are in the finger's frame. Indices of cells are those of the chart.
 
     Attributes:
-        chart: the pad's tree of cells; all indices are of it.
-        material: E, Poisson's ratio and alpha.
-        remainder: what a half-space lacks, at E = 1.
-        spring: displacement of the whole bone for the total force [m/N], symmetric, shape (3, 3); zero where held.
+        chart: the pad's tree of cells.
+        material: Young's modulus E, Poisson's ratio and the personal stiffness factor alpha.
+        remainder: difference to the compliance of a half-space, for E = 1.
+        spring: displacement of the bone for the total force [m/N], symmetric, shape (3, 3); zero for a fixed bone.
     """
 
     chart: PadChart
@@ -55,20 +56,20 @@ class SurfaceCompliance:
         return self.chart.cells
 
     def with_material(self, *, young: float | None = None, alpha: float | None = None) -> SurfaceCompliance:
-        """Return the same pad of another stiffness: no work, tables are shared."""
+        """Return the same pad with another stiffness; all tables are shared."""
         young = self.material.young if young is None else young
         alpha = self.material.alpha if alpha is None else alpha
         return self._sharing(replace(self, material=replace(self.material, young=young, alpha=alpha)))
 
     def with_spring(self, direction: Array, stiffness: float) -> SurfaceCompliance:
-        """Return the same pad on a bone that gives way along a unit vector, by the total force over [N/m]."""
+        """Return the same pad on a bone that has a spring along a unit vector, shape (3,), of a stiffness [N/m]."""
         axis = np.asarray(direction, np.float64)
         return self._sharing(replace(self, spring=self.spring + np.outer(axis, axis) / stiffness))
 
     def rows(self, new: Indices, members: Indices) -> Floats32:
-        """Return the displacement of some cells for forces on others [m/N], shape (3 new, 3 members).
+        """Return the displacement of cells `new` for forces on `members` [m/N], shape (3 new, 3 members).
 
-        What a contact needs when cells enter: in single precision, 1e-6 off.
+        The result is in single precision, with a relative error of 1e-6.
         """
         out = self._rows(new, members)
         out *= np.float32(1.0 / self.material.modulus)
@@ -78,23 +79,24 @@ class SurfaceCompliance:
 
     @cached_property
     def coarse(self) -> RowTable:
-        """What force on a cell of the coarsest level does to all p of it at E = 1, as `displaced` wants it."""
+        """Displacement of all p cells of level 0 for forces on one of them for E = 1, as for `displaced`."""
         return RowTable(len(self.chart.base), lambda cells: self._rows(cells, self.chart.base), together=8)
 
     def displaced(self, rows: Floats32, force: Floats) -> Array:
-        """Return the displacement for forces, in single precision.
+        """Return the displacement for forces, computed in single precision.
 
         Args:
-            rows: what each of them does at E = 1 [1/m], shape (j, 3, i, 3). force: [N], shape (j, 3).
+            rows: displacement for each unit force for E = 1 [1/m], shape (j, 3, i, 3).
+            force: forces [N], shape (j, 3).
 
         Returns:
-            [m], shape (i, 3).
+            Displacement [m], shape (i, 3).
         """
         moved = np.asarray(force, np.float32).reshape(-1) @ rows.reshape(3 * len(rows), -1)
         return moved.reshape(-1, 3) / self.material.modulus + np.sum(force, axis=0, dtype=np.float64) @ self.spring
 
     def _rows(self, new: Indices, members: Indices) -> Floats32:
-        """Return the displacement of some cells for forces on others at E = 1, shape (new, 3, members, 3)."""
+        """Return the displacement of cells `new` for forces on `members` for E = 1, shape (new, 3, members, 3)."""
         rank, others, phi = self.remainder.rank, self.cells.take(members), self.functions(members).T
         out = np.empty((len(new), 3, len(members), 3), np.float32)
         for start in range(0, len(new), _ROWS_AT_ONCE):
@@ -116,11 +118,12 @@ class SurfaceCompliance:
         """Return the displacement for forces on cells.
 
         Args:
-            cells: those that carry force, shape (j,). force: [N], shape (j, 3).
-            at: where displacement is wanted, the same cells where None, shape (i,).
+            cells: indices of the cells that carry force, shape (j,).
+            force: forces on them [N], shape (j, 3).
+            at: indices of the cells whose displacement is computed, shape (i,); None for `cells`.
 
         Returns:
-            [m], shape (i, 3).
+            Displacement [m], shape (i, 3).
         """
         at = cells if at is None else at
         force = np.asarray(force, np.float64).reshape(-1, 3)
@@ -129,11 +132,11 @@ class SurfaceCompliance:
         return np.concatenate([np.tensordot(part, force, axes=2) for part in parts] or [np.zeros((0, 3))])
 
     def functions(self, cells: Indices) -> Floats32:
-        """Return the remainder's functions at cells, shape (n, rank); computed once for each cell that is asked for."""
+        """Return the remainder's functions at cells, shape (n, rank); each cell is computed at its first use."""
         return self._functions[np.asarray(cells)]
 
     def probes(self, places: Array, depths: Floats | float) -> Probes:
-        """Return points below the skin at places of the chart, shape (k, 2), and depths [m] above zero, shape (k,)."""
+        """Return the points below the skin at places of the chart, shape (k, 2), and depths above zero [m], (k,)."""
         skin = self.chart.surface(places)
         depths = np.broadcast_to(np.asarray(depths, np.float64), len(places)).copy()
         plane = Beneath(skin.positions, skin.normals, depths, self.material.poisson)
@@ -142,13 +145,15 @@ class SurfaceCompliance:
     def beneath(self, probes: Probes, cells: Indices, force: Floats) -> tuple[Array, Array]:
         """Return displacement [m] and stress xx, yy, zz, yz, xz, xy [Pa] below the skin.
 
-        The force of a cell that is large against a probe's depth is spread evenly over its descendants.
+        The force on a cell that is large compared with a point's depth is distributed evenly over its descendants.
 
         Args:
-            probes: from `probes`. cells: those that carry force, none within another, shape (j,). force: [N], (j, 3).
+            probes: points below the skin, from `probes`.
+            cells: indices of the cells that carry force, none within another, shape (j,).
+            force: forces on them [N], shape (j, 3).
 
         Returns:
-            shapes (k, 3) and (k, 6).
+            Displacement, shape (k, 3), and stress, shape (k, 6).
         """
         force = np.asarray(force, np.float64).reshape(-1, 3)
         moments = self.functions(cells).astype(np.float64).T @ force
@@ -181,7 +186,7 @@ class SurfaceCompliance:
 
     @cached_property
     def _surface(self) -> Floats32:
-        """D in the order that makes one product of a row: function at i, component at i and j, function at j."""
+        """D with axes in the order for one product per row: function at i, components at i and j, function at j."""
         rank = self.remainder.rank
         return np.ascontiguousarray(self.remainder.surface.transpose(0, 1, 3, 2).reshape(rank, 9 * rank), np.float32)
 
@@ -195,7 +200,9 @@ class Probes:
     """Points below the skin of a pad.
 
     Attributes:
-        plane: their feet, normals and depths. points: [m], shape (k, 3). functions: of the remainder at the feet.
+        plane: feet, normals and depths of the points.
+        points: positions [m], shape (k, 3).
+        functions: functions of the remainder at the feet, shape (k, rank).
     """
 
     plane: Beneath

@@ -1,4 +1,4 @@
-"""Where the smooth pad's remainder comes from: a file that ships, the cache, or a fit that takes a while."""
+"""Sources of the smooth pad's remainder: shipped files, the cache, and a fit that takes a while."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from .shape import FingertipShape
 from .store import kept
 from .surface_compliance import SurfaceCompliance
 
-REMAINDER_VERSION = 1  # part of every key: raise it whenever mesh, kernel or fit changes
-CHART_VERSION = 1  # the same, of a chart's neighbours
-QUICK, FINEST = "fine", "reference"  # meshes: for any shape in a worker, and for those that ship
+REMAINDER_VERSION = 1  # part of every key; to be raised whenever mesh, kernel or fit changes
+CHART_VERSION = 1  # the same for the neighbours in a chart
+QUICK, FINEST = "fine", "reference"  # meshes of the fit: for any shape in a child process, and for shipped shapes
 SHIPPED = BUILT_IN / "skins"
 
-_pads: Recent[str, SurfaceCompliance] = Recent(10)  # a person's fingers
+_pads: Recent[str, SurfaceCompliance] = Recent(10)  # the fingers of one person
 
 
 def remainder_key(shape: FingertipShape, poisson: float) -> str:
-    """Return the key of a remainder: it depends on the shape and on Poisson's ratio, and on nothing else.
+    """Return the key of a remainder, made from the shape and Poisson's ratio alone.
 
-    To a nanometre: a length that was read in millimetres, or typed into a window, is the same length.
+    Lengths are rounded to a nanometre, so that a length has the same key in metres and in millimetres.
     """
     lengths = json.dumps(asdict(_rounded(shape)), sort_keys=True)
     return cache_key(f"dermis-remainder {REMAINDER_VERSION}", lengths, repr(round(poisson, 6)))
@@ -47,14 +47,21 @@ def _rounded(shape: FingertipShape) -> FingertipShape:
 
 
 def shipped_name(shape: FingertipShape, poisson: float) -> str:
-    """Return the name of the file in which a remainder ships."""
+    """Return the file name of a shipped remainder."""
     return f"remainder_{remainder_key(shape, poisson)[:16]}.npz"
 
 
 def find_remainder(
     shape: FingertipShape, poisson: float, *, shipped: Path | None = None, cache: Cache | None = None
 ) -> Remainder | None:
-    """Return a remainder that was made before, or None: one that ships, else from the cache."""
+    """Return a remainder from the shipped files or the cache; None if there is none.
+
+    Args:
+        shape: the fingertip.
+        poisson: Poisson's ratio.
+        shipped: folder of the shipped remainders; None for none.
+        cache: cache of skins; None for none.
+    """
     places = [None if shipped is None else shipped / shipped_name(shape, poisson)]
     places.append(None if cache is None else cache.get(remainder_key(shape, poisson)))
     for path in places:
@@ -62,7 +69,7 @@ def find_remainder(
             continue
         try:
             return Remainder.read(path)
-        except DermisError:  # damaged: it can be made again
+        except DermisError:  # a damaged file counts as missing
             continue
     return None
 
@@ -70,13 +77,22 @@ def find_remainder(
 def make_remainder(
     shape: FingertipShape, poisson: float, level: str = QUICK, *, cache: Cache | None = None
 ) -> Generator[tuple[int, int], None, Remainder]:
-    """Fit the remainder of a fingertip to a fine mesh of it and keep it in the cache; yields (done, total).
+    """Fit the remainder of a fingertip to a fine mesh, and store it in the cache.
 
     Args:
-        level: of the mesh: 'fine' (some 20 s and 1.3 GB) or 'reference' (two minutes and 3 GB).
+        shape: the fingertip.
+        poisson: Poisson's ratio.
+        level: resolution of the mesh: 'fine' (some 20 s and 1.3 GB) or 'reference' (two minutes and 3 GB).
+        cache: cache of skins; None does not store it.
+
+    Yields:
+        Number of finished steps and number of all steps.
+
+    Returns:
+        The remainder.
 
     Raises:
-        DermisError: a shape that cannot be meshed.
+        DermisError: the shape cannot be meshed.
     """
     yield 0, STEPS
     chart = PadChart.of(shape, 1)
@@ -89,10 +105,11 @@ def make_remainder(
 
 
 def smooth_pad(skin: SkinModel) -> SurfaceCompliance | None:
-    """Return the smooth pad of a skin; fingers of one shape share its tables, whatever their stiffness and mesh.
+    """Return the smooth pad of a skin; None if it has none.
 
-    None where the skin is a mesh of one's own, which has no smooth pad, or where its remainder has not been made yet:
-    it ships for the presets' lengths, and is looked for in the skin's cache for others.
+    A mesh of the user's own has no smooth pad. For a parametric fingertip, the pad needs a remainder. Remainders for
+    the lengths of the presets are shipped; others must be in the skin's cache. Fingers of one shape share the pad's
+    tables, whatever their stiffness and mesh.
     """
     if skin.shape is None:
         return None
@@ -103,14 +120,14 @@ def smooth_pad(skin: SkinModel) -> SurfaceCompliance | None:
         remainder = find_remainder(skin.shape, material.poisson, shipped=SHIPPED, cache=skin.cache)
         if remainder is None:
             return None
-        own = replace(material, poisson=round(material.poisson, 6))  # the same, whoever asks first
+        own = replace(material, poisson=round(material.poisson, 6))  # rounded, so that the first finger does not decide
         known = SurfaceCompliance(_chart(_rounded(skin.shape), skin.cache), own, remainder)
     pad = _pads.make(key, lambda: known)
     return pad.with_material(young=material.young, alpha=material.alpha)
 
 
 def _chart(shape: FingertipShape, cache: Cache | None) -> PadChart:
-    """Return the chart of a shape that knows its neighbours: finding them loads what nobody else needs."""
+    """Return the chart of a shape with its neighbours from the cache, because finding them loads a large library."""
     chart = PadChart.of(shape)
     key = cache_key(f"dermis-chart {CHART_VERSION}", version(), repr(shape), repr(CELL_SIDES))
 
@@ -123,7 +140,7 @@ def _chart(shape: FingertipShape, cache: Cache | None) -> PadChart:
 
 
 def no_smooth_pad(skin: SkinModel, name: str) -> Finding:
-    """Return why contact is solved at the nodes of a skin whose `smooth_pad` is None. The name is the finger's."""
+    """Return the finding for a finger, called `name`, whose skin has no smooth pad."""
     what = "contact is solved at the nodes of the skin's mesh, which edges and small things slip between"
     if skin.shape is None:
         why, remedy = "a mesh of one's own has no smooth skin", "Use a finer mesh, or a fingertip of lengths"
@@ -136,15 +153,16 @@ def no_smooth_pad(skin: SkinModel, name: str) -> Finding:
 def surface_compliance(
     parameters: Mapping[str, Any], *, shipped: Path | None = None, cache: Cache | None = None, where: str = "skin"
 ) -> SurfaceCompliance | None:
-    """Return the smooth pad of the skin that parameters describe (see `skin_from_parameters`).
-
-    None where it is a mesh of one's own, which has no smooth pad, or where its remainder has not been made yet.
+    """Return the smooth pad of the skin that parameters describe; None if it has none, see `smooth_pad`.
 
     Args:
-        shipped: folder of the remainders that ship. cache: of skins.
+        parameters: as for `skin_from_parameters`.
+        shipped: folder of the shipped remainders.
+        cache: cache of skins.
+        where: name of the finger, for errors.
 
     Raises:
-        DermisError: an unknown parameter, or values out of range.
+        DermisError: a parameter is unknown, or a value is out of range.
     """
     shape, material = shape_and_material(parameters, where)
     if shape is None:

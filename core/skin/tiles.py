@@ -1,7 +1,9 @@
-"""Tiles: the rectangles that a pad's squares can be cut into, as fine across an edge as along it they need not be.
+"""Tiles: rectangles into which the square cells of a pad can be divided.
 
-A tile lies in a square of level 0, its root; each of its sides is the root's, halved so and so often. Squares are the
-cells of the chart's tree; bars, whose sides are halved unequally, come after all of them.
+Along an edge, long narrow cells are enough: they are fine across the edge and coarse along it. A tile lies in a cell of
+level 0, its root, and its sides are those of the root, each halved a number of times. Squares are tiles whose sides are
+halved equally often; they are the cells of the chart's tree. All other tiles are called bars, and come after the
+squares.
 """
 
 from __future__ import annotations
@@ -14,21 +16,21 @@ from numpy.typing import NDArray
 
 from ..arrays import Array, Indices
 
-# How often the sides of bars are halved, along and around the finger.
+# Numbers of halvings of the sides of bars, along and around the finger.
 BARS = ((0, 1), (1, 0), (0, 2), (2, 0), (1, 2), (2, 1), (0, 3), (3, 0), (1, 3), (3, 1))
-ALONG, AROUND, BOTH = 1, 2, 3  # ways to cut
+ALONG, AROUND, BOTH = 1, 2, 3  # directions in which a tile can be divided
 
 
 class Tiles:
-    """The tiles of a chart.
+    """Tiles of a chart.
 
     Args:
-        starts: where the levels of its tree begin, and where the last one ends.
+        starts: index of the first cell of each level of the tree, and the number of all cells.
 
     Attributes:
-        root: the square of level 0 that each tile lies in, shape (n,).
-        halved: how often each side was halved, along and around the finger, shape (n, 2).
-        place: which of the tiles along and around its root it is, shape (n, 2).
+        root: cell of level 0 that contains each tile, shape (n,).
+        halved: number of halvings of each side, along and around the finger, shape (n, 2).
+        place: position of each tile in its root, in tiles of its size, along and around the finger, shape (n, 2).
     """
 
     def __init__(self, starts: Sequence[int]) -> None:
@@ -60,23 +62,26 @@ class Tiles:
 
     @cached_property
     def bars(self) -> tuple[tuple[int, int], ...]:
-        """How often the sides of the bars are halved."""
+        """Numbers of halvings of the bars' sides that this chart has."""
         return tuple(bar for bar in BARS if max(bar) < self.levels)
 
     def sizes(self, tiles: Indices) -> Indices:
-        """Return how many of the finest squares tiles are long, along and around the finger, shape (n, 2)."""
+        """Return the sides of tiles in sides of the finest squares, along and around the finger, shape (n, 2)."""
         return np.asarray((1 << (self.levels - 1)) >> self.halved[tiles])
 
     @cached_property
     def quarters(self) -> NDArray[np.int16]:
-        """The finest squares in the middles of each tile's quarters, by their number in its root, shape (n, 4)."""
+        """Finest squares at the centres of each tile's quarters, by their index in the root, shape (n, 4)."""
         size, side = self.sizes(np.arange(self.count)), 1 << (self.levels - 1)
         rows, columns = ((self.place * size)[:, k, None] + size[:, k, None] * [1, 3] // 4 for k in (0, 1))
         return (rows[:, :, None] * side + columns[:, None]).reshape(-1, 4).astype(np.int16)
 
     @cached_property
     def ways(self) -> Indices:
-        """For how often the sides are halved and a way to cut the way that there is, 0 for none, shape (l, l, 4)."""
+        """Possible direction of division for each number of halvings and wanted direction, shape (l, l, 4).
+
+        It differs from the wanted direction if this would give tiles that do not exist; 0 if there is none.
+        """
         n = self.levels
         found = np.zeros((n, n, 4), dtype=np.int64)
         known = np.zeros((n + 1, n + 1), dtype=bool)
@@ -91,7 +96,7 @@ class Tiles:
         return found
 
     def find(self, root: Indices, halved: Indices, place: Indices) -> Indices:
-        """Return which tiles lie at places, shape (n,)."""
+        """Return the indices of tiles by root, halvings and place, shape (n,)."""
         a, b = halved.T
         offset = (root << (a + b)) + (place[:, 0] << b) + place[:, 1]
         square = (a == b).nonzero()[0]
@@ -104,7 +109,12 @@ class Tiles:
         return np.asarray(self.first[a, b] + offset)
 
     def cut(self, tiles: Indices, ways: Indices) -> tuple[Indices, Indices]:
-        """Return the parts of tiles that are cut in ways that there are, and which tile each is a part of."""
+        """Divide tiles; return the indices of the parts, and the position in `tiles` of the tile of each.
+
+        Args:
+            tiles: indices of the tiles, shape (n,).
+            ways: possible direction of division of each, shape (n,), see `ways`; 0 for none.
+        """
         parts, owners = [], []
         for way in (ALONG, AROUND, BOTH):
             own = np.flatnonzero(ways == way)
@@ -121,7 +131,10 @@ class Tiles:
         return np.concatenate(parts), np.concatenate(owners)
 
     def squares(self, tiles: Indices) -> tuple[Indices, Indices]:
-        """Return the squares that bars are rows of, and which tile each is of; squares stand for themselves."""
+        """Return the squares that cover tiles, and the position in `tiles` of the tile of each.
+
+        A bar is covered by a row of squares, and a square by itself.
+        """
         more = self.halved[tiles].max(axis=1, keepdims=True) - self.halved[tiles]
         number = 1 << more.sum(axis=1)
         owner = np.repeat(np.arange(len(tiles)), number)
@@ -130,7 +143,7 @@ class Tiles:
         return self.find(self.root[tiles][owner], (self.halved[tiles] + more)[owner], place), owner
 
     def overlap(self, tiles: Indices, others: Indices) -> tuple[Indices, Indices, Array]:
-        """Return pairs of tiles that overlap, by their numbers in each, and the share of the first in the second."""
+        """Return pairs of overlapping tiles by their positions, and the share of the first tile in the second."""
         order = np.argsort(self.root[others], kind="stable")
         ranked = self.root[others[order]]
         low, high = (np.searchsorted(ranked, self.root[tiles], side) for side in ("left", "right"))

@@ -1,4 +1,4 @@
-"""An endless plane to touch: [S1]'s sliding surface, the platform of a thimble, and tests."""
+"""Plane: an infinite plane as a surface for contact."""
 
 from __future__ import annotations
 
@@ -14,11 +14,14 @@ from .kernel_body import KernelBody
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """The half-space below a plane.
+    """Half-space below a plane.
 
     Attributes:
-        normal: outward, of any length but zero, shape (3,).
-        point: any point on it [m], shape (3,).
+        normal: unit normal out of the half-space, shape (3,); it may be given with any length above zero.
+        point: any point on the plane [m], shape (3,).
+
+    Raises:
+        DermisError: the normal is zero or not finite.
     """
 
     normal: Array
@@ -37,11 +40,11 @@ class Plane:
 
     @property
     def kernel_body(self) -> KernelBody | None:
-        """None: kernels know a plane by its numbers."""
+        """None, because the kernels take a plane by its normal and point."""
         return None
 
     def query(self, points: Array, search_radius: float = np.inf) -> GapQuery:
-        """Return the signed gap, closest point and normal of each point, as `Surface.query` does."""
+        """Return signed gap, closest point and normal of each point [m], shape (n, 3), see `Surface.query`."""
         gap = (points - self.point) @ self.normal
         n = gap.shape[0]
         normal = np.broadcast_to(self.normal, (n, 3))

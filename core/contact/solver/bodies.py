@@ -1,4 +1,4 @@
-"""The bodies about a finger at one instant, and the gaps of the finger's nodes to the closest of them."""
+"""Bodies near a finger at one instant, and the gaps of the finger's nodes to them."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ from ...surface.plane import Plane
 from .cone import along
 from .sides import dot, keep_sides
 
-# A node changes to a body that is nearer than its last one by more than this [m], not by rounding where both are level.
+# A node changes to another body only if that is nearer by more than this [m]. Between two bodies at the same height,
+# rounding then does not decide.
 TIE = 1e-6
-# A point inside a finger [m]: on the side where it lies, the finger is outside an open surface.
+# A point inside a finger [m]. An open surface is touched on the side of this point.
 BONE = np.array([0.0, 0.0, 0.006])
 
 # Clearance, normal, body, triangle, friction and softness of each node, as in `NodeGaps`.
@@ -29,21 +30,21 @@ _PerNode = tuple[Array, Array, Indices, Indices, Array, Array]
 
 @dataclass(frozen=True, eq=False)
 class ContactBody:
-    """A body that a finger may touch, posed in the finger's frame.
+    """Body that a finger may touch, posed in the finger's frame.
 
     Attributes:
-        surface: in the body's own space, or, where it deforms, in any space with the same faces every frame.
-        rotation: from the body's space to the finger's, orthonormal, shape (3, 3).
-        translation: of the body's origin in the finger's frame [m], shape (3,).
+        surface: surface in the body's own space; for a deforming body, in any space with the same faces in each frame.
+        rotation: rotation from the body's space to the finger's, shape (3, 3).
+        translation: position of the body's origin in the finger's frame [m], shape (3,).
         friction: Coulomb coefficient against skin.
-        softness: compliance of its own surface [m/Pa]: it yields by this times the pressure. 0 is rigid.
-        deforms: its surface is another every frame; what sticks to it is then carried by triangles.
-        carry: where its scale changed: the linear map from its first stretch to this one, which what sticks to it
-            follows, shape (3, 3). None where it kept its scale.
-        away: it is nowhere near, and only keeps its place in the order.
+        softness: compliance of the body's surface: displacement per pressure [m/Pa]; 0 for a rigid body.
+        deforms: whether the surface changes from frame to frame. Anchors of friction are then fixed to its triangles.
+        carry: linear map from the body's first scale and shear to the present ones, which anchors follow, shape (3, 3);
+            None if they have not changed.
+        away: whether the body is out of reach. It then only keeps its index.
 
     Raises:
-        DermisError: a pose that is not finite.
+        DermisError: the pose is not finite.
     """
 
     surface: Surface | Plane
@@ -60,11 +61,11 @@ class ContactBody:
             raise DermisError("the pose of a body is not finite", value=self.translation)
 
     def local(self, *points: Array) -> tuple[Array, ...]:
-        """Return points of the finger's frame [m], shape (..., 3) each, in the surface's space."""
+        """Transform points [m], shape (..., 3) each, from the finger's frame to the surface's space."""
         return tuple((p - self.translation) @ self.rotation for p in points)
 
     def same_place(self, other: ContactBody) -> bool:
-        """Whether another state of this body has the same surface, pose and properties, or is as far away."""
+        """Return whether another state of this body has the same surface, pose and properties, or both are away."""
         if self.away and other.away:
             return True
         return (
@@ -78,18 +79,18 @@ class ContactBody:
 
 @dataclass(frozen=True, eq=False)
 class NodeGaps:
-    """The gaps of a finger's nodes at one instant, in the finger's frame.
+    """Gaps of a finger's nodes at one instant, in the finger's frame.
 
     Attributes:
-        bodies: what there is to touch.
-        gap: of the undeformed nodes, linear about where the deformed ones are expected [m], inf beyond reach,
-            shape (m,).
-        clearance: of the nodes where they are expected [m], inf beyond reach, shape (m,).
-        normal: out of the body, into the finger, shape (m, 3).
-        body: index of the closest body, -1 beyond reach, shape (m,).
-        triangle: the closest triangle of that body, shape (m,).
-        friction: coefficient at each node, shape (m,).
-        softness: of the body closest to each node [m/Pa], shape (m,).
+        bodies: bodies that may be touched.
+        gap: gap of the undeformed nodes, linearised about the expected positions of the deformed ones [m], shape (m,);
+            inf beyond reach.
+        clearance: gap of the nodes at their expected positions [m], shape (m,); inf beyond reach.
+        normal: unit normal out of the body, shape (m, 3).
+        body: index of the closest body, shape (m,); -1 beyond reach.
+        triangle: closest triangle of that body, shape (m,).
+        friction: friction coefficient at each node, shape (m,).
+        softness: softness of the closest body [m/Pa], shape (m,).
     """
 
     bodies: tuple[ContactBody, ...]
@@ -103,7 +104,7 @@ class NodeGaps:
 
     @classmethod
     def nothing(cls, bodies: tuple[ContactBody, ...], count: int) -> NodeGaps:
-        """Return the gaps of so many nodes that nothing is near."""
+        """Return the gaps of `count` nodes that are beyond reach of all bodies."""
         far, none, zero = np.full(count, np.inf), np.full(count, -1), np.zeros(count)
         return cls(bodies, far, far.copy(), np.zeros((count, 3)), none, none.copy(), zero, zero.copy())
 
@@ -111,7 +112,8 @@ class NodeGaps:
         """Return the compliance of the bodies' own surfaces at the nodes [m/N], shape (m,).
 
         Args:
-            areas: skin of each node [m^2], shape (m,). where: for errors.
+            areas: area of skin of each node [m^2], shape (m,).
+            where: name of the finger, for errors.
 
         Raises:
             DermisError: a body is soft, and the areas are not known.
@@ -125,14 +127,16 @@ class NodeGaps:
 
 @dataclass(frozen=True, eq=False)
 class Expected:
-    """Where a finger's nodes are looked for in a frame: as the last one left them, moved with what they stick to.
+    """Expected positions of a finger's nodes in a frame, at which gaps are measured.
+
+    They are the positions in the last frame; nodes that stick move with their body.
 
     Attributes:
-        places: of the nodes [m], shape (m, 3).
-        origins: where they would be had all of them moved with their bodies: none of these is behind a surface [m],
-            NaN without a body, shape (m, 3).
-        normal: of the surface that they were above, turned with its body, shape (m, 3).
-        body: that body's index, -1 without, shape (m,).
+        places: expected positions [m], shape (m, 3).
+        origins: positions of the nodes if all of them had moved with their bodies [m], shape (m, 3); NaN without a
+            body. None of these is behind a surface.
+        normal: normal of the surface above which a node was, turned with its body, shape (m, 3).
+        body: index of that body, shape (m,); -1 without.
     """
 
     places: Array
@@ -142,17 +146,17 @@ class Expected:
 
 
 def paired(one: Sequence[ContactBody], other: Sequence[ContactBody]) -> Iterator[tuple[ContactBody, ContactBody]]:
-    """Yield each body at two instants; one that was not there yet was away: when it is first seen changes nothing."""
+    """Yield each body at two instants; a body that is in one list alone counts as away in the other."""
     return zip_longest(one, other, fillvalue=AWAY)
 
 
 def same_places(one: Sequence[ContactBody], other: Sequence[ContactBody]) -> bool:
-    """Return whether all bodies are where they were, with the same properties."""
+    """Return whether all bodies have the same surfaces, poses and properties at two instants."""
     return all(a.same_place(b) for a, b in paired(one, other))
 
 
 def travel(a: ContactBody, b: ContactBody, points: Array) -> float:
-    """Return how far a body's matter at points [m], shape (n, 3), moves from one pose to another [m]."""
+    """Return the largest movement from one pose to another of a body's material at points [m], shape (n, 3)."""
     if a.away or b.away:
         return 0.0
     way = moved(a, b, points)
@@ -160,24 +164,26 @@ def travel(a: ContactBody, b: ContactBody, points: Array) -> float:
 
 
 def moved(a: ContactBody, b: ContactBody, points: Array) -> Array:
-    """Return how a body's matter at points [m], shape (n, 3), moves from one pose to another [m], shape (n, 3)."""
+    """Return the movement of a body's material at points from one pose to another [m], shape (n, 3)."""
     return np.asarray(((points - a.translation) @ a.rotation) @ b.rotation.T + b.translation - points)
 
 
 def node_gaps(
     points: Array, bodies: Sequence[ContactBody], search_radius: float, bone: Array, expected: Expected | None = None
 ) -> NodeGaps:
-    """Measure each node against every body and keep the closest.
+    """Measure the gap of each node to its closest body.
 
-    Asked about is the deformed skin, which lies on what it touches and not behind it: so a sheet thinner than the
-    finger is pressed is felt as a block is, and the gap is exact to first order where the skin really is. A node
-    whose way from the last frame leads through a surface stays on the side that it came from.
+    Gaps are measured at the deformed skin. Deformed skin lies on the surface that it touches and not behind it, so a
+    sheet that is thinner than the penetration is felt like a block. The gap is then exact to first order at the true
+    position of the skin. A node whose movement since the last frame passes through a surface stays on the side from
+    which it came.
 
     Args:
         points: undeformed nodes in the finger's frame [m], shape (m, 3).
-        search_radius: gaps beyond this are of no interest [m].
-        bone: a point inside the finger [m], shape (3,): an open surface is touched on the side where it lies.
-        expected: where the deformed nodes are; the undeformed ones where None.
+        bodies: bodies in the same frame.
+        search_radius: larger gaps are not measured [m].
+        bone: a point inside the finger [m], shape (3,); an open surface is touched on the side of this point.
+        expected: expected positions of the deformed nodes; None for the undeformed nodes.
     """
     places, m = points if expected is None else expected.places, len(points)
     found: _PerNode | None = None
@@ -216,10 +222,16 @@ def node_gaps(
 
 
 def to_material(bodies: Sequence[ContactBody], owner: Indices, triangle: Indices, positions: Array) -> Array:
-    """Return the material coordinates of positions [m], shape (n, 3), on the bodies and triangles they are near.
+    """Return the material coordinates of positions on bodies, shape (n, 3).
 
-    On a rigid body they are `unplaced`; on one that deforms, two affine weights in the plane of a triangle and the
-    height above it, and `unplaced` without a triangle, -1.
+    On a rigid body, and without a triangle, they are those of `unplaced`. On a triangle of a deforming body they are
+    two affine weights in its plane and the height above it [m].
+
+    Args:
+        bodies: the bodies.
+        owner: index of the body of each position, shape (n,).
+        triangle: index of the triangle of each position, shape (n,); -1 for none.
+        positions: positions in the finger's frame [m], shape (n, 3).
     """
     out = np.empty_like(positions)
     for index, which in owned(owner):
@@ -239,7 +251,7 @@ def to_material(bodies: Sequence[ContactBody], owner: Indices, triangle: Indices
 
 
 def unplaced(body: ContactBody, positions: Array) -> Array:
-    """Return the local coordinates of positions [m], shape (n, 3); where a body's scale changed, at its first one."""
+    """Return positions in a body's own space at its first scale and shear [m], shape (n, 3)."""
     local = body.local(positions)[0]
     return local if body.carry is None else local @ np.linalg.inv(body.carry).T
 
@@ -247,11 +259,17 @@ def unplaced(body: ContactBody, positions: Array) -> Array:
 def from_material(
     bodies: Sequence[ContactBody], owner: NDArray[np.integer], material: Array, triangle: Indices, corners: Indices
 ) -> Array:
-    """Return where material points are now, in the finger's frame [m], shape (n, 3); the inverse of `to_material`.
+    """Return the present positions of material points in the finger's frame [m], shape (n, 3).
+
+    This is the inverse of `to_material`.
 
     Args:
-        triangle: that `to_material` was asked with. corners: see `corners_of`; faces may be cut otherwise now, but
-            not be others.
+        bodies: the bodies at present.
+        owner: index of the body of each point, shape (n,).
+        material: material coordinates, shape (n, 3).
+        triangle: triangles that were given to `to_material`, shape (n,).
+        corners: vertices of those triangles at that time, see `corners_of`, shape (n, 3). The surface must have the
+            same faces, but these may be divided into other triangles.
     """
     out = np.full_like(material, np.nan)
     for index, which in owned(owner):
@@ -268,7 +286,7 @@ def from_material(
 
 
 def corners_of(bodies: Sequence[ContactBody], owner: NDArray[np.integer], triangle: Indices) -> Indices:
-    """Return the vertices of triangles of bodies that deform, shape (n, 3); -1 for those of others, and for none."""
+    """Return the vertices of triangles of deforming bodies, shape (n, 3); -1 for other bodies or no triangle."""
     out = np.full((len(triangle), 3), -1)
     for index, which in owned(owner):
         body = bodies[index]
@@ -279,7 +297,10 @@ def corners_of(bodies: Sequence[ContactBody], owner: NDArray[np.integer], triang
 
 
 def owned(owner: NDArray[np.integer]) -> Iterator[tuple[int, Indices | slice]]:
-    """Yield the index of each body that owns any, with which those are; a slice, which copies nothing, where all."""
+    """Yield the index of each body that occurs in `owner`, with the indices at which it occurs.
+
+    If it owns all, they are a slice, which avoids copies.
+    """
     if owner.size == 0:
         return
     first = int(owner[0])
@@ -297,7 +318,7 @@ def _plane_of(surface: Surface, triangle: Indices) -> tuple[Array, Array, Array,
 
 
 def _plane_through(surface: Surface, triangle: Indices, corners: Indices) -> tuple[Array, Array, Array, Array]:
-    """Return the planes of triangles, or through their corners where these belong to other triangles now."""
+    """Return corner, two edges and normal of triangles' planes, computed from `corners` if a triangle has changed."""
     planes = _plane_of(surface, triangle)
     others = np.flatnonzero((surface.triangles[triangle] != corners).any(axis=1))
     if others.size:
@@ -310,7 +331,7 @@ def _plane_through(surface: Surface, triangle: Indices, corners: Indices) -> tup
 
 
 def boxes_meet(points: Array, box: Array, search_radius: float) -> bool:
-    """Whether points come within a radius of a box [m], shapes (n, 3) and (2, 3)."""
+    """Return whether the bounding box of points, shape (n, 3), is within a radius of a box, shape (2, 3) [m]."""
     if not len(points):
         return False
     return bool(

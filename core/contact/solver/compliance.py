@@ -1,4 +1,4 @@
-"""What the contact solver needs of a skin: its compliance, an offset that may depend on the state."""
+"""Compliance of a skin, as the contact solver uses it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ...errors import DermisError
 
 
 class Compliance(Protocol):
-    """A skin whose displacement under force is C f plus an offset that may depend on the state."""
+    """Skin whose displacement under forces f is C f plus an offset that may depend on the forces."""
 
     @property
     def compliance(self) -> Array:
@@ -21,26 +21,30 @@ class Compliance(Protocol):
         ...
 
     def offset(self, force: Array) -> Array | float:
-        """Return the displacement beyond C f at the last forces [N], shape (m, 3); 0 where skin is linear."""
+        """Return the displacement minus C f [m], shape (m, 3); 0 for linear skin.
+
+        Args:
+            force: the last forces [N], shape (m, 3).
+        """
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """Linear skin as a `Compliance`: no offset."""
+    """Linear skin: a `Compliance` without offset."""
 
     compliance: Array
 
     def offset(self, force: Array) -> Array | float:
-        """Return zero: all displacement is C f."""
+        """Return zero."""
         return 0.0
 
 
 def refuse_indefinite(matrix: NDArray[np.float64], name: str) -> None:
-    """Refuse a compliance that is not positive definite.
+    """Raise an error if a compliance matrix is not positive definite; `name` is its owner.
 
     Raises:
-        DermisError: it is not.
+        DermisError: the matrix is not positive definite.
     """
     try:
         np.linalg.cholesky(matrix)
@@ -49,5 +53,5 @@ def refuse_indefinite(matrix: NDArray[np.float64], name: str) -> None:
 
 
 def own_compliance(matrix: NDArray[np.floating]) -> Array:
-    """Return the mean compliance of each node to its own force [m/N], shape (m,), of one of shape (3 m, 3 m)."""
+    """Return the mean compliance of each node to its own force [m/N], shape (m,), from C, shape (3 m, 3 m)."""
     return np.asarray(matrix.diagonal().reshape(-1, 3).mean(axis=1), dtype=np.float64)

@@ -1,8 +1,9 @@
-"""Coulomb's law at a set of nodes: the projection that defines it, and how far a state is from obeying it.
+"""Coulomb's law of friction at a set of nodes, and the residual of a state.
 
-A node has a force f on the skin and a relative displacement w (the gap along the normal, the slip across it):
-0 <= w_n, 0 <= f_n, f_n w_n = 0; |f_t| <= mu f_n; where it slips, f_t = -mu f_n w_t / |w_t|. All of it at once is one
-fixed point, f = P(f - w / r) for any r > 0, with P as below (Alart and Curnier 1991).
+A node has a force f on the skin and a relative displacement w, whose normal part w_n is the gap and whose tangential
+part w_t is the slip. The law states: w_n >= 0, f_n >= 0 and f_n w_n = 0; |f_t| <= mu f_n; and f_t = -mu f_n w_t / |w_t|
+for a node that slips. It is equivalent to the fixed point f = P(f - w / r) for any r > 0, with the projection P of
+`project` (Alart and Curnier 1991).
 """
 
 from __future__ import annotations
@@ -22,9 +23,14 @@ def along(vectors: Array, normals: Array) -> Array:
 
 
 def project(vectors: Array, normals: Array, friction: Array) -> tuple[Array, NDArray[np.int8]]:
-    """Return Alart and Curnier's projection of vectors, shape (k, 3), and the status it finds at each node.
+    """Return Alart and Curnier's projection of vectors, shape (k, 3), and the status of each node, shape (k,).
 
-    The normal part is made non-negative; the tangential part is shortened to the friction limit of that normal part.
+    A negative normal part is set to zero, and the tangential part is shortened to the friction limit.
+
+    Args:
+        vectors: vectors to project [N], shape (k, 3).
+        normals: unit normals, shape (k, 3).
+        friction: friction coefficients, shape (k,).
     """
     vn = along(vectors, normals)
     tangential = vectors - vn[:, None] * normals
@@ -41,12 +47,14 @@ def project(vectors: Array, normals: Array, friction: Array) -> tuple[Array, NDA
 def assess(
     force: Array, displacement: Array, normals: Array, friction: Array, stiffness: float | Array
 ) -> tuple[float, NDArray[np.int8]]:
-    """Return the distance from the fixed point, |f - P(f - stiffness w)| relative to |f|, and the status found there.
+    """Return the residual |f - P(f - stiffness w)| / |f| of Coulomb's law, and the status of each node, shape (k,).
 
     Args:
-        force: [N], shape (k, 3).
-        displacement: relative displacement w [m], shape (k, 3).
-        stiffness: any positive stiffness to weigh displacement against force with [N/m], or one a node, shape (k, 1).
+        force: contact forces f [N], shape (k, 3).
+        displacement: relative displacements w [m], shape (k, 3).
+        normals: unit normals, shape (k, 3).
+        friction: friction coefficients, shape (k,).
+        stiffness: positive stiffness that weights displacement against force [N/m], one number or shape (k, 1).
     """
     projected, status = project(force - stiffness * displacement, normals, friction)
     size = max(float(np.vdot(force, force)), float(np.vdot(projected, projected)))
@@ -56,5 +64,5 @@ def assess(
 
 
 def natural_residual(force: Array, displacement: Array, normals: Array, friction: Array, stiffness: float) -> float:
-    """Return the distance from the fixed point alone, as `assess` does."""
+    """Return the residual of Coulomb's law, see `assess`."""
     return assess(force, displacement, normals, friction, stiffness)[0]

@@ -1,12 +1,12 @@
-"""One frame of skin that follows the neo-Hookean law: contact on linear skin and the law, by turns until both agree.
+"""Solution of one frame of contact on skin that follows the neo-Hookean law.
 
-Where they do not, as after a long drag in one frame, the objects that press are led there in parts of their way. Where
-nothing near is found, as where a finger begins deep in something, they are led straight in from where nothing touches.
-Where that does not help either, the frame keeps the solution of least residual, or that of linear skin, and says that
-it did not converge.
+Contact on linear skin is solved and the law is evaluated in turn until both agree. If they do not converge, as after a
+long drag in one frame, the pressing objects are moved to their poses in several parts. If that fails too, as for a
+finger that begins deep inside an object, the objects are pressed straight in from where nothing touches. If this fails
+as well, the frame keeps the solution of least residual, or that of linear skin, and reports that it did not converge.
 
-The same forces may hold skin on a fold of itself, pushed in on the mesh and out at the points where they act. That
-balance is left for the one that straight pressing leads to, and the frame says so, also where none is found.
+Nonlinear contact may have a second equilibrium, with skin folded into itself: pushed in on the mesh, and out at the
+points where forces act. The solver then looks for the equilibrium of straight pressing, and notes whether it found one.
 """
 
 from __future__ import annotations
@@ -22,16 +22,18 @@ from .bodies import ContactBody, NodeGaps, owned
 from .law_skin import Fold, LawSkin
 from .path_step import SolvedFrame
 
-ROUNDS = 80  # of both
-USABLE = 0.1  # residual of the law: a solution with less than that is better than linear skin
-PARTS, STRAIGHT = (1, 4, 16), (4, 16)  # of the way since the last frame, and of the straight one
+ROUNDS = 80  # largest number of alternations between contact and the law
+USABLE = 0.1  # residual of the law up to which a solution is better than that of linear skin
+# Numbers of parts that are tried: for the movement since the last frame, and for straight pressing.
+PARTS, STRAIGHT = (1, 4, 16), (4, 16)
 
 
 class LinearContact(Protocol):
-    """A solver of contact on linear skin.
+    """Solver of contact on linear skin.
 
     Attributes:
-        points: undeformed [m], shape (n, 3). bodies: those near in the last frame.
+        points: points of the undeformed skin [m], shape (n, 3).
+        bodies: bodies near in the last frame.
     """
 
     points: Array
@@ -42,11 +44,18 @@ class LinearContact(Protocol):
         ...
 
     def iterated(self, b: Array, gaps: NodeGaps, soft: Array, start: Array) -> SolvedFrame:
-        """Solve a frame, from the offset b [m], shape (n, 3), and the softness below each point [m/N], shape (n,)."""
+        """Solve a frame.
+
+        Args:
+            b: offset of the contact problem [m], shape (n, 3).
+            gaps: gaps of the points.
+            soft: compliance of the object below each point [m/N], shape (n,).
+            start: forces to start from [N], shape (n, 3).
+        """
         ...
 
     def beyond(self) -> Array:
-        """Return by how much less than linear skin the points give way now [m], shape (n, 3)."""
+        """Return the current correction c at the points [m], shape (n, 3), see `LawSkin.beyond`."""
         ...
 
     def nodal(self, force: Array) -> Array:
@@ -57,13 +66,13 @@ class LinearContact(Protocol):
 def solved_by_law(
     solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, start: Array
 ) -> SolvedFrame:
-    """Solve a frame, off any fold of the skin; for the arguments see `_settled`."""
+    """Solve a frame, if possible without a fold of the skin; for the arguments see `_settled`."""
     tried = law.fold is Fold.KEPT
     found = _settled(solver, law, b, gaps, soft, start)
     if not law.folded(float(np.vdot(found.solution.force, found.image))):
         return found
     fold = law.save()
-    for parts in () if tried else STRAIGHT:  # to try it in every frame would take seconds each
+    for parts in () if tried else STRAIGHT:  # not tried again in every frame, since it takes seconds
         law.reset()
         other, ends = _walked(solver, law, b, gaps, soft, np.zeros_like(b), _depth(gaps), parts)
         if ends and law.settled and not law.folded(float(np.vdot(other.solution.force, other.image))):
@@ -75,14 +84,14 @@ def solved_by_law(
 
 
 def _settled(solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, start: Array) -> SolvedFrame:
-    """Take turns until contact and the law agree, from the last frame or, where that leads nowhere, from rest.
+    """Alternate between contact and the law until they agree, from the last frame, or from rest if that fails.
 
     Args:
         solver: contact solver for linear skin.
         law: nonlinear law of the same skin, in its state at the last frame.
-        b, gaps, soft: as in `PathSolver.iterated`. start: forces to start from [N], shape (n, 3).
+        b, gaps, soft, start: as for `LinearContact.iterated`.
     """
-    if not (gaps.gap < 0.0).any():  # skin at rest is in balance; a fold that pressing left would press on air
+    if not (gaps.gap < 0.0).any():  # skin at rest is in equilibrium; a fold of earlier frames is forgotten
         law.reset()
         start = np.zeros_like(start)
     before = law.save()
@@ -99,7 +108,7 @@ def _settled(solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft
         if ends and law.left < least.left:
             best, least = found, law.save()
     none = np.zeros_like(b)
-    tried = before.left == np.inf  # given up in the last frame: to try it in every one would take seconds each
+    tried = before.left == np.inf  # it failed in the last frame; not tried in every frame, since it takes seconds
     for parts in STRAIGHT if least.left > USABLE and not tried else ():
         law.reset()
         found, ends = _walked(solver, law, b, gaps, soft, none, _depth(gaps), parts)
@@ -118,7 +127,16 @@ def _settled(solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft
 def _walked(
     solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, start: Array, way: Array, parts: int
 ) -> tuple[SolvedFrame, bool]:
-    """Lead the bodies that press along a way [m], shape (n, 3); return where that ends, and whether it is the end."""
+    """Move the pressing bodies along a path in equal parts.
+
+    Args:
+        solver, law, b, gaps, soft, start: as for `_settled`.
+        way: movement of the bodies at each point [m], shape (n, 3).
+        parts: number of parts.
+
+    Returns:
+        The last frame that was solved, and whether all parts were solved.
+    """
     going = way.any(axis=1)
     went = np.append(way[going].mean(axis=0), np.zeros(3)) / parts if going.any() else None
     for part in range(1, parts + 1):
@@ -132,14 +150,17 @@ def _walked(
 def _agreed(
     solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, start: Array, went: Array | None
 ) -> SolvedFrame:
-    """Take turns until the law has settled, or no step lowers its residual."""
+    """Alternate until the law has converged, or no step lowers its residual.
+
+    Arguments are those of `_settled`, and `went` is that of `LawSkin.begin`.
+    """
     law.begin(went)
     iterations, told = 0, False
     for again in range(ROUNDS):
         less = solver.beyond()
         found = solver.iterated(b - less, gaps, soft, start)
         iterations += found.solution.iterations
-        if told:  # that no step leads nearer: this is where least was left
+        if told:  # no step lowers the residual: this is the solution for the best c
             break
         law.look(solver.nodal(found.solution.force))
         if law.settled:
@@ -156,12 +177,18 @@ def _agreed(
 
 
 def _depth(gaps: NodeGaps) -> Array:
-    """Return the way straight in from where nothing touches [m], shape (n, 3)."""
+    """Return the movement along the normals from where nothing touches [m], shape (n, 3)."""
     return max(0.0, -float(gaps.gap.min(initial=0.0))) * gaps.normal
 
 
 def _went(solver: LinearContact, gaps: NodeGaps, force: Array) -> Array | None:
-    """Return how bodies moved where skin carried force, and turned about there [m], shape (6,), if known."""
+    """Return the mean movement of the bodies where skin carried force, and their rotation times a lever.
+
+    None if it is not known.
+
+    Returns:
+        Translation and rotation about the loaded points [m], shape (6,).
+    """
     touched = force.any(axis=1)
     way = _moved(solver, gaps, np.where(touched, gaps.body, -1))[touched]
     if not len(way) or np.isnan(way).any():
@@ -172,10 +199,12 @@ def _went(solver: LinearContact, gaps: NodeGaps, force: Array) -> Array | None:
 
 
 def _moved(solver: LinearContact, gaps: NodeGaps, bodies: Indices) -> Array:
-    """Return how far bodies moved at points since the last frame, nan where that is not known [m], shape (n, 3).
+    """Return the movement of bodies at points since the last frame [m], shape (n, 3); nan if it is not known.
 
     Args:
-        bodies: that is asked about at each point, -1 for none, shape (n,).
+        solver: solver with the bodies of the last frame.
+        gaps: present gaps of the points.
+        bodies: index of the body for each point, -1 for none, shape (n,).
     """
     out, last = np.zeros((len(bodies), 3)), solver.bodies
     for body, points in owned(bodies):

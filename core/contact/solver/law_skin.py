@@ -1,9 +1,11 @@
-"""LawSkin: what skin that follows the neo-Hookean law gives way less than linear skin, from frame to frame.
+"""LawSkin: correction of linear skin for the neo-Hookean law, frame by frame.
 
-Contact is solved on linear skin from where the law leaves it: u = C f - c. The law then says what c the displacement
-wants (`LawTables`); a frame is done when that is nearly the c that contact was solved with. The next frame expects c to
-go on changing as it did, as far as what presses goes on as it did, so that on smooth ways one look is enough, at little
-more than the price of linear skin; and what looks taught of the law goes from frame to frame.
+The displacement is u = C f - c, with the compliance C of linear skin and a correction c. Contact is solved on linear
+skin with c held constant. The law is then evaluated for the contact forces (`LawTables`), and Anderson acceleration
+gives the next c (`Relaxation`). A frame is done when the residual of the law is small. The next frame starts from an
+extrapolated c: c is assumed to change in proportion to the movement of the pressing objects. On smooth paths one
+evaluation of the law is then enough, and a frame costs little more than on linear skin. The differences between
+evaluations, which Anderson acceleration uses, are passed on from frame to frame.
 """
 
 from __future__ import annotations
@@ -18,30 +20,34 @@ from ...skin.law_tables import LawTables
 from ...skin.model import SkinModel
 from ...skin.relaxation import Relaxation, Taught
 
-# Of what the law leaves, see `Miss.left`, where a frame is done: stress is then a hundredth off, force a third of that.
+# Residual of the law, see `Miss.left`, at which a frame is done. The error of stress is then 1 %, that of force 0.3 %.
 TOLERANCE = 5e-3
-# Work of the forces at the points of the smooth skin over their work on the mesh, by the law: .94 to 2.6 were measured,
-# since the smooth skin is softer where little is touched. Below this the mesh is far from the skin it stands for.
+# Skin counts as folded below this ratio: work of the forces at the points of the smooth skin, over their work on the
+# mesh by the law. Ratios from 0.94 to 2.6 were measured without a fold; they exceed 1 because the smooth skin is softer
+# under small contacts.
 FOLDED = 0.5
-FASTER = 2.0  # times as far as in the last frame what presses may go before more is not expected of c either
+FASTER = 2.0  # largest factor by which the change of c may exceed that of the last frame in the extrapolation
 
 
 class Fold(Enum):
-    """How the last frame's skin has to do with a fold of itself, pushed in on the mesh and out where forces act."""
+    """Whether skin was folded in the last frame: pushed in on the mesh, and out where forces act."""
 
     NONE = 0
-    LEFT = 1  # it is in balance on one too; straight pressing led to another balance, which was taken
-    KEPT = 2  # no balance off it was found
+    LEFT = 1  # a folded equilibrium exists; the one of straight pressing, without a fold, was used
+    KEPT = 2  # folded: no equilibrium without a fold was found
 
 
 class LawState(NamedTuple):
-    """What one frame leaves to the next.
+    """State that one frame leaves to the next.
 
     Attributes:
-        felt: c that contact was solved with. now: what the law wants of it, and before: wanted in the frame before,
-            shapes (3 free,). left: see `LawSkin.left`.
-        went: how what presses moved [m], shape (6,), None where that is not known. taught: what looks taught.
-        fold: whether the skin was on a fold of itself.
+        felt: correction c with which contact was solved [m], shape (3 free,).
+        now: the next c by the law [m], shape (3 free,).
+        before: `now` of the frame before [m], shape (3 free,).
+        left: residual of the law, see `LawSkin.left`.
+        went: movement of the pressing objects, see `LawSkin.begin`, shape (6,); None if it is not known.
+        taught: differences between evaluations of the law, see `Relaxation`.
+        fold: whether the skin was folded.
         work: work of the forces on the mesh [J].
     """
 
@@ -56,13 +62,15 @@ class LawState(NamedTuple):
 
 
 class LawSkin:
-    """The law on one finger's skin.
+    """Neo-Hookean law on the skin of one finger.
 
     Args:
-        tables: of its mesh. modulus: E alpha [Pa]. tolerance: of what the law leaves.
+        tables: tables of the skin's mesh.
+        modulus: Young's modulus times the personal stiffness factor, E alpha [Pa].
+        tolerance: residual at which a frame is done; None for `TOLERANCE`.
 
     Attributes:
-        left: what the law left of the last forces that it was asked about, over their own energy.
+        left: residual of the law at its last evaluation, relative to the forces' own energy, see `Miss.left`.
     """
 
     def __init__(self, tables: LawTables, modulus: float, tolerance: float | None = None) -> None:
@@ -73,7 +81,7 @@ class LawSkin:
 
     @classmethod
     def of(cls, skin: SkinModel, tolerance: float | None = None) -> LawSkin | None:
-        """Return that of a skin; None where it is linear."""
+        """Return the law of a skin; None if the skin is linear."""
         return cls(skin.law, skin.material.modulus, tolerance) if skin.follows_law else None
 
     def reset(self) -> None:
@@ -95,49 +103,49 @@ class LawSkin:
 
     @property
     def beyond(self) -> Array:
-        """By how much less than linear skin its pad nodes give way now, c [m], shape (m, 3)."""
+        """The current correction c at the pad nodes [m], shape (m, 3): displacement of linear skin minus own."""
         return self._c[self.tables.pad].reshape(-1, 3).astype(np.float64)
 
     @property
     def expected(self) -> Floats32:
-        """The c that contact is solved with now, of all free nodes [m], shape (3 free,)."""
+        """The current correction c of all free nodes [m], shape (3 free,)."""
         return self._c
 
     @property
     def amounts(self) -> Array:
-        """The same for the forces of the last frame, as a touch keeps it, shape (3 m,)."""
+        """The correction c at the pad nodes for the last forces [m], see `Stimulus.given`, shape (3 m,)."""
         return self._state.felt[self.tables.pad].astype(np.float64)
 
     @property
     def settled(self) -> bool:
-        """Whether the law has what it wants."""
+        """Whether the residual of the law is within the tolerance."""
         return self.left <= self.tolerance
 
     @property
     def lost(self) -> bool:
-        """Whether no step leads nearer to what it wants."""
+        """Whether no further step lowers the residual of the law."""
         return self._steps.lost
 
     @property
     def fold(self) -> Fold:
-        """How the last frame's skin has to do with a fold of itself."""
+        """Whether the skin was folded in the last frame."""
         return self._state.fold
 
     def folded(self, work: float) -> bool:
-        """Return whether skin lies on a fold, from the work that the last forces do at the points they act on [J]."""
+        """Return whether skin is folded, from the work of the last forces at the points on which they act [J]."""
         return self.settled and self._state.work != 0.0 and work < FOLDED * abs(self._state.work)
 
     def note_fold(self, fold: Fold) -> None:
-        """Keep in the state of this frame whether its skin is on a fold."""
+        """Store in the state of this frame whether its skin is folded."""
         self._state = self._state._replace(fold=fold)
 
     def begin(self, went: Array | None = None, ahead: float = 1.0) -> None:
         """Begin a frame.
 
         Args:
-            went: how what presses moved where it touched, and turned about there [m], shape (6,). c is expected to
-                change as that does to the last frame's; where either is not known, as it did.
-            ahead: times that, where it is not known; 0 for not at all.
+            went: mean movement of the pressing objects where they touch, and their rotation about there times a lever
+                [m], shape (6,). The change of c in the last frame is extrapolated in proportion to it.
+            ahead: factor of the extrapolation if this movement or the last one is not known; 0 for none.
         """
         self._start = last = self._state
         if went is not None and last.went is not None:
@@ -147,23 +155,32 @@ class LawSkin:
         self._steps = Relaxation(last.taught)
 
     def look_anew(self) -> None:
-        """Forget how near the law was in this frame, but not where: forces are other ones now."""
+        """Forget the best residual of this frame, because the forces are those of another contact now.
+
+        The correction and the differences between evaluations are kept.
+        """
         self._steps = Relaxation(self._steps.learned)
 
     def go_back(self) -> None:
-        """Go back to where the frame began."""
+        """Go back to the state at the begin of the frame."""
         self.restore(self._start)
 
     def look(self, force: Array) -> None:
-        """Ask what the law leaves of forces on the pad nodes [N], shape (m, 3); where that is much, c is the next."""
+        """Evaluate the law for forces on the pad nodes.
+
+        If the residual is above the tolerance, c becomes the next iterate, or the best one if no step lowers it.
+
+        Args:
+            force: contact forces [N], shape (m, 3).
+        """
         tables = self.tables
         load = (force.reshape(-1) / self.modulus).astype(np.float32)
         if not load.any():
-            self.left = 1.0 if self._c.any() else 0.0  # without c something may touch all the same
+            self.left = 1.0 if self._c.any() else 0.0  # with c = 0 something may touch
             self._c, self._steps = self._none, Relaxation()
             self._state = LawState(self._none, self._none, self._none, self.left)
             return
-        with np.errstate(over="ignore", invalid="ignore"):  # of a step too far, which is taken back
+        with np.errstate(over="ignore", invalid="ignore"):  # a step may be too long; it is undone then
             pulled = tables.pulled(load)
             miss = tables.miss(pulled - self._c, pulled, load)
             following = self._steps.next(self._c, miss.way, miss.pull, miss.left)
@@ -179,18 +196,18 @@ class LawSkin:
             self._c = following
 
     def take_best(self) -> None:
-        """Go to what left least of all that this frame has seen."""
-        if self._steps.best is None:  # nothing touched when it was asked last
+        """Use the correction of least residual of this frame."""
+        if self._steps.best is None:  # nothing touched at the last evaluation
             return
         self._c, self.left = self._steps.best
         self._state = self._reached(self._c)
 
     def _reached(self, now: Floats32) -> LawState:
-        """Return the state where contact was solved with c, and the law wants `now`."""
+        """Return the state after contact was solved with c; `now` is the next c by the law."""
         return LawState(self._c, now, self._start.now, self.left, self._went, self._steps.learned)
 
     def give_up(self) -> None:
-        """Go on as linear skin, which never has what the law wants."""
+        """Continue as linear skin; the law counts as not settled."""
         self.reset()
         self.left = np.inf
         self._state = self._start = self._state._replace(left=self.left)

@@ -1,4 +1,7 @@
-"""The sides of things that skin lies on are the ones that it came from. All is told in the space of one surface."""
+"""Correction of gaps of nodes that passed through a surface within one frame.
+
+All points and vectors are in the space of this surface.
+"""
 
 from __future__ import annotations
 
@@ -9,23 +12,28 @@ from ...surface.crossing import first_crossing
 from ...surface.gap_query import GapQuery
 from ...surface.triangles import TriangleTable
 
-# Normals that turned in a frame by more than this cosine says may belong to the other side of something thin.
+# If the cosine between a node's last normal and the present one is below this, the node may have passed to the other
+# side of a thin object.
 SAME_SIDE = 0.5
-# Ways through a surface start this far above where a node lay on it [m].
+# Height above a node's last position on the surface at which its path is tested for a crossing from [m].
 ABOVE = 1e-7
 
 
 def keep_sides(
     answer: GapQuery, table: TriangleTable, side: int, places: Array, nodes: Indices, origins: Array, normals: Array
 ) -> None:
-    """Give nodes that went through a surface the face that they went through first, in place.
+    """Assign nodes that passed through a surface to the face that they crossed first.
 
     Args:
-        answer: of all nodes. side: 1 where the front is on the side of the normals, -1 where it is behind them.
-        places: of all nodes [m], shape (m, 3). nodes: those that were above this surface, shape (n,).
-        origins: where nodes came from [m]. normals: of what they were above, shape (m, 3) each.
+        answer: gaps of all nodes; changed in place.
+        table: triangles of the surface.
+        side: 1 if the surface is touched on the side of its normals, -1 if from behind.
+        places: expected positions of all nodes [m], shape (m, 3).
+        nodes: indices of the nodes that were above this surface in the last frame, shape (n,).
+        origins: positions from which the nodes came [m], shape (m, 3).
+        normals: normals of the surfaces above which they were, shape (m, 3).
     """
-    # one beyond reach has no normal now
+    # Nodes beyond reach have no normal at present.
     turned = nodes[(dot(normals[nodes], answer.normal[nodes]) < SAME_SIDE) & (answer.triangle[nodes] >= 0)]
     if turned.size == 0:
         return
@@ -39,7 +47,7 @@ def keep_sides(
 def _lay(
     answer: GapQuery, places: Array, nodes: Indices, table: TriangleTable, side: int, triangle: Indices, points: Array
 ) -> None:
-    """Put nodes above points of triangles, in place."""
+    """Set the gaps of nodes to those from points on triangles, in place."""
     normal = side * table.bounds[3:6].take(triangle, axis=1).T
     answer.gap[nodes] = dot(places[nodes] - points, normal)
     answer.normal[nodes], answer.triangle[nodes], answer.point[nodes] = normal, triangle, points
@@ -47,5 +55,5 @@ def _lay(
 
 
 def dot(a: Array, b: Array) -> Array:
-    """Return the products of rows, shape (n,)."""
+    """Return the dot product of each pair of rows, shape (n,)."""
     return np.einsum("ij,ij->i", a, b)

@@ -1,7 +1,7 @@
-"""Unilateral contact with Coulomb friction, on any symmetric positive definite compliance.
+"""Unilateral contact with Coulomb friction, for any symmetric positive definite compliance.
 
-Unknown are the forces f on the nodes; the nodes' relative displacement is w = C f + b. What went before (where a node
-sticks, how far the object has moved) enters only through b, so a single call knows nothing of time.
+The unknowns are the forces f on the nodes. The relative displacement of the nodes is w = C f + b. The history of
+friction (anchors of sticking nodes, movement of the object) enters only through the offset b.
 """
 
 from __future__ import annotations
@@ -18,23 +18,24 @@ from .compliance import refuse_indefinite
 from .cone import OPEN, SLIP, STICK, along
 from .sweeps import sweep
 
-ACCURATE = 1e-10
-MOST_SWEEPS = 3000  # of a problem that does not converge
+ACCURATE = 1e-10  # default tolerance of the residual
+MOST_SWEEPS = 3000  # default limit of sweeps, for problems that do not converge
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Contact forces, and the proof that they obey the laws.
+    """Contact forces, with the residual of Coulomb's law.
 
     Attributes:
-        force: on the skin at each node [N], in the frame of the compliance, shape (m, 3).
-        displacement: relative displacement w = C f + b [m]: gap along the normal, slip across it, shape (m, 3).
-        normals: unit normals, from the object into the skin, shape (m, 3).
-        friction: coefficients, shape (m,).
+        force: force on the skin at each node [N], in the frame of the compliance, shape (m, 3).
+        displacement: relative displacement w = C f + b [m], shape (m, 3): gap along the normal, slip across it.
+        normals: unit normals from the object into the skin, shape (m, 3).
+        friction: friction coefficients, shape (m,).
         status: OPEN (0), STICK (1) or SLIP (2) at each node, shape (m,).
-        iterations: sweeps from node to node, or whatever else was repeated.
-        residual: |f - P(f - w / own)| / |f|, own the mean compliance of each node to its own force, see `cone.assess`.
-        tolerance: what the residual was held against.
+        iterations: number of sweeps over the nodes, or of the iterations of another method.
+        residual: |f - P(f - w / own)| / |f|. P projects on the friction cone, and own is the mean compliance of a node
+            to its own force; see `cone.assess`.
+        tolerance: largest residual of a converged solution.
         method: 'none' (nothing touches) or 'sweeps'.
     """
 
@@ -50,7 +51,7 @@ class Solution:
 
     @property
     def converged(self) -> bool:
-        """Whether the residual met the tolerance."""
+        """Whether the residual is within the tolerance."""
         return self.residual <= self.tolerance
 
     @property
@@ -70,22 +71,23 @@ def solve(
     tolerance: float = ACCURATE,
     most: int = MOST_SWEEPS,
 ) -> Solution:
-    """Return the forces of frictional contact.
+    """Solve unilateral contact with friction.
 
     Args:
         compliance: C [m/N], symmetric positive definite, shape (3 m, 3 m).
         offset: b, the relative displacement without force [m], shape (3 m,) or (m, 3).
-        friction: coefficient of each node, or of all.
-        normals: unit normals from the object into the skin, in the frame of the compliance, shape (m, 3). Without
-            them each node's rows are (n, t1, t2) in its own frame.
-        softness: compliance of the object's own surface at each node [m/N], added to the diagonal.
-        start: forces to start from [N], shape (m, 3).
-        tolerance: of the residual, see `Solution.residual`.
-        most: sweeps from node to node.
+        friction: friction coefficient, one number or shape (m,).
+        normals: unit normals from the object into the skin, in the frame of the compliance, shape (m, 3). If None, the
+            three rows of each node are (n, t1, t2) in its own frame.
+        softness: compliance of the object's surface at each node [m/N], added to the diagonal, one number or shape
+            (m,).
+        start: forces to start from [N], shape (m, 3); None for zero.
+        tolerance: residual at which the sweeps end, see `Solution.residual`.
+        most: largest number of sweeps over the nodes.
 
     Raises:
-        DermisError: shapes that do not fit, values that are not finite, negative friction or softness, or a
-            compliance that is not symmetric positive definite.
+        DermisError: the shapes do not fit, a value is not finite, friction or softness is negative, or the compliance
+            is not symmetric positive definite.
 
     Source: [S1] section IV.C (Coulomb's law); Alart and Curnier 1991.
     """
@@ -102,7 +104,14 @@ def solve(
 
 
 def status_of(force: Array, displacement: Array, normals: Array, friction: Array) -> NDArray[np.int8]:
-    """Return OPEN, STICK or SLIP of forces that obey their cones; on the cone's surface a node slips."""
+    """Return the status of nodes whose forces are in their friction cones, shape (m,).
+
+    A node whose force is on the surface of the cone slips.
+
+    Args:
+        force, displacement, normals: shape (m, 3) each.
+        friction: friction coefficients, shape (m,).
+    """
     fn = along(force, normals)
     tangential = force - fn[:, None] * normals
     on_cone = np.sqrt(along(tangential, tangential)) >= friction * fn * (1.0 - 1e-9)
